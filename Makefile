@@ -1,0 +1,32 @@
+# A fresh machine needs git, make, Python 3.10 to 3.13, and a C and C++ compiler. No ROS.
+#
+#   PYTHON=/path/to/python3.12   the interpreter to use, when the environment is made
+#   ARGS="..."                   further arguments, for run and test
+
+.DEFAULT_GOAL := help
+.PHONY: help run test environment clean
+
+# Paths stay relative, so that a checkout may lie in a folder with blanks in its name.
+VENV_PYTHON := .venv/bin/python
+export PYTHON
+
+help:
+	@echo "make run     run the inspection mission in the simulated greenhouse (ARGS=\"...\" for lupin run)"
+	@echo "make test    run all tests, the linter and the type checker (ARGS=\"...\" for pytest)"
+	@echo "make clean   remove .venv and all caches of this checkout"
+	@echo "The first run, or the first test, prepares .venv; that takes a few minutes, later ones start at once."
+
+environment:
+	@command -v python3 >/dev/null || { echo "python3 is missing. On Debian and Ubuntu: sudo apt install python3 python3-venv python3-dev" >&2; exit 1; }
+	@python3 tools/bootstrap.py
+
+run: environment
+	@.venv/bin/lupin run inspection $(ARGS)
+
+# Through the environment module, which completes the library path where ROS 2 came from apt.
+test: environment
+	@$(VENV_PYTHON) -m lupin_engine.ros.environment $(VENV_PYTHON) -m pytest $(ARGS)
+
+clean:
+	rm -rf .venv .mypy_cache .pytest_cache .ruff_cache .hypothesis htmlcov .coverage
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +

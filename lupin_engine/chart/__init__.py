@@ -1,0 +1,1 @@
+"""What a mission says: YAML, positions, models, and one composed, checked chart."""

@@ -1,0 +1,486 @@
+"""The words of the language: one model for each mapping that a mission file may contain.
+
+There are three kinds of file: a lifecycle, a mission, a part. The models are the single source of what keys
+exist; the editor's schema is generated from them. Short forms (a target as text, one action instead of a
+list) are brought to the long form here, so nothing after this module knows that they exist. Texts that may
+be expressions stay as they were read; names are checked for shape only, what they mean is `compose`'s work.
+
+Every model keeps the mapping it was read from, and can say where each of its keys and values stands.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Annotated, Any, Literal, TypeVar
+
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Discriminator,
+    Field,
+    ModelWrapValidatorHandler,
+    PrivateAttr,
+    Tag,
+    ValidationError,
+    WithJsonSchema,
+    model_validator,
+)
+from pydantic_core import ErrorDetails, PydanticCustomError
+
+from lupin_engine.chart.findings import Findings
+from lupin_engine.chart.source import Map, Seq, Text
+from lupin_engine.errors import Place
+
+_M = TypeVar("_M", bound="Node")
+
+#: Words that are settled for the language but that this engine does not carry out yet.
+FUTURE = frozenset({"budget", "for_each", "invariants", "order", "sweeps", "on_abort"})
+
+
+class Node(BaseModel):
+    """A mapping of the language that remembers where it was read."""
+
+    model_config = ConfigDict(extra="forbid", strict=True)
+
+    _raw: Any = PrivateAttr(None)
+
+    @model_validator(mode="wrap")
+    @classmethod
+    def _remember(cls: type[_M], data: Any, handler: ModelWrapValidatorHandler[_M]) -> _M:
+        if isinstance(data, Map):
+            data.model = cls
+        node = handler(cls._long_form(data))
+        node._raw = data
+        return node
+
+    @classmethod
+    def _long_form(cls, data: Any) -> Any:
+        """Return the mapping that a short form stands for."""
+        return data
+
+    @property
+    def place(self) -> Place:
+        """Where this mapping, or the text that stands for it, begins."""
+        found: Place = self._raw.place
+        return found
+
+    @property
+    def written(self) -> bool:
+        """Tell whether this was read as a mapping, not as a short form."""
+        return isinstance(self._raw, Map)
+
+    def at(self, key: str, index: int | None = None) -> Place:
+        """Return where the value of `key` stands (or its element `index`), else where this mapping begins."""
+        if not isinstance(self._raw, Map) or key not in self._raw:
+            return self.place
+        value = self._raw[key]
+        if index is not None and isinstance(value, Seq):
+            return value.places[index]
+        return self._raw.places[key]
+
+    def key_at(self, key: str, *inner: str) -> Place:
+        """Return where the key itself stands, or a key in its mapping, as deep as there is one."""
+        raw, found = self._raw, self.place
+        for name in (key, *inner):
+            if not isinstance(raw, Map) or name not in raw:
+                return found
+            found, raw = raw.key_places[name], raw[name]
+        return found
+
+    def value_at(self, key: str, *inner: str) -> Place:
+        """Return where a value in nested mappings stands, as deep as there is one."""
+        raw, found = self._raw, self.place
+        for name in (key, *inner):
+            if not isinstance(raw, Map) or name not in raw:
+                return found
+            found, raw = raw.places[name], raw[name]
+        return found
+
+
+def _to_list(value: Any) -> Any:
+    return value if isinstance(value, list) else [value]
+
+
+#: What may be an expression: text, number, yes or no, list or record; typed where it is used.
+Written = Annotated[Any, WithJsonSchema({"type": ["string", "number", "boolean", "array", "object"]})]
+#: A condition; always an expression.
+Condition = Annotated[Any, WithJsonSchema({"type": ["string", "boolean"]})]
+Names = Annotated[list[str], BeforeValidator(_to_list, json_schema_input_type=str | list[str])]
+Bound = Annotated[Any, WithJsonSchema({"type": ["string", "number"]})]
+
+
+class ActionNode(Node):
+    """An action: a name, or a mapping of one name to its arguments."""
+
+    name: str
+    arguments: Any = None
+
+    @classmethod
+    def _long_form(cls, data: Any) -> Any:
+        if isinstance(data, str):
+            return {"name": data}
+        if not isinstance(data, Map) or len(data) != 1:
+            text = "expected an action: a name, or a mapping of one name to its arguments"
+            raise PydanticCustomError("wrong-shape", "{text}", {"text": text})
+        ((name, arguments),) = data.items()
+        data.model = None
+        if arguments is not None and not isinstance(arguments, Map):
+            text = f"expected the arguments of {name} as a mapping, got {arguments!r}"
+            raise PydanticCustomError("wrong-shape", "{text}", {"text": text, "key": name})
+        return {"name": name, "arguments": arguments}
+
+
+ActionInput = str | dict[str, dict[str, Any] | None]
+Actions = Annotated[
+    list[Annotated[ActionNode, WithJsonSchema({"type": ["string", "object"], "maxProperties": 1})]],
+    BeforeValidator(_to_list),
+]
+
+
+class TransitionNode(Node):
+    """What an event does: go to a target, run actions, or refuse a request with a reason."""
+
+    target: str | None = Field(None, description="state to go to, found in the nearest enclosing scope")
+    guard: Condition = Field(None, description="condition; the transition is taken only when it is true")
+    do: Actions = Field([], description="actions, in order")
+    refuse: str | None = Field(None, description="code that answers a request which is not allowed here")
+    during: Names = Field([], description="holds during which this is taken all the same; they stay engaged")
+    releases: Names = Field([], description="holds that taking this releases")
+    code: str | None = Field(None, description="code that is published as last_error when this is taken")
+    internal: bool = Field(False, description="do not leave and re-enter the state")
+    use: str | None = Field(None, description="answer as this other state does; stands alone")
+
+    @classmethod
+    def _long_form(cls, data: Any) -> Any:
+        return {"target": data} if isinstance(data, str) else data
+
+
+def _transitions(value: Any) -> Any:
+    return value if isinstance(value, list) else [value]
+
+
+Transitions = Annotated[
+    list[TransitionNode],
+    BeforeValidator(_transitions, json_schema_input_type=str | TransitionNode | list[str | TransitionNode]),
+]
+
+
+class LimitNode(Node):
+    """How long an attempt may take, and the code it ends in then."""
+
+    after: Written = Field(description="duration")
+    code: str = Field(description="code of an attempt that took longer")
+
+
+def _timeout_kind(value: Any) -> str:
+    return "limit" if isinstance(value, (Map, LimitNode)) or value != "never" else "never"
+
+
+Timeout = Annotated[
+    Annotated[LimitNode, Tag("limit")] | Annotated[Literal["never"], Tag("never")], Discriminator(_timeout_kind)
+]
+
+
+class RetryNode(Node):
+    """How often and how patiently an operation is tried again."""
+
+    attempts: Written = Field(description="attempts in all")
+    backoff: Written = Field(None, description="pause between attempts")
+    unless: Names = Field([], description="codes that are not tried again")
+
+
+class InvokeNode(Node):
+    """An operation of a plugin that lives as long as its state."""
+
+    do: str = Field(description="operation, as plugin.name")
+    with_: dict[str, Written] = Field({}, alias="with", description="arguments")
+    timeout: Timeout | None = Field(None, description="limit of one attempt, or `never`")
+    retry: RetryNode | None = Field(None, description="further attempts after an error")
+
+
+class ItineraryNode(Node):
+    """The list that a state walks."""
+
+    items: Written = Field(description="list of targets")
+
+
+class StateNode(Node):
+    """A state: what it does while active, and what makes it end."""
+
+    summary: str = Field("", description="one sentence for people")
+    type: Literal["parallel", "final", "history"] | None = Field(None, description="kind, when not an ordinary state")
+    depth: Literal["shallow", "deep"] | None = Field(None, description="how much a history state remembers")
+    initial: str | None = Field(None, description="child that is entered first")
+    states: dict[str, StateNode | None] = Field({}, description="children")
+    entry: Actions = Field([], description="actions on entering")
+    exit: Actions = Field([], description="actions on leaving")
+    invoke: InvokeNode | None = Field(None, description="operation that lives as long as this state")
+    on_done: Transitions = Field([], description="when the operation has succeeded, or a final child is reached")
+    on_error: Transitions = Field([], description="when the operation has failed for good")
+    on: dict[str, Transitions] = Field({}, description="what events do")
+    always: Transitions = Field([], description="taken as soon as the guard holds")
+    after: dict[str, Transitions] = Field({}, description="what happens a duration after entering")
+    itinerary: ItineraryNode | None = Field(None, description="the list that this state walks")
+    use: str | None = Field(None, description="part whose states stand here")
+    with_: dict[str, Written] = Field({}, alias="with", description="values for parameters of the part")
+    resume_at: Transitions = Field([], description="child to enter when coming back by history")
+    phase: str | None = Field(None, description="phase that is published")
+    paused: bool = Field(False, description="published as paused: waits for the operator")
+    slot: Literal["mission"] | None = Field(None, description="the missions' states stand here")
+    history: Literal["shallow", "deep"] | None = Field(None, description="keep a history state for returning")
+
+
+class ParameterNode(Node):
+    """A setting: becomes a ROS parameter of the same name."""
+
+    type: str = Field(description="type, such as duration, count, text, list of text")
+    default: Written = Field(description="value when nobody sets it")
+    unit: str | None = Field(None, description="unit of a number; a number in s is a duration")
+    min: Bound = Field(None, description="smallest value")
+    max: Bound = Field(None, description="largest value")
+    summary: str = Field("", description="one sentence for people")
+
+
+class CodeNode(Node):
+    """A reason that can reach last_error."""
+
+    label: str = Field(description="text for people")
+    severity: Literal["info", "warn", "error"] = Field("warn", description="how bad it is")
+
+
+class VariableNode(Node):
+    """A context variable: written by `set`, kept in the snapshot."""
+
+    type: str = Field(description="type")
+    default: Written = Field(description="value at start")
+    summary: str = Field("", description="one sentence for people")
+
+
+class LevelNode(Node):
+    """A yes or no drawn from a number."""
+
+    below: Written = Field(description="true below this")
+    hysteresis: Written = Field(None, description="how far above it the value must rise to be false again")
+
+
+class InputNode(Node):
+    """A live value of a plugin under the name that the chart reads it by."""
+
+    value: str = Field(description="live value of a plugin")
+    freshness: Written = Field(None, description="how long a report stays known")
+    initial: Written = Field(None, description="value before the first report; unknown when not given")
+    levels: dict[str, LevelNode] = Field({}, description="yes or no drawn from the number")
+    summary: str = Field("", description="one sentence for people")
+
+
+class HoldNode(Node):
+    """A suspension of the whole chart."""
+
+    engage: str = Field(description="request (operator.pause) or level (input.estop) that engages it")
+    release: Names = Field(description="requests that release it")
+    code: str = Field(description="code that engaging reports")
+    engage_guard: Condition = Field(None, description="when the request is allowed")
+    engage_code: str | None = Field(None, description="code that refuses the request")
+    release_guard: Condition = Field(None, description="when releasing is allowed")
+    summary: str = Field("", description="one sentence for people")
+
+
+class RequestFieldNode(Node):
+    """A field of the request that starts a mission."""
+
+    type: str = Field(description="type")
+    default: Written = Field(None, description="value when the request does not say")
+    not_empty: str | None = Field(None, description="code that refuses an empty list")
+    min: Bound = Field(None, description="smallest value")
+    summary: str = Field("", description="one sentence for people")
+
+
+class FileNode(Node):
+    """What every kind of file may declare."""
+
+    summary: str = Field("", description="one sentence for people")
+    params: dict[str, ParameterNode] = Field({}, description="settings")
+    inputs: dict[str, InputNode] = Field({}, description="live values that are read")
+    codes: dict[str, CodeNode] = Field({}, description="reasons that can reach last_error")
+    context: dict[str, VariableNode] = Field({}, description="variables")
+    initial: str | None = Field(None, description="state that is entered first")
+    states: dict[str, StateNode | None] = Field(description="states")
+
+
+class LifecycleNode(FileNode):
+    """What all missions share."""
+
+    lifecycle: str = Field(description="name of the lifecycle")
+    holds: dict[str, HoldNode] = Field({}, description="suspensions of the whole chart")
+    on: dict[str, Transitions] = Field({}, description="what events do in every state")
+
+    @property
+    def name(self) -> str:
+        """The name that the file gives itself."""
+        return self.lifecycle
+
+
+class MissionNode(FileNode):
+    """A mission: stands in the slot of the lifecycle."""
+
+    mission: str = Field(description="name of the mission, as requests call it")
+    request: dict[str, RequestFieldNode] = Field({}, description="what the request that starts it carries")
+    entry: Actions = Field([], description="actions when the mission starts")
+    exit: Actions = Field([], description="actions when the mission ends")
+    on: dict[str, Transitions] = Field({}, description="what events do in every state of the mission")
+
+    @property
+    def name(self) -> str:
+        """The name that the file gives itself."""
+        return self.mission
+
+
+class PartNode(FileNode):
+    """States that missions use, with parameters of their own."""
+
+    part: str = Field(description="name of the part, also that of its file")
+    needs: Literal["itinerary"] | None = Field(None, description="what the using state must have")
+    resume_at: Transitions = Field([], description="child to enter when coming back by history")
+
+    @property
+    def name(self) -> str:
+        """The name that the file gives itself."""
+        return self.part
+
+
+KINDS: Mapping[str, type[FileNode]] = {"lifecycle": LifecycleNode, "mission": MissionNode, "part": PartNode}
+
+_D = TypeVar("_D", bound=FileNode)
+
+
+def read_document(raw: Map, model: type[_D], findings: Findings) -> _D | None:
+    """Validate a file against its model; None after findings."""
+    kind = next(word for word, known in KINDS.items() if known is model)
+    if kind not in raw:
+        other = next((word for word in KINDS if word in raw), None)
+        what = f"this is a {other}" if other else "the file does not say what it is"
+        place = raw.key_places[other] if other else raw.place
+        findings.add(place, "wrong-shape", "", f"expected a {kind}, but {what}", f"begin with '{kind}: NAME'")
+        return None
+    try:
+        return model.model_validate(raw)
+    except ValidationError as error:
+        for details in error.errors(include_url=False):
+            _report(raw, details, findings)
+        return None
+
+
+def _report(raw: Map, details: ErrorDetails, findings: Findings) -> None:
+    """Turn one of pydantic's errors into a finding at the deepest place that its path still meets."""
+    found: Any = raw
+    place, trail, missing = raw.place, [], ""
+    for step in details["loc"]:
+        name = str(step)
+        if isinstance(found, Map) and name in found:
+            place, missing = found.places[name], ""
+            found, last = found[name], found.key_places[name]
+            trail.append(name)
+        elif isinstance(found, Seq) and isinstance(step, int) and step < len(found):
+            place, missing = found.places[step], ""
+            found, last = found[step], place
+            trail.append(name)
+        else:
+            missing = name
+    path = ".".join(trail)
+    kind = details["type"]
+    if kind == "extra_forbidden":
+        _unknown_key(raw, trail, last, findings)
+    elif kind == "missing":
+        hint = f"write '{missing}: ...'"
+        findings.add(place, "missing-key", path, f"the key {missing!r} is missing", hint)
+    elif kind in ("default_type", "wrong-shape"):
+        findings.add(place, "wrong-shape", path, details["msg"])
+    else:
+        findings.add(place, "wrong-shape", path, _expected(details, found))
+
+
+def _unknown_key(raw: Map, trail: list[str], place: Place, findings: Findings) -> None:
+    key, path = trail[-1], ".".join(trail[:-1])
+    if key in FUTURE:
+        findings.add(place, "not-supported", path, f"{key!r} is not supported yet", "leave it out")
+        return
+    holder: Any = raw
+    for name in trail[:-1]:
+        holder = holder[int(name)] if isinstance(holder, Seq) else holder[name]
+    known = keys_of(holder.model) if holder.model else ()
+    if holder[key] is None and " " in key:
+        hint = "if it belongs to the text before it, quote that text: an unquoted comma begins a new key"
+        findings.add(place, "unknown-key", path, f"unknown key {key!r}", hint)
+        return
+    findings.unknown(place, "unknown-key", path, "key", key, known)
+
+
+def keys_of(model: type[Node]) -> tuple[str, ...]:
+    """Return the keys that a mapping of this model may have."""
+    return tuple(field.alias or name for name, field in model.model_fields.items())
+
+
+_SHAPES: Mapping[str, str] = {
+    "model_type": "a mapping",
+    "model_attributes_type": "a mapping",
+    "dict_type": "a mapping",
+    "list_type": "a list",
+    "string_type": "text",
+    "bool_type": "true or false",
+    "int_type": "a whole number",
+}
+
+
+def _expected(details: ErrorDetails, found: Any) -> str:
+    kind = details["type"]
+    if kind == "literal_error":
+        return f"expected {details['ctx']['expected']}, got {show(found)}"
+    return f"expected {_SHAPES.get(kind) or details['msg']}, got {show(found)}"
+
+
+def show(value: Any) -> str:
+    """Return a value as a person would recognise it: short, without the machinery around it."""
+    if value is None:
+        return "nothing"
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, Mapping):
+        return "a mapping" + (f" with {_some(value)}" if value else "")
+    if isinstance(value, list):
+        return f"a list of {len(value)}"
+    text = repr(str(value)) if isinstance(value, Text) else repr(value)
+    return text if len(text) <= 60 else text[:57] + "..."
+
+
+def _some(names: Iterable[str]) -> str:
+    shown = [repr(name) for name in names]
+    return ", ".join(shown[:4]) + (", ..." if len(shown) > 4 else "")
+
+
+__all__ = [
+    "FUTURE",
+    "KINDS",
+    "ActionNode",
+    "CodeNode",
+    "FileNode",
+    "HoldNode",
+    "InputNode",
+    "InvokeNode",
+    "ItineraryNode",
+    "LevelNode",
+    "LifecycleNode",
+    "LimitNode",
+    "MissionNode",
+    "Node",
+    "ParameterNode",
+    "PartNode",
+    "RequestFieldNode",
+    "RetryNode",
+    "StateNode",
+    "TransitionNode",
+    "VariableNode",
+    "keys_of",
+    "read_document",
+    "show",
+]

@@ -1,0 +1,722 @@
+"""Expressions: a typed, side-effect-free subset of Python, checked at load and compiled once.
+
+What is allowed: and/or/not, comparisons (also `in`), + - * / // %, unary minus, `x if c else y`, indexing of
+lists, fields of declared records, lists and tuples, numbers and texts, and calls of `len min max abs round
+any all known held in_state` and of the catalog's functions. Everything else is refused: above all method
+calls, names with a leading underscore, `**`, shifts, comprehensions, lambdas and formatted texts. Arithmetic
+takes numbers only, so no text or list can be multiplied; a product of integers is bounded when it is
+computed. There is thus no way to reach an object's attributes, to loop, or to use much memory.
+
+Units are part of a number's type. A text that is a quantity ('5 s') counts as a number where it meets one
+with a unit, and a written 0 has any unit. Every mistake is told at its column in the file.
+
+Compilation rewrites the checked tree (`a.b` becomes `a["b"]`, names become look-ups in the environment) and
+hands it to Python's own compiler with no builtins, so an expression costs what the same Python would.
+"""
+
+from __future__ import annotations
+
+import ast
+import math
+import re
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import Any
+
+from lupin_engine.chart import quantities as q
+from lupin_engine.chart.findings import Findings
+from lupin_engine.chart.model import Expression
+from lupin_engine.chart.source import Text
+from lupin_engine.errors import nearest
+from lupin_engine.plugin.contract import Function
+from lupin_engine.plugin.types import ANY, BOOL, COUNT, INTEGER, NUMBER, TEXT, Type, list_of, parse_quantity
+
+MAX_CHARACTERS = 2000
+MAX_NODES = 200
+MAX_INTEGER = 2**53
+
+#: Roots of the environment that are records of their own; every other name is a context variable.
+ROOTS = frozenset({"param", "request", "input", "event", "error", "target", "itinerary"})
+#: Names that an expression may call besides the catalog's functions.
+BUILTIN_CALLS = ("len", "min", "max", "abs", "round", "any", "all", "known", "held", "in_state")
+
+_WHOLE = re.compile(r"\s*\$\{(.*)\}\s*", re.DOTALL)
+_WORDS: Mapping[str, bool] = {"true": True, "false": False}
+
+
+@dataclass
+class Usage:
+    """What the expressions of a chart have read; shared by all scopes of one load."""
+
+    parameters: set[str] = field(default_factory=set)
+    functions: set[str] = field(default_factory=set)
+    inputs: set[str] = field(default_factory=set)
+
+
+@dataclass(frozen=True)
+class Scope:
+    """What an expression may see where it stands.
+
+    `names` are the roots and the context variables with their types. `absent` says, for a root that is not
+    there, the rule and the reason. `bound` are parameters of a part that its user has given a value: type and
+    compiled tree. `states` are full names, for in_state; `holds` are names, for held.
+    """
+
+    names: Mapping[str, Type]
+    functions: Mapping[str, Function] = field(default_factory=dict)
+    states: Sequence[str] = ()
+    holds: Iterable[str] = ()
+    absent: Mapping[str, tuple[str, str]] = field(default_factory=dict)
+    bound: Mapping[str, tuple[Type, ast.expr]] = field(default_factory=dict)
+    usage: Usage = field(default_factory=Usage)
+
+    def with_names(self, names: Mapping[str, Type], absent: Mapping[str, tuple[str, str]] | None = None) -> Scope:
+        """Return this scope with further names, and with other reasons for absent ones."""
+        merged = {**self.names, **names}
+        missing = {k: v for k, v in {**self.absent, **(absent or {})}.items() if k not in merged}
+        return Scope(merged, self.functions, self.states, self.holds, missing, self.bound, self.usage)
+
+
+@dataclass(frozen=True)
+class Fragment:
+    """The source of an expression: a piece of a text in a file, beginning at character `offset` of it."""
+
+    source: str
+    text: Text
+    offset: int = 0
+
+
+@dataclass(frozen=True)
+class Typed:
+    """A checked expression before compilation: type and rewritten tree."""
+
+    type: Type
+    tree: ast.expr
+
+
+def fragment_of(text: Text) -> Fragment | None:
+    """Return the expression that a value consists of (`${ ... }`), or None when it is a plain text."""
+    match = _WHOLE.fullmatch(text)
+    return None if match is None or "${" in match.group(1) else Fragment(match.group(1), text, match.start(1))
+
+
+def compile_expression(
+    fragment: Fragment, scope: Scope, wanted: Type, findings: Findings, path: str
+) -> Expression | None:
+    """Check and compile an expression that must be of type `wanted`; None after findings.
+
+    The result reads an environment as `chart.model` describes and raises `UnknownInput`, ZeroDivisionError,
+    IndexError, OverflowError or what a plugin's function raises; nothing else.
+    """
+    checker = _Checker(fragment, scope, findings, path)
+    typed = checker.check(wanted)
+    if typed is None:
+        return None
+    functions = _to_functions([typed.tree, *(tree for _, tree in checker.parts)])
+    parts = tuple((text, function) for (text, _), function in zip(checker.parts, functions[1:], strict=True))
+    place = fragment.text.at(fragment.offset + _indent(fragment.source))
+    return Expression(fragment.source.strip(), place, typed.type, functions[0], parts)
+
+
+def check_expression(fragment: Fragment, scope: Scope, wanted: Type, findings: Findings, path: str) -> Typed | None:
+    """Check an expression without compiling it; for one that is built into others."""
+    return _Checker(fragment, scope, findings, path).check(wanted)
+
+
+def _indent(source: str) -> int:
+    return len(source) - len(source.lstrip())
+
+
+def _times(left: Any, right: Any) -> Any:
+    """Multiply; integers only as far as a float could tell them apart."""
+    product = left * right
+    if isinstance(product, int) and abs(product) > MAX_INTEGER:
+        raise OverflowError(f"{product:.3g} is too large")
+    return product
+
+
+_GLOBALS: Mapping[str, Any] = MappingProxyType(
+    {"len": len, "min": min, "max": max, "abs": abs, "round": round, "any": any, "all": all, "_times": _times}
+)
+
+
+def _to_functions(trees: list[ast.expr]) -> tuple[Callable[[Mapping[str, Any]], Any], ...]:
+    """Compile checked trees to functions of the environment, all in one go."""
+    lambdas: list[ast.expr] = [ast.Lambda(args=_parameters(), body=tree) for tree in trees]
+    whole = ast.fix_missing_locations(ast.Expression(ast.Tuple(lambdas, ast.Load())))
+    code = compile(whole, "<expression>", "eval")
+    functions: tuple[Callable[[Mapping[str, Any]], Any], ...] = eval(code, {"__builtins__": {}, **_GLOBALS})
+    return functions
+
+
+def _parameters() -> ast.arguments:
+    return ast.arguments(posonlyargs=[], args=[ast.arg("env")], kwonlyargs=[], kw_defaults=[], defaults=[])
+
+
+def _environment(*keys: str) -> ast.expr:
+    tree: ast.expr = ast.Name("env", ast.Load())
+    for key in keys:
+        tree = ast.Subscript(tree, ast.Constant(key), ast.Load())
+    return tree
+
+
+def _call(name: ast.expr, arguments: list[ast.expr]) -> ast.expr:
+    return ast.Call(name, arguments, [])
+
+
+_OPERATORS: Mapping[type[ast.operator], str] = {
+    ast.Add: "+",
+    ast.Sub: "-",
+    ast.Mult: "*",
+    ast.Div: "/",
+    ast.FloorDiv: "//",
+    ast.Mod: "%",
+}
+_ORDERINGS = (ast.Lt, ast.LtE, ast.Gt, ast.GtE)
+_REFUSED: Mapping[str, str] = {
+    "Lambda": "a lambda",
+    "ListComp": "a comprehension",
+    "SetComp": "a comprehension",
+    "DictComp": "a comprehension",
+    "GeneratorExp": "a comprehension",
+    "NamedExpr": "':='",
+    "JoinedStr": "a formatted text",
+    "Dict": "a mapping",
+    "Set": "a set",
+    "Await": "await",
+    "Yield": "yield",
+    "YieldFrom": "yield",
+    "Starred": "'*'",
+    "Slice": "a slice",
+    "Pow": "'**'",
+    "LShift": "'<<'",
+    "RShift": "'>>'",
+    "BitOr": "'|'",
+    "BitAnd": "'&'",
+    "BitXor": "'^'",
+    "MatMult": "'@'",
+    "Invert": "'~'",
+    "UAdd": "a unary '+'",
+    "Is": "'is'",
+    "IsNot": "'is not'",
+}
+_INSTEAD: Mapping[str, str] = {
+    "BitOr": "write 'or'",
+    "BitAnd": "write 'and'",
+    "Is": "write '=='",
+    "IsNot": "write '!='",
+    "Invert": "write 'not'",
+}
+
+
+class _Checker:
+    """Checks and rewrites one expression; after a mistake it goes on with a type that fits everywhere."""
+
+    def __init__(self, fragment: Fragment, scope: Scope, findings: Findings, path: str) -> None:
+        self._fragment = fragment
+        self._scope = scope
+        self._findings = findings
+        self._path = path
+        self._failed = False
+        self._start = fragment.offset + _indent(fragment.source)
+        self._source = re.sub(r"\s", " ", fragment.source.strip())
+        self.parts: list[tuple[str, ast.expr]] = []
+
+    def check(self, wanted: Type) -> Typed | None:
+        """Return type and rewritten tree, or None after findings."""
+        root = self._parse()
+        if root is None:
+            return None
+        found = self._visit(root)
+        if not self._failed and not q.accepts(wanted, found.type):
+            self._mismatch(root, wanted, found.type)
+        if self._failed:
+            return None
+        self._collect_parts(root)
+        return found
+
+    # -- reading -------------------------------------------------------------------------------------------
+
+    def _parse(self) -> ast.expr | None:
+        source = self._source
+        if not source:
+            self._stop(0, "the expression is empty", "write one, such as 'param.x > 0'")
+        elif len(source) > MAX_CHARACTERS:
+            self._stop(0, f"the expression has {len(source)} characters", f"at most {MAX_CHARACTERS}")
+        elif "\\" in source:
+            self._stop(source.index("\\"), "a backslash is not allowed in an expression")
+        else:
+            return self._parse_python(source)
+        return None
+
+    def _parse_python(self, source: str) -> ast.expr | None:
+        try:
+            root = ast.parse(source, mode="eval").body
+        except SyntaxError as error:
+            self._stop(max((error.offset or 1) - 1, 0), f"not an expression: {error.msg}")
+            return None
+        except (ValueError, MemoryError, RecursionError):
+            self._stop(0, "not an expression: too deeply nested, or not a text")
+            return None
+        if sum(1 for _ in ast.walk(root)) > MAX_NODES:
+            self._stop(0, "the expression is too large", f"at most {MAX_NODES} operators and operands")
+            return None
+        return root
+
+    def _stop(self, offset: int, problem: str, hint: str = "") -> None:
+        place = self._fragment.text.at(self._start + min(offset, len(self._source)))
+        self._findings.add(place, "bad-expression", self._path, problem, hint)
+        self._failed = True
+
+    def _wrong(self, node: ast.expr, rule: str, problem: str, hint: str = "") -> Typed:
+        self._wrong_at(self._offset(node), rule, problem, hint)
+        return Typed(ANY, node)
+
+    def _wrong_at(self, offset: int, rule: str, problem: str, hint: str = "") -> None:
+        place = self._fragment.text.at(self._start + offset)
+        self._findings.add(place, rule, self._path, problem, hint)
+        self._failed = True
+
+    def _offset(self, node: ast.expr) -> int:
+        return self._characters(node.col_offset)
+
+    def _characters(self, octets: int) -> int:
+        return len(self._source.encode()[:octets].decode(errors="ignore"))
+
+    def _text_of(self, node: ast.expr) -> str:
+        return self._source[self._offset(node) : self._characters(node.end_col_offset or 0)]
+
+    def _mismatch(self, node: ast.expr, wanted: Type, got: Type) -> None:
+        shown = self._text_of(node)
+        if q.is_number(wanted) and q.is_number(got) and wanted.unit != got.unit:
+            problem = f"expected {q.describe(wanted)}, but {shown!r} is {q.describe(got)}"
+            self._wrong(node, "wrong-unit", problem, q.unit_hint(wanted, got))
+            return
+        hint = ""
+        if wanted.kind == "bool" and q.is_number(got):
+            hint = f"compare it, such as '{shown} > 0'"
+        elif wanted.kind == "integer" and got.kind == "number":
+            hint = f"write 'round({shown})'"
+        self._wrong(node, "wrong-type", f"expected {q.describe(wanted)}, but {shown!r} is {q.describe(got)}", hint)
+
+    def _collect_parts(self, root: ast.expr) -> None:
+        """Note the operands of the outermost and/or/not, which tell why a guard was false."""
+        if isinstance(root, ast.BoolOp):
+            operands = root.values
+        elif isinstance(root, ast.UnaryOp) and isinstance(root.op, ast.Not):
+            operands = [root.operand]
+        else:
+            return
+        self.parts = [(self._text_of(operand), self._visit(operand).tree) for operand in operands]
+
+    # -- nodes ---------------------------------------------------------------------------------------------
+
+    def _visit(self, node: ast.expr) -> Typed:
+        visit = _VISITORS.get(type(node))
+        if visit is None:
+            return self._refuse(node, type(node).__name__)
+        return visit(self, node)
+
+    def _refuse(self, node: ast.expr, kind: str) -> Typed:
+        what = _REFUSED.get(kind, f"this ({kind})")
+        return self._wrong(node, "bad-expression", f"{what} is not allowed in an expression", _INSTEAD.get(kind, ""))
+
+    def _constant(self, node: ast.Constant) -> Typed:
+        value = node.value
+        if isinstance(value, bool):
+            return Typed(BOOL, node)
+        if isinstance(value, str):
+            return Typed(TEXT, node)
+        if isinstance(value, int) and abs(value) <= MAX_INTEGER:
+            return Typed(q.ZERO if value == 0 else COUNT, node)
+        if isinstance(value, float) and math.isfinite(value):
+            return Typed(q.ZERO_NUMBER if value == 0 else NUMBER, node)
+        hint = "use known(input.NAME) to ask for what may be missing" if value is None else ""
+        return self._wrong(node, "bad-expression", f"{self._text_of(node)} is not allowed in an expression", hint)
+
+    def _name(self, node: ast.Name) -> Typed:
+        name, scope = node.id, self._scope
+        if name in _WORDS:
+            return Typed(BOOL, ast.Constant(_WORDS[name]))
+        if name.startswith("_"):
+            return self._wrong(node, "unknown-name", f"unknown name {name!r}: no name begins with an underscore")
+        if name in scope.names:
+            return Typed(scope.names[name], _environment(name) if name in ROOTS else _environment("context", name))
+        if name in scope.absent:
+            rule, reason = scope.absent[name]
+            return self._wrong(node, rule, f"there is no {name!r} here: {reason}")
+        if name in BUILTIN_CALLS or name in scope.functions:
+            return self._wrong(node, "wrong-type", f"{name!r} is a function", f"call it: {name}(...)")
+        return self._wrong(node, "unknown-name", f"unknown name {name!r}", nearest(name, scope.names))
+
+    def _attribute(self, node: ast.Attribute) -> Typed:
+        if node.attr.startswith("_"):
+            problem = f"unknown name {node.attr!r}: no name begins with an underscore"
+            self._wrong_at(self._attribute_offset(node), "unknown-name", problem)
+            return Typed(ANY, node)
+        root = node.value.id if isinstance(node.value, ast.Name) else ""
+        if root == "param" and node.attr in self._scope.bound:
+            self._scope.usage.parameters.add(node.attr)
+            kind, tree = self._scope.bound[node.attr]
+            return Typed(kind, tree)
+        record = self._visit(node.value)
+        if record.type.kind == "any":
+            return Typed(ANY, ast.Subscript(record.tree, ast.Constant(node.attr), ast.Load()))
+        if record.type.kind != "record":
+            return self._wrong_field(node, f"{self._text_of(node.value)!r} is {q.describe(record.type)}, no record")
+        if node.attr not in record.type.fields:
+            return self._unknown_field(node, record.type, root)
+        self._note(root, node.attr)
+        tree = ast.Subscript(record.tree, ast.Constant(node.attr), ast.Load())
+        return Typed(record.type.fields[node.attr], tree)
+
+    def _note(self, root: str, name: str) -> None:
+        if root == "param":
+            self._scope.usage.parameters.add(name)
+        elif root == "input":
+            self._scope.usage.inputs.add(name)
+
+    def _unknown_field(self, node: ast.Attribute, record: Type, root: str) -> Typed:
+        if root == "param":
+            problem = f"unknown parameter {node.attr!r}"
+            self._wrong_at(
+                self._attribute_offset(node), "unknown-parameter", problem, nearest(node.attr, record.fields)
+            )
+            return Typed(ANY, node)
+        where = self._text_of(node.value)
+        if not record.fields:
+            return self._wrong_field(node, f"{where!r} has no fields to read")
+        return self._wrong_field(node, f"{where!r} has no {node.attr!r}", nearest(node.attr, record.fields))
+
+    def _wrong_field(self, node: ast.Attribute, problem: str, hint: str = "") -> Typed:
+        self._wrong_at(self._attribute_offset(node), "unknown-name", problem, hint)
+        return Typed(ANY, node)
+
+    def _attribute_offset(self, node: ast.Attribute) -> int:
+        return self._characters(node.end_col_offset or 0) - len(node.attr)
+
+    def _subscript(self, node: ast.Subscript) -> Typed:
+        if isinstance(node.slice, ast.Slice):
+            return self._refuse(node, "Slice")
+        value, index = self._visit(node.value), self._visit(node.slice)
+        if value.type.kind not in ("list", "any"):
+            problem = f"{self._text_of(node.value)!r} is {q.describe(value.type)}, only a list can be indexed"
+            return self._wrong(node.value, "wrong-type", problem)
+        if not q.accepts(INTEGER, index.type):
+            self._mismatch(node.slice, INTEGER, index.type)
+        return Typed(value.type.item or ANY, ast.Subscript(value.tree, index.tree, ast.Load()))
+
+    def _sequence(self, node: ast.List | ast.Tuple) -> Typed:
+        found = [self._visit(element) for element in node.elts]
+        item = found[0].type if found else ANY
+        for element, typed in zip(node.elts[1:], found[1:], strict=True):
+            joined = q.join(item, typed.type)
+            if joined is None:
+                first = self._text_of(node.elts[0])
+                problem = f"a list holds one type: {first!r} is {q.describe(item)}, this is {q.describe(typed.type)}"
+                return self._wrong(element, "wrong-type", problem)
+            item = joined
+        return Typed(list_of(item), ast.List([typed.tree for typed in found], ast.Load()))
+
+    def _bool_operation(self, node: ast.BoolOp) -> Typed:
+        trees = [self._wanted(operand, BOOL) for operand in node.values]
+        return Typed(BOOL, ast.BoolOp(node.op, trees))
+
+    def _wanted(self, node: ast.expr, wanted: Type) -> ast.expr:
+        typed = self._visit(node)
+        if not q.accepts(wanted, typed.type):
+            self._mismatch(node, wanted, typed.type)
+        return typed.tree
+
+    def _unary(self, node: ast.UnaryOp) -> Typed:
+        if isinstance(node.op, ast.Not):
+            return Typed(BOOL, ast.UnaryOp(node.op, self._wanted(node.operand, BOOL)))
+        if not isinstance(node.op, ast.USub):
+            return self._refuse(node, type(node.op).__name__)
+        operand = self._visit(node.operand)
+        if not q.is_number(operand.type):
+            return self._no_number(node.operand, operand.type)
+        kind = INTEGER if operand.type.kind == "integer" and not operand.type.unit else q.plain(operand.type)
+        return Typed(kind, ast.UnaryOp(node.op, operand.tree))
+
+    def _no_number(self, node: ast.expr, got: Type) -> Typed:
+        problem = f"expected a number, but {self._text_of(node)!r} is {q.describe(got)}"
+        return self._wrong(node, "wrong-type", problem)
+
+    def _binary(self, node: ast.BinOp) -> Typed:
+        sign = _OPERATORS.get(type(node.op))
+        if sign is None:
+            return self._refuse(node, type(node.op).__name__)
+        left, right = self._pair(node.left, node.right)
+        wrong = [(n, t) for n, t in ((node.left, left.type), (node.right, right.type)) if not q.is_number(t)]
+        if wrong:
+            return left if self._failed and wrong[0][1].kind == "any" else self._no_number(*wrong[0])
+        kind = q.arithmetic(sign, left.type, right.type)
+        if kind is None:
+            problem = f"cannot compute {q.describe(left.type)} {sign} {q.describe(right.type)}"
+            return self._wrong(node, "wrong-unit", problem, q.unit_hint(left.type, right.type))
+        if sign == "*" and kind.kind == "integer":
+            return Typed(kind, _call(ast.Name("_times", ast.Load()), [left.tree, right.tree]))
+        return Typed(kind, ast.BinOp(left.tree, node.op, right.tree))
+
+    def _pair(self, left: ast.expr, right: ast.expr) -> tuple[Typed, Typed]:
+        """Check two operands that meet; a text that is a quantity becomes a number beside one with a unit."""
+        first, second = self._visit(left), self._visit(right)
+        return _as_quantity(first, second.type), _as_quantity(second, first.type)
+
+    def _compare(self, node: ast.Compare) -> Typed:
+        left = node.left
+        trees: list[ast.expr] = []
+        for operator, right in zip(node.ops, node.comparators, strict=True):
+            if isinstance(operator, (ast.Is, ast.IsNot)):
+                return self._refuse(left, type(operator).__name__)
+            first, second = self._pair(left, right)
+            self._check_comparison(operator, left, right, first.type, second.type)
+            trees = trees or [first.tree]
+            trees.append(second.tree)
+            left = right
+        return Typed(BOOL, ast.Compare(trees[0], node.ops, trees[1:]))
+
+    def _check_comparison(
+        self, operator: ast.cmpop, left: ast.expr, right: ast.expr, first: Type, second: Type
+    ) -> None:
+        if isinstance(operator, (ast.In, ast.NotIn)):
+            self._check_membership(left, right, first, second)
+        elif isinstance(operator, _ORDERINGS) and not (_orderable(first) and _orderable(second)):
+            wrong, kind = (left, first) if not _orderable(first) else (right, second)
+            self._no_number(wrong, kind)
+        elif q.join(first, second) is None:
+            rule = "wrong-unit" if q.is_number(first) and q.is_number(second) else "wrong-type"
+            problem = f"cannot compare {q.describe(first)} with {q.describe(second)}"
+            self._wrong(right, rule, problem, q.unit_hint(first, second))
+
+    def _check_membership(self, left: ast.expr, right: ast.expr, first: Type, second: Type) -> None:
+        if second.kind == "text":
+            if not q.accepts(TEXT, first):
+                self._mismatch(left, TEXT, first)
+        elif second.kind not in ("list", "any"):
+            problem = f"expected a list after 'in', but {self._text_of(right)!r} is {q.describe(second)}"
+            self._wrong(right, "wrong-type", problem)
+        elif second.item is not None and q.join(first, second.item) is None:
+            problem = f"{self._text_of(left)!r} is {q.describe(first)} and cannot be in {q.describe(second)}"
+            self._wrong(left, "wrong-type", problem)
+
+    def _conditional(self, node: ast.IfExp) -> Typed:
+        test = self._wanted(node.test, BOOL)
+        body, other = self._pair(node.body, node.orelse)
+        kind = q.join(body.type, other.type)
+        if kind is None:
+            rule = "wrong-unit" if q.is_number(body.type) and q.is_number(other.type) else "wrong-type"
+            problem = f"one outcome is {q.describe(body.type)}, the other {q.describe(other.type)}"
+            return self._wrong(node.orelse, rule, problem, "both must have one type")
+        return Typed(kind, ast.IfExp(test, body.tree, other.tree))
+
+    # -- calls ---------------------------------------------------------------------------------------------
+
+    def _call(self, node: ast.Call) -> Typed:
+        name = _dotted(node.func)
+        if name is None:
+            return self._wrong(node, "bad-expression", "only functions can be called, by their name")
+        if node.keywords:
+            return self._wrong(node.keywords[0].value, "bad-expression", "arguments are given by position")
+        starred = next((a for a in node.args if isinstance(a, ast.Starred)), None)
+        if starred is not None:
+            return self._refuse(starred, "Starred")
+        if name in _BUILTINS:
+            return _BUILTINS[name](self, node)
+        if name in self._scope.functions:
+            return self._function(node, name, self._scope.functions[name])
+        allowed = [*BUILTIN_CALLS, *self._scope.functions]
+        hint = nearest(name, allowed)
+        if isinstance(node.func, ast.Attribute) and _root(node.func) in self._scope.names:
+            hint = "values have no methods; " + hint
+        return self._wrong(node, "unknown-function", f"unknown function {name!r}", hint)
+
+    def _function(self, node: ast.Call, name: str, function: Function) -> Typed:
+        self._scope.usage.functions.add(name)
+        arguments = list(function.arguments.items())
+        for extra in node.args[len(arguments) :]:
+            self._wrong(extra, "unknown-argument", f"{name} takes {_count(len(arguments))}")
+        for missing, argument in arguments[len(node.args) :]:
+            if not argument.optional:
+                self._wrong(node, "missing-argument", f"{name} needs the argument {missing!r}: {argument.doc}")
+        trees = [
+            self._wanted_value(given, argument.type)
+            for given, (_, argument) in zip(node.args, arguments, strict=False)
+        ]
+        return Typed(function.returns, _call(_environment("functions", name), trees))
+
+    def _wanted_value(self, node: ast.expr, wanted: Type) -> ast.expr:
+        typed = _as_quantity(self._visit(node), wanted)
+        if not q.accepts(wanted, typed.type):
+            self._mismatch(node, wanted, typed.type)
+        return typed.tree
+
+    def _arity(self, node: ast.Call, name: str, count: int) -> bool:
+        if len(node.args) == count:
+            return True
+        rule = "missing-argument" if len(node.args) < count else "unknown-argument"
+        self._wrong(node, rule, f"{name} takes {_count(count)}, got {len(node.args)}")
+        return False
+
+    def _len(self, node: ast.Call) -> Typed:
+        if not self._arity(node, "len", 1):
+            return Typed(COUNT, node)
+        argument = self._visit(node.args[0])
+        if argument.type.kind not in ("list", "text", "any"):
+            problem = f"{self._text_of(node.args[0])!r} is {q.describe(argument.type)}, which has no length"
+            return self._wrong(node.args[0], "wrong-type", problem, "expected a list or a text")
+        return Typed(COUNT, _call(ast.Name("len", ast.Load()), [argument.tree]))
+
+    def _extreme(self, node: ast.Call) -> Typed:
+        name = _dotted(node.func) or ""
+        if not node.args:
+            return self._wrong(node, "missing-argument", f"{name} takes a list of numbers, or several numbers")
+        found = [self._visit(argument) for argument in node.args]
+        kinds = [typed.type for typed in found]
+        if len(found) == 1:
+            if kinds[0].kind not in ("list", "any"):
+                return self._wrong(node.args[0], "wrong-type", f"{name} of one value needs a list")
+            kinds = [kinds[0].item or ANY]
+        joined: Type | None = kinds[0]
+        for argument, kind in zip(node.args, kinds, strict=False):
+            if not _orderable(kind):
+                return self._no_number(argument, kind)
+            joined = q.join(joined, kind) if joined is not None else None
+            if joined is None:
+                problem = f"cannot compare {q.describe(kinds[0])} with {q.describe(kind)}"
+                return self._wrong(argument, "wrong-unit", problem, q.unit_hint(kinds[0], kind))
+        return Typed(joined or ANY, _call(ast.Name(name, ast.Load()), [typed.tree for typed in found]))
+
+    def _abs(self, node: ast.Call) -> Typed:
+        if not self._arity(node, "abs", 1):
+            return Typed(ANY, node)
+        argument = self._visit(node.args[0])
+        if not q.is_number(argument.type):
+            return self._no_number(node.args[0], argument.type)
+        return Typed(argument.type, _call(ast.Name("abs", ast.Load()), [argument.tree]))
+
+    def _round(self, node: ast.Call) -> Typed:
+        if len(node.args) not in (1, 2):
+            self._arity(node, "round", 1)
+            return Typed(ANY, node)
+        argument = self._visit(node.args[0])
+        if not q.is_number(argument.type):
+            return self._no_number(node.args[0], argument.type)
+        trees = [argument.tree]
+        if len(node.args) == 2:
+            digits = node.args[1]
+            value = digits.value if isinstance(digits, ast.Constant) else None
+            if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value <= 9:
+                return self._wrong(digits, "wrong-type", "the digits of round must be written out, 0 to 9")
+            trees.append(digits)
+        kind = INTEGER if len(trees) == 1 and not argument.type.unit else argument.type
+        return Typed(kind, _call(ast.Name("round", ast.Load()), trees))
+
+    def _quantifier(self, node: ast.Call) -> Typed:
+        name = _dotted(node.func) or ""
+        if not self._arity(node, name, 1):
+            return Typed(BOOL, node)
+        tree = self._wanted(node.args[0], list_of(BOOL))
+        return Typed(BOOL, _call(ast.Name(name, ast.Load()), [tree]))
+
+    def _known(self, node: ast.Call) -> Typed:
+        if not self._arity(node, "known", 1):
+            return Typed(BOOL, node)
+        argument = node.args[0]
+        if not isinstance(argument, ast.Attribute) or _dotted(argument.value) != "input":
+            return self._wrong(argument, "wrong-type", "known asks about an input", "write known(input.NAME)")
+        self._visit(argument)
+        return Typed(BOOL, _call(_environment("known"), [ast.Constant(argument.attr)]))
+
+    def _held(self, node: ast.Call) -> Typed:
+        name = self._word(node, "held", "a hold")
+        if name is None:
+            return Typed(BOOL, node)
+        if name not in self._scope.holds:
+            hint = nearest(name, self._scope.holds)
+            return self._wrong(node.args[0], "unknown-hold", f"unknown hold {name!r}", hint)
+        return Typed(BOOL, _call(_environment("held"), [ast.Constant(name)]))
+
+    def _in_state(self, node: ast.Call) -> Typed:
+        name = self._word(node, "in_state", "a state")
+        if name is None:
+            return Typed(BOOL, node)
+        states = [state for state in self._scope.states if state == name or state.endswith(f".{name}")]
+        if not states or not name:
+            hint = nearest(name, {part for state in self._scope.states for part in state.split(".") if part})
+            return self._wrong(node.args[0], "unknown-state", f"no state is called {name!r}", hint)
+        tree = ast.Tuple([ast.Constant(state) for state in states], ast.Load())
+        return Typed(BOOL, _call(_environment("in_state"), [tree]))
+
+    def _word(self, node: ast.Call, function: str, what: str) -> str | None:
+        """Return the single argument when it is a word that is written out, quoted or not."""
+        if not self._arity(node, function, 1):
+            return None
+        argument = node.args[0]
+        if isinstance(argument, ast.Constant) and isinstance(argument.value, str):
+            return argument.value
+        name = _dotted(argument)
+        if name is None:
+            self._wrong(argument, "wrong-type", f"{function} takes the name of {what}", f"write {function}('NAME')")
+        return name
+
+
+def _orderable(kind: Type) -> bool:
+    return q.is_number(kind) or kind.kind == "any"
+
+
+def _as_quantity(typed: Typed, other: Type) -> Typed:
+    """Read a text such as '5 s' as a number when it meets a number with a unit."""
+    tree = typed.tree
+    if not (q.is_number(other) and other.unit and isinstance(tree, ast.Constant) and isinstance(tree.value, str)):
+        return typed
+    quantity = parse_quantity(tree.value)
+    return typed if quantity is None else Typed(q.number(quantity[1]), ast.Constant(quantity[0]))
+
+
+def _dotted(node: ast.expr) -> str | None:
+    """Return the name that a chain of attributes spells, or None when it is something else."""
+    if isinstance(node, ast.Name):
+        return node.id
+    if isinstance(node, ast.Attribute):
+        inner = _dotted(node.value)
+        return None if inner is None else f"{inner}.{node.attr}"
+    return None
+
+
+def _root(node: ast.expr) -> str:
+    return (_dotted(node) or "").partition(".")[0]
+
+
+def _count(count: int) -> str:
+    return {0: "no argument", 1: "one argument"}.get(count, f"{count} arguments")
+
+
+_VISITORS: Mapping[type[ast.expr], Callable[[_Checker, Any], Typed]] = {
+    ast.Constant: _Checker._constant,
+    ast.Name: _Checker._name,
+    ast.Attribute: _Checker._attribute,
+    ast.Subscript: _Checker._subscript,
+    ast.List: _Checker._sequence,
+    ast.Tuple: _Checker._sequence,
+    ast.BoolOp: _Checker._bool_operation,
+    ast.UnaryOp: _Checker._unary,
+    ast.BinOp: _Checker._binary,
+    ast.Compare: _Checker._compare,
+    ast.IfExp: _Checker._conditional,
+    ast.Call: _Checker._call,
+}
+_BUILTINS: Mapping[str, Callable[[_Checker, ast.Call], Typed]] = {
+    "len": _Checker._len,
+    "min": _Checker._extreme,
+    "max": _Checker._extreme,
+    "abs": _Checker._abs,
+    "round": _Checker._round,
+    "any": _Checker._quantifier,
+    "all": _Checker._quantifier,
+    "known": _Checker._known,
+    "held": _Checker._held,
+    "in_state": _Checker._in_state,
+}

@@ -1,0 +1,105 @@
+"""The list that every step of loading writes its findings to, and the rules they can name.
+
+A step reports and goes on: it answers with what it could make of the input (or None), never with an
+exception. `RULES` is the whole list of rule ids with what each of them protects; a test holds a broken
+mission for every one of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from types import MappingProxyType
+
+from lupin_engine.errors import Diagnostic, Place, Severity, nearest
+
+RULES: Mapping[str, str] = MappingProxyType(
+    {
+        "no-file": "a file that the mission needs is there",
+        "wrong-yaml": "the file is one YAML document of plain mappings, lists and scalars",
+        "too-large": "size, depth, aliases and expanded states stay within bounds",
+        "duplicate-key": "a key stands once in a mapping",
+        "unknown-key": "a key is one of the language",
+        "missing-key": "what cannot be guessed is written",
+        "not-supported": "a word that this engine does not carry out is refused, not ignored",
+        "wrong-shape": "a value has the shape that its key asks for",
+        "bad-name": "names are made so that they can be found in a path or an expression",
+        "conflicting-definition": "a name that several files declare means the same in all of them",
+        "unknown-type": "a type is built in or a plugin's",
+        "wrong-type": "a value or operand has the type that is asked for",
+        "wrong-unit": "quantities of different dimensions are not mixed",
+        "no-unit": "a duration, length or angle says its unit",
+        "out-of-range": "a default lies within its minimum and maximum",
+        "bad-expression": "an expression belongs to the safe subset",
+        "partial-expression": "an expression is the whole value, not a piece of a text",
+        "unknown-name": "an expression reads what is declared and present there",
+        "unknown-parameter": "a parameter is declared in the file, the lifecycle or a plugin",
+        "unknown-function": "a function is built in or a plugin's",
+        "unknown-state": "a target or in_state names a state in scope",
+        "shadowed-state": "a target means the same to the reader as to the engine",
+        "unknown-event": "an event can arrive",
+        "unknown-operation": "an invocation names a plugin's operation",
+        "unknown-action": "an action is built in or a plugin's",
+        "unknown-argument": "an argument is one that the operation, action or function has",
+        "missing-argument": "an argument without a default is given",
+        "unknown-value": "an input names a live value of a plugin",
+        "unknown-part": "a part is a file in the folder of parts",
+        "part-loop": "a part does not contain itself",
+        "unused-part": "a part is used by a mission",
+        "unknown-hold": "a hold is declared in the lifecycle",
+        "undeclared-code": "every code that can reach last_error has a label and a severity",
+        "missing-itinerary": "what walks an itinerary stands in a state that has one",
+        "no-initial": "entering a state never needs a guess",
+        "no-deadline": "a state that waits for the world does not wait for ever",
+        "unhandled-outcome": "every end of an operation leads somewhere",
+        "never-happens": "an ending that is handled can occur",
+        "never-wins": "a transition is not hidden behind an unguarded one",
+        "unreachable-state": "every state can be entered",
+        "dead-end": "every state that is not final can be left",
+        "unused-parameter": "a parameter that can be set does something",
+        "releases-level-hold": "a hold that a level engages is released by a person, not by a transition",
+        "level-without-target": "a transition on a level leaves the state, or it would be taken for ever",
+    }
+)
+
+
+class Findings:
+    """Collects diagnostics once each; a part that is used twice tells its mistakes once."""
+
+    def __init__(self) -> None:
+        self._found: dict[Diagnostic, None] = {}
+
+    def add(self, place: Place, rule: str, path: str, problem: str, hint: str = "") -> None:
+        """Report an error."""
+        self._put(Diagnostic(place, rule, path, problem, hint))
+
+    def warn(self, place: Place, rule: str, path: str, problem: str, hint: str = "") -> None:
+        """Report what is probably a mistake but can be loaded."""
+        self._put(Diagnostic(place, rule, path, problem, hint, Severity.WARN))
+
+    def unknown(self, place: Place, rule: str, path: str, what: str, name: str, allowed: Iterable[str]) -> None:
+        """Report a name that is none of the `allowed`, with the nearest spelling."""
+        self.add(place, rule, path, f"unknown {what} {name!r}", nearest(name, allowed))
+
+    def extend(self, found: Iterable[Diagnostic]) -> None:
+        """Take over findings made elsewhere."""
+        for diagnostic in found:
+            self._put(diagnostic)
+
+    def _put(self, diagnostic: Diagnostic) -> None:
+        if diagnostic.rule not in RULES:
+            raise KeyError(f"rule {diagnostic.rule!r} is not in RULES")
+        self._found[diagnostic] = None
+
+    @property
+    def all(self) -> tuple[Diagnostic, ...]:
+        """Everything found, in file order."""
+        return tuple(sorted(self._found, key=lambda d: (d.place, d.rule, d.problem)))
+
+    @property
+    def errors(self) -> tuple[Diagnostic, ...]:
+        """What makes the chart unusable, in file order."""
+        return tuple(d for d in self.all if d.severity is Severity.ERROR)
+
+    def has(self, *rules: str) -> bool:
+        """Tell whether one of `rules` has been broken; a later rule may then have nothing to stand on."""
+        return any(d.rule in rules for d in self._found)

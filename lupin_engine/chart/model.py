@@ -1,0 +1,288 @@
+"""The composed chart: what loading produces and what every other room reads, never the YAML.
+
+A chart is a lifecycle with the missions standing in its slot and all parts expanded. States are named by
+their path from the top (`MISSION.InspectionMission.INSPECTING.SCANNING`); the root's name is the empty
+text. Everything is frozen, resolved (targets are full names) and checked (expressions are typed); every
+piece keeps the `Place` where the author wrote it, in the author's file.
+"""
+
+from __future__ import annotations
+
+import enum
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from lupin_engine.errors import Place
+from lupin_engine.plugin.contract import Code, Operation, Parameter
+from lupin_engine.plugin.types import Type
+
+#: What an expression sees: root names (param, request, input, event, error, target, itinerary, context
+#: variables, `function:NAME`, `held`, `in_state`) to plain values and callables.
+Environment = Mapping[str, Any]
+
+
+class UnknownInput(Exception):
+    """An expression read a live value that is not known: never reported, or older than its freshness."""
+
+    def __init__(self, name: str) -> None:
+        super().__init__(f"input.{name} is unknown")
+        self.name = name
+
+
+@dataclass(frozen=True)
+class Expression:
+    """A typed, compiled expression; `evaluate` reads an environment and has no side effect.
+
+    `parts` are the operands of its outermost and/or/not as (text, function), for saying why a guard failed.
+    """
+
+    source: str
+    place: Place
+    type: Type
+    evaluate: Callable[[Environment], Any]
+    parts: tuple[tuple[str, Callable[[Environment], Any]], ...] = ()
+
+
+@dataclass(frozen=True)
+class Constant:
+    """A value that is written out; has the same face as an expression."""
+
+    value: Any
+    place: Place
+    type: Type
+
+    def evaluate(self, _: Environment) -> Any:
+        """Return the value."""
+        return self.value
+
+
+Value = Expression | Constant
+
+
+@dataclass(frozen=True)
+class ActionCall:
+    """One action with its arguments: built-in (`set`, `raise`, `itinerary.close`, ...) or a plugin's.
+
+    For `set` the arguments are the context variables; for `raise` the single argument `event` is the name.
+    """
+
+    name: str
+    arguments: Mapping[str, Value]
+    place: Place
+    moves: bool = False
+
+
+@dataclass(frozen=True)
+class Transition:
+    """What an event does in a state.
+
+    `event` is a name (`operator.abort`), a prefix (`nav.*`), or one of the engine's own: `` (eventless,
+    written `always`), `done`, `error` (the end of the state's invocation, or for `done` of the state),
+    `after.N` (the state's N-th timer). Event names starting `input.` stand for a level: the transition is
+    taken whenever that live value is true. No target and no refusal: actions only. A `refuse` transition
+    answers a request with that code and changes nothing.
+    """
+
+    id: str
+    event: str
+    source: str
+    place: Place
+    target: str | None = None
+    guard: Expression | None = None
+    actions: tuple[ActionCall, ...] = ()
+    refuse: str | None = None
+    during: frozenset[str] = frozenset()
+    releases: frozenset[str] = frozenset()
+    code: str | None = None
+    internal: bool = False
+
+
+@dataclass(frozen=True)
+class Timer:
+    """An `after` of a state: `event` is the `after.N` that its transitions listen to."""
+
+    event: str
+    after: Value
+    place: Place
+
+
+@dataclass(frozen=True)
+class Retry:
+    """How often and how patiently an operation is tried: `attempts` in all, `backoff` seconds between.
+
+    Codes in `unless` are not tried again.
+    """
+
+    attempts: Value
+    backoff: Value | None = None
+    unless: frozenset[str] = frozenset()
+
+
+@dataclass(frozen=True)
+class Invoke:
+    """An operation that lives exactly as long as its state. `timeout` is None for `never`."""
+
+    name: str
+    operation: Operation
+    arguments: Mapping[str, Value]
+    place: Place
+    timeout: Value | None = None
+    timeout_code: str | None = None
+    retry: Retry | None = None
+
+
+@dataclass(frozen=True)
+class Itinerary:
+    """The list that a state walks; every item is visited and closed exactly once a sweep."""
+
+    items: Value
+    place: Place
+
+
+class Kind(enum.Enum):
+    """The kinds of states, as in SCXML."""
+
+    ATOMIC = "atomic"
+    COMPOUND = "compound"
+    PARALLEL = "parallel"
+    FINAL = "final"
+    HISTORY = "history"
+
+
+@dataclass(frozen=True)
+class State:
+    """One state. `label` is the lifecycle state that it is published as ('' for the root and the slot).
+
+    `mission` names the mission whose states these are ('' outside the slot); `slot` marks the state whose
+    children are the missions. A history state remembers the active descendants of its parent `depth` levels
+    down (1 is shallow; None is deep). `resume_at` chooses the child when this state is entered by history.
+    """
+
+    name: str
+    kind: Kind
+    place: Place
+    parent: str | None = None
+    children: tuple[str, ...] = ()
+    initial: str | None = None
+    label: str = ""
+    mission: str = ""
+    slot: bool = False
+    phase: str | None = None
+    paused: bool = False
+    entry: tuple[ActionCall, ...] = ()
+    exit: tuple[ActionCall, ...] = ()
+    transitions: tuple[Transition, ...] = ()
+    timers: tuple[Timer, ...] = ()
+    invoke: Invoke | None = None
+    itinerary: Itinerary | None = None
+    resume_at: tuple[Transition, ...] = ()
+    depth: int | None = None
+    summary: str = ""
+
+    @property
+    def local_name(self) -> str:
+        """The last part of the name, as the author wrote it."""
+        return self.name.rpartition(".")[2]
+
+
+@dataclass(frozen=True)
+class Hold:
+    """A suspension of the whole chart.
+
+    `engage` is a request (`operator.pause`) or a level (`input.estop`); `release` are requests. A guard that
+    is false refuses the request with `engage_code` or, for a release, with `code`. `code` is what engaging
+    reports.
+    """
+
+    name: str
+    engage: str
+    release: tuple[str, ...]
+    code: str
+    place: Place
+    engage_guard: Expression | None = None
+    engage_code: str | None = None
+    release_guard: Expression | None = None
+
+
+@dataclass(frozen=True)
+class Field:
+    """A field of a mission's request: type, default, and the code that refuses an empty list."""
+
+    name: str
+    type: Type
+    place: Place
+    default: Value | None = None
+    not_empty: str | None = None
+    minimum: float | None = None
+
+
+@dataclass(frozen=True)
+class Mission:
+    """A mission in the slot; `state` is the full name of the state that wraps it."""
+
+    name: str
+    state: str
+    file: str
+    summary: str
+    request: Mapping[str, Field]
+    place: Place
+
+
+@dataclass(frozen=True)
+class Variable:
+    """A context variable: written by `set`, kept in the snapshot."""
+
+    name: str
+    type: Type
+    default: Value
+    place: Place
+
+
+@dataclass(frozen=True)
+class Level:
+    """A yes or no drawn from a number: true below `below` until it is above `below + hysteresis` again."""
+
+    name: str
+    below: Value
+    hysteresis: Value | None
+    place: Place
+
+
+@dataclass(frozen=True)
+class Input:
+    """A live value of a plugin under the name that the chart reads it by; unknown when older than freshness."""
+
+    name: str
+    value: str
+    type: Type
+    place: Place
+    freshness: float | None = None
+    initial: Any = None
+    levels: tuple[Level, ...] = ()
+
+
+@dataclass(frozen=True)
+class Chart:
+    """A lifecycle with its missions, checked. `states` are in document order, parents before children."""
+
+    name: str
+    files: tuple[str, ...]
+    states: Mapping[str, State]
+    missions: Mapping[str, Mission]
+    holds: Mapping[str, Hold] = field(default_factory=dict)
+    context: Mapping[str, Variable] = field(default_factory=dict)
+    inputs: Mapping[str, Input] = field(default_factory=dict)
+    parameters: Mapping[str, Parameter] = field(default_factory=dict)
+    codes: Mapping[str, Code] = field(default_factory=dict)
+    plugins: tuple[str, ...] = ()
+    summary: str = ""
+
+    def ancestors(self, name: str) -> list[str]:
+        """Return the proper ancestors of a state, innermost first, the root included."""
+        found = []
+        parent = self.states[name].parent
+        while parent is not None:
+            found.append(parent)
+            parent = self.states[parent].parent
+        return found

@@ -1,0 +1,130 @@
+"""How types of the language relate: what fits where, what two values have in common, what arithmetic yields.
+
+Numbers differ by unit, whole numbers fit where numbers do, `any` fits everywhere. A written zero has any
+unit (`*`): there is no other zero to be confused with.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from lupin_engine.plugin.types import ANY, BOOL, INTEGER, NUMBER, Type, list_of, number_in
+
+#: A written 0: a whole number of any unit.
+ZERO = Type("integer", "integer", unit="*")
+#: A written 0.0.
+ZERO_NUMBER = Type("number", "number", unit="*")
+
+#: Products and quotients of units that have a meaning here.
+_PRODUCTS: Mapping[tuple[str, str], str] = {("m/s", "s"): "m", ("s", "m/s"): "m", ("Hz", "s"): "", ("s", "Hz"): ""}
+_QUOTIENTS: Mapping[tuple[str, str], str] = {("m", "s"): "m/s", ("m", "m/s"): "s", ("", "s"): "Hz", ("", "Hz"): "s"}
+_EXAMPLES: Mapping[str, str] = {"s": "'5 s'", "m": "'0.5 m'", "rad": "'90 deg'", "m/s": "'0.3 m/s'", "Hz": "'2 Hz'"}
+
+
+def is_number(kind: Type) -> bool:
+    """Tell whether arithmetic can use a value of this type."""
+    return kind.kind in ("integer", "number")
+
+
+def number(unit: str) -> Type:
+    """Return the number type of a computed value: a difference of durations may be negative."""
+    return NUMBER if not unit else Type("number", number_in(unit).name, unit=unit)
+
+
+def plain(kind: Type) -> Type:
+    """Return a numeric type without its range, as a computed value has it."""
+    if kind.unit:
+        return kind if kind.unit == "*" else number(kind.unit)
+    return INTEGER if kind.kind == "integer" else NUMBER
+
+
+def describe(kind: Type) -> str:
+    """Return a type as messages call it, with its unit."""
+    if not is_number(kind) or kind.unit in ("", "*"):
+        return {"": "unknown", "integer": "a plain number", "number": "a plain number", "count": "a plain number"}.get(
+            kind.name, str(kind)
+        )
+    return f"{kind.name} ({kind.unit})" if kind.unit not in kind.name else kind.name
+
+
+def unit_hint(wanted: Type, got: Type) -> str:
+    """Return what to write when a plain number stands where one with a unit is needed."""
+    for unit, other in ((wanted.unit, got.unit), (got.unit, wanted.unit)):
+        if unit in _EXAMPLES and not other:
+            return f"write the number with its unit as a text, such as {_EXAMPLES[unit]}"
+    return ""
+
+
+def same_unit(first: Type, second: Type) -> bool:
+    """Tell whether two numbers can be compared or added."""
+    return first.unit == second.unit or "*" in (first.unit, second.unit)
+
+
+def accepts(wanted: Type, got: Type) -> bool:
+    """Tell whether a value of type `got` may stand where `wanted` is asked for."""
+    if "any" in (wanted.kind, got.kind):
+        return True
+    if is_number(wanted) and is_number(got):
+        return same_unit(wanted, got) and (wanted.kind == "number" or got.kind == "integer")
+    if wanted.kind != got.kind:
+        return False
+    if wanted.kind == "list":
+        return accepts(wanted.item or ANY, got.item or ANY)
+    if wanted.kind == "record":
+        return all(name in got.fields and accepts(kind, got.fields[name]) for name, kind in wanted.fields.items())
+    return True
+
+
+def join(first: Type, second: Type) -> Type | None:
+    """Return the type that holds both, or None when they have nothing in common."""
+    if "any" in (first.kind, second.kind):
+        return ANY
+    if is_number(first) and is_number(second):
+        return _join_numbers(first, second)
+    if first.kind != second.kind:
+        return None
+    if first.kind == "list":
+        item = join(first.item or ANY, second.item or ANY)
+        return None if item is None else list_of(item)
+    if first.kind == "record":
+        return first if accepts(first, second) else second if accepts(second, first) else None
+    return BOOL if first.kind == "bool" else first
+
+
+def _join_numbers(first: Type, second: Type) -> Type | None:
+    if not same_unit(first, second):
+        return None
+    if first == second:
+        return first
+    unit = second.unit if first.unit == "*" else first.unit
+    if unit == "*":
+        return ZERO_NUMBER
+    if first.kind == second.kind == "integer":
+        return INTEGER
+    return number(unit)
+
+
+def arithmetic(sign: str, left: Type, right: Type) -> Type | None:
+    """Return the type of `left sign right` for two numbers, or None when the units do not allow it."""
+    if sign in ("+", "-", "%"):
+        return _sum(left, right)
+    first, second = _unit(left), _unit(right)
+    if sign == "*":
+        unit = first + second if not (first and second) else _PRODUCTS.get((first, second))
+    elif first == second:
+        unit = ""
+    else:
+        unit = first if not second else _QUOTIENTS.get((first, second))
+    if unit is None:
+        return None
+    whole = left.kind == right.kind == "integer" and sign != "/"
+    return INTEGER if whole and not unit else number(unit)
+
+
+def _sum(left: Type, right: Type) -> Type | None:
+    joined = _join_numbers(left, right)
+    return None if joined is None else plain(joined)
+
+
+def _unit(kind: Type) -> str:
+    return "" if kind.unit == "*" else kind.unit

@@ -1,0 +1,87 @@
+"""The error family, and the one form in which a problem is told to a person.
+
+A problem with something a user wrote is a `Diagnostic`; several of them travel in one `ChartError`, because
+a checker that stops at the first mistake costs its user one run per mistake. Everything that is the user's
+to mend derives from `LupinError`: the command line prints its text and nothing else. Any other exception is
+a defect of the engine.
+"""
+
+from __future__ import annotations
+
+import difflib
+import enum
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+
+class Severity(enum.IntEnum):
+    """How bad a code or a finding is; the numbers are those of `lupin_msgs/MissionState`."""
+
+    INFO = 0
+    WARN = 1
+    ERROR = 2
+
+
+@dataclass(frozen=True, order=True)
+class Place:
+    """A position in a file that a user wrote; line and column count from 1."""
+
+    file: str
+    line: int
+    column: int
+
+    def __str__(self) -> str:
+        return f"{self.file}:{self.line}:{self.column}"
+
+
+@dataclass(frozen=True)
+class Diagnostic:
+    """One finding: where, what is wrong, what is allowed, what to do."""
+
+    place: Place
+    rule: str
+    path: str
+    problem: str
+    hint: str = ""
+    severity: Severity = Severity.ERROR
+
+    def __str__(self) -> str:
+        kind = "warning" if self.severity < Severity.ERROR else "error"
+        where = f"{self.path}: " if self.path else ""
+        hint = f"; {self.hint}" if self.hint else ""
+        return f"{self.place}: {kind}: {where}{self.problem}{hint} [{self.rule}]"
+
+
+class LupinError(Exception):
+    """A failure that the user can mend; its text is all the user needs."""
+
+    exit_code = 1
+
+
+class UsageError(LupinError):
+    """The command line, or a call of the public interface, asks for something that does not exist."""
+
+    exit_code = 2
+
+
+class PluginError(LupinError):
+    """A plugin breaks the contract, or two plugins contradict each other."""
+
+
+class ChartError(LupinError):
+    """A mission cannot be used; carries every finding, in file order."""
+
+    def __init__(self, diagnostics: Iterable[Diagnostic]) -> None:
+        self.diagnostics = tuple(sorted(diagnostics, key=lambda d: (d.place, d.rule, d.problem)))
+        super().__init__("\n".join(str(d) for d in self.diagnostics))
+
+
+def nearest(name: str, allowed: Iterable[str]) -> str:
+    """Say what was probably meant by `name`, else list all that is allowed (sorted, so the text is stable)."""
+    names = sorted(set(allowed))
+    close = difflib.get_close_matches(name, names, n=1, cutoff=0.6)
+    if close:
+        return f"did you mean {close[0]!r}?"
+    if not names:
+        return "nothing is allowed here"
+    return "allowed: " + ", ".join(repr(n) for n in names)

@@ -1,0 +1,103 @@
+"""What goes into the machine (events) and what comes out of it (commands); both are plain frozen data."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+#: The requests that an operator can make beside `mission.start`, as `operator.NAME`.
+OPERATOR_REQUESTS = ("abort", "dock", "pause", "reset", "resume", "skip_current")
+
+
+@dataclass(frozen=True)
+class Event:
+    """Something that happened outside: a request, a report of an attempt, a live value."""
+
+    name: str
+    data: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def is_request(self) -> bool:
+        """Requests come from a person and are answered: accepted, or refused with a reason."""
+        return self.name == "mission.start" or self.name.startswith("operator.")
+
+
+def accepted(attempt: str) -> Event:
+    """The server took the attempt."""
+    return Event("attempt.accepted", {"attempt": attempt})
+
+
+def progress(attempt: str, detail: str) -> Event:
+    """What the attempt waits for; the detail of its timeout, should it come to that."""
+    return Event("attempt.progress", {"attempt": attempt, "detail": detail})
+
+
+def done(attempt: str, result: Mapping[str, Any]) -> Event:
+    """The attempt succeeded."""
+    return Event("attempt.done", {"attempt": attempt, "result": result})
+
+
+def failed(attempt: str, code: str, detail: str = "") -> Event:
+    """The attempt ended in one of its operation's codes."""
+    return Event("attempt.failed", {"attempt": attempt, "code": code, "detail": detail})
+
+
+def cancelled(attempt: str) -> Event:
+    """The attempt ended because it was asked to."""
+    return Event("attempt.cancelled", {"attempt": attempt})
+
+
+def observed(name: str, value: Any, stamp: float) -> Event:
+    """The live value `name` (the plugin's name for it) was `value` at time `stamp`."""
+    return Event("value", {"name": name, "value": value, "stamp": stamp})
+
+
+@dataclass(frozen=True)
+class Start:
+    """Begin an attempt of an operation."""
+
+    attempt: str
+    operation: str
+    arguments: Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class Cancel:
+    """Ask that an attempt ends."""
+
+    attempt: str
+    operation: str
+
+
+@dataclass(frozen=True)
+class Act:
+    """Carry out a plugin's action and don't wait."""
+
+    action: str
+    arguments: Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class Publish:
+    """Tell the world what became of a target. `status` is OK, UNREACHABLE, SCAN_FAILED or SKIPPED."""
+
+    mission: str
+    mission_id: str
+    target: str
+    status: str
+    code: str = ""
+    detail: str = ""
+    reading: Mapping[str, Any] | None = None
+
+
+@dataclass(frozen=True)
+class Report:
+    """The mission's last word: every visit with its outcome."""
+
+    mission: str
+    mission_id: str
+    visits: tuple[Mapping[str, Any], ...]
+
+
+Command = Start | Cancel | Act | Publish | Report

@@ -1,0 +1,1 @@
+"""The contract with the outside world: what plugins offer, as typed data that loads without ROS."""

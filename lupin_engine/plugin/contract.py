@@ -1,0 +1,201 @@
+"""What a plugin is: operations, actions, functions, live values, types and parameters, declared as data.
+
+A plugin is one `Plugin` object in its `catalog.py`, found by entry point (group `lupin.plugins`). Loading it
+needs no ROS, no file and no network, so a laptop can check, draw and simulate every mission. The side that
+talks to the world is named by text (`client="lupin_nav.client:NavClient"`) and imported only by the node
+that runs it; it implements `Driver` and reports through an `Outlet`.
+"""
+
+from __future__ import annotations
+
+import enum
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+from lupin_engine.errors import Severity
+from lupin_engine.plugin.types import Type
+
+#: Parameter values by name, in base units, after checking.
+Parameters = Mapping[str, Any]
+
+
+class OnHold(enum.Enum):
+    """What suspending the mission does to a running attempt of an operation."""
+
+    CANCEL = "cancel"  #: it moves the robot: cancelled, and issued again when the hold is released
+    FINISH = "finish"  #: a one-shot call: it may finish, its answer waits for the release
+
+
+@dataclass(frozen=True)
+class Code:
+    """A reason that can reach `MissionState.last_error`: raw name, label for people, severity."""
+
+    name: str
+    label: str
+    severity: Severity = Severity.WARN
+
+
+@dataclass(frozen=True)
+class Argument:
+    """An argument of an operation, action or function; without `default` it must be given."""
+
+    type: Type
+    doc: str
+    default: Any = None
+    optional: bool = False
+
+
+@dataclass(frozen=True)
+class Mock:
+    """What an operation does when nobody says otherwise in a simulation: `result` after `after` seconds.
+
+    `result` maps each result field to a value, or is a function of the arguments and the parameters.
+    """
+
+    after: float = 0.0
+    result: Mapping[str, Any] | Callable[[Mapping[str, Any], Parameters], Mapping[str, Any]] = field(
+        default_factory=dict
+    )
+
+
+@dataclass(frozen=True)
+class Operation:
+    """Something that takes time and ends: done with `result`, or in an error with one of `codes`.
+
+    `uses` names resources (`base`, `arm`): an attempt waits until the previous attempt that uses one of
+    them has ended. `on_hold` says what a hold does to it.
+    """
+
+    doc: str
+    arguments: Mapping[str, Argument] = field(default_factory=dict)
+    result: Mapping[str, Type] = field(default_factory=dict)
+    codes: tuple[Code, ...] = ()
+    uses: tuple[str, ...] = ()
+    on_hold: OnHold = OnHold.FINISH
+    mock: Mock = field(default_factory=Mock)
+
+
+@dataclass(frozen=True)
+class Action:
+    """Something that is sent and not waited for. `moves`: while held it waits for the release."""
+
+    doc: str
+    arguments: Mapping[str, Argument] = field(default_factory=dict)
+    moves: bool = False
+
+
+@dataclass(frozen=True)
+class Function:
+    """A pure function that expressions may call; `bind` gives it the parameters once, at start.
+
+    Arguments are passed by position, in the order of `arguments`.
+    """
+
+    doc: str
+    returns: Type
+    bind: Callable[[Parameters], Callable[..., Any]]
+    arguments: Mapping[str, Argument] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class LiveValue:
+    """A value from the world that changes by itself; `freshness` is how long it stays known, in seconds.
+
+    `initial` is what it is before the first report; None means unknown.
+    """
+
+    doc: str
+    type: Type
+    freshness: float | None = None
+    initial: Any = None
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A setting with type, default and range; becomes a ROS parameter of the same name."""
+
+    type: Type
+    default: Any
+    doc: str
+    minimum: float | None = None
+    maximum: float | None = None
+
+
+@dataclass(frozen=True)
+class Reader:
+    """How a type is read from what a request carries: `bind(parameters)` gives the reading function.
+
+    The reading function returns the value, or raises ValueError with a text for the operator.
+    """
+
+    code: Code
+    bind: Callable[[Parameters], Callable[[Any], Any]]
+
+
+@dataclass(frozen=True)
+class Plugin:
+    """All that a plugin offers. Names of operations and actions are local: `go_to` of `nav` is `nav.go_to`.
+
+    Functions, live values, types and parameters carry their full name, which must be unique over all
+    plugins. `client` is `module:Class` of the `Driver`; `nodes` maps a node's name to `module:function`,
+    called with the command line's ROS arguments and returning an exit code.
+    """
+
+    name: str
+    doc: str
+    operations: Mapping[str, Operation] = field(default_factory=dict)
+    actions: Mapping[str, Action] = field(default_factory=dict)
+    functions: Mapping[str, Function] = field(default_factory=dict)
+    values: Mapping[str, LiveValue] = field(default_factory=dict)
+    types: Mapping[str, Type] = field(default_factory=dict)
+    readers: Mapping[str, Reader] = field(default_factory=dict)
+    parameters: Mapping[str, Parameter] = field(default_factory=dict)
+    client: str = ""
+    nodes: Mapping[str, str] = field(default_factory=dict)
+
+
+class Outlet(Protocol):
+    """Where a driver reports what the world did. Every call is quick and may come from the node's thread."""
+
+    def accepted(self, attempt: str) -> None:
+        """The server took the request."""
+
+    def progress(self, attempt: str, detail: str) -> None:
+        """What the attempt waits for or has reached; becomes the detail should it time out."""
+
+    def done(self, attempt: str, result: Mapping[str, Any]) -> None:
+        """The attempt succeeded."""
+
+    def failed(self, attempt: str, code: str, detail: str = "") -> None:
+        """The attempt ended in one of its operation's codes."""
+
+    def cancelled(self, attempt: str) -> None:
+        """The attempt ended because it was asked to."""
+
+    def value(self, name: str, value: Any, stamp: float) -> None:
+        """A live value changed; `stamp` is when it was true, in seconds of the node's clock."""
+
+
+class Driver(Protocol):
+    """The side of a plugin that talks to the world: starts and cancels attempts, carries out actions.
+
+    No call blocks. After `cancel` exactly one of done, failed, cancelled still follows for an attempt that
+    the server has accepted; an attempt cancelled before it was accepted reports `accepted` when the server
+    takes it after all, and is then cancelled again by the engine.
+    """
+
+    def missing(self) -> list[str]:
+        """Name what this plugin waits for before it can work (servers, topics); empty when ready."""
+
+    def start(self, attempt: str, operation: str, arguments: Mapping[str, Any]) -> None:
+        """Begin an attempt of one of the plugin's operations (local name)."""
+
+    def cancel(self, attempt: str) -> None:
+        """Ask that an attempt ends; unknown attempts are ignored."""
+
+    def act(self, action: str, arguments: Mapping[str, Any]) -> None:
+        """Carry out an action (local name) without waiting for it."""
+
+    def close(self) -> None:
+        """Release everything; no report follows."""

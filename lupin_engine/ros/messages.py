@@ -1,0 +1,131 @@
+"""From the machine's plain data to `lupin_msgs`; pure functions, tested without a node."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from builtin_interfaces.msg import Time
+from geometry_msgs.msg import Pose
+from lupin_msgs.msg import MissionState, Observation, SensorReading, TagReading
+
+from lupin_engine.errors import Severity
+from lupin_engine.machine.event import Publish
+from lupin_engine.machine.view import View
+from lupin_engine.plugin.contract import Code
+
+#: A true heading of 180° has w = 0, which on this wire means "never populated"; this is close enough to it.
+SMALLEST_W = 1e-9
+
+_STATUS = {
+    "OK": Observation.STATUS_OK,
+    "UNREACHABLE": Observation.STATUS_UNREACHABLE,
+    "SCAN_FAILED": Observation.STATUS_SCAN_FAILED,
+    "SKIPPED": Observation.STATUS_SKIPPED,
+}
+
+
+@dataclass(frozen=True)
+class Inputs:
+    """The live values that `MissionState` publishes beside the view; None is unknown."""
+
+    estop: bool | None
+    battery: float | None
+    battery_low: bool
+    discovered: int = 0
+
+
+def to_time(seconds: float) -> Time:
+    """Return seconds since the epoch of the node's clock as a stamp."""
+    whole = math.floor(seconds)
+    return Time(sec=whole, nanosec=min(999_999_999, round((seconds - whole) * 1e9)))
+
+
+def mission_state(
+    view: View, inputs: Inputs, codes: Mapping[str, Code], request: Mapping[str, Any], stamp: Time
+) -> MissionState:
+    """Return the published state. An empty mission leaves the mission's fields empty."""
+    message = MissionState()
+    message.header.stamp = stamp
+    message.header.frame_id = "map"
+    message.mission_id = view.mission_id
+    message.mission_type = view.mission
+    message.lifecycle_state = view.lifecycle
+    message.mission_phase = view.phase
+    message.current_target = view.target
+    message.targets_total = view.total
+    message.targets_completed = view.completed
+    message.targets_failed = view.failed
+    message.targets_unreachable = view.unreachable
+    message.targets_skipped = view.skipped
+    message.last_error = f"{view.code}: {view.detail}" if view.detail else view.code
+    message.last_event, message.last_event_severity = classify(view.code, codes)
+    message.discovery_goal = int(request.get("discovery_goal", 0))
+    message.tags_discovered = inputs.discovered if message.discovery_goal else 0
+    message.estop_engaged = inputs.estop is True
+    message.paused = view.paused
+    message.battery_percentage = math.nan if inputs.battery is None else inputs.battery
+    message.battery_low = inputs.battery_low
+    if view.started_at is not None:
+        message.started_at = to_time(view.started_at)
+    return message
+
+
+def classify(code: str, codes: Mapping[str, Code]) -> tuple[str, int]:
+    """Return (label, severity) of a code as it is declared; an undeclared one is its own label, a warning."""
+    if not code:
+        return "", int(Severity.INFO)
+    declared = codes.get(code)
+    return (declared.label, int(declared.severity)) if declared else (code, int(Severity.WARN))
+
+
+def observation(published: Publish, pose: Mapping[str, float] | None, stamp: Time) -> Observation:
+    """Return the observation of one closed visit.
+
+    Args:
+        published: the visit's outcome. Its target's id is carried whatever the outcome, because consumers
+            key on it; a reading only with OK.
+        pose: where the target is (x, y in metres, yaw in radians, frame map); None when nobody knows. Used
+            with OK only; without it `orientation.w` stays 0, which means "never observed".
+        stamp: the time of publication.
+    """
+    message = Observation()
+    message.header.stamp = stamp
+    message.header.frame_id = "map"
+    message.mission_id = published.mission_id
+    message.source = published.mission
+    message.kind = Observation.KIND_TAG_READING
+    message.status = _STATUS[published.status]
+    message.tag_reading.tag_id = published.target
+    message.tag_pose_in_map.orientation.w = 0.0
+    if published.status == "OK":
+        message.tag_reading = tag_reading(published.target, published.reading or {})
+        if pose is not None:
+            message.tag_pose_in_map = to_pose(pose)
+    else:
+        message.status_detail = published.detail or published.code
+    return message
+
+
+def to_pose(pose: Mapping[str, float]) -> Pose:
+    """Return a pose on the floor; its quaternion's w is never exactly 0."""
+    message = Pose()
+    message.position.x = float(pose["x"])
+    message.position.y = float(pose["y"])
+    message.orientation.z = math.sin(pose["yaw"] / 2.0)
+    w = math.cos(pose["yaw"] / 2.0)
+    message.orientation.w = w if abs(w) >= SMALLEST_W else math.copysign(SMALLEST_W, w)
+    return message
+
+
+def tag_reading(tag_id: str, reading: Mapping[str, Any]) -> TagReading:
+    """Return a reading as the bridge gave it."""
+    message = TagReading(tag_id=tag_id)
+    message.stamp = to_time(float(reading.get("stamp", 0.0)))
+    message.sim_time_of_day_seconds = float(reading.get("sim_time_of_day_seconds", 0.0))
+    message.readings = [
+        SensorReading(name=sensor["name"], value=float(sensor["value"])) for sensor in reading.get("readings", ())
+    ]
+    return message

@@ -1,0 +1,278 @@
+"""The node `mission_orchestrator`: a machine, its plugins' clients, and the operator's services.
+
+Everything that ROS tells it becomes an event of one queue, stepped on the node's thread; nothing blocks.
+The node knows no mission and no plugin: which servers it talks to follows from the missions' operations,
+its parameters from the chart, its answers from the step that a request caused.
+"""
+
+from __future__ import annotations
+
+import importlib
+import json
+import time
+import uuid
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from lupin_msgs.msg import MissionState, Observation
+from lupin_msgs.srv import StartMission
+from std_msgs.msg import String
+from std_srvs.srv import Trigger
+
+from lupin_engine.chart.load import default_missions_folder, find_mission, load_chart, mission_files
+from lupin_engine.chart.model import Chart
+from lupin_engine.errors import LupinError
+from lupin_engine.machine.event import OPERATOR_REQUESTS, Event, Publish, Report
+from lupin_engine.machine.step import Step
+from lupin_engine.machine.view import Moment, View
+from lupin_engine.plugin.contract import Driver, Parameter
+from lupin_engine.plugin.registry import Catalog, load_catalog
+from lupin_engine.plugin.types import NUMBER, TEXT, list_of
+from lupin_engine.ros import messages
+from lupin_engine.ros.middleware import Qos, RosNode, Timer
+from lupin_engine.ros.readiness import Readiness
+from lupin_engine.runtime.engine import Engine, EngineOutlet
+from lupin_engine.runtime.record import step_record, view_record
+from lupin_engine.runtime.setup import make_machine
+
+NAME = "mission_orchestrator"
+#: A request that was sent longer ago than this is not carried out: whoever sent it has given up, in seconds.
+STALE_REQUEST = 5.0
+
+#: Parameters of the node itself, beside those of the missions.
+OWN_PARAMETERS: Mapping[str, Parameter] = {
+    "missions": Parameter(list_of(TEXT), [], "missions to offer, by name or file; none: all that are found"),
+    "missions_path": Parameter(TEXT, "", "folder of the missions; empty: the ones that come with the engine"),
+    "state_publish_rate_hz": Parameter(NUMBER, 5.0, "how often /mission/state is repeated, in Hz", minimum=0.1),
+    "mission_id_prefix": Parameter(TEXT, "lupin", "what mission ids begin with"),
+}
+
+
+class NodeClock:
+    """The loop's clock: ROS time with `use_sim_time`, else monotonic, so that a stepped wall clock is harmless."""
+
+    def __init__(self, ros: RosNode) -> None:
+        self._ros = ros
+        self._simulated = bool(ros.node.get_clock().ros_time_is_active)
+
+    def now(self) -> float:
+        """Return seconds of an origin of its own."""
+        return self._ros.now() if self._simulated else time.monotonic()
+
+    def to_ros(self, moment: float) -> float:
+        """Return a moment of this clock in seconds of the node's clock."""
+        return moment if self._simulated else self._ros.now() - (self.now() - moment)
+
+    def from_ros(self, stamp: float) -> float:
+        """Return seconds of the node's clock as a moment of this clock."""
+        return stamp if self._simulated else self.now() - (self._ros.now() - stamp)
+
+
+class Outlet(EngineOutlet):
+    """Where the clients report; a value's stamp is turned into the loop's time."""
+
+    def __init__(self, engine: Engine, clock: NodeClock, wake: Callable[[], None]) -> None:
+        super().__init__(engine, wake)
+        self._clock = clock
+
+    def value(self, name: str, value: Any, stamp: float) -> None:
+        """A live value changed; `stamp` is of the node's clock."""
+        super().value(name, value, self._clock.from_ros(stamp))
+
+
+class Orchestrator:
+    """The node's parts, wired. Everything runs on the thread that spins `ros`."""
+
+    def __init__(self, ros: RosNode, chart: Chart, catalog: Catalog) -> None:
+        self._ros = ros
+        self._chart = chart
+        self._clock = NodeClock(ros)
+        given = ros.parameters()
+        self._prefix = str(given["mission_id_prefix"])
+        machine = make_machine(chart, catalog, {name: given[name] for name in chart.parameters})
+        self._machine = machine
+        drivers: dict[str, Driver] = {}
+        self._engine = Engine(machine, self._clock, drivers, self._stepped)
+        outlet = Outlet(self._engine, self._clock, self._work)
+        self._state = ros.publisher(MissionState, "/mission/state", Qos.LATCHED)
+        self._observations = ros.publisher(Observation, "/floranova/observations", Qos.BACKLOG)
+        self._steps = ros.publisher(String, "~/steps", Qos.BACKLOG)
+        self._published: tuple[object, ...] = ()
+        self._deadline: tuple[float, Timer] | None = None
+        drivers.update(_clients(ros, chart, catalog, outlet, machine.world.parameters))
+        drivers["plugins"] = Readiness(drivers, outlet, ros.timer)
+        ros.on_stop(lambda: [driver.close() for driver in drivers.values()])
+        self._serve()
+        ros.timer(1.0 / float(given["state_publish_rate_hz"]), self._publish_state)
+        self._engine.start()
+        self._work()
+
+    # -- requests ---------------------------------------------------------------------------------------
+
+    def _serve(self) -> None:
+        self._ros.serve(StartMission, "/mission/start", self._start, stale_after=STALE_REQUEST)
+        for name in OPERATOR_REQUESTS:
+            answer = _answering(self._ask, f"operator.{name}")
+            self._ros.serve(Trigger, f"/mission/{name}", answer, stale_after=STALE_REQUEST)
+
+    def _start(self, request: Any, response: Any) -> Any:
+        mission_id = f"{self._prefix}-{uuid.uuid4().hex[:8]}"
+        data = {
+            "mission_type": request.mission_type,
+            "mission_id": mission_id,
+            "tag_sequence": list(request.tag_sequence),
+            "discovery_goal": request.discovery_goal,
+        }
+        step = self._ask(Event("mission.start", data))
+        response.accepted = bool(step.accepted)
+        response.mission_id = mission_id if step.accepted else ""
+        response.error_message = step.refusal.text if step.refusal else ""
+        return response
+
+    def _ask(self, event: Event) -> Step:
+        step = self._engine.request(event)
+        self._work()
+        answer = "accepted" if step.accepted else step.refusal.text if step.refusal else "refused"
+        self._ros.log.info("request", request=event.name, answer=answer)
+        return step
+
+    # -- the loop ---------------------------------------------------------------------------------------
+
+    def _work(self) -> None:
+        """Step what is queued and due, then sleep until the next deadline or message."""
+        self._engine.drain()
+        due = self._engine.next_deadline
+        if self._deadline is not None:
+            if self._deadline[0] == due:
+                return
+            self._deadline[1].cancel()
+            self._deadline = None
+        if due is not None:
+            self._deadline = due, self._ros.call_later(due - self._clock.now(), self._deadline_reached)
+
+    def _deadline_reached(self) -> None:
+        self._deadline = None
+        self._work()
+
+    def _stepped(self, step: Step) -> None:
+        """Tell the world what a step did."""
+        if not (step.changed or step.notes or step.accepted is not None):
+            self._publish_if_changed(self._machine.view)
+            return
+        view = self._machine.view
+        for moment in step.trail[:-1]:
+            self._publish_if_changed(view, moment)
+        self._publish_if_changed(view)
+        for command in step.commands:
+            if isinstance(command, Publish):
+                pose = self._machine.input_value("pose", self._clock.now())
+                self._observations.publish(messages.observation(command, pose, self._ros.stamp()))
+            elif isinstance(command, Report):
+                self._report(command)
+        self._log(step)
+        record = {"time": self._clock.now(), "step": step_record(step), "view": view_record(view)}
+        self._steps.publish(String(data=json.dumps(record, default=str)))
+
+    def _log(self, step: Step) -> None:
+        if step.taken:
+            self._ros.log.info("step", event=step.event.name, taken=list(step.taken), now=step.configuration[-1])
+        for note in step.notes:
+            self._ros.log.info(note)
+
+    def _report(self, report: Report) -> None:
+        counts = {status: 0 for status in ("OK", "UNREACHABLE", "SCAN_FAILED", "SKIPPED")}
+        for visit in report.visits:
+            if visit["status"]:
+                counts[visit["status"]] += 1
+        self._ros.log.info("mission ended", mission_id=report.mission_id, total=len(report.visits), **counts)
+        for visit in report.visits:
+            reason = visit["detail"] or visit["code"]
+            self._ros.log.info("target", tag=visit["target"], status=visit["status"] or "open", reason=reason)
+
+    # -- publishing -------------------------------------------------------------------------------------
+
+    def _publish_if_changed(self, view: View, moment: Moment | None = None) -> None:
+        """Publish at once when lifecycle, phase, target or a flag is new."""
+        inputs = self._inputs()
+        shown = moment or Moment(view.lifecycle, view.phase, view.target)
+        flags = (view.paused, view.code, inputs.estop, inputs.battery_low, view.mission_id)
+        if (shown, *flags) != self._published:
+            self._published = (shown, *flags)
+            self._publish_state(view, shown)
+
+    def _publish_state(self, view: View | None = None, moment: Moment | None = None) -> None:
+        view = view or self._machine.view
+        request = self._machine.memory.request
+        message = messages.mission_state(view, self._inputs(), self._chart.codes, request, self._ros.stamp())
+        if moment is not None:
+            message.lifecycle_state, message.mission_phase = moment.lifecycle, moment.phase
+            message.current_target = moment.target
+        if view.started_at is not None:
+            message.started_at = messages.to_time(self._clock.to_ros(view.started_at))
+        self._state.publish(message)
+
+    def _inputs(self) -> messages.Inputs:
+        now = self._clock.now()
+        battery = self._value("battery", now) or {}
+        discovered = self._value("discovered", now) or ()
+        return messages.Inputs(
+            estop=self._value("estop", now),
+            battery=battery.get("value"),
+            battery_low=bool(battery.get("low", False)),
+            discovered=len(discovered),
+        )
+
+    def _value(self, name: str, now: float) -> Any:
+        return self._machine.input_value(name, now) if name in self._chart.inputs else None
+
+
+def _answering(ask: Callable[[Event], Step], name: str) -> Callable[[Any, Any], Any]:
+    def answer(_: Any, response: Any) -> Any:
+        step = ask(Event(name))
+        response.success = bool(step.accepted)
+        response.message = step.refusal.text if step.refusal else f"{name.rpartition('.')[2]} accepted"
+        return response
+
+    return answer
+
+
+def _clients(
+    ros: RosNode, chart: Chart, catalog: Catalog, outlet: Outlet, parameters: Mapping[str, Any]
+) -> dict[str, Driver]:
+    """Make the client of every plugin that the missions use."""
+    clients: dict[str, Driver] = {}
+    for name in chart.plugins:
+        module, _, attribute = catalog.plugins[name].client.partition(":")
+        if module:
+            clients[name] = getattr(importlib.import_module(module), attribute)(ros, outlet, parameters)
+    return clients
+
+
+def load_missions(given: Mapping[str, Any], catalog: Catalog) -> Chart:
+    """Return the chart of the missions that the node's parameters name.
+
+    Raises:
+        LupinError: a mission does not exist or has errors; the text says which.
+    """
+    folder = Path(given.get("missions_path") or default_missions_folder())
+    names = given.get("missions") or []
+    files = [find_mission(name, [folder]) for name in names] if names else mission_files(folder)
+    if not files:
+        raise LupinError(f"no missions in {folder}; say where they are with -p missions_path:=FOLDER")
+    return load_chart(folder / "lifecycle.yaml", files, catalog)
+
+
+def main(arguments: Sequence[str] = ()) -> int:
+    """Run the node until SIGINT or SIGTERM; `arguments` are ROS arguments."""
+    catalog = load_catalog()
+    charts: list[Chart] = []
+
+    def declared(given: Mapping[str, Any]) -> Mapping[str, Parameter]:
+        charts.append(load_missions(given, catalog))
+        return {**OWN_PARAMETERS, **charts[-1].parameters}
+
+    ros = RosNode(NAME, arguments, declared)
+    Orchestrator(ros, charts[-1], catalog)
+    ros.spin()
+    return 0

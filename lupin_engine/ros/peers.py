@@ -1,0 +1,88 @@
+"""Peers that were built from other interface definitions: found by the type hashes that DDS announces.
+
+Two processes with different definitions of a message match each other; one direction then delivers nothing,
+the other truncated objects, and nobody warns. The announced hashes are the only sign.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from lupin_engine.ros.middleware import RosNode
+
+
+def service_channels(name: str) -> list[str]:
+    """Return the DDS topics behind the service with the full name `name`."""
+    return [f"rq{name}Request", f"rr{name}Reply"]
+
+
+def action_channels(name: str) -> list[str]:
+    """Return the DDS topics behind the action with the full name `name`."""
+    services = ("send_goal", "cancel_goal", "get_result")
+    channels = [c for service in services for c in service_channels(f"{name}/_action/{service}")]
+    return [*channels, f"rt{name}/_action/feedback", f"rt{name}/_action/status"]
+
+
+def peer_mismatches(ros: RosNode) -> list[str]:
+    """Compare the type of everything this node publishes, subscribes, serves and calls with its peers'.
+
+    Each finding names topic or service, peer node and both hashes. The local hash is the one this node's
+    own endpoint announces, so it is exactly what the peers see.
+
+    Seen: topics, and requests and answers of services and actions, because their DDS topics carry hashes
+    too. Not seen: a peer that is not discovered yet or announces no hash (not a ROS 2 Jazzy node); a field
+    that was renamed in the peer's Python code only; and fields whose meaning or unit changed.
+    """
+    me = (ros.node.get_name(), ros.node.get_namespace())
+    return [finding for channel in ros.channels() for finding in _channel_findings(ros.node, channel, me)]
+
+
+def _channel_findings(node: Any, channel: str, me: tuple[str, str]) -> Iterator[str]:
+    endpoints = [
+        *node.get_publishers_info_by_topic(channel, no_mangle=True),
+        *node.get_subscriptions_info_by_topic(channel, no_mangle=True),
+    ]
+    mine = next((e for e in endpoints if (e.node_name, e.node_namespace) == me), None)
+    if mine is None:
+        return
+    seen = set()
+    for peer in _others(endpoints, me):
+        if _announces(peer) == _announces(mine) or str(peer.topic_type_hash) == "INVALID":
+            continue
+        finding = _told(channel, mine, peer)
+        if finding not in seen:
+            seen.add(finding)
+            yield finding
+
+
+def _others(endpoints: Iterable[Any], me: tuple[str, str]) -> Iterator[Any]:
+    return (e for e in endpoints if (e.node_name, e.node_namespace) != me)
+
+
+def _announces(endpoint: Any) -> tuple[str, str]:
+    return endpoint.topic_type, str(endpoint.topic_type_hash)
+
+
+def _told(channel: str, mine: Any, peer: Any) -> str:
+    node = f"{peer.node_namespace.rstrip('/')}/{peer.node_name}"
+    return (
+        f"{_ros_name(channel)}: node {node} uses another definition: "
+        f"here {_type_name(mine)} {mine.topic_type_hash}, there {_type_name(peer)} {peer.topic_type_hash}; "
+        "build both sides from the same interface packages"
+    )
+
+
+def _ros_name(channel: str) -> str:
+    kind, name = channel[:2], channel[2:]
+    if kind == "rq":
+        return f"request of {name.removesuffix('Request')}"
+    if kind == "rr":
+        return f"answer of {name.removesuffix('Reply')}"
+    return name
+
+
+def _type_name(endpoint: Any) -> str:
+    # DDS spells std_msgs/msg/String as std_msgs::msg::dds_::String_
+    return str(endpoint.topic_type).replace("::dds_::", "::").replace("::", "/").removesuffix("_")

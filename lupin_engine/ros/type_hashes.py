@@ -1,0 +1,61 @@
+"""The hash of an interface as this machine has it installed.
+
+Two processes whose definitions of a type differ still match over DDS and then exchange nothing, or nonsense,
+without a warning. The hash that a peer announces (`topic_type_hash`) compared with ours is the only sign.
+"""
+
+from __future__ import annotations
+
+import functools
+import json
+import os
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, cast
+
+from lupin_engine.errors import UsageError
+
+
+def local_hash(type_name: str) -> str:
+    """The hash, `RIHS01_...`, of a type such as `nav2_msgs/action/NavigateToPose_Goal`."""
+    for entry in _description(type_name)["type_hashes"]:
+        if entry["type_name"] == type_name:
+            return cast("str", entry["hash_string"])
+    raise UsageError(f"the installed definition of {type_name} carries no hash")
+
+
+def local_fields(type_name: str) -> tuple[tuple[str, dict[str, Any]], ...]:
+    """Name and type description of each field on the wire, in order; constants are not on the wire."""
+    message = _description(type_name)["type_description_msg"]
+    for described in [message["type_description"], *message["referenced_type_descriptions"]]:
+        if described["type_name"] == type_name:
+            return tuple((field["name"], field["type"]) for field in described["fields"])
+    raise UsageError(f"the installed definition of {type_name} has no description")
+
+
+@functools.cache
+def _description(type_name: str) -> dict[str, Any]:
+    """What the generator wrote about a type; a part such as X_Request stands beside its service X."""
+    package, kind, name = _split(type_name)
+    relative = Path("share", package, kind, f"{name.split('_')[0]}.json")
+    for prefix in _prefixes():
+        if (prefix / relative).is_file():
+            return cast("dict[str, Any]", json.loads((prefix / relative).read_text(encoding="utf-8")))
+    looked = ", ".join(str(prefix) for prefix in _prefixes())
+    raise UsageError(f"{type_name} is not installed: no {relative} below {looked}")
+
+
+def _split(type_name: str) -> tuple[str, str, str]:
+    parts = type_name.split("/")
+    if len(parts) != 3 or parts[1] not in ("msg", "srv", "action"):
+        raise UsageError(f"{type_name!r} is not the full name of a type, such as lupin_msgs/msg/Observation")
+    return parts[0], parts[1], parts[2]
+
+
+def _prefixes() -> Iterator[Path]:
+    """Where interfaces are installed, in the order in which ROS looks; the environment's own root is last."""
+    for prefix in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep):
+        if prefix:
+            yield Path(prefix)
+    yield Path(sys.prefix)

@@ -1,0 +1,1 @@
+"""The loop between a machine and its plugins: queue, clock, records."""

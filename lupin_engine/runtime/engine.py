@@ -1,0 +1,153 @@
+"""The loop: events in one queue, one step at a time, commands out to the plugins' drivers.
+
+Any thread may post; one thread drains. Reports that a driver makes while a command is carried out join the
+queue and are stepped after it, so a step never runs inside another.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from lupin_engine.machine import event as events
+from lupin_engine.machine.event import Act, Cancel, Command, Event, Start
+from lupin_engine.machine.machine import Machine
+from lupin_engine.machine.step import Step
+from lupin_engine.plugin.contract import Driver
+from lupin_engine.runtime.clock import Clock
+
+#: A driver raised, or the mission names a plugin that has no driver here.
+DRIVER_CODE = "driver_error"
+
+
+class Engine:
+    """Runs a machine against drivers on a clock."""
+
+    def __init__(
+        self,
+        machine: Machine,
+        clock: Clock,
+        drivers: Mapping[str, Driver],
+        listener: Callable[[Step], None],
+    ) -> None:
+        """Make a loop that is not started.
+
+        Args:
+            machine: not started either.
+            clock: what steps are stamped with.
+            drivers: by plugin name; may be filled after this call, because drivers need the engine's outlet.
+            listener: told of every step, before its commands are carried out.
+        """
+        self.machine = machine
+        self.clock = clock
+        self.drivers = drivers
+        self._listener = listener
+        self._queue: deque[Event] = deque()
+        self._draining = False
+
+    def start(self) -> None:
+        """Enter the chart's initial states."""
+        self._carry_out(self.machine.start(self.clock.now()))
+        self.drain()
+
+    def post(self, event: Event) -> None:
+        """Queue an event; the caller, or whoever owns the loop, drains."""
+        self._queue.append(event)
+
+    def request(self, event: Event) -> Step:
+        """Step a request now and return its step, which holds the answer."""
+        self.drain()
+        step = self.machine.handle(event, self.clock.now())
+        self._carry_out(step)
+        self.drain()
+        return step
+
+    def drain(self) -> None:
+        """Fire what is due and step every queued event; events queued meanwhile are stepped as well."""
+        if self._draining:
+            return
+        self._draining = True
+        try:
+            while self._fire_due() or self._take_next():
+                pass
+        finally:
+            self._draining = False
+
+    @property
+    def next_deadline(self) -> float | None:
+        """When `drain` is needed although nothing is posted, in the clock's time; None: never."""
+        return self.machine.next_deadline
+
+    def _fire_due(self) -> bool:
+        step = self.machine.advance(self.clock.now())
+        if step is not None:
+            self._carry_out(step)
+        return step is not None
+
+    def _take_next(self) -> bool:
+        if not self._queue:
+            return False
+        self._carry_out(self.machine.handle(self._queue.popleft(), self.clock.now()))
+        return True
+
+    def _carry_out(self, step: Step) -> None:
+        self._listener(step)
+        for command in step.commands:
+            if isinstance(command, (Start, Cancel, Act)):
+                self._send(command)
+
+    def _send(self, command: Command) -> None:
+        """Hand a command to its driver; a driver that fails is an error of the attempt, not of the loop."""
+        try:
+            self._deliver(command)
+        except Exception as problem:
+            if isinstance(command, Start):
+                self.post(events.failed(command.attempt, DRIVER_CODE, f"{type(problem).__name__}: {problem}"))
+
+    def _deliver(self, command: Command) -> None:
+        if isinstance(command, Start):
+            plugin, _, name = command.operation.partition(".")
+            self.drivers[plugin].start(command.attempt, name, command.arguments)
+        elif isinstance(command, Cancel):
+            self.drivers[command.operation.partition(".")[0]].cancel(command.attempt)
+        elif isinstance(command, Act):
+            plugin, _, name = command.action.partition(".")
+            self.drivers[plugin].act(name, command.arguments)
+
+
+class EngineOutlet:
+    """Where drivers report: every report becomes an event of the loop (see `plugin.contract.Outlet`)."""
+
+    def __init__(self, engine: Engine, wake: Callable[[], None]) -> None:
+        """Make an outlet; `wake` is called after each report so that the owner of the loop drains."""
+        self._engine = engine
+        self._wake = wake
+
+    def _post(self, event: Event) -> None:
+        self._engine.post(event)
+        self._wake()
+
+    def accepted(self, attempt: str) -> None:
+        """The server took the attempt."""
+        self._post(events.accepted(attempt))
+
+    def progress(self, attempt: str, detail: str) -> None:
+        """What the attempt waits for."""
+        self._post(events.progress(attempt, detail))
+
+    def done(self, attempt: str, result: Mapping[str, Any]) -> None:
+        """The attempt succeeded."""
+        self._post(events.done(attempt, result))
+
+    def failed(self, attempt: str, code: str, detail: str = "") -> None:
+        """The attempt failed."""
+        self._post(events.failed(attempt, code, detail))
+
+    def cancelled(self, attempt: str) -> None:
+        """The attempt ended as asked."""
+        self._post(events.cancelled(attempt))
+
+    def value(self, name: str, value: Any, stamp: float) -> None:
+        """A live value changed."""
+        self._post(events.observed(name, value, stamp))

@@ -1,0 +1,75 @@
+"""From a chart and given settings to a machine: parameters checked, functions and readers bound."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from lupin_engine.chart.model import Chart
+from lupin_engine.errors import UsageError, nearest
+from lupin_engine.machine.environment import World
+from lupin_engine.machine.machine import Machine
+from lupin_engine.plugin.contract import Parameter
+from lupin_engine.plugin.registry import Catalog
+from lupin_engine.plugin.types import convert
+
+
+def make_machine(chart: Chart, catalog: Catalog, given: Mapping[str, Any]) -> Machine:
+    """Return a machine that is not started.
+
+    Raises:
+        UsageError: a given parameter does not exist or has a wrong value; every such problem is named.
+        LupinError: a plugin cannot work with the parameters (for example: a layout file that is absent).
+    """
+    return Machine(make_world(chart, catalog, given))
+
+
+def make_world(chart: Chart, catalog: Catalog, given: Mapping[str, Any]) -> World:
+    """Return what never changes while a machine lives; errors as for `make_machine`."""
+    parameters = check_parameters(chart.parameters, given)
+    used = set(chart.plugins)
+    functions = {
+        name: function.bind(parameters)
+        for plugin in catalog.plugins.values()
+        if plugin.name in used
+        for name, function in plugin.functions.items()
+    }
+    readers = {
+        name: reader.bind(parameters)
+        for plugin in catalog.plugins.values()
+        if plugin.name in used
+        for name, reader in plugin.readers.items()
+    }
+    return World(chart, parameters, functions, readers)
+
+
+def check_parameters(declared: Mapping[str, Parameter], given: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the value of every declared parameter, in base units.
+
+    Raises:
+        UsageError: naming every unknown name with the nearest one, and every wrong value with its range.
+    """
+    values = {name: parameter.default for name, parameter in declared.items()}
+    problems = []
+    for name, value in given.items():
+        if name not in declared:
+            problems.append(f"unknown parameter {name!r}; {nearest(name, declared)}")
+            continue
+        try:
+            values[name] = check_value(declared[name], value)
+        except ValueError as problem:
+            problems.append(f"parameter {name}: {problem}")
+    if problems:
+        raise UsageError("\n".join(problems))
+    return values
+
+
+def check_value(parameter: Parameter, value: Any) -> Any:
+    """Return `value` as the parameter's type, within its range; ValueError says what is allowed."""
+    converted = convert(value, parameter.type)
+    low, high = parameter.minimum, parameter.maximum
+    if low is not None and converted < low:
+        raise ValueError(f"must be at least {low:g} {parameter.type.unit}".rstrip() + f", got {value!r}")
+    if high is not None and converted > high:
+        raise ValueError(f"must be at most {high:g} {parameter.type.unit}".rstrip() + f", got {value!r}")
+    return converted

@@ -1,0 +1,1 @@
+"""The arm while on patrol: named presets, sent and not waited for."""

@@ -1,0 +1,25 @@
+"""What the arm offers a mission, as data: loads without ROS."""
+
+from __future__ import annotations
+
+from lupin_engine.plugin.contract import Action, Argument, Parameter, Plugin
+from lupin_engine.plugin.types import BOOL, TEXT
+
+PLUGIN = Plugin(
+    name="arm",
+    doc="The arm while on patrol.",
+    actions={
+        "preset": Action(
+            doc="Send the arm to a named preset; a mission never waits for the arm, nor fails because of it.",
+            arguments={"name": Argument(TEXT, "name of the preset, such as `inspect` or `home`")},
+            moves=True,
+        ),
+    },
+    parameters={
+        "arm_patrol_enabled": Parameter(BOOL, False, "whether missions move the arm at all"),
+        "arm_preset_service": Parameter(
+            TEXT, "/lupin/arm/preset", "service that takes preset names (SetArmPreset)"
+        ),
+    },
+    client="lupin_arm.client:ArmClient",
+)

@@ -1,0 +1,69 @@
+"""Arm presets over ROS: sent and forgotten, because no mission should fail for a picture."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import partial
+from typing import Any
+
+from lupin_engine.plugin.contract import Outlet
+from lupin_engine.ros.middleware import Failure, RosNode
+from lupin_msgs.srv import SetArmPreset
+
+#: When a preset that nobody answered is given up, in seconds. The server answers when it has sent the arm off,
+#: not when the arm has arrived.
+CALL_DEADLINE_S = 5.0
+#: How often a server that is not there is complained about, in seconds.
+WARNING_PERIOD_S = 10.0
+
+
+class ArmClient:
+    """The driver of plugin `arm`: see `Driver` for what every call promises."""
+
+    def __init__(self, ros: RosNode, outlet: Outlet, parameters: Mapping[str, Any]) -> None:
+        self._ros = ros
+        self._enabled = bool(parameters["arm_patrol_enabled"])
+        self._name = parameters["arm_preset_service"]
+        self._service = ros.service(SetArmPreset, self._name)
+        self._warned_at: float | None = None
+
+    def missing(self) -> list[str]:
+        """Nothing: a mission runs without an arm."""
+        return []
+
+    def start(self, attempt: str, operation: str, arguments: Mapping[str, Any]) -> None:
+        """Nothing: this plugin has no operations."""
+        raise ValueError(f"arm has no operation {operation!r}")
+
+    def cancel(self, attempt: str) -> None:
+        """Nothing: there are no attempts."""
+
+    def act(self, action: str, arguments: Mapping[str, Any]) -> None:
+        """Send the arm to a preset, when missions may move it and somebody is there to do so."""
+        if action != "preset":
+            raise ValueError(f"arm has no action {action!r}")
+        if not self._enabled:
+            return
+        name = arguments["name"]
+        if not self._service.ready():
+            self._warn_unreachable(name)
+            return
+        request = SetArmPreset.Request(name=name)
+        self._service.call(request, CALL_DEADLINE_S, partial(self._on_answer, name))
+
+    def close(self) -> None:
+        """Nothing: answers are only logged."""
+
+    def _on_answer(self, name: str, answer: SetArmPreset.Response | Failure) -> None:
+        if isinstance(answer, Failure):
+            reason = f"{answer.code}: {answer.detail}"
+            self._ros.log.warning("arm preset not answered", preset=name, reason=reason)
+        elif not answer.success:
+            self._ros.log.warning("arm preset refused", preset=name, reason=answer.message)
+
+    def _warn_unreachable(self, name: str) -> None:
+        """Warn, but not for every target of a patrol."""
+        now = self._ros.now()
+        if self._warned_at is None or now - self._warned_at >= WARNING_PERIOD_S:
+            self._warned_at = now
+            self._ros.log.warning("arm preset server not there", service=self._name, preset=name)

@@ -1,0 +1,167 @@
+"""Where the robot stands to read a tag.
+
+Metres and radians in frame `map`. The rules are those of the reference robot, so that a layout tuned there
+keeps its poses here. The direction away from a table is the line from its centre through the tag, not the
+normal of a table's face: a tag near a corner is approached from that corner.
+"""
+
+from __future__ import annotations
+
+import enum
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lupin_nav.layout import Table
+from lupin_nav.overrides import Override
+
+MIN_STANDOFF_M = 0.2
+MAX_STANDOFF_M = 1.5
+#: How far the goal is pulled back at a time when it lies inside a table.
+PULL_BACK_M = 0.1
+#: A direction shorter than this has no meaning.
+DEGENERATE_M = 1e-6
+#: So that 0.5 m pulled back three times still counts as 0.2 m.
+_ROUNDING_M = 1e-9
+
+Array = NDArray[np.float64]
+#: A position in metres: (x, y).
+Point = tuple[float, float]
+#: An orientation as in a ROS message: (x, y, z, w).
+Quaternion = tuple[float, float, float, float]
+
+
+class Source(str, enum.Enum):
+    """Which rule gave an approach pose."""
+
+    GEOMETRY = "geometry"
+    OVERRIDE = "override"
+    FALLBACK = "fallback"
+    DISCOVERED_NORMAL = "discovered_normal"
+    DISCOVERED_ROBOT = "discovered_robot"
+
+
+@dataclass(frozen=True)
+class Approach:
+    """Where to stand and look (metres, radians, frame `map`), and how that came about.
+
+    `table` is the nearest table's id where one was looked for; `standoff` is the distance from the tag that
+    was used, in metres.
+    """
+
+    x: float
+    y: float
+    yaw: float
+    source: Source
+    table: str | None
+    standoff: float
+
+
+class Tables:
+    """The tables of a layout as arrays, so that every test is one operation over all of them."""
+
+    def __init__(self, tables: Sequence[Table]) -> None:
+        # Sorted by id, because the first of equal distances wins.
+        ordered = sorted(tables, key=lambda table: table.id)
+        self.ids = tuple(table.id for table in ordered)
+        self.low: Array = np.array([(t.x0, t.y0) for t in ordered], dtype=float).reshape(-1, 2)
+        self.high: Array = np.array([(t.x1, t.y1) for t in ordered], dtype=float).reshape(-1, 2)
+        self.centres: Array = (self.low + self.high) / 2.0
+
+    def nearest(self, point: Array) -> int | None:
+        """Return the index of the table whose centre is nearest to `point`; None when there is no table."""
+        if not self.ids:
+            return None
+        return int(np.argmin(np.hypot(*(self.centres - point).T)))
+
+    def inside(self, points: Array) -> NDArray[np.bool_]:
+        """Say for each of `points` (n, 2) whether any table covers it, its edge included."""
+        above = points[:, None, :] >= self.low
+        below = points[:, None, :] <= self.high
+        covered: NDArray[np.bool_] = (above & below).all(axis=2).any(axis=1)
+        return covered
+
+
+def clamp_standoff(standoff: float) -> float:
+    """Return `standoff` within 0.2 m ... 1.5 m; what is not finite becomes 0.2 m."""
+    if not math.isfinite(standoff):
+        return MIN_STANDOFF_M
+    return min(max(standoff, MIN_STANDOFF_M), MAX_STANDOFF_M)
+
+
+def approach(
+    tag: Point, tables: Tables, standoff: float, fallback_yaw: float, override: Override | None = None
+) -> Approach:
+    """Return where to stand for a tag of the known layout.
+
+    A full override (goal_x, goal_y and yaw) is taken as it is. Else the goal lies `standoff` from the tag,
+    away from the centre of the nearest table, pulled back towards the tag until no table covers it. Without
+    a table, on its centre, or where nothing is free, the goal is the tag itself (`fallback`). A partial
+    override replaces single fields of what the geometry gave, and leaves the others as they were.
+    """
+    own = override or Override()
+    distance = clamp_standoff(standoff if own.standoff is None else own.standoff)
+    if own.goal_x is not None and own.goal_y is not None and own.yaw is not None:
+        return Approach(own.goal_x, own.goal_y, own.yaw, Source.OVERRIDE, None, distance)
+    point = np.array(tag, dtype=float)
+    index = tables.nearest(point)
+    table = None if index is None else tables.ids[index]
+    clear = None if index is None else _clear_goal(point, tables, index, distance)
+    if clear is None:
+        yaw = fallback_yaw if own.yaw is None else own.yaw
+        return Approach(tag[0], tag[1], yaw, Source.FALLBACK, table, 0.0)
+    goal, used = clear
+    return Approach(
+        x=float(goal[0]) if own.goal_x is None else own.goal_x,
+        y=float(goal[1]) if own.goal_y is None else own.goal_y,
+        yaw=_bearing(goal, point) if own.yaw is None else own.yaw,
+        source=Source.GEOMETRY if own == Override() else Source.OVERRIDE,
+        table=table,
+        standoff=used,
+    )
+
+
+def _clear_goal(tag: Array, tables: Tables, index: int, standoff: float) -> tuple[Array, float] | None:
+    """Return the farthest goal that no table covers and its distance from the tag, or None."""
+    away = tag - tables.centres[index]
+    length = float(np.hypot(*away))
+    if length < DEGENERATE_M:
+        return None
+    steps = int((standoff - MIN_STANDOFF_M + _ROUNDING_M) / PULL_BACK_M) + 1
+    distances = standoff - PULL_BACK_M * np.arange(steps)
+    goals = tag + distances[:, None] * (away / length)
+    free = np.flatnonzero(~tables.inside(goals))
+    if free.size == 0:
+        return None
+    return goals[free[0]], float(distances[free[0]])
+
+
+def approach_discovered(
+    tag: Point, facing: Quaternion, standoff: float, fallback_yaw: float, robot: Point | None = None
+) -> Approach:
+    """Return where to stand for a tag that was found on the way, from the direction its plate faces.
+
+    The plate faces along its +Z axis; where that has no horizontal part, the robot's side of the tag is
+    taken, and without a robot position the tag itself. Tables play no part: they may be unknown.
+    """
+    distance = clamp_standoff(standoff)
+    qx, qy, qz, qw = facing
+    point = np.array(tag, dtype=float)
+    normal = np.array([2.0 * (qx * qz + qw * qy), 2.0 * (qy * qz - qw * qx)])
+    source = Source.DISCOVERED_NORMAL
+    if np.hypot(*normal) < DEGENERATE_M and robot is not None:
+        normal, source = np.array(robot, dtype=float) - point, Source.DISCOVERED_ROBOT
+    length = float(np.hypot(*normal))
+    if length < DEGENERATE_M:
+        return Approach(tag[0], tag[1], fallback_yaw, Source.FALLBACK, None, 0.0)
+    goal = point + distance * normal / length
+    return Approach(float(goal[0]), float(goal[1]), _bearing(goal, point), source, None, distance)
+
+
+def _bearing(origin: Any, target: Any) -> float:
+    dx, dy = target - origin
+    return math.atan2(float(dy), float(dx))

@@ -1,0 +1,153 @@
+"""What the mobile base offers a mission, as data: loads without ROS, numpy or a file."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from lupin_engine.plugin.contract import (
+    Argument,
+    Code,
+    Function,
+    LiveValue,
+    Mock,
+    OnHold,
+    Operation,
+    Parameter,
+    Plugin,
+    Reader,
+)
+from lupin_engine.plugin.types import ANGLE, BOOL, LENGTH, NUMBER, POSE, TEXT, Type, list_of
+from lupin_nav.functions import (
+    bind_approach,
+    bind_home_pose,
+    bind_named,
+    bind_numeric_order,
+    bind_tag_reader,
+)
+
+#: A tag of the known layout: decimal id, and the position of its plate in metres in frame `map`.
+TAG = Type("record", "tag", fields={"id": TEXT, "x": LENGTH, "y": LENGTH})
+
+UNKNOWN_TAG = Code("unknown_tag", "unknown tag")
+
+#: An end that ROS has no name for is told as status 0 (UNKNOWN), so three statuses are all a goal can end in
+#: without success: see `goal_status.failure`.
+DRIVE_CODES = (
+    Code("nav_status_0", "navigation retry"),
+    Code("nav_status_5", "navigation retry"),
+    Code("nav_status_6", "navigation retry"),
+    Code("nav_rejected", "navigation goal rejected"),
+    Code("nav_unavailable", "navigation server gone"),
+)
+DRIFTED = Code("amcl_drift_var", "localization drifted")
+
+MOCK_LOCALIZE_S = 0.5
+MOCK_DRIVE_S = 3.0
+
+
+_POSE = Argument(POSE, "where to drive, in frame `map`")
+
+OPERATIONS: Mapping[str, Operation] = {
+    "localize": Operation(
+        doc="Wait until the robot knows where it is: the last localizer pose is live and certain enough.",
+        arguments={
+            "max_variance": Argument(NUMBER, "largest variance of x, y (m²) and yaw (rad²) that passes"),
+        },
+        on_hold=OnHold.FINISH,
+        mock=Mock(after=MOCK_LOCALIZE_S),
+    ),
+    "go_to": Operation(
+        doc="Drive to a pose; refused at once when the robot does not know well enough where it is.",
+        arguments={
+            "pose": _POSE,
+            "max_variance": Argument(
+                NUMBER,
+                "largest variance of x, y (m²) and yaw (rad²) to set off with; without it any pose will do",
+                optional=True,
+            ),
+        },
+        codes=(*DRIVE_CODES, DRIFTED),
+        uses=("base",),
+        on_hold=OnHold.CANCEL,
+        mock=Mock(after=MOCK_DRIVE_S),
+    ),
+    "dock": Operation(
+        doc="Drive to the dock, however uncertain the pose: staying away from the charger helps nobody.",
+        arguments={"pose": _POSE},
+        codes=DRIVE_CODES,
+        uses=("base",),
+        on_hold=OnHold.CANCEL,
+        mock=Mock(after=MOCK_DRIVE_S),
+    ),
+}
+
+FUNCTIONS: Mapping[str, Function] = {
+    "approach": Function(
+        doc="The pose from which a tag is read: a standoff away from its table, facing the tag.",
+        returns=POSE,
+        bind=bind_approach,
+        arguments={"target": Argument(TAG, "the tag to stand in front of")},
+    ),
+    "tags.numeric_order": Function(
+        doc="All tags of the layout, numeric ids first and by number, then the others by name.",
+        returns=list_of(TAG),
+        bind=bind_numeric_order,
+    ),
+    "tags.named": Function(
+        doc="The tags with these ids, in this order; an unknown id is an error.",
+        returns=list_of(TAG),
+        bind=bind_named,
+        arguments={"names": Argument(list_of(TEXT), "tag ids")},
+    ),
+    "home_pose": Function(
+        doc="Where to return to: the parameter dock_pose, or the start position when that is (0, 0).",
+        returns=POSE,
+        bind=bind_home_pose,
+        arguments={"start": Argument(POSE, "where the mission started, in frame `map`")},
+    ),
+}
+
+VALUES: Mapping[str, LiveValue] = {
+    # No freshness: a localizer publishes only while the robot moves, so an old pose of a robot that stands
+    # still is right. Whether its publisher still lives is looked at by localize and go_to instead.
+    "robot.pose": LiveValue("where the robot is, in frame `map`; unknown before the first pose", POSE),
+    # No freshness: a simulation may have no battery at all, and is full then.
+    "robot.battery": LiveValue("charge of the battery, 0 to 1", NUMBER, initial=1.0),
+    # No freshness: the emergency stop stays as it was last told, and nothing publishes it in simulation.
+    "robot.estop": LiveValue("whether the emergency stop is engaged", BOOL, initial=False),
+}
+
+PARAMETERS: Mapping[str, Parameter] = {
+    "nav_action_name": Parameter(TEXT, "navigate_to_pose", "action server that drives (NavigateToPose)"),
+    "amcl_pose_topic": Parameter(TEXT, "/amcl_pose", "topic of the localizer's pose with covariance"),
+    "amcl_pose_must_live": Parameter(
+        BOOL,
+        True,
+        "whether a pose counts only while its publisher exists; false for a pose that is seeded once (SLAM)",
+    ),
+    "estop_topic": Parameter(TEXT, "/e_stop_state", "topic of the emergency stop, true while engaged"),
+    "battery_topic": Parameter(TEXT, "/io/power/power_watcher", "topic of the battery state"),
+    "frame_id": Parameter(TEXT, "map", "frame of goals and of the localizer's pose"),
+    "tag_locations_file": Parameter(TEXT, "", "layout of the greenhouse, JSON; empty: the bundled one"),
+    "tag_sequence": Parameter(list_of(TEXT), [], "tags to visit when a request names none; empty: all"),
+    "approach_yaw": Parameter(ANGLE, 0.0, "heading where the geometry gives none"),
+    "approach_standoff_m": Parameter(LENGTH, 0.5, "distance from a tag to read it, clamped to 0.2 m ... 1.5 m"),
+    "approach_overrides_file": Parameter(TEXT, "", "YAML with poses set by hand for single tags; empty: none"),
+    "dock_pose": Parameter(
+        POSE,
+        {"x": 0.0, "y": 0.0, "yaw": 0.0},
+        "where the dock is; with x and y both 0 the place where the mission started",
+    ),
+}
+
+PLUGIN = Plugin(
+    name="nav",
+    doc="The mobile base: navigation, its pose, its battery and its emergency stop.",
+    operations=OPERATIONS,
+    functions=FUNCTIONS,
+    values=VALUES,
+    types={"tag": TAG},
+    readers={"tag": Reader(UNKNOWN_TAG, bind_tag_reader)},
+    parameters=PARAMETERS,
+    client="lupin_nav.client:NavClient",
+)

@@ -1,0 +1,268 @@
+"""The mobile base over ROS: Nav2's action server, the localizer, the battery and the emergency stop.
+
+Every callback runs on the node's one thread, so nothing here is locked.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+from geometry_msgs.msg import PoseWithCovarianceStamped
+from nav2_msgs.action import NavigateToPose
+from sensor_msgs.msg import BatteryState
+from std_msgs.msg import Bool
+
+from lupin_engine.plugin.contract import Outlet
+from lupin_engine.ros.middleware import Goal, Qos, RosNode
+from lupin_nav import goal_status, localization
+from lupin_nav.battery import charge
+
+#: How often the localizer and the action server are looked at, in seconds.
+WATCH_PERIOD_S = 0.2
+#: How long an action server may be out of sight before its goals count as lost, in seconds. A node that is
+#: restarted, or discovery that stumbles, is back sooner or has lost the goal anyway.
+SERVER_GRACE_S = 2.0
+
+
+@dataclass
+class _Drive:
+    """One attempt at the action server."""
+
+    goal: Goal | None = None
+    cancelling: bool = False
+    found_again: bool = False
+    gone_since: float | None = None
+    told: str = ""
+
+
+@dataclass
+class _Localizing:
+    """One attempt that waits for a pose."""
+
+    limit: float
+    told: str = ""
+
+
+class NavClient:
+    """The driver of plugin `nav`: see `Driver` for what every call promises."""
+
+    def __init__(self, ros: RosNode, outlet: Outlet, parameters: Mapping[str, Any]) -> None:
+        self._ros = ros
+        self._outlet = outlet
+        self._parameters = parameters
+        self._fix: localization.Fix | None = None
+        self._drives: dict[str, _Drive] = {}
+        self._localizing: dict[str, _Localizing] = {}
+        self._lost: dict[str, _Drive] = {}  # nobody waits for these, and yet a server may still drive them
+        self._frames_refused: set[str] = set()
+        self._closed = False
+        self._server = ros.action(NavigateToPose, parameters["nav_action_name"])
+        self._pose_topic = ros.node.resolve_topic_name(parameters["amcl_pose_topic"])
+        ros.subscribe(PoseWithCovarianceStamped, parameters["amcl_pose_topic"], Qos.LATCHED, self._on_pose)
+        ros.subscribe(BatteryState, parameters["battery_topic"], Qos.EVENT, self._on_battery)
+        ros.subscribe(Bool, parameters["estop_topic"], Qos.EVENT, self._on_estop)
+        self._timer = ros.timer(WATCH_PERIOD_S, self._watch)
+
+    def missing(self) -> list[str]:
+        """Name the action server while it cannot be reached."""
+        return [] if self._server.ready() else [f"action server {self._parameters['nav_action_name']}"]
+
+    def start(self, attempt: str, operation: str, arguments: Mapping[str, Any]) -> None:
+        """Begin `localize`, `go_to` or `dock`."""
+        if operation == "localize":
+            self._start_localizing(attempt, arguments["max_variance"])
+        elif operation == "go_to":
+            self._go_to(attempt, arguments["pose"], arguments.get("max_variance"))
+        elif operation == "dock":
+            self._drive(attempt, arguments["pose"])
+        else:
+            raise ValueError(f"nav has no operation {operation!r}")
+
+    def cancel(self, attempt: str) -> None:
+        """Ask that an attempt ends; a goal not yet accepted is left to be cancelled when it is."""
+        if self._localizing.pop(attempt, None) is not None:
+            self._outlet.cancelled(attempt)
+        drive = self._drives.get(attempt)
+        if drive is not None and drive.goal is not None:
+            drive.cancelling = True
+            drive.goal.cancel()
+
+    def act(self, action: str, arguments: Mapping[str, Any]) -> None:
+        """Nothing: this plugin has no actions."""
+        raise ValueError(f"nav has no action {action!r}")
+
+    def close(self) -> None:
+        """Stop the robot as far as it can still be told, and report no more."""
+        self._closed = True
+        self._timer.cancel()
+        self._localizing.clear()
+        for attempt in list(self._drives):
+            self._abandon(attempt)
+
+    # --- localization
+
+    def _start_localizing(self, attempt: str, limit: float) -> None:
+        self._localizing[attempt] = _Localizing(limit)
+        self._outlet.accepted(attempt)
+        self._look_at_localization()
+
+    def _look_at_localization(self) -> None:
+        for attempt, waiting in list(self._localizing.items()):
+            reason = localization.waits_for(self._fix, self._pose_is_live(), waiting.limit, self._pose_topic)
+            if not reason:
+                del self._localizing[attempt]
+                self._outlet.done(attempt, {})
+            elif reason != waiting.told:
+                waiting.told = reason
+                self._outlet.progress(attempt, reason)
+
+    def _pose_is_live(self) -> bool:
+        """Say whether the last pose can be relied on.
+
+        Age cannot tell: a localizer is silent while the robot stands. A localizer that died can be told by its
+        publisher, which ceases to exist.
+        """
+        must_live = self._parameters["amcl_pose_must_live"]
+        return not must_live or self._ros.node.count_publishers(self._pose_topic) > 0
+
+    def _on_pose(self, message: PoseWithCovarianceStamped) -> None:
+        frame = message.header.frame_id.lstrip("/")
+        if frame not in ("", self._parameters["frame_id"]):
+            self._refuse_frame(frame)
+            return
+        self._fix = localization.fix(message)
+        if self._fix is not None:
+            # The time of receipt, not of the header: the pose holds until the next one, however old it is, and
+            # simulations mix clocks.
+            self._report("robot.pose", self._fix.pose)
+        self._look_at_localization()
+
+    def _refuse_frame(self, frame: str) -> None:
+        if frame not in self._frames_refused:
+            self._frames_refused.add(frame)
+            self._ros.log.warning(
+                "pose in another frame ignored",
+                topic=self._pose_topic,
+                frame=frame,
+                expected=self._parameters["frame_id"],
+            )
+
+    # --- driving
+
+    def _go_to(self, attempt: str, pose: Mapping[str, float], limit: float | None) -> None:
+        drift = localization.drift(self._fix, self._pose_is_live(), limit)
+        if drift:
+            self._outlet.failed(attempt, "amcl_drift_var", drift)
+        else:
+            self._drive(attempt, pose)
+
+    def _drive(self, attempt: str, pose: Mapping[str, float]) -> None:
+        if not self._server.ready():
+            # A goal sent to nobody is lost without a word.
+            self._outlet.failed(attempt, "nav_unavailable", self._server_is("not there"))
+            return
+        drive = self._drives[attempt] = _Drive()
+        drive.goal = self._server.send(
+            self._goal(pose),
+            accepted=partial(self._on_accepted, attempt),
+            feedback=partial(self._on_feedback, attempt),
+            ended=partial(self._on_ended, attempt),
+            rejected=partial(self._on_rejected, attempt),
+        )
+
+    def _goal(self, pose: Mapping[str, float]) -> NavigateToPose.Goal:
+        goal = NavigateToPose.Goal()
+        goal.pose.header.frame_id = self._parameters["frame_id"]
+        goal.pose.header.stamp = self._ros.stamp()
+        goal.pose.pose.position.x = float(pose["x"])
+        goal.pose.pose.position.y = float(pose["y"])
+        goal.pose.pose.orientation.z = math.sin(pose["yaw"] / 2.0)
+        goal.pose.pose.orientation.w = math.cos(pose["yaw"] / 2.0)
+        return goal
+
+    def _on_accepted(self, attempt: str) -> None:
+        lost = self._lost.get(attempt)
+        if lost is not None and lost.goal is not None:
+            lost.goal.cancel()
+        elif attempt in self._drives:
+            self._outlet.accepted(attempt)
+
+    def _on_rejected(self, attempt: str) -> None:
+        self._lost.pop(attempt, None)
+        if self._drives.pop(attempt, None) is not None:
+            self._outlet.failed(attempt, "nav_rejected", self._server_is("not willing to take the goal"))
+
+    def _on_feedback(self, attempt: str, feedback: NavigateToPose.Feedback) -> None:
+        drive = self._drives.get(attempt)
+        told = f"{feedback.distance_remaining:.1f} m to go, {feedback.number_of_recoveries} recoveries"
+        if drive is not None and told != drive.told:
+            drive.told = told
+            self._outlet.progress(attempt, told)
+
+    def _on_ended(self, attempt: str, status: int, result: Any) -> None:
+        self._lost.pop(attempt, None)
+        drive = self._drives.pop(attempt, None)
+        if drive is None:
+            return
+        if status == goal_status.SUCCEEDED:
+            self._outlet.done(attempt, {})
+        elif status == goal_status.CANCELED and drive.cancelling:
+            self._outlet.cancelled(attempt)
+        else:
+            self._outlet.failed(attempt, *goal_status.failure(status, result))
+
+    # --- the server's life
+
+    def _watch(self) -> None:
+        self._look_at_localization()
+        if not self._drives and not self._lost:
+            return
+        if self._server.ready():
+            self._on_server_in_sight()
+        else:
+            self._on_server_out_of_sight()
+
+    def _on_server_in_sight(self) -> None:
+        for drive in self._drives.values():
+            drive.gone_since = None
+        # It may never have been away but only out of reach, and still be driving for an attempt given up.
+        for lost in self._lost.values():
+            if lost.goal is not None and not lost.found_again:
+                lost.found_again = True
+                lost.goal.cancel()
+
+    def _on_server_out_of_sight(self) -> None:
+        now = self._ros.now()
+        for attempt, drive in list(self._drives.items()):
+            drive.gone_since = now if drive.gone_since is None else drive.gone_since
+            if now - drive.gone_since >= SERVER_GRACE_S:
+                self._abandon(attempt)
+                detail = self._server_is(f"gone for {now - drive.gone_since:.1f} s")
+                self._outlet.failed(attempt, "nav_unavailable", detail)
+
+    def _abandon(self, attempt: str) -> None:
+        """Wait for an attempt no more, but cancel its goal now and whenever it turns up again."""
+        drive = self._lost[attempt] = self._drives.pop(attempt)
+        if drive.goal is not None:
+            drive.goal.cancel()
+
+    def _server_is(self, state: str) -> str:
+        return f"action server {self._parameters['nav_action_name']} is {state}"
+
+    # --- live values
+
+    def _on_battery(self, message: BatteryState) -> None:
+        fraction = charge(message.percentage)
+        if fraction is not None:
+            self._report("robot.battery", fraction)
+
+    def _on_estop(self, message: Bool) -> None:
+        self._report("robot.estop", bool(message.data))
+
+    def _report(self, name: str, value: Any) -> None:
+        if not self._closed:
+            self._outlet.value(name, value, self._ros.now())

@@ -1,0 +1,70 @@
+"""The functions that missions call, bound to the layout and the parameters of a run."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from lupin_engine.plugin.contract import Parameters
+from lupin_nav import layout, overrides
+
+#: Records of the types `pose` and `tag`, as plain data.
+Pose = dict[str, float]
+TagRecord = dict[str, Any]
+
+
+def bind_approach(parameters: Parameters) -> Callable[[TagRecord], Pose]:
+    """Return `approach(target)` for the layout, overrides, standoff and heading of the parameters.
+
+    Raises:
+        LupinError: the layout or the overrides file cannot be used.
+    """
+    # Imported here because numpy takes longer to load than all catalogs together, and only runs need it.
+    from lupin_nav.approach import Tables, approach
+
+    tables = Tables(layout.load(parameters["tag_locations_file"]).tables)
+    by_hand = overrides.load(parameters["approach_overrides_file"])
+    standoff, yaw = parameters["approach_standoff_m"], parameters["approach_yaw"]
+
+    def approach_target(target: TagRecord) -> Pose:
+        found = approach((target["x"], target["y"]), tables, standoff, yaw, by_hand.get(target["id"]))
+        return {"x": found.x, "y": found.y, "yaw": found.yaw}
+
+    return approach_target
+
+
+def bind_numeric_order(parameters: Parameters) -> Callable[[], list[TagRecord]]:
+    """Return `tags.numeric_order()` over the layout of the parameters."""
+    known = layout.load(parameters["tag_locations_file"])
+    return lambda: [_record(tag) for tag in known.numeric_order()]
+
+
+def bind_named(parameters: Parameters) -> Callable[[list[str]], list[TagRecord]]:
+    """Return `tags.named(names)` over the layout of the parameters; unknown ids raise ValueError."""
+    known = layout.load(parameters["tag_locations_file"])
+    return lambda names: [_record(tag) for tag in known.named(names)]
+
+
+def bind_tag_reader(parameters: Parameters) -> Callable[[Any], TagRecord]:
+    """Return the reader of type `tag`: an id to its record; unknown ids raise ValueError."""
+    known = layout.load(parameters["tag_locations_file"])
+    return lambda tag_id: _record(known.tag(tag_id))
+
+
+def bind_home_pose(parameters: Parameters) -> Callable[[Pose], Pose]:
+    """Return `home_pose(start)`.
+
+    A dock at exactly (0, 0) is one that nobody has set: the robot then comes back to where it started, with
+    the heading of the parameter.
+    """
+    dock = parameters["dock_pose"]
+
+    def home_pose(start: Pose) -> Pose:
+        unset = dock["x"] == 0.0 and dock["y"] == 0.0
+        return {"x": start["x"], "y": start["y"], "yaw": dock["yaw"]} if unset else dict(dock)
+
+    return home_pose
+
+
+def _record(tag: layout.Tag) -> TagRecord:
+    return {"id": tag.id, "x": tag.x, "y": tag.y}

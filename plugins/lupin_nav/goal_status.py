@@ -1,0 +1,29 @@
+"""How a drive that ended without success is told: code and detail by the status of its goal."""
+
+from __future__ import annotations
+
+from typing import Any
+
+SUCCEEDED = 4
+CANCELED = 5
+ABORTED = 6
+
+#: `action_msgs/GoalStatus` by its own names; 5 and 6 were once mistaken for each other in every log.
+NAMES = ("UNKNOWN", "ACCEPTED", "EXECUTING", "CANCELING", "SUCCEEDED", "CANCELED", "ABORTED")
+
+
+def failure(status: int, result: Any) -> tuple[str, str]:
+    """Return the code and the detail of a goal that ended in `status` without success and without our asking.
+
+    CANCELED and ABORTED have codes of their own. A server that no longer knows the goal answers UNKNOWN, and
+    a status in which no goal can end is as good as that: both are `nav_status_0`, told apart by the detail.
+    """
+    name = NAMES[status] if 0 <= status < len(NAMES) else f"status {status}"
+    code = f"nav_status_{status}" if status in (CANCELED, ABORTED) else "nav_status_0"
+    return code, name + _error(result)
+
+
+def _error(result: Any) -> str:
+    """Return what Nav2 says about the failure; older servers send no such fields."""
+    number, text = getattr(result, "error_code", 0), getattr(result, "error_msg", "")
+    return (f", error {number}" if number else "") + (f": {text}" if text else "")

@@ -1,0 +1,1 @@
+"""What the cameras know: whether the tag in front of the robot is the expected one."""

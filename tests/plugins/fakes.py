@@ -1,0 +1,183 @@
+"""Stand-ins for the middleware adapter and the engine's outlet: time and the world move when a test says so."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from lupin_engine.plugin.contract import Plugin
+
+
+def defaults(plugin: Plugin, **changed: Any) -> dict[str, Any]:
+    """Return the parameters of `plugin` at their defaults, but for `changed`."""
+    return {name: parameter.default for name, parameter in plugin.parameters.items()} | changed
+
+
+@dataclass
+class FakeOutlet:
+    """Keeps what a driver reported: `reports` of attempts in order, `values` by name in order."""
+
+    reports: list[tuple[Any, ...]] = field(default_factory=list)
+    values: list[tuple[str, Any, float]] = field(default_factory=list)
+
+    def accepted(self, attempt: str) -> None:
+        self.reports.append(("accepted", attempt))
+
+    def progress(self, attempt: str, detail: str) -> None:
+        self.reports.append(("progress", attempt, detail))
+
+    def done(self, attempt: str, result: Mapping[str, Any]) -> None:
+        self.reports.append(("done", attempt, dict(result)))
+
+    def failed(self, attempt: str, code: str, detail: str = "") -> None:
+        self.reports.append(("failed", attempt, code, detail))
+
+    def cancelled(self, attempt: str) -> None:
+        self.reports.append(("cancelled", attempt))
+
+    def value(self, name: str, value: Any, stamp: float) -> None:
+        self.values.append((name, value, stamp))
+
+    def of(self, name: str) -> list[Any]:
+        """Return every value that was reported under `name`."""
+        return [value for known, value, _ in self.values if known == name]
+
+    def kinds(self, attempt: str) -> list[str]:
+        """Return the kinds of reports about one attempt, in order, without progress."""
+        return [kind for kind, about, *_ in self.reports if about == attempt and kind != "progress"]
+
+
+@dataclass
+class FakeGoal:
+    """A goal that a test accepts, rejects and ends; `cancels` counts the requests to cancel it."""
+
+    request: Any
+    accepted: Callable[[], None]
+    feedback: Callable[[Any], None]
+    ended: Callable[[int, Any], None]
+    rejected: Callable[[], None]
+    cancels: int = 0
+
+    def cancel(self) -> None:
+        self.cancels += 1
+
+
+class FakeAction:
+    """An action server that is up until a test says otherwise."""
+
+    def __init__(self) -> None:
+        self.up = True
+        self.goals: list[FakeGoal] = []
+
+    def ready(self) -> bool:
+        return self.up
+
+    def send(self, request: Any, **callbacks: Callable[..., None]) -> FakeGoal:
+        self.goals.append(FakeGoal(request, **callbacks))
+        return self.goals[-1]
+
+
+@dataclass
+class FakeCall:
+    """A service call that a test answers through `done`."""
+
+    request: Any
+    timeout: float
+    done: Callable[[Any], None]
+    cancelled: bool = False
+
+    def cancel(self) -> None:
+        self.cancelled = True
+
+
+class FakeService:
+    """A service that is up until a test says otherwise; with `instant` it answers within the call."""
+
+    def __init__(self) -> None:
+        self.up = True
+        self.instant: Any = None
+        self.calls: list[FakeCall] = []
+
+    def ready(self) -> bool:
+        return self.up
+
+    def call(self, request: Any, timeout: float, done: Callable[[Any], None]) -> FakeCall:
+        self.calls.append(FakeCall(request, timeout, done))
+        if self.instant is not None:
+            done(self.instant)
+        return self.calls[-1]
+
+
+class FakeLog:
+    """Keeps warnings as (event, details)."""
+
+    def __init__(self) -> None:
+        self.warnings: list[tuple[str, dict[str, Any]]] = []
+
+    def warning(self, event: str, **details: Any) -> None:
+        self.warnings.append((event, details))
+
+
+class FakeTimer:
+    """A timer that a test fires by `FakeRos.pass_time`."""
+
+    def __init__(self, period: float, callback: Callable[[], None]) -> None:
+        self.period, self.callback, self.running = period, callback, True
+
+    def cancel(self) -> None:
+        self.running = False
+
+
+class FakeGraph:
+    """The part of an rclpy node that clients look at: names, and how many publish a topic."""
+
+    def __init__(self) -> None:
+        self.publishers = 1
+
+    def resolve_topic_name(self, topic: str) -> str:
+        return topic
+
+    def count_publishers(self, topic: str) -> int:
+        return self.publishers
+
+
+class FakeRos:
+    """What clients use of `RosNode`, with one action server, one service and a clock that a test moves."""
+
+    def __init__(self) -> None:
+        self.node = FakeGraph()
+        self.log = FakeLog()
+        self.server = FakeAction()
+        self.remote = FakeService()
+        self.timers: list[FakeTimer] = []
+        self.subscriptions: dict[str, Callable[[Any], None]] = {}
+        self.time = 100.0
+
+    def now(self) -> float:
+        return self.time
+
+    def stamp(self) -> Any:
+        from builtin_interfaces.msg import Time
+
+        return Time(sec=int(self.time))
+
+    def subscribe(self, kind: Any, topic: str, qos: Any, callback: Callable[[Any], None]) -> None:
+        self.subscriptions[topic] = callback
+
+    def action(self, kind: Any, name: str) -> FakeAction:
+        return self.server
+
+    def service(self, kind: Any, name: str) -> FakeService:
+        return self.remote
+
+    def timer(self, period: float, callback: Callable[[], None]) -> FakeTimer:
+        self.timers.append(FakeTimer(period, callback))
+        return self.timers[-1]
+
+    def pass_time(self, seconds: float) -> None:
+        """Move the clock and fire every running timer once at the end."""
+        self.time += seconds
+        for timer in self.timers:
+            if timer.running:
+                timer.callback()
