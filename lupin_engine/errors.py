@@ -77,7 +77,7 @@ class ChartError(LupinError):
 
 
 def nearest(name: str, allowed: Iterable[str]) -> str:
-    """Say what was probably meant by `name`, else list all that is allowed (sorted, so the text is stable)."""
+    """Say what was probably meant by `name`, else list all that is allowed, sorted so the text is stable."""
     names = sorted(set(allowed))
     close = difflib.get_close_matches(name, names, n=1, cutoff=0.6)
     if close:

@@ -85,8 +85,13 @@ class Node(BaseModel):
         for name in (key, *inner):
             if not isinstance(raw, Map) or name not in raw:
                 return found
-            found, raw = raw.key_places[name], raw[name]
+            found, raw = raw.key_place(name), raw[name]
         return found
+
+    def text_of_key(self, key: str, inner: str) -> Text:
+        """Return a key of the mapping under `key` as it was written."""
+        text: Text = self._raw[key].keys_as_text[inner]
+        return text
 
     def value_at(self, key: str, *inner: str) -> Place:
         """Return where a value in nested mappings stands, as deep as there is one."""
@@ -360,7 +365,7 @@ def read_document(raw: Map, model: type[_D], findings: Findings) -> _D | None:
     if kind not in raw:
         other = next((word for word in KINDS if word in raw), None)
         what = f"this is a {other}" if other else "the file does not say what it is"
-        place = raw.key_places[other] if other else raw.place
+        place = raw.key_place(other) if other else raw.place
         findings.add(place, "wrong-shape", "", f"expected a {kind}, but {what}", f"begin with '{kind}: NAME'")
         return None
     try:
@@ -379,7 +384,7 @@ def _report(raw: Map, details: ErrorDetails, findings: Findings) -> None:
         name = str(step)
         if isinstance(found, Map) and name in found:
             place, missing = found.places[name], ""
-            found, last = found[name], found.key_places[name]
+            found, last = found[name], found.key_place(name)
             trail.append(name)
         elif isinstance(found, Seq) and isinstance(step, int) and step < len(found):
             place, missing = found.places[step], ""

@@ -103,20 +103,25 @@ def _character(row: str, column: int, style: str) -> tuple[int, bool]:
 
 
 class Map(dict[str, Any]):
-    """A mapping from a file; `key_places` and `places` say where each key and value stands.
+    """A mapping from a file; `keys_as_text` and `places` say where each key and value stands.
 
     `model` is set by the document model that read it, so that an unknown key can be answered with what is
     known there.
     """
 
-    __slots__ = ("key_places", "model", "place", "places")
+    __slots__ = ("keys_as_text", "model", "place", "places")
 
     def __init__(self, place: Place) -> None:
         super().__init__()
         self.place = place
-        self.key_places: dict[str, Place] = {}
+        self.keys_as_text: dict[str, Text] = {}
         self.places: dict[str, Place] = {}
         self.model: Any = None
+
+
+    def key_place(self, key: str) -> Place:
+        """Return where a key stands."""
+        return self.keys_as_text[key].place
 
 
 class Seq(list[Any]):
@@ -277,29 +282,30 @@ class _Builder:
     def _mapping(self, place: Place, depth: int) -> Map:
         found = Map(place)
         while not isinstance(event := self._next(), yaml.MappingEndEvent):
-            key, key_place = self._key(event)
+            key = self._key(event)
             value_event = self._next()
             value = self._node(value_event, depth + 1)
             if key in found:
-                first = found.key_places[key]
-                problem = f"the key {key!r} stands twice, in line {first.line} and in line {key_place.line}"
-                self._findings.add(key_place, "duplicate-key", "", problem, "remove or rename one")
+                first = found.keys_as_text[key].place
+                problem = f"the key {str(key)!r} stands twice, in line {first.line} and in line {key.place.line}"
+                self._findings.add(key.place, "duplicate-key", "", problem, "remove or rename one")
                 continue
             found[key] = value
-            found.key_places[key] = key_place
+            found.keys_as_text[key] = key
             found.places[key] = self._place(value_event)
         return found
 
-    def _key(self, event: Any) -> tuple[str, Place]:
+    def _key(self, event: Any) -> Text:
         place = self._place(event)
         if not isinstance(event, yaml.ScalarEvent):
             self._refuse(place, "wrong-yaml", "a key must be a plain word")
         self._count(1, place)
         if event.tag is not None:
             self._refuse(place, "wrong-yaml", f"the tag {event.tag!r} is not allowed", "write the plain key")
+        text = self._text_of(event, place)
         if event.anchor is not None:
-            self._anchors[event.anchor] = (self._text_of(event, place), 1)
-        return event.value, place
+            self._anchors[event.anchor] = (text, 1)
+        return text
 
     def _scalar(self, event: Any, place: Place) -> Any:
         value: str = event.value

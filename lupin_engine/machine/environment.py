@@ -12,7 +12,7 @@ from lupin_engine.machine.memory import Memory, Walk
 
 @dataclass(frozen=True)
 class World:
-    """What never changes while a machine lives: the chart, checked parameters, bound functions and readers."""
+    """What never changes while a machine lives: chart, checked parameters, bound functions and readers."""
 
     chart: Chart
     parameters: Mapping[str, Any]

@@ -146,7 +146,9 @@ class Machine:
     def _signal(self, signal: Signal) -> None:
         """Offer an internal event to its state, or to all active ones."""
         if signal.state is None:
-            rules = self._enabled(self._structure.candidates(self.memory.configuration, signal.name), signal.cause)
+            rules = self._enabled(
+                self._structure.candidates(self.memory.configuration, signal.name), signal.cause
+            )
         elif signal.state in self.memory.configuration:
             own = (self._structure.rules_of(signal.state, signal.name),)
             rules = self._enabled(own, signal.cause)
@@ -246,7 +248,9 @@ class Machine:
                 if not engaged and self._allows(hold.engage_guard):
                     engaging.append(hold.name)
                 else:
-                    refusal = refusal or self._refusal(event, hold.code if engaged else hold.engage_code or hold.code)
+                    refusal = refusal or self._refusal(
+                        event, hold.code if engaged else hold.engage_code or hold.code
+                    )
         return engaging, releasing, refusal
 
     def _allows(self, guard: Expression | None) -> bool:
@@ -310,7 +314,9 @@ class Machine:
         rising = [
             hold
             for hold in self.chart.holds.values()
-            if hold.engage.startswith("input.") and hold.name not in self.memory.held and inputs.holds(hold.engage)
+            if hold.engage.startswith("input.")
+            and hold.name not in self.memory.held
+            and inputs.holds(hold.engage)
         ]
         for hold in rising:
             self._engage(hold)
@@ -392,7 +398,9 @@ class Machine:
         for name in names:
             state = self.chart.states[name]
             order = self._structure.order
-            self.memory.configuration = tuple(sorted((*self.memory.configuration, name), key=order.__getitem__))
+            self.memory.configuration = tuple(
+                sorted((*self.memory.configuration, name), key=order.__getitem__)
+            )
             self._turn.entered.append(name)
             self._begin_walk(state, cause)
             self._content.run(state.entry, name, cause, self._turn)
@@ -429,7 +437,9 @@ class Machine:
             return
         if state.name not in self.memory.walks:
             items = list(state.itinerary.items.evaluate(self._env(state.name, cause)))
-            self.memory.walks[state.name] = Walk(state.name, items, [Visit(_identity(item)) for item in items])
+            self.memory.walks[state.name] = Walk(
+                state.name, items, [Visit(_identity(item)) for item in items]
+            )
         self.memory.current_walk = state.name
 
     def _remember_history(self, exits: Sequence[str]) -> None:
@@ -472,8 +482,17 @@ class Machine:
 
     def _structure_defaults(self) -> tuple[str, ...]:
         """Return the states that the chart starts in."""
-        start = Transition("start", "start", "", self.chart.states[""].place, target=self._default_child(self.chart.states[""]))
-        return ("", *self._structure.entries(start, self._remembered, self._default_child, self._resume_child))
+        start = Transition(
+            "start",
+            "start",
+            "",
+            self.chart.states[""].place,
+            target=self._default_child(self.chart.states[""]),
+        )
+        return (
+            "",
+            *self._structure.entries(start, self._remembered, self._default_child, self._resume_child),
+        )
 
 
 def _identity(item: Any) -> str:

@@ -41,7 +41,11 @@ def read_request(
 
 def _read_field(world: World, field: Field, given: Any, env: Environment) -> tuple[Any, Refusal | None]:
     try:
-        value = field.default.evaluate(env) if _absent(given) and field.default else _read(world, field.type, given)
+        value = (
+            field.default.evaluate(env)
+            if _absent(given) and field.default
+            else _read(world, field.type, given)
+        )
     except ValueError as problem:
         return None, Refusal(_code_of(world, field.type), str(problem))
     if field.not_empty is not None and not value:

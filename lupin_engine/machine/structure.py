@@ -30,7 +30,7 @@ FAULT = "FAULT"
 EXECUTION_ERROR = "error.execution"
 
 
-class ChartState(NestedState):  # type: ignore[misc]
+class ChartState(NestedState):
     """A state of the library that knows its rule; dots separate levels because names may hold `_`."""
 
     separator = "."
@@ -40,7 +40,7 @@ class ChartState(NestedState):  # type: ignore[misc]
         self.rule = rule
 
 
-class ChartTransition(NestedTransition):  # type: ignore[misc]
+class ChartTransition(NestedTransition):
     """A transition of the library that knows its rule."""
 
     def __init__(self, *args: Any, rule: Transition, **kwargs: Any) -> None:
@@ -48,7 +48,7 @@ class ChartTransition(NestedTransition):  # type: ignore[misc]
         self.rule = rule
 
 
-class ChartMachine(HierarchicalMachine):  # type: ignore[misc]
+class ChartMachine(HierarchicalMachine):
     """The library's machine over our states and transitions."""
 
     state_cls = ChartState
@@ -117,7 +117,7 @@ def _library_target(chart: Chart, rule: Transition) -> str | None:
     return _library_name((target.parent or "") if target.kind is Kind.HISTORY else target.name)
 
 
-def _condition(rule: Transition) -> list[Callable[[Any], bool]]:
+def _condition(rule: Transition) -> list[str | Callable[..., bool | None]]:
     """Let the stock machine ask the same guard; it finds the environment in the event's keywords."""
     guard = rule.guard
     if guard is None:
@@ -143,6 +143,7 @@ class Structure:
         for event in self.machine.events.values():
             for transitions in event.transitions.values():
                 for transition in transitions:
+                    assert isinstance(transition, ChartTransition)
                     found[transition.rule.source].append(transition.rule)
         return {name: self._in_written_order(name, rules) for name, rules in found.items()}
 
@@ -211,7 +212,11 @@ class Structure:
     def domain(self, rule: Transition, targets: Sequence[str]) -> str:
         """Return the innermost compound state that holds source and targets and is itself not left."""
         source = self.chart.states[rule.source]
-        if rule.internal and source.kind is Kind.COMPOUND and all(self.is_below(t, rule.source) for t in targets):
+        if (
+            rule.internal
+            and source.kind is Kind.COMPOUND
+            and all(self.is_below(t, rule.source) for t in targets)
+        ):
             return rule.source
         for ancestor in self._lineage[rule.source][1:]:
             compound = self.chart.states[ancestor].kind is Kind.COMPOUND

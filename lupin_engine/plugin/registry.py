@@ -142,8 +142,9 @@ def _join(plugins: dict[str, Plugin]) -> Catalog:
 
 
 def _prefixed(plugins: Mapping[str, Plugin], pick: Callable[[Plugin], Mapping[str, _T]]) -> Mapping[str, _T]:
-    found = {f"{plugin.name}.{name}": thing for plugin in plugins.values() for name, thing in pick(plugin).items()}
-    return MappingProxyType(found)
+    return MappingProxyType(
+        {f"{plugin.name}.{name}": thing for plugin in plugins.values() for name, thing in pick(plugin).items()}
+    )
 
 
 def _codes(plugins: Iterable[Plugin]) -> Mapping[str, Code]:

@@ -9,12 +9,12 @@ from typing import Any
 
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Pose
-from lupin_msgs.msg import MissionState, Observation, SensorReading, TagReading
 
 from lupin_engine.errors import Severity
 from lupin_engine.machine.event import Publish
 from lupin_engine.machine.view import View
 from lupin_engine.plugin.contract import Code
+from lupin_msgs.msg import MissionState, Observation, SensorReading, TagReading
 
 #: A true heading of 180° has w = 0, which on this wire means "never populated"; this is close enough to it.
 SMALLEST_W = 1e-9
@@ -126,6 +126,7 @@ def tag_reading(tag_id: str, reading: Mapping[str, Any]) -> TagReading:
     message.stamp = to_time(float(reading.get("stamp", 0.0)))
     message.sim_time_of_day_seconds = float(reading.get("sim_time_of_day_seconds", 0.0))
     message.readings = [
-        SensorReading(name=sensor["name"], value=float(sensor["value"])) for sensor in reading.get("readings", ())
+        SensorReading(name=sensor["name"], value=float(sensor["value"]))
+        for sensor in reading.get("readings", ())
     ]
     return message

@@ -15,8 +15,6 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from lupin_msgs.msg import MissionState, Observation
-from lupin_msgs.srv import StartMission
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
@@ -35,6 +33,8 @@ from lupin_engine.ros.readiness import Readiness
 from lupin_engine.runtime.engine import Engine, EngineOutlet
 from lupin_engine.runtime.record import step_record, view_record
 from lupin_engine.runtime.setup import make_machine
+from lupin_msgs.msg import MissionState, Observation
+from lupin_msgs.srv import StartMission
 
 NAME = "mission_orchestrator"
 #: A request that was sent longer ago than this is not carried out: whoever sent it has given up, in seconds.
@@ -44,13 +44,15 @@ STALE_REQUEST = 5.0
 OWN_PARAMETERS: Mapping[str, Parameter] = {
     "missions": Parameter(list_of(TEXT), [], "missions to offer, by name or file; none: all that are found"),
     "missions_path": Parameter(TEXT, "", "folder of the missions; empty: the ones that come with the engine"),
-    "state_publish_rate_hz": Parameter(NUMBER, 5.0, "how often /mission/state is repeated, in Hz", minimum=0.1),
+    "state_publish_rate_hz": Parameter(
+        NUMBER, 5.0, "how often /mission/state is repeated, in Hz", minimum=0.1
+    ),
     "mission_id_prefix": Parameter(TEXT, "lupin", "what mission ids begin with"),
 }
 
 
 class NodeClock:
-    """The loop's clock: ROS time with `use_sim_time`, else monotonic, so that a stepped wall clock is harmless."""
+    """The loop's clock: ROS time with `use_sim_time`, else monotonic: a stepped wall clock is harmless."""
 
     def __init__(self, ros: RosNode) -> None:
         self._ros = ros
@@ -102,11 +104,16 @@ class Orchestrator:
         self._deadline: tuple[float, Timer] | None = None
         drivers.update(_clients(ros, chart, catalog, outlet, machine.world.parameters))
         drivers["plugins"] = Readiness(drivers, outlet, ros.timer)
-        ros.on_stop(lambda: [driver.close() for driver in drivers.values()])
+        self._drivers = drivers
+        ros.on_stop(self._close)
         self._serve()
         ros.timer(1.0 / float(given["state_publish_rate_hz"]), self._publish_state)
         self._engine.start()
         self._work()
+
+    def _close(self) -> None:
+        for driver in self._drivers.values():
+            driver.close()
 
     # -- requests ---------------------------------------------------------------------------------------
 
@@ -176,12 +183,12 @@ class Orchestrator:
 
     def _log(self, step: Step) -> None:
         if step.taken:
-            self._ros.log.info("step", event=step.event.name, taken=list(step.taken), now=step.configuration[-1])
+            self._ros.log.info("step", on=step.event.name, taken=list(step.taken), now=step.configuration[-1])
         for note in step.notes:
             self._ros.log.info(note)
 
     def _report(self, report: Report) -> None:
-        counts = {status: 0 for status in ("OK", "UNREACHABLE", "SCAN_FAILED", "SKIPPED")}
+        counts = dict.fromkeys(("OK", "UNREACHABLE", "SCAN_FAILED", "SKIPPED"), 0)
         for visit in report.visits:
             if visit["status"]:
                 counts[visit["status"]] += 1

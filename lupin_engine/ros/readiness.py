@@ -37,7 +37,8 @@ class Readiness:
 
     def missing(self) -> list[str]:
         """Name what the other plugins wait for."""
-        return sorted(name for driver in self._drivers.values() if driver is not self for name in driver.missing())
+        others = [driver for driver in self._drivers.values() if driver is not self]
+        return sorted(name for driver in others for name in driver.missing())
 
     def start(self, attempt: str, operation: str, arguments: Mapping[str, Any]) -> None:
         """Begin to wait."""

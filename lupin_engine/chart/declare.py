@@ -1,0 +1,374 @@
+"""What the files of a chart declare before any state is looked at: parameters, inputs, codes, variables, holds.
+
+Every name is one for the whole chart, whichever file declares it: parameters become ROS parameters, codes
+reach one `last_error`. Two files may declare the same name, but then with the same meaning.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, TypeVar
+
+from lupin_engine.chart.documents import (
+    FileNode,
+    HoldNode,
+    InputNode,
+    LevelNode,
+    LifecycleNode,
+    ParameterNode,
+    RequestFieldNode,
+)
+from lupin_engine.chart.expressions import BUILTIN_CALLS, ROOTS, Scope, Usage
+from lupin_engine.chart.findings import Findings
+from lupin_engine.chart.model import Field, Hold, Input, Level, Variable
+from lupin_engine.chart.quantities import describe
+from lupin_engine.chart.values import read_constant, read_guard, read_value
+from lupin_engine.errors import Place, Severity, nearest
+from lupin_engine.plugin.contract import Code, Parameter
+from lupin_engine.plugin.registry import Catalog
+from lupin_engine.plugin.types import BOOL, DURATION, UNITS, Type, number_in, parse_type
+
+NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
+
+#: What an operator may ask for at any time; the other request is mission.start.
+OPERATOR_REQUESTS = ("abort", "dock", "pause", "reset", "resume", "skip_current")
+REQUESTS = ("mission.start", *(f"operator.{name}" for name in OPERATOR_REQUESTS))
+
+_SEVERITIES: Mapping[str, Severity] = {"info": Severity.INFO, "warn": Severity.WARN, "error": Severity.ERROR}
+
+_T = TypeVar("_T")
+
+
+@dataclass
+class Declared:
+    """The declarations of all files, joined; `places` say where each was first declared, for what follows."""
+
+    parameters: dict[str, Parameter] = field(default_factory=dict)
+    inputs: dict[str, Input] = field(default_factory=dict)
+    codes: dict[str, Code] = field(default_factory=dict)
+    context: dict[str, Variable] = field(default_factory=dict)
+    holds: dict[str, Hold] = field(default_factory=dict)
+    by_file: dict[str, dict[str, Parameter]] = field(default_factory=dict)
+    places: dict[tuple[str, str], Place] = field(default_factory=dict)
+    types: set[str] = field(default_factory=set)
+
+
+class Declarer:
+    """Reads the declarations of one file after the other into one `Declared`."""
+
+    def __init__(self, catalog: Catalog, findings: Findings, usage: Usage) -> None:
+        self._catalog = catalog
+        self._findings = findings
+        self._types = catalog.known_types
+        self._usage = usage
+        self.declared = Declared()
+
+    def read(self, files: Iterable[FileNode]) -> Declared:
+        """Read the declarations of `files`, the lifecycle first."""
+        nodes = list(files)
+        for node in nodes:
+            self._parameters(node)
+        for node in nodes:
+            self._codes(node)
+            self._inputs(node)
+            self._context(node)
+        return self.declared
+
+    # -- shared --------------------------------------------------------------------------------------------
+
+    def _put(self, family: str, known: dict[str, _T], name: str, thing: _T, place: Place, same: Any) -> None:
+        """Enter a declaration; `same` tells whether it means what an earlier one of that name does."""
+        if name in known and not same(known[name], thing):
+            first = self.declared.places[family, name]
+            problem = f"{family} {name!r} is declared differently in {first}"
+            self._findings.add(place, "conflicting-definition", "", problem, "make both the same, or rename one")
+        if name not in known:
+            known[name] = thing
+            self.declared.places[family, name] = place
+
+    def _name(self, what: str, name: str, place: Place, path: str) -> bool:
+        if NAME.fullmatch(name) and not (what == "variable" and (name in ROOTS or name in BUILTIN_CALLS)):
+            return True
+        problem = f"{name!r} cannot be the name of a {what}"
+        hint = "it is a word of expressions" if NAME.fullmatch(name) else "use letters, digits and underscores"
+        self._findings.add(place, "bad-name", path, problem, hint)
+        return False
+
+    def _type(self, text: str, place: Place, path: str) -> Type | None:
+        try:
+            kind = parse_type(text, self._types)
+        except ValueError as error:
+            problem, _, hint = str(error).partition("; ")
+            self._findings.add(place, "unknown-type", path, problem, hint)
+            return None
+        self.declared.types.add(_innermost(kind).name)
+        return kind
+
+    def base_scope(self, file: FileNode | None, functions: bool = True) -> Scope:
+        """Return what an expression of a file sees anywhere: parameters, inputs, variables, functions."""
+        known = dict(self._catalog.parameters)
+        for name in [next(iter(self.declared.by_file), ""), file.name if file else ""]:
+            known.update(self.declared.by_file.get(name, {}))
+        names = {
+            "param": Type("record", "param", fields={name: known[name].type for name in known}),
+            "input": Type("record", "input", fields={n: input_type(i) for n, i in self.declared.inputs.items()}),
+            **{name: variable.type for name, variable in self.declared.context.items()},
+        }
+        absent = {
+            "error": ("unknown-name", "only an on_error has one"),
+            "request": ("unknown-name", "only the states of a mission have one"),
+            "event": ("unknown-name", "nothing has happened yet where this is read"),
+            "target": ("missing-itinerary", "no state around this one has an itinerary"),
+            "itinerary": ("missing-itinerary", "no state around this one has an itinerary"),
+        }
+        known_functions = self._catalog.functions if functions else {}
+        return Scope(names, known_functions, (), tuple(self.declared.holds), absent, {}, self._usage)
+
+    # -- parameters ----------------------------------------------------------------------------------------
+
+    def _parameters(self, file: FileNode) -> None:
+        own = self.declared.by_file.setdefault(file.name, {})
+        for name, node in file.params.items():
+            place, path = file.key_at("params", name), f"params.{name}"
+            if not self._name("parameter", name, place, path):
+                continue
+            parameter = self._parameter(node, path)
+            if parameter is None:
+                continue
+            own[name] = parameter
+            if name in self._catalog.parameters and self._catalog.parameters[name] != parameter:
+                owner = self._catalog.owners["parameter", name]
+                problem = f"parameter {name!r} is declared differently by plugin {owner!r}"
+                self._findings.add(place, "conflicting-definition", path, problem, "use that one, or rename yours")
+            self._put("parameter", self.declared.parameters, name, parameter, place, _same_parameter)
+
+    def _parameter(self, node: ParameterNode, path: str) -> Parameter | None:
+        kind = self._type(node.type, node.at("type"), path)
+        if kind is not None and node.unit is not None:
+            kind = self._unit(node, kind, path)
+        if kind is None:
+            return None
+        default = read_constant(node.default, node.at("default"), kind, self._findings, f"{path}.default")
+        low, high = (self._bound(node, key, kind, path) for key in ("min", "max"))
+        if default is None:
+            return None
+        if isinstance(default.value, (int, float)):
+            self._range(node, default.value, low, high, path)
+        return Parameter(kind, default.value, node.summary, low, high)
+
+    def _unit(self, node: ParameterNode, kind: Type, path: str) -> Type | None:
+        place = node.at("unit")
+        if kind.kind != "number" or kind.unit:
+            problem = f"a {kind} has no unit of its own to choose"
+            self._findings.add(place, "wrong-unit", path, problem, "use type: number with a unit")
+            return None
+        if node.unit not in UNITS:
+            problem = f"unknown unit {node.unit!r}"
+            self._findings.add(place, "wrong-unit", path, problem, nearest(str(node.unit), UNITS))
+            return None
+        return number_in(UNITS[node.unit][0])
+
+    def _bound(self, node: ParameterNode | RequestFieldNode, key: str, kind: Type, path: str) -> float | None:
+        raw = getattr(node, key)
+        if raw is None:
+            return None
+        if kind.kind not in ("integer", "number"):
+            problem = f"a {describe(kind)} has no {key}"
+            self._findings.add(node.key_at(key), "wrong-type", path, problem, f"leave {key!r} out")
+            return None
+        found = read_constant(raw, node.at(key), kind, self._findings, f"{path}.{key}")
+        return None if found is None else float(found.value)
+
+    def _range(self, node: ParameterNode, value: float, low: float | None, high: float | None, path: str) -> None:
+        wrong = ""
+        if low is not None and value < low:
+            wrong = f"the default is below the minimum of {node.min}"
+        elif high is not None and value > high:
+            wrong = f"the default is above the maximum of {node.max}"
+        if low is not None and high is not None and low > high:
+            wrong = f"the minimum of {node.min} is above the maximum of {node.max}"
+        if wrong:
+            self._findings.add(node.at("default"), "out-of-range", path, wrong)
+
+    # -- codes, inputs, variables --------------------------------------------------------------------------
+
+    def _codes(self, file: FileNode) -> None:
+        for name, node in file.codes.items():
+            place = file.key_at("codes", name)
+            if self._name("code", name, place, f"codes.{name}"):
+                code = Code(name, node.label, _SEVERITIES[node.severity])
+                self._put("code", self.declared.codes, name, code, place, _equal)
+
+    def _inputs(self, file: FileNode) -> None:
+        scope = self.base_scope(file, functions=False)
+        for name, node in file.inputs.items():
+            place, path = file.key_at("inputs", name), f"inputs.{name}"
+            found = self._input(name, node, place, scope, path) if self._name("input", name, place, path) else None
+            if found is not None:
+                self._put("input", self.declared.inputs, name, found, place, _same_input)
+
+    def _input(self, name: str, node: InputNode, place: Place, scope: Scope, path: str) -> Input | None:
+        value = self._catalog.values.get(node.value)
+        if value is None:
+            at = node.at("value")
+            self._findings.unknown(at, "unknown-value", path, "live value", node.value, self._catalog.values)
+            return None
+        initial, freshness = value.initial, value.freshness
+        if node.initial is not None:
+            read = read_constant(node.initial, node.at("initial"), value.type, self._findings, f"{path}.initial")
+            initial = read.value if read else None
+        if node.freshness is not None:
+            read = read_constant(node.freshness, node.at("freshness"), DURATION, self._findings, f"{path}.freshness")
+            freshness = read.value if read else None
+        levels = [self._level(node, key, level, value.type, scope, path) for key, level in node.levels.items()]
+        kept = tuple(level for level in levels if level is not None)
+        return Input(name, node.value, value.type, place, freshness, initial, kept)
+
+    def _level(
+        self, node: InputNode, name: str, level: LevelNode, kind: Type, scope: Scope, path: str
+    ) -> Level | None:
+        place, path = node.key_at("levels", name), f"{path}.levels.{name}"
+        if not self._name("level", name, place, path):
+            return None
+        if kind.kind not in ("number", "integer"):
+            problem = f"a level is drawn from a number, {node.value} is a {describe(kind)}"
+            self._findings.add(place, "wrong-type", path, problem)
+            return None
+        if name == "value":
+            self._findings.add(place, "bad-name", path, "a level cannot be called 'value', the number itself is")
+            return None
+        findings = self._findings
+        below = read_value(level.below, level.at("below"), kind, scope, findings, f"{path}.below")
+        hysteresis = None
+        if level.hysteresis is not None:
+            place_of = level.at("hysteresis")
+            hysteresis = read_value(level.hysteresis, place_of, kind, scope, findings, f"{path}.hysteresis")
+        return None if below is None else Level(name, below, hysteresis, place)
+
+    def _context(self, file: FileNode) -> None:
+        scope = self.base_scope(file)
+        for name, node in file.context.items():
+            place, path = file.key_at("context", name), f"context.{name}"
+            if not self._name("variable", name, place, path):
+                continue
+            kind = self._type(node.type, node.at("type"), path)
+            if kind is None:
+                continue
+            default = read_value(node.default, node.at("default"), kind, scope, self._findings, f"{path}.default")
+            if default is not None:
+                self._put("variable", self.declared.context, name, Variable(name, kind, default, place), place, _same_variable)
+
+    # -- holds and requests --------------------------------------------------------------------------------
+
+    def name_holds(self, file: LifecycleNode) -> None:
+        """Make the names of the holds known, so that expressions can ask for them."""
+        for name, node in file.holds.items():
+            place = file.key_at("holds", name)
+            if self._name("hold", name, place, f"holds.{name}"):
+                self.declared.holds[name] = Hold(name, node.engage, tuple(node.release), node.code, place)
+
+    def holds(self, file: LifecycleNode, scope: Scope, codes: Iterable[str]) -> dict[str, Hold]:
+        """Read the holds of the lifecycle, whose guards see `scope`."""
+        known = set(codes)
+        return {
+            name: self._hold(name, file.holds[name], hold.place, scope, known)
+            for name, hold in self.declared.holds.items()
+        }
+
+    def _hold(self, name: str, node: HoldNode, place: Place, scope: Scope, codes: set[str]) -> Hold:
+        path, findings = f"holds.{name}", self._findings
+        allowed = [*REQUESTS, *level_events(self.declared.inputs)]
+        if node.engage not in allowed:
+            findings.unknown(node.at("engage"), "unknown-event", path, "event", node.engage, allowed)
+        for index, event in enumerate(node.release):
+            if event not in REQUESTS:
+                findings.unknown(node.at("release", index), "unknown-event", path, "request", event, REQUESTS)
+        for key in ("code", "engage_code"):
+            code = getattr(node, key)
+            if code is not None and code not in codes:
+                findings.unknown(node.at(key), "undeclared-code", path, "code", code, codes)
+        guards = {
+            key: read_guard(getattr(node, key), node.at(key), scope, findings, f"{path}.{key}")
+            for key in ("engage_guard", "release_guard")
+        }
+        if node.engage_guard is not None and node.engage_code is None and not node.engage.startswith("input."):
+            problem = "a request that the guard refuses needs a reason"
+            findings.add(node.place, "missing-key", path, problem, "write 'engage_code: ...'")
+        return Hold(
+            name,
+            node.engage,
+            tuple(node.release),
+            node.code,
+            place,
+            guards["engage_guard"],
+            node.engage_code,
+            guards["release_guard"],
+        )
+
+    def field(self, name: str, node: RequestFieldNode, place: Place, scope: Scope, codes: set[str]) -> Field | None:
+        """Read one field of a mission's request."""
+        path, findings = f"request.{name}", self._findings
+        if not self._name("field", name, place, path):
+            return None
+        kind = self._type(node.type, node.at("type"), path)
+        if kind is None:
+            return None
+        default = None
+        if node.default is not None:
+            default = read_value(node.default, node.at("default"), kind, scope, findings, f"{path}.default")
+        if node.not_empty is not None:
+            at = node.at("not_empty")
+            if kind.kind != "list":
+                findings.add(at, "wrong-type", path, f"only a list can be empty, this is a {describe(kind)}")
+            elif node.not_empty not in codes:
+                findings.unknown(at, "undeclared-code", path, "code", node.not_empty, codes)
+        return Field(name, kind, place, default, node.not_empty, self._bound(node, "min", kind, path))
+
+
+def input_type(found: Input) -> Type:
+    """Return what an expression sees of an input: the value, or a record of the value and its levels."""
+    if not found.levels:
+        return found.type
+    fields = {"value": found.type, **{level.name: BOOL for level in found.levels}}
+    return Type("record", f"input.{found.name}", fields=fields)
+
+
+def level_events(inputs: Mapping[str, Input]) -> list[str]:
+    """Return the events that stand for a level: yes-or-no inputs, and the levels drawn from numbers."""
+    plain = [f"input.{name}" for name, found in inputs.items() if found.type.kind == "bool"]
+    return plain + [f"input.{name}.{level.name}" for name, found in inputs.items() for level in found.levels]
+
+
+def _innermost(kind: Type) -> Type:
+    return _innermost(kind.item) if kind.item is not None else kind
+
+
+def _equal(first: Any, second: Any) -> bool:
+    return bool(first == second)
+
+
+def _same_parameter(first: Parameter, second: Parameter) -> bool:
+    return (first.type, first.default, first.minimum, first.maximum) == (
+        second.type,
+        second.default,
+        second.minimum,
+        second.maximum,
+    )
+
+
+def _same_input(first: Input, second: Input) -> bool:
+    plain = [(i.value, i.freshness, i.initial, [(v.name, _text(v.below)) for v in i.levels]) for i in (first, second)]
+    return plain[0] == plain[1]
+
+
+def _same_variable(first: Variable, second: Variable) -> bool:
+    return first.type == second.type and _text(first.default) == _text(second.default)
+
+
+def _text(value: Any) -> Any:
+    return getattr(value, "source", None) or getattr(value, "value", None)
+
+
+__all__ = ["NAME", "REQUESTS", "Declared", "Declarer", "input_type", "level_events"]

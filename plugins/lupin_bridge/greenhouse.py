@@ -1,0 +1,152 @@
+"""The greenhouse simulator `mdp-greenhouse` behind one small class: no ROS, no surprises.
+
+The package wants path objects, answers unknown tags with nothing, and lets whatever goes wrong inside escape
+in a dozen exception types; here a path is text, and what cannot be answered is one of two errors.
+"""
+
+from __future__ import annotations
+
+import math
+import random
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from lupin_engine.errors import LupinError
+
+if TYPE_CHECKING:
+    from greenhouse_sim import GreenhouseSimulator
+
+SECONDS_PER_DAY = 86400.0
+
+#: The package puts the time of day among the sensor values under this name.
+_TIME_KEY = "timestamp"
+
+
+class UnknownTag(LupinError):
+    """The layout has no tag of that id."""
+
+
+class ReadingFailed(LupinError):
+    """The simulator cannot answer for a tag that exists."""
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Where the simulator's files are and how its clock runs; the defaults are the package's own.
+
+    `debug_time_of_day` (hours) from 0 on fixes the time; `debug_seed` from 0 on makes the noise repeatable
+    (with the time of day of the climate file, unless that is given too); `speedup_factor` above 0 replaces
+    the one of the climate file.
+    """
+
+    tag_file: str = ""
+    sim_config_file: str = ""
+    debug_time_of_day: float = -1.0
+    debug_seed: int = -1
+    speedup_factor: float = 0.0
+
+
+@dataclass(frozen=True)
+class TagValues:
+    """One poll: time of day in [0, 86400) seconds, and (sensor, value) in the order of the layout."""
+
+    time_of_day: float
+    sensors: tuple[tuple[str, float], ...]
+
+
+class Greenhouse:
+    """The simulated greenhouse: which tags it has, and what is measured at them.
+
+    Raises:
+        LupinError: a file cannot be used; the text names it.
+    """
+
+    def __init__(self, settings: Settings = Settings()) -> None:
+        self._simulator = _simulator(settings)
+        self._tags = tuple(self._simulator.tags())
+        if not self._tags:
+            # The package takes a layout without tags for a layout.
+            raise LupinError(f"layout {settings.tag_file or '(bundled)'} has no tags")
+        _adjust_clock(self._simulator, settings)
+
+    @property
+    def tags(self) -> tuple[str, ...]:
+        """The ids of all tags, in the order of the layout."""
+        return self._tags
+
+    def unmeasurable(self) -> dict[str, list[str]]:
+        """Return the tags that list sensors which the climate file does not describe, with these sensors."""
+        known = set(self._simulator.sensors())
+        missing = {tag: [s for s in self._sensors_of(tag) if s not in known] for tag in self._tags}
+        return {tag: sensors for tag, sensors in missing.items() if sensors}
+
+    def read(self, tag_id: str) -> TagValues:
+        """Measure at one tag; only the sensors that the layout gives to it.
+
+        Raises:
+            UnknownTag: there is no such tag.
+            ReadingFailed: the simulator failed, for instance over a sensor without a climate.
+        """
+        if tag_id not in self._tags:
+            raise UnknownTag(f"unknown tag {tag_id!r}; the layout has {len(self._tags)} tags")
+        try:
+            data = self._simulator.get_sensor_data(tag_id)
+            time_of_day = float(data[_TIME_KEY]) % SECONDS_PER_DAY
+            sensors = tuple((name, float(value)) for name, value in data.items() if name != _TIME_KEY)
+        except Exception as error:
+            # Anything can escape from there; a tag that cannot be read must not end the program.
+            raise ReadingFailed(f"tag {tag_id!r}: {self._why(tag_id, error)}") from error
+        if not all(math.isfinite(value) for _, value in sensors):
+            raise ReadingFailed(f"tag {tag_id!r}: the simulator returned {dict(sensors)}")
+        return TagValues(time_of_day, sensors)
+
+    def _sensors_of(self, tag_id: str) -> Iterable[str]:
+        tag = self._simulator.tag_manager.get_tags()[tag_id]
+        sensors: Iterable[str] = tag.get("sensors", ()) if isinstance(tag, dict) else ()
+        return sensors
+
+    def _why(self, tag_id: str, error: Exception) -> str:
+        missing = self.unmeasurable().get(tag_id)
+        if missing:
+            return f"the climate file does not describe its sensors {', '.join(missing)}"
+        return f"the simulator failed: {type(error).__name__}: {error}"
+
+
+def _simulator(settings: Settings) -> GreenhouseSimulator:
+    # Imported late: the package brings matplotlib, which a catalog or a client does not need.
+    try:
+        from greenhouse_sim import GreenhouseSimulator
+    except ImportError as error:
+        raise LupinError("the greenhouse simulator is not installed: pip install mdp-greenhouse") from error
+    tag_file = _existing(settings.tag_file, "layout")
+    config_file = _existing(settings.sim_config_file, "climate")
+    try:
+        return GreenhouseSimulator(tag_file, config_file)
+    except Exception as error:
+        files = ", ".join(str(file) for file in (tag_file, config_file) if file) or "its own files"
+        raise LupinError(f"the greenhouse simulator cannot use {files}: {error}") from error
+
+
+def _existing(file: str, what: str) -> Path | None:
+    """Return the path, as the package wants it; None means the file that comes with the package."""
+    if not file:
+        return None
+    path = Path(file).expanduser()
+    if not path.is_file():
+        # The package takes a layout that does not exist for one without tags.
+        raise LupinError(f"{what} file {file} does not exist")
+    return path
+
+
+def _adjust_clock(simulator: GreenhouseSimulator, settings: Settings) -> None:
+    time = simulator.sim_config["time"]
+    if settings.speedup_factor > 0:
+        time["speedup_factor"] = settings.speedup_factor
+    if settings.debug_time_of_day >= 0:
+        time["debug_mode"] = True
+        time["debug_time_of_day"] = settings.debug_time_of_day
+    if settings.debug_seed >= 0:
+        time["debug_mode"] = True
+        random.seed(settings.debug_seed)  # the package draws its noise from the process-wide generator
