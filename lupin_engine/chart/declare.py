@@ -109,7 +109,7 @@ class Declarer:
     def base_scope(self, file: FileNode | None, functions: bool = True) -> Scope:
         """Return what an expression of a file sees anywhere: parameters, inputs, variables, functions."""
         known = dict(self._catalog.parameters)
-        for name in [next(iter(self.declared.by_file), ""), file.name if file else ""]:
+        for name in [next(iter(self.declared.by_file), ""), file.title if file else ""]:
             known.update(self.declared.by_file.get(name, {}))
         names = {
             "param": Type("record", "param", fields={name: known[name].type for name in known}),
@@ -129,7 +129,7 @@ class Declarer:
     # -- parameters ----------------------------------------------------------------------------------------
 
     def _parameters(self, file: FileNode) -> None:
-        own = self.declared.by_file.setdefault(file.name, {})
+        own = self.declared.by_file.setdefault(file.title, {})
         for name, node in file.params.items():
             place, path = file.key_at("params", name), f"params.{name}"
             if not self._name("parameter", name, place, path):
@@ -138,7 +138,8 @@ class Declarer:
             if parameter is None:
                 continue
             own[name] = parameter
-            if name in self._catalog.parameters and self._catalog.parameters[name] != parameter:
+            plugin = self._catalog.parameters.get(name)
+            if plugin is not None and not _same_parameter(plugin, parameter):
                 owner = self._catalog.owners["parameter", name]
                 problem = f"parameter {name!r} is declared differently by plugin {owner!r}"
                 self._findings.add(place, "conflicting-definition", path, problem, "use that one, or rename yours")
@@ -164,11 +165,11 @@ class Declarer:
             problem = f"a {kind} has no unit of its own to choose"
             self._findings.add(place, "wrong-unit", path, problem, "use type: number with a unit")
             return None
-        if node.unit not in UNITS:
-            problem = f"unknown unit {node.unit!r}"
-            self._findings.add(place, "wrong-unit", path, problem, nearest(str(node.unit), UNITS))
+        unit = node.unit or ""
+        if unit not in UNITS:
+            self._findings.add(place, "wrong-unit", path, f"unknown unit {unit!r}", nearest(unit, UNITS))
             return None
-        return number_in(UNITS[node.unit][0])
+        return number_in(UNITS[unit][0])
 
     def _bound(self, node: ParameterNode | RequestFieldNode, key: str, kind: Type, path: str) -> float | None:
         raw = getattr(node, key)

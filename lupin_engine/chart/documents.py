@@ -312,6 +312,16 @@ class FileNode(Node):
     initial: str | None = Field(None, description="state that is entered first")
     states: dict[str, StateNode | None] = Field(description="states")
 
+    @property
+    def name(self) -> str:
+        """The name that the file gives itself."""
+        raise NotImplementedError
+
+    @property
+    def title(self) -> str:
+        """Kind and name, unique over the files of a chart."""
+        return f"{type(self).__name__} {self.name}"
+
 
 class LifecycleNode(FileNode):
     """What all missions share."""

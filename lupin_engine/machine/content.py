@@ -1,7 +1,7 @@
 """Executable content: the actions of transitions, entries and exits, the built-in ones carried out here.
 
-As in SCXML, an error in an action ends its block and becomes `error.execution`; the step goes on, so a
-configuration is never left half-way.
+As in SCXML, an error in an action ends its block and becomes an internal error event (see `Turn.fail`); the
+step goes on, so a configuration is never left half-way.
 """
 
 from __future__ import annotations
@@ -13,8 +13,6 @@ from lupin_engine.chart.model import ActionCall
 from lupin_engine.machine.environment import Cause, World, environment, walk_of
 from lupin_engine.machine.event import Act, Publish, Report
 from lupin_engine.machine.memory import Memory, Visit, Walk
-from lupin_engine.machine.operations import EXECUTION_CODE
-from lupin_engine.machine.structure import EXECUTION_ERROR
 from lupin_engine.machine.turn import Signal, Turn
 
 
@@ -31,10 +29,7 @@ class Content:
             try:
                 self._run(call, state, cause, turn)
             except Exception as problem:
-                detail = f"{call.place}: {call.name}: {problem}"
-                error = {"code": EXECUTION_CODE, "detail": detail}
-                turn.notes.append(detail)
-                turn.signals.append(Signal(EXECUTION_ERROR, None, Cause(event=error, error=error)))
+                turn.fail(state, f"{call.place}: {call.name}: {problem}")
                 return
 
     def _run(self, call: ActionCall, state: str, cause: Cause, turn: Turn) -> None:

@@ -18,18 +18,18 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-from lupin_engine.chart.model import Expression, Hold, Kind, State, Transition, UnknownInput
+from lupin_engine.chart.model import Expression, Hold, Itinerary, Kind, State, Transition, UnknownInput
 from lupin_engine.errors import LupinError, Severity
 from lupin_engine.machine.content import Content
 from lupin_engine.machine.environment import NO_CAUSE, Cause, Inputs, World, environment
 from lupin_engine.machine.event import Event
 from lupin_engine.machine.memory import Memory, Visit, Walk
-from lupin_engine.machine.operations import EXECUTION_CODE, Operations
+from lupin_engine.machine.operations import Operations
 from lupin_engine.machine.request import read_request
 from lupin_engine.machine.step import Refusal, Step
-from lupin_engine.machine.structure import EXECUTION_ERROR, Structure
+from lupin_engine.machine.structure import EXECUTION_ERROR, FAULT, FAULT_RULE, Structure
 from lupin_engine.machine.timers import Timers
-from lupin_engine.machine.turn import Signal, Turn
+from lupin_engine.machine.turn import EXECUTION_CODE, Signal, Turn
 from lupin_engine.machine.view import View, moment_of, view_of
 
 #: More microsteps than this in one step is a cycle of the chart, not work.
@@ -145,22 +145,32 @@ class Machine:
 
     def _signal(self, signal: Signal) -> None:
         """Offer an internal event to its state, or to all active ones."""
-        if signal.state is None:
-            rules = self._enabled(
-                self._structure.candidates(self.memory.configuration, signal.name), signal.cause
-            )
-        elif signal.state in self.memory.configuration:
-            own = (self._structure.rules_of(signal.state, signal.name),)
-            rules = self._enabled(own, signal.cause)
-        else:
-            self._turn.notes.append(f"dropped: {signal.name} of {signal.state}, which was left")
-            return
+        raised = signal.cause.error.get("code") == EXECUTION_CODE
+        rules = self._listeners(signal)
         if rules:
+            if raised:
+                self._report(EXECUTION_CODE, signal.cause.error["detail"])
             self._microstep(rules, signal.cause)
+        elif signal.state is not None and signal.state not in self.memory.configuration and not raised:
+            self._turn.note(f"dropped: {signal.name} of {signal.state}, which was left")
         elif signal.name == "error":
             self._turn.signals.append(Signal(EXECUTION_ERROR, None, signal.cause))
         elif signal.name == EXECUTION_ERROR:
-            self._turn.notes.append(f"nobody handles the error {signal.cause.error.get('detail', '')}")
+            self._turn.note(f"nobody handles the error {signal.cause.error.get('detail', '')}")
+        elif signal.state is None:
+            self._turn.note(f"nobody listens to {signal.name}")
+
+    def _listeners(self, signal: Signal) -> tuple[Transition, ...]:
+        """Return the transitions that an internal event causes."""
+        active = self.memory.configuration
+        if signal.state is None:
+            rules = self._enabled(self._structure.candidates(active, signal.name), signal.cause)
+        elif signal.state in active:
+            rules = self._enabled((self._structure.rules_of(signal.state, signal.name),), signal.cause)
+        else:
+            return ()
+        # An error within FAULT does not lead there again, or a failing entry action would repeat for ever.
+        return tuple(rule for rule in rules if not (rule.id == FAULT_RULE and FAULT in active))
 
     # -- which transitions ------------------------------------------------------------------------------
 
@@ -196,11 +206,13 @@ class Machine:
         try:
             return bool(guard.evaluate(self._env(state, cause)))
         except UnknownInput as unknown:
-            self._turn.notes.append(f"{guard.place}: {guard.source}: {unknown}")
+            self._turn.note(f"{guard.place}: {guard.source}: {unknown}")
         except Exception as problem:
             detail = f"{guard.place}: {guard.source}: {problem}"
-            error = {"code": EXECUTION_CODE, "detail": detail}
-            self._turn.signals.append(Signal(EXECUTION_ERROR, None, Cause(event=error, error=error)))
+            # Guards are asked again in every microstep; the error is one.
+            if detail not in self._turn.failed_guards:
+                self._turn.failed_guards.add(detail)
+                self._turn.fail(state, detail)
         return False
 
     def _env(self, state: str, cause: Cause) -> Any:
@@ -289,7 +301,8 @@ class Machine:
         ]
         here = self.view.lifecycle or "this state"
         text = f"{verb} is not possible in {here}"
-        if any(event.name in hold.release for hold in self.chart.holds.values()):
+        resumes = any(event.name in hold.release for hold in self.chart.holds.values())
+        if resumes and event.name != "mission.start":
             text += " because nothing is paused"
         elif where:
             text += "; it is possible in " + ", ".join(dict.fromkeys(where))
@@ -410,8 +423,12 @@ class Machine:
 
     def _arm_timers(self, state: State, cause: Cause) -> None:
         for timer in state.timers:
-            delay = float(timer.after.evaluate(self._env(state.name, cause)))
-            self._timers.arm("after", state.name, self._turn.now, delay, timer.event)
+            try:
+                delay = float(timer.after.evaluate(self._env(state.name, cause)))
+            except Exception as problem:
+                self._turn.fail(state.name, f"{timer.place}: after: {problem}")
+            else:
+                self._timers.arm("after", state.name, self._turn.now, delay, timer.event)
 
     def _completed(self, final: State) -> None:
         """Raise `done` for the state that a final state ends, and for a parallel one with it."""
@@ -424,9 +441,15 @@ class Machine:
             self._turn.signals.append(Signal("done", above.name))
 
     def _is_final(self, region: str) -> bool:
+        """Say whether a region of a parallel state has come to its end (SCXML: isInFinalState)."""
+        state = self.chart.states[region]
+        if state.kind is Kind.HISTORY:
+            return True
+        if state.kind is Kind.PARALLEL:
+            return all(map(self._is_final, state.children))
         return any(
             self.chart.states[child].kind is Kind.FINAL and child in self.memory.configuration
-            for child in self.chart.states[region].children
+            for child in state.children
         )
 
     # -- itineraries, history ---------------------------------------------------------------------------
@@ -436,11 +459,18 @@ class Machine:
         if state.itinerary is None:
             return
         if state.name not in self.memory.walks:
-            items = list(state.itinerary.items.evaluate(self._env(state.name, cause)))
+            items = self._items(state, state.itinerary, cause)
             self.memory.walks[state.name] = Walk(
                 state.name, items, [Visit(_identity(item)) for item in items]
             )
         self.memory.current_walk = state.name
+
+    def _items(self, state: State, itinerary: Itinerary, cause: Cause) -> list[Any]:
+        try:
+            return list(itinerary.items.evaluate(self._env(state.name, cause)))
+        except Exception as problem:
+            self._turn.fail(state.name, f"{itinerary.place}: itinerary: {problem}")
+            return []
 
     def _remember_history(self, exits: Sequence[str]) -> None:
         leaving = set(exits)

@@ -75,6 +75,7 @@ class Attempt:
     uses: tuple[str, ...]
     phase: Phase
     detail: str = ""
+    timeout: float | None = None
 
 
 @dataclass

@@ -5,7 +5,7 @@ state until the state is left. It speaks through one `Attempt` at a time. The ru
 
 * only the current attempt of a live invocation can speak; what another one says is dropped and counted;
 * leaving the state, a hold, a timeout or a retry ends the attempt: it is cancelled, and cancelled again
-  when the server accepts it late;
+  when the server accepts it late; one whose answer waits for a release has ended, and is only forgotten;
 * an attempt waits until every earlier one that uses one of its resources has ended, or has been cancelling
   for `CANCEL_DEADLINE` seconds, so that a late cancel can never hit the new goal;
 * a failed attempt is tried again up to the number that `retry` gives; one that a hold ended is refunded.
@@ -21,12 +21,11 @@ from lupin_engine.machine.environment import Cause, World, environment
 from lupin_engine.machine.event import Cancel, Event, Start
 from lupin_engine.machine.memory import Attempt, Invocation, Memory, Phase
 from lupin_engine.machine.timers import Timers
-from lupin_engine.machine.turn import Signal, Turn
+from lupin_engine.machine.turn import EXECUTION_CODE, Signal, Turn
 from lupin_engine.plugin.contract import OnHold
 
 #: How long a cancelled attempt may keep its resource, in seconds (the reference's grace before docking).
 CANCEL_DEADLINE = 3.0
-EXECUTION_CODE = "execution_error"
 CANCELLED_CODE = "operation_cancelled"
 
 
@@ -97,12 +96,13 @@ class Operations:
         env = environment(self._world, self._memory, invocation.state, turn.now, Cause())
         try:
             arguments = {name: value.evaluate(env) for name, value in invoke.arguments.items()}
+            timeout = float(invoke.timeout.evaluate(env)) if invoke.timeout else None
         except Exception as problem:
             self._signal_error(invocation, EXECUTION_CODE, f"{invoke.place}: {problem}", turn)
             return
         number = f"a{self._memory.fresh_id()}"
         uses = invoke.operation.uses
-        attempt = Attempt(number, invocation.state, invoke.name, arguments, uses, Phase.WAITING)
+        attempt = Attempt(number, invocation.state, invoke.name, arguments, uses, Phase.WAITING, timeout=timeout)
         self._memory.attempts[number] = attempt
         invocation.attempt = number
         invocation.tries += 1
@@ -117,13 +117,8 @@ class Operations:
                 return
         attempt.phase = Phase.REQUESTED
         turn.commands.append(Start(attempt.id, attempt.operation, attempt.arguments))
-        self._arm_timeout(attempt, turn)
-
-    def _arm_timeout(self, attempt: Attempt, turn: Turn) -> None:
-        invoke = self._invoke(self._memory.invocations[attempt.invocation])
-        if invoke.timeout is not None:
-            env = environment(self._world, self._memory, attempt.invocation, turn.now, Cause())
-            self._timers.arm("timeout", attempt.id, turn.now, float(invoke.timeout.evaluate(env)))
+        if attempt.timeout is not None:
+            self._timers.arm("timeout", attempt.id, turn.now, attempt.timeout)
 
     def _cancel_current(self, invocation: Invocation, turn: Turn) -> None:
         attempt = self._memory.attempts.get(invocation.attempt or "")
@@ -131,15 +126,24 @@ class Operations:
         if attempt is None:
             return
         self._timers.disarm("timeout", attempt.id)
-        if attempt.phase is Phase.WAITING:
+        if attempt.phase is Phase.WAITING or self._forget_answer(attempt, turn):
             self._remove(attempt, turn)
             return
         turn.commands.append(Cancel(attempt.id, attempt.operation))
         if attempt.uses:
-            attempt.phase = Phase.CANCELLING
             self._timers.arm("cancel", attempt.id, turn.now, CANCEL_DEADLINE)
-        else:
+        elif attempt.phase is Phase.ACCEPTED:
             self._remove(attempt, turn)
+            return
+        attempt.phase = Phase.CANCELLING
+
+    def _forget_answer(self, attempt: Attempt, turn: Turn) -> bool:
+        """Drop the answer that waits for a release, if the attempt has one."""
+        waiting = [event for event in self._memory.deferred if event.data["attempt"] == attempt.id]
+        for event in waiting:
+            self._memory.deferred.remove(event)
+            self._drop(event.name.removeprefix("attempt."), attempt.id, turn)
+        return bool(waiting)
 
     def _remove(self, attempt: Attempt, turn: Turn) -> None:
         """Forget an attempt that ended, and start what waited for its resources."""
@@ -229,9 +233,14 @@ class Operations:
         if rule is None or code in rule.unless:
             return False
         env = environment(self._world, self._memory, invocation.state, turn.now, Cause())
-        if invocation.tries >= int(rule.attempts.evaluate(env)):
+        try:
+            attempts = int(rule.attempts.evaluate(env))
+            backoff = float(rule.backoff.evaluate(env)) if rule.backoff else 0.0
+        except Exception as problem:
+            turn.note(f"{rule.attempts.place}: retry: {problem}")
             return False
-        backoff = float(rule.backoff.evaluate(env)) if rule.backoff else 0.0
+        if invocation.tries >= attempts:
+            return False
         turn.notes.append(f"try {invocation.tries} failed ({code}); next in {backoff:g} s")
         self._timers.arm("retry", invocation.id, turn.now, backoff)
         return True

@@ -12,6 +12,10 @@ from lupin_engine.machine.step import Refusal, Step
 from lupin_engine.machine.view import Moment
 
 
+#: The code of an expression or action that raised.
+EXECUTION_CODE = "execution_error"
+
+
 @dataclass(frozen=True)
 class Signal:
     """An internal event. With `state` only that state's transitions listen to it."""
@@ -34,8 +38,20 @@ class Turn:
     notes: list[str] = field(default_factory=list)
     trail: list[Moment] = field(default_factory=list)
     signals: deque[Signal] = field(default_factory=deque)
+    failed_guards: set[str] = field(default_factory=set)
     accepted: bool | None = None
     refusal: Refusal | None = None
+
+    def note(self, text: str) -> None:
+        """Say something about this step, once."""
+        if text not in self.notes:
+            self.notes.append(text)
+
+    def fail(self, state: str, detail: str) -> None:
+        """Something written in `state` raised: an error for its `on_error`, else for the chart."""
+        self.note(detail)
+        error = {"code": EXECUTION_CODE, "detail": detail}
+        self.signals.append(Signal("error", state, Cause(event=error, error=error)))
 
     def step(self, memory: Memory) -> Step:
         """Return the finished record."""

@@ -253,6 +253,10 @@ class RosNode:
         """
         self._parameter_callbacks.append(callback)
 
+    def set_parameter(self, name: str, value: Any) -> None:
+        """Correct a declared parameter from inside the node; the `on_parameter` callbacks hear of it."""
+        self.node.set_parameters([ros_parameters.to_ros(name, self._specs[name], value)])
+
     def _declare_parameters(self) -> None:
         given = self._given()
         for name in given:
@@ -322,6 +326,10 @@ class RosNode:
     def stamp(self) -> Time:
         """Return the time of the node's clock as a message."""
         return self.node.get_clock().now().to_msg()
+
+    def elapsed(self) -> float:
+        """Return seconds on the clock of the timers: for durations, not to be shown or sent."""
+        return float(self._timer_clock().now().nanoseconds) * 1e-9
 
     def timer(self, period: float, callback: Callable[[], None]) -> Timer:
         """Call `callback` every `period` seconds (of ROS time with `use_sim_time`, else of real time)."""

@@ -6,8 +6,9 @@ queue and are stepped after it, so a step never runs inside another.
 
 from __future__ import annotations
 
+import contextlib
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 from lupin_engine.machine import event as events
@@ -44,11 +45,12 @@ class Engine:
         self.drivers = drivers
         self._listener = listener
         self._queue: deque[Event] = deque()
-        self._draining = False
+        self._stepping = False
 
     def start(self) -> None:
         """Enter the chart's initial states."""
-        self._carry_out(self.machine.start(self.clock.now()))
+        with self._busy():
+            self._carry_out(self.machine.start(self.clock.now()))
         self.drain()
 
     def post(self, event: Event) -> None:
@@ -58,21 +60,28 @@ class Engine:
     def request(self, event: Event) -> Step:
         """Step a request now and return its step, which holds the answer."""
         self.drain()
-        step = self.machine.handle(event, self.clock.now())
-        self._carry_out(step)
+        with self._busy():
+            step = self.machine.handle(event, self.clock.now())
+            self._carry_out(step)
         self.drain()
         return step
 
     def drain(self) -> None:
         """Fire what is due and step every queued event; events queued meanwhile are stepped as well."""
-        if self._draining:
+        if self._stepping:
             return
-        self._draining = True
-        try:
+        with self._busy():
             while self._fire_due() or self._take_next():
                 pass
+
+    @contextlib.contextmanager
+    def _busy(self) -> Iterator[None]:
+        """Mark that a step is under way: what drivers report meanwhile waits in the queue."""
+        self._stepping = True
+        try:
+            yield
         finally:
-            self._draining = False
+            self._stepping = False
 
     @property
     def next_deadline(self) -> float | None:

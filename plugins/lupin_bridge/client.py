@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from lupin_msgs.msg import TagReading
-from lupin_msgs.srv import GetTagReading
-
 from lupin_bridge.catalog import SCAN_FAILED, UNKNOWN_TAG
 from lupin_engine.plugin.contract import Outlet
 from lupin_engine.ros.middleware import Call, Failure, RosNode
+from lupin_msgs.msg import TagReading
+from lupin_msgs.srv import GetTagReading
 
 #: Seconds after which a call is given up. Missions set their own, shorter timeouts.
 CALL_DEADLINE_S = 30.0

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from lupin_msgs.msg import SensorReading, TagReading
-from lupin_msgs.srv import GetTagReading
-
 from lupin_bridge.greenhouse import Greenhouse, ReadingFailed, Settings, UnknownTag
 from lupin_engine.plugin.contract import Parameter
 from lupin_engine.plugin.types import INTEGER, NUMBER, TEXT
 from lupin_engine.ros.middleware import RosNode
+from lupin_msgs.msg import SensorReading, TagReading
+from lupin_msgs.srv import GetTagReading
 
 #: Answered when a known tag cannot be read; the interface has no constant for it, clients read the message.
 STATUS_READING_FAILED = 2

@@ -1,0 +1,288 @@
+"""The states of a chart before they are filled: who stands where, what is entered first, what a name means.
+
+The lifecycle's tree is grown with the missions in its slot and every part expanded where it is used, so that
+all full names are known before the first expression or target is read.
+
+A name is found in the nearest enclosing scope: among a state's own children, then its parent's, up to the
+root's. Further words of a dotted name descend from there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+
+from lupin_engine.chart.declare import NAME
+from lupin_engine.chart.documents import FileNode, LifecycleNode, MissionNode, PartNode, StateNode
+from lupin_engine.chart.expressions import Scope
+from lupin_engine.chart.findings import Findings
+from lupin_engine.chart.model import Kind
+from lupin_engine.chart.source import Map
+from lupin_engine.errors import Place, nearest
+
+MAX_STATES = 5000
+
+_DEPTHS: Mapping[str | None, int | None] = {"shallow": 1, "deep": None, None: 1}
+
+
+@dataclass
+class Draft:
+    """A state that is being composed.
+
+    `node` is what the file says of it (None for the root, a mission's wrapper and an implied history state);
+    `file` is the file its text stands in, `part` the part whose states stand in it. `scope` is what its own
+    expressions see, `inner` what its children's see; both are filled from the top down.
+    """
+
+    name: str
+    kind: Kind
+    place: Place
+    file: FileNode
+    parent: Draft | None = None
+    node: StateNode | None = None
+    part: PartNode | None = None
+    mission: str = ""
+    slot: bool = False
+    label: str = ""
+    depth: int | None = None
+    children: dict[str, Draft] = field(default_factory=dict)
+    scope: Scope | None = None
+    inner: Scope | None = None
+
+    @property
+    def local(self) -> str:
+        """The last word of the name."""
+        return self.name.rpartition(".")[2]
+
+    @property
+    def initial(self) -> tuple[str, Place] | None:
+        """What is written as the child to enter first, and where."""
+        for holder in (self.node, self.part, None if self.node else self.file):
+            if holder is not None and holder.initial is not None and not self.slot:
+                return holder.initial, holder.at("initial")
+        return None
+
+    def up(self) -> Iterator[Draft]:
+        """Yield this state and its ancestors, innermost first."""
+        draft: Draft | None = self
+        while draft is not None:
+            yield draft
+            draft = draft.parent
+
+
+class Forest:
+    """Grows the tree of a chart and answers what names in it mean."""
+
+    def __init__(self, parts: Mapping[str, PartNode], findings: Findings) -> None:
+        self._parts = parts
+        self._findings = findings
+        self.drafts: dict[str, Draft] = {}
+
+    def grow(self, lifecycle: LifecycleNode, missions: list[MissionNode]) -> Draft:
+        """Grow the whole tree; `drafts` then holds it in document order."""
+        root = Draft("", Kind.COMPOUND, lifecycle.key_at("lifecycle"), lifecycle)
+        self.drafts[""] = root
+        self._children(root, lifecycle.states, lifecycle, missions)
+        slots = [draft for draft in self.drafts.values() if draft.slot]
+        if not slots:
+            hint = "add a state with 'slot: mission'"
+            self._findings.add(lifecycle.key_at("states"), "wrong-shape", "", "no state takes the missions", hint)
+        for extra in slots[1:]:
+            at = extra.node.key_at("slot") if extra.node else extra.place
+            self._findings.add(at, "wrong-shape", extra.name, f"a second slot, after {slots[0].name!r}")
+        return root
+
+    # -- growing -------------------------------------------------------------------------------------------
+
+    def _children(
+        self,
+        parent: Draft,
+        states: Mapping[str, StateNode | None],
+        file: FileNode,
+        missions: list[MissionNode] | None = None,
+    ) -> None:
+        holder = parent.part or parent.node or file
+        for name, node in states.items():
+            place = holder.key_at("states", name)
+            if not NAME.fullmatch(name):
+                problem, hint = f"{name!r} cannot be the name of a state", "use letters, digits and underscores"
+                self._findings.add(place, "bad-name", parent.name, problem, hint)
+                continue
+            self._state(parent, name, node or _empty(place), place, file, missions)
+
+    def _state(
+        self,
+        parent: Draft,
+        name: str,
+        node: StateNode,
+        place: Place,
+        file: FileNode,
+        missions: list[MissionNode] | None,
+    ) -> None:
+        full = f"{parent.name}.{name}" if parent.name else name
+        if len(self.drafts) >= MAX_STATES:
+            problem = f"more than {MAX_STATES} states, parts counted as often as they are used"
+            self._findings.add(place, "too-large", "", problem)
+            return
+        draft = Draft(full, _kind(node), place, file, parent, node, mission=parent.mission)
+        draft.label = _label(draft)
+        self._check_shape(draft, node)
+        self._enter(draft)
+        if node.slot:
+            self._fill_slot(draft, node, missions)
+        elif node.use is not None:
+            self._use(draft, node, node.use)
+        else:
+            self._children(draft, node.states, file, missions)
+        if node.history is not None:
+            self._add_history(draft, node)
+        if draft.children and draft.kind is Kind.ATOMIC:
+            draft.kind = Kind.COMPOUND
+
+    def _enter(self, draft: Draft) -> None:
+        self.drafts[draft.name] = draft
+        if draft.parent is not None:
+            draft.parent.children[draft.local] = draft
+
+    def _fill_slot(self, draft: Draft, node: StateNode, missions: list[MissionNode] | None) -> None:
+        if missions is None:
+            problem = "only the lifecycle has a slot, and not inside a mission or part"
+            self._findings.add(node.key_at("slot"), "wrong-shape", draft.name, problem)
+            return
+        draft.slot, draft.label, draft.kind = True, "", Kind.COMPOUND
+        for mission in missions:
+            place = mission.at("mission")
+            full = f"{draft.name}.{mission.name}"
+            if not NAME.fullmatch(mission.name):
+                problem, hint = f"{mission.name!r} cannot name a mission", "use letters, digits and underscores"
+                self._findings.add(place, "bad-name", "mission", problem, hint)
+                continue
+            if full in self.drafts:
+                problem = f"a second mission is called {mission.name!r}"
+                first = self.drafts[full].place.file
+                self._findings.add(place, "conflicting-definition", "mission", problem, f"the other is in {first}")
+                continue
+            wrapper = Draft(full, Kind.COMPOUND, place, mission, draft, mission=mission.name)
+            self._enter(wrapper)
+            self._children(wrapper, mission.states, mission)
+
+    def _use(self, draft: Draft, node: StateNode, name: str) -> None:
+        part = self._parts.get(name)
+        if part is None:
+            return  # the loader has told why
+        if node.states:
+            problem = "a state has either states of its own or a part's"
+            self._findings.add(node.key_at("states"), "wrong-shape", draft.name, problem, "drop one of them")
+            return
+        if any(above.part is part for above in draft.up()):
+            problem = f"the part {name!r} contains itself"
+            self._findings.add(node.at("use"), "part-loop", draft.name, problem)
+            return
+        draft.part = part
+        self._children(draft, part.states, part)
+
+    def _add_history(self, draft: Draft, node: StateNode) -> None:
+        if "history" in draft.children:
+            problem = "a child is already called 'history'"
+            self._findings.add(node.key_at("history"), "bad-name", draft.name, problem, "rename that child")
+            return
+        depth = None if node.history == "deep" else 2 if draft.slot else 1
+        history = Draft(f"{draft.name}.history", Kind.HISTORY, node.key_at("history"), draft.file, draft)
+        history.depth, history.mission = depth, draft.mission
+        self._enter(history)
+
+    def _check_shape(self, draft: Draft, node: StateNode) -> None:
+        """Refuse words that say nothing in a state of this kind."""
+        if draft.kind is Kind.FINAL:
+            allowed = {"type", "summary", "entry", "phase"}
+        elif draft.kind is Kind.HISTORY:
+            allowed, draft.depth = {"type", "summary", "depth", "initial"}, _DEPTHS[node.depth]
+        else:
+            self._check_ordinary(draft, node)
+            return
+        for key in sorted(node.model_fields_set - allowed):
+            shown = key.rstrip("_")
+            problem = f"a {draft.kind.value} state has no {shown!r}"
+            self._findings.add(node.key_at(shown), "wrong-shape", draft.name, problem)
+
+    def _check_ordinary(self, draft: Draft, node: StateNode) -> None:
+        if node.depth is not None:
+            hint = "write 'type: history' beside it, or 'history: deep'"
+            self._findings.add(node.key_at("depth"), "wrong-shape", draft.name, "only a history state has a depth", hint)
+        if node.with_ and node.use is None:
+            problem, hint = "'with' gives a part its parameters, but no part is used", "add 'use: PART'"
+            self._findings.add(node.key_at("with"), "wrong-shape", draft.name, problem, hint)
+        if node.slot and (node.states or node.use or node.initial):
+            problem = "the missions stand in a slot, it has no states of its own"
+            self._findings.add(node.key_at("slot"), "wrong-shape", draft.name, problem)
+        if node.invoke is not None and (node.states or node.use or node.slot):
+            problem, hint = "a state that invokes has no states inside", "move the invocation into one of them"
+            self._findings.add(node.key_at("invoke"), "not-supported", draft.name, problem, hint)
+
+    # -- names ---------------------------------------------------------------------------------------------
+
+    def find(self, name: str, start: Draft) -> list[Draft]:
+        """Return the states that `name` means seen from `start`, the nearest first."""
+        first, *rest = name.split(".")
+        found = []
+        for scope in start.up():
+            draft = scope.children.get(first)
+            for word in rest:
+                draft = draft.children.get(word) if draft is not None else None
+            if draft is not None:
+                found.append(draft)
+        return found
+
+    def resolve(self, name: str, start: Draft, place: Place, path: str) -> str | None:
+        """Return the full name of the state that `name` means seen from `start`; None after a finding."""
+        found = self.find(name, start)
+        if not found:
+            visible = {child for scope in start.up() for child in scope.children if not _is_wrapper(scope)}
+            last = name.rpartition(".")[2]
+            hint = self._hint(last, visible)
+            self._findings.add(place, "unknown-state", path, f"no state is called {name!r} here", hint)
+            return None
+        for hidden in found[1:]:
+            problem = f"{name!r} means {found[0].name!r} here, which hides {hidden.name!r}"
+            self._findings.warn(place, "shadowed-state", path, problem, "rename one of them")
+        return found[0].name
+
+    def resolve_child(self, name: str, parent: Draft, place: Place, path: str) -> str | None:
+        """Return the full name of a descendant; None after a finding."""
+        draft: Draft | None = parent
+        for word in name.split("."):
+            draft = draft.children.get(word) if draft is not None else None
+        if draft is None:
+            problem = f"{parent.name or 'the root'!s} has no state {name!r}"
+            self._findings.add(place, "unknown-state", path, problem, nearest(name, parent.children))
+            return None
+        return draft.name
+
+    def _hint(self, name: str, visible: set[str]) -> str:
+        """Offer the nearest name in scope, or say where a state of that name stands."""
+        elsewhere = sorted(draft.name for draft in self.drafts.values() if draft.name and draft.local == name)
+        if elsewhere:
+            return f"{elsewhere[0]!r} is out of scope from here"
+        return nearest(name, visible)
+
+
+def _is_wrapper(draft: Draft) -> bool:
+    return draft.slot
+
+
+def _kind(node: StateNode) -> Kind:
+    return {"parallel": Kind.PARALLEL, "final": Kind.FINAL, "history": Kind.HISTORY, None: Kind.ATOMIC}[node.type]
+
+
+def _label(draft: Draft) -> str:
+    """Return the lifecycle state that a state is published as: the outermost one, or the mission's child."""
+    parent = draft.parent
+    if parent is None:
+        return ""
+    outermost = not parent.name or (parent.node is None and parent.mission)
+    return draft.local if outermost else parent.label
+
+
+def _empty(place: Place) -> StateNode:
+    """Return the node of a state of which nothing is written but the name."""
+    return StateNode.model_validate(Map(place))

@@ -1,0 +1,40 @@
+"""What is written down when the engine itself fails: laid out so that it can be sent as a report."""
+
+from __future__ import annotations
+
+import os
+import platform
+import sys
+import time
+import traceback
+from importlib import metadata
+from pathlib import Path
+
+from lupin_engine import __version__
+from lupin_engine.launch.folders import state_folder
+
+_PACKAGES = ("click", "pydantic", "pyyaml", "rich", "structlog", "transitions", "rclpy", "lupin-msgs")
+
+
+def write_crash_log(defect: BaseException) -> Path:
+    """Write versions, command and traceback to a file and return its path."""
+    path = state_folder("crashes") / f"{time.strftime('%Y-%m-%d_%H-%M-%S')}_{os.getpid()}.log"
+    trace = "".join(traceback.format_exception(type(defect), defect, defect.__traceback__))
+    path.write_text("\n".join([*_versions(), "", trace]), encoding="utf-8")
+    return path
+
+
+def _versions() -> list[str]:
+    lines = [
+        f"lupin-engine {__version__}",
+        f"Python {platform.python_version()} on {platform.platform()}",
+        f"arguments {sys.argv[1:]!r}",
+    ]
+    return lines + [f"{name} {_version(name)}" for name in _PACKAGES]
+
+
+def _version(name: str) -> str:
+    try:
+        return metadata.version(name)
+    except metadata.PackageNotFoundError:
+        return "is not installed"

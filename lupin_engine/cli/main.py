@@ -1,0 +1,117 @@
+"""The command `lupin`: finds the verb, and is the one place that turns failures into text and exit codes.
+
+Nothing heavy is imported here: `lupin --help` answers at once, and each verb loads only what it needs. The
+table of verbs repeats their one-line help for that reason; a test compares the two.
+
+Exit codes: 0 done; 1 the mission or file has problems; 2 wrong usage, or the run could not be done; 70 a
+defect of the engine (see the crash log that is named); 130 interrupted; 141 the reader of our output left.
+"""
+
+from __future__ import annotations
+
+import importlib
+import os
+import sys
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
+from typing import Any
+
+import click
+
+from lupin_engine import __version__
+from lupin_engine.errors import ChartError, LupinError, nearest
+
+#: verb -> what it does. Each lives in the module `lupin_engine.cli.VERB` under its own name.
+VERBS: Mapping[str, str] = MappingProxyType(
+    {
+        "run": "Run a mission over ROS 2 and watch it.",
+        "up": "Start the nodes of missions and leave the starting to the operator.",
+        "check": "Check missions and tell everything that is wrong with them.",
+        "simulate": "Run a mission in virtual time, without ROS.",
+        "test": "Run scenarios against missions, without ROS.",
+        "diagram": "Draw a mission.",
+        "node": "Run one node, with ROS arguments; without a name, list the nodes.",
+        "doctor": "Look at this machine and say what is missing.",
+    }
+)
+
+DEFECT = 70
+INTERRUPTED = 130
+READER_GONE = 141
+
+
+class Verbs(click.Group):
+    """A group that imports a verb only when it is called."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """Return the verbs in the order of the table."""
+        return list(VERBS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        """Import a verb."""
+        if cmd_name not in VERBS:
+            return None
+        command = getattr(importlib.import_module(f"lupin_engine.cli.{cmd_name}"), cmd_name)
+        assert isinstance(command, click.Command)
+        return command
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """List the verbs from the table, without importing them."""
+        with formatter.section("Commands"):
+            formatter.write_dl(list(VERBS.items()))
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        """Find the verb; an unknown one is answered with the nearest spelling."""
+        if args and args[0] not in VERBS and not args[0].startswith("-"):
+            raise click.UsageError(f"unknown command {args[0]!r}; {nearest(args[0], VERBS)}", ctx)
+        return super().resolve_command(ctx, args)
+
+
+@click.group(cls=Verbs, context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(__version__, prog_name="lupin")
+def lupin() -> None:
+    """Robot missions as YAML statecharts: check, simulate, draw, run over ROS 2."""
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line and return its exit code (the console entry point)."""
+    try:
+        code = _run(arguments)
+        sys.stdout.flush()
+    except BrokenPipeError:
+        # Python flushes again at exit, which would fail again, with a traceback.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return READER_GONE
+    return code
+
+
+def _run(arguments: Sequence[str] | None) -> int:
+    try:
+        result: Any = lupin.main(args=arguments and list(arguments), prog_name="lupin", standalone_mode=False)
+    except click.exceptions.Exit as end:
+        return end.exit_code
+    except click.ClickException as problem:
+        problem.show(sys.stderr)
+        return problem.exit_code
+    except (click.Abort, KeyboardInterrupt):
+        return INTERRUPTED
+    except LupinError as problem:
+        # Findings begin with the place in the file, which editors and terminals turn into a link.
+        print(problem if isinstance(problem, ChartError) else f"lupin: {problem}", file=sys.stderr)
+        return problem.exit_code
+    except BrokenPipeError:
+        raise
+    except Exception as defect:
+        from lupin_engine.cli.crash import write_crash_log
+
+        path = write_crash_log(defect)
+        kind = type(defect).__name__
+        print(f"lupin: a defect of the engine: {kind}: {defect}\nlupin: please report {path}", file=sys.stderr)
+        return DEFECT
+    return result if isinstance(result, int) else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

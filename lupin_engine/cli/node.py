@@ -1,0 +1,38 @@
+"""`lupin node`: one node as a process, with ordinary ROS arguments."""
+
+from __future__ import annotations
+
+import click
+
+from lupin_engine.launch.lifeline import hold_on
+from lupin_engine.launch.nodes import find_node, nodes_of
+from lupin_engine.launch.requirements import prepare_ros
+from lupin_engine.plugin.registry import Catalog, load_catalog
+
+
+@click.command(
+    # Everything after the name belongs to ROS, `--help` and unknown options included.
+    context_settings={"ignore_unknown_options": True, "allow_interspersed_args": False},
+)
+@click.argument("name", required=False)
+@click.argument("arguments", nargs=-1, type=click.UNPROCESSED)
+def node(name: str | None, arguments: tuple[str, ...]) -> int:
+    """Run one node, with ROS arguments; without a name, list the nodes.
+
+    Example: lupin node greenhouse_bridge --ros-args -p debug_seed:=1
+    """
+    catalog = load_catalog()
+    if name is None:
+        _list(catalog)
+        return 0
+    found = find_node(name, catalog)
+    prepare_ros()
+    hold_on()
+    return found.load()(arguments)
+
+
+def _list(catalog: Catalog) -> None:
+    nodes = nodes_of(catalog)
+    width = max(len(name) for name in nodes)
+    for name, found in nodes.items():
+        click.echo(f"{name:<{width}}  {found.doc}")

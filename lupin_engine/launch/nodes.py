@@ -1,0 +1,67 @@
+"""The nodes that can be started: the orchestrator, and those that the plugins bring."""
+
+from __future__ import annotations
+
+import ast
+import importlib
+import importlib.util
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+from lupin_engine.errors import PluginError, UsageError, nearest
+from lupin_engine.plugin.registry import Catalog
+
+ORCHESTRATOR = "mission_orchestrator"
+_ORCHESTRATOR_ENTRY = "lupin_engine.ros.orchestrator:main"
+
+
+@dataclass(frozen=True)
+class Node:
+    """A node: its name, `module:function`, and the plugin that brings it ('' for the engine's own)."""
+
+    name: str
+    entry: str
+    plugin: str = ""
+
+    @property
+    def doc(self) -> str:
+        """The first line of the module's docstring, read without importing it: modules of nodes need ROS."""
+        try:
+            spec = importlib.util.find_spec(self.entry.partition(":")[0])
+            source = spec.loader.get_source(spec.name) if spec and spec.loader else ""  # type: ignore[attr-defined]
+            text = ast.get_docstring(ast.parse(source or "")) or ""
+        except (ImportError, SyntaxError, AttributeError, ValueError):
+            return ""
+        return text.partition("\n")[0]
+
+    def load(self) -> Callable[[Sequence[str]], int]:
+        """Import the function that runs the node."""
+        module, _, attribute = self.entry.partition(":")
+        try:
+            found: Callable[[Sequence[str]], int] = getattr(importlib.import_module(module), attribute)
+        except (ImportError, AttributeError) as problem:
+            owner = f"plugin {self.plugin!r}" if self.plugin else "the engine"
+            text = f"node {self.name!r} of {owner} cannot be loaded from {self.entry}: {problem}"
+            raise PluginError(text) from problem
+        return found
+
+
+def nodes_of(catalog: Catalog) -> Mapping[str, Node]:
+    """Return every node by name, the orchestrator first."""
+    found = {ORCHESTRATOR: Node(ORCHESTRATOR, _ORCHESTRATOR_ENTRY)}
+    for plugin in catalog.plugins.values():
+        for name, entry in plugin.nodes.items():
+            found.setdefault(name, Node(name, entry, plugin.name))
+    return found
+
+
+def find_node(name: str, catalog: Catalog) -> Node:
+    """Return the node `name`.
+
+    Raises:
+        UsageError: there is none; the text has the nearest name.
+    """
+    known = nodes_of(catalog)
+    if name not in known:
+        raise UsageError(f"unknown node {name!r}; {nearest(name, known)}")
+    return known[name]

@@ -1,0 +1,70 @@
+"""Shared memory that the middleware leaves behind when a process is killed, half a megabyte each time.
+
+Segments lie in `/dev/shm`; a living process maps those that it uses, so a segment that no process maps is
+stale. Processes of other users hide their maps: where some do, nothing of theirs is called stale.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+
+FOLDER = Path("/dev/shm")
+PROCESSES = Path("/proc")
+PREFIX = "fastrtps_"
+#: The semaphore beside a segment carries its name between these.
+SEMAPHORE = ("sem.", "_mutex")
+
+
+def segments_of(pid: int, processes: Path = PROCESSES) -> frozenset[str]:
+    """Return the names of the segments that a process maps; none when it is gone or hidden."""
+    return frozenset(_mapped(processes / str(pid) / "maps") or ())
+
+
+def stale_segments(folder: Path = FOLDER, processes: Path = PROCESSES) -> list[Path]:
+    """Return the files of this user that no living process maps, oldest name first."""
+    used: set[str] = set()
+    for entry in processes.iterdir() if processes.is_dir() else ():
+        if entry.name.isdigit():
+            used.update(_mapped(entry / "maps") or ())
+    return [file for file in _files(folder) if _segment(file.name) not in used and _is_mine(file)]
+
+
+def remove(names: Iterable[str], folder: Path = FOLDER, processes: Path = PROCESSES) -> list[str]:
+    """Remove the named segments as far as they are stale, with what belongs to them; return what went."""
+    wanted = {_segment(name) for name in names}
+    gone = []
+    for file in stale_segments(folder, processes):
+        if _segment(file.name) in wanted:
+            file.unlink(missing_ok=True)
+            gone.append(file.name)
+    return gone
+
+
+def _files(folder: Path) -> Iterator[Path]:
+    if folder.is_dir():
+        yield from sorted(f for f in folder.iterdir() if _segment(f.name).startswith(PREFIX))
+
+
+def _segment(name: str) -> str:
+    """Return the segment that a file belongs to: itself, or that of a lock file or semaphore."""
+    return name.removeprefix(SEMAPHORE[0]).removesuffix(SEMAPHORE[1]).removesuffix("_el").removesuffix("_sl")
+
+
+def _is_mine(file: Path) -> bool:
+    try:
+        return file.stat().st_uid == os.getuid()
+    except OSError:
+        return False
+
+
+def _mapped(maps: Path) -> set[str] | None:
+    """Return the segments in a process' memory map; None when it may not be read."""
+    try:
+        text = maps.read_text(errors="replace")
+    except OSError:
+        return None
+    marker = f"{FOLDER}/"
+    names = (line.partition(marker)[2].removesuffix(" (deleted)") for line in text.splitlines() if marker in line)
+    return {_segment(name) for name in names if _segment(name).startswith(PREFIX)}

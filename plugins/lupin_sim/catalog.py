@@ -1,0 +1,11 @@
+"""What the simulated robot offers: a node, and nothing to missions (they see it through plugin `nav`)."""
+
+from __future__ import annotations
+
+from lupin_engine.plugin.contract import Plugin
+
+PLUGIN = Plugin(
+    name="robot_sim",
+    doc="A simulated robot: navigation, localization, battery, emergency stop, and faults on request.",
+    nodes={"lupin_sim": "lupin_sim.node:main"},
+)

@@ -1,0 +1,61 @@
+"""What goes wrong on request, and for how many goals."""
+
+from __future__ import annotations
+
+import enum
+
+
+class Fault(enum.Enum):
+    """The ways to fail."""
+
+    NONE = "none"
+    REJECT = "reject"  #: goals are rejected
+    ABORT = "abort"  #: goals are aborted, the running one too
+    STALL = "stall"  #: the robot stands still and keeps its goal
+    LOSE_LOCALIZATION = "lose_localization"  #: the pose stands still, its variance grows
+
+
+class Faults:
+    """The fault that is set, and the goals that it still hits.
+
+    A fault with a count of 0 lasts until it is changed. With a count it hits that many goals, a running
+    one included, and what a goal suffers ends with the goal.
+    """
+
+    def __init__(self) -> None:
+        self._kind = Fault.NONE
+        self._left = 0
+        self._of_goal = Fault.NONE
+
+    @property
+    def kind(self) -> Fault:
+        """The fault that the next goal will meet."""
+        return self._kind
+
+    def now(self, fault: Fault) -> bool:
+        """Say whether the robot, or its running goal, suffers `fault`.
+
+        A fault that hits goals does so only through them: a counted one that waits for its goal does
+        nothing yet. Lost localization needs no goal.
+        """
+        return self._of_goal is fault or (fault is Fault.LOSE_LOCALIZATION and self._kind is fault)
+
+    def set(self, kind: Fault, count: int, goal_running: bool) -> None:
+        """Replace the fault; a running goal is hit at once."""
+        self._kind, self._left = kind, count
+        self._of_goal = Fault.NONE
+        if goal_running and kind is not Fault.REJECT:
+            self.take()
+
+    def take(self) -> Fault:
+        """Return what a new goal suffers, and count it."""
+        self._of_goal = self._kind
+        if self._left > 0:
+            self._left -= 1
+            if self._left == 0:
+                self._kind = Fault.NONE
+        return self._of_goal
+
+    def goal_ended(self) -> None:
+        """End what the goal suffered."""
+        self._of_goal = Fault.NONE

@@ -1,0 +1,326 @@
+"""The node `lupin_sim`: the topics and the action of the real robot, over the simulated one.
+
+A heartbeat of 5 Hz tells everybody where the robot is; only while a goal is under way does a faster timer
+move it. No callback waits for anything.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from builtin_interfaces.msg import Duration
+from geometry_msgs.msg import (
+    PoseStamped,
+    PoseWithCovarianceStamped,
+    Quaternion,
+    Transform,
+    TransformStamped,
+    Vector3,
+)
+from nav2_msgs.action import NavigateToPose
+from sensor_msgs.msg import BatteryState
+from std_msgs.msg import Bool
+from tf2_msgs.msg import TFMessage
+
+from lupin_engine.errors import LupinError
+from lupin_engine.plugin.contract import Parameter
+from lupin_engine.plugin.types import BOOL, COUNT, NUMBER, POSE, TEXT, number_in
+from lupin_engine.ros.middleware import Qos, RosNode, ServedGoal, Timer
+from lupin_sim.faults import Fault, Faults
+from lupin_sim.floor import Floor, load_tables
+from lupin_sim.robot import Pose, Robot
+
+#: Seconds between two heartbeats (e-stop, transforms), and heartbeats between two battery messages.
+HEARTBEAT_S = 0.2
+BEATS_PER_BATTERY = 5
+#: Seconds between two poses while standing still or driving.
+POSE_PERIOD_S = 0.5
+#: Seconds between two movements, and movements between two feedbacks.
+MOVE_S = 0.05
+MOVES_PER_FEEDBACK = 2
+
+#: Variance of x, y (m²) and yaw (rad²) of a localized and of a lost robot, and its growth between two poses.
+VARIANCE, LOST_VARIANCE, LOSING = 0.01, 4.0, 4.0
+#: Variance of what a robot on a floor does not know: z, roll and pitch.
+UNKNOWN_VARIANCE = 1e6
+
+#: Result code of Nav2's planner for "no path".
+NO_VALID_PATH = 208
+
+#: Parameters that take effect while the node runs.
+LIVE = ("speed", "estop", "battery", "drain_per_s", "fault", "fault_count")
+
+_FAULT_NAMES = ", ".join(fault.value for fault in Fault)
+
+PARAMETERS = {
+    "tag_locations_file": Parameter(TEXT, "", "layout of the greenhouse, JSON; empty: mdp-greenhouse's own"),
+    "start_pose": Parameter(POSE, {"x": 0.5, "y": 0.5, "yaw": 0.0}, "where the robot stands at the start"),
+    "speed": Parameter(number_in("m/s"), 0.5, "driving speed", minimum=0.01, maximum=10.0),
+    "estop": Parameter(BOOL, False, "whether the emergency stop is engaged, besides /lupin/hmi/estop"),
+    "battery": Parameter(NUMBER, 1.0, "charge of the battery, 0 to 1; setting it sets the level", 0.0, 1.0),
+    "drain_per_s": Parameter(NUMBER, 0.0, "charge that the battery loses in a second", minimum=0.0),
+    "fault": Parameter(TEXT, Fault.NONE.value, f"what goes wrong: {_FAULT_NAMES}"),
+    "fault_count": Parameter(COUNT, 0, "goals that the fault hits; 0: until it is changed. Set it first"),
+}
+
+
+class SimNode:
+    """Publishes what the robot's sensors would, and drives where `navigate_to_pose` says."""
+
+    def __init__(self, ros: RosNode) -> None:
+        self._ros = ros
+        values = ros.parameters()
+        self._floor = Floor(load_tables(values["tag_locations_file"]))
+        self._robot = Robot(Pose(**values["start_pose"]), ros.elapsed(), values["speed"])
+        self._believed = self._robot.pose
+        self._variance = VARIANCE
+        self._faults = Faults()
+        self._fault_count: int = values["fault_count"]
+        self._correcting_fault = False
+        self._estop_parameter = False
+        self._estop_hmi = False
+        self._goal: ServedGoal | None = None
+        self._goal_began = 0.0
+        self._moving: Timer | None = None
+        self._moves = 0
+        self._beats = 0
+        self._next_pose = ros.elapsed()
+        self._connect()
+        reason = self._change({name: values[name] for name in LIVE})
+        if reason is not None:
+            raise LupinError(reason)
+
+    def _connect(self) -> None:
+        ros = self._ros
+        self._poses = ros.publisher(PoseWithCovarianceStamped, "/amcl_pose", Qos.LATCHED)
+        self._transforms = ros.publisher(TFMessage, "/tf", Qos.EVENT)
+        self._batteries = ros.publisher(BatteryState, "/io/power/power_watcher", Qos.EVENT)
+        self._estops = ros.publisher(Bool, "/e_stop_state", Qos.EVENT)
+        ros.subscribe(Bool, "/lupin/hmi/estop", Qos.EVENT, self._on_hmi_estop)
+        ros.serve_action(
+            NavigateToPose,
+            "navigate_to_pose",
+            admit=self._admit,
+            started=self._start,
+            cancelled=self._cancel,
+        )
+        ros.on_parameter(self._change)
+        ros.on_stop(lambda: self._end_goal("aborted", "the simulated robot is switched off"))
+        ros.timer(HEARTBEAT_S, self._beat)
+
+    # --- settings -----------------------------------------------------------------------------------------
+
+    def _change(self, values: Mapping[str, Any]) -> str | None:
+        """Take new parameter values, or say why not."""
+        fixed = [name for name in values if name not in LIVE]
+        if fixed:
+            return f"{', '.join(fixed)}: read at the start of the node only"
+        if values.get("fault", Fault.NONE.value) not in (fault.value for fault in Fault):
+            return f"fault: expected one of {_FAULT_NAMES}, got {values['fault']!r}"
+        if self._correcting_fault:
+            return None  # no new wish: the parameter is being told what is so
+        self._robot.advance(self._ros.elapsed())
+        self._robot.speed = values.get("speed", self._robot.speed)
+        self._robot.charge = values.get("battery", self._robot.charge)
+        self._robot.drain_per_s = values.get("drain_per_s", self._robot.drain_per_s)
+        self._estop_parameter = values.get("estop", self._estop_parameter)
+        self._fault_count = values.get("fault_count", self._fault_count)
+        if "fault" in values:
+            self._set_fault(Fault(values["fault"]))
+        self._settle()
+        if "battery" in values:
+            self._publish_battery()
+        return None
+
+    def _set_fault(self, fault: Fault) -> None:
+        self._faults.set(fault, self._fault_count, goal_running=self._goal is not None)
+        self._show_used_up_fault(fault)
+
+    def _show_used_up_fault(self, before: Fault) -> None:
+        """Let the parameter say `none` once the fault has hit its last goal."""
+        if self._faults.kind is before:
+            return
+
+        def show() -> None:
+            if self._faults.kind is Fault.NONE:
+                self._correcting_fault = True
+                self._ros.set_parameter("fault", Fault.NONE.value)
+                self._correcting_fault = False
+
+        self._ros.post(show)
+
+    def _on_hmi_estop(self, message: Bool) -> None:
+        if message.data != self._estop_hmi:
+            self._estop_hmi = message.data
+            self._robot.advance(self._ros.elapsed())
+            self._settle()
+
+    @property
+    def _estop(self) -> bool:
+        return self._estop_parameter or self._estop_hmi
+
+    def _settle(self) -> None:
+        """Carry over what has changed at once: the brake, and what everybody is told."""
+        self._robot.braked = self._estop or self._faults.now(Fault.STALL)
+        self._publish_estop()
+        self._publish_pose()
+
+    # --- the goal -----------------------------------------------------------------------------------------
+
+    def _admit(self, goal: NavigateToPose.Goal) -> bool:
+        frame, place = goal.pose.header.frame_id, goal.pose.pose.position
+        numbers = (place.x, place.y, _yaw(goal.pose.pose.orientation))
+        if frame not in ("map", "") or not all(map(math.isfinite, numbers)):
+            self._ros.log.warning("goal rejected: not a pose in frame map", frame=frame, pose=numbers)
+            return False
+        before = self._faults.kind
+        fault = self._faults.take()
+        self._show_used_up_fault(before)
+        return fault is not Fault.REJECT
+
+    def _start(self, served: ServedGoal) -> None:
+        self._robot.advance(self._ros.elapsed())
+        if self._goal is not None:
+            # As Nav2 does: the new goal wins, the old one is aborted.
+            self._goal.abort(NavigateToPose.Result(error_msg="preempted by a new goal"))
+        self._goal, self._goal_began = served, self._ros.elapsed()
+        target = served.request.pose.pose
+        here = self._robot.pose
+        path = self._floor.path((here.x, here.y), (target.position.x, target.position.y))
+        if path is None:
+            self._end_goal("aborted", "no path", NO_VALID_PATH)
+            return
+        self._robot.follow(path, _yaw(target.orientation))
+        self._settle()
+        if self._moving is None:
+            self._moves = 0
+            self._moving = self._ros.timer(MOVE_S, self._move)
+
+    def _move(self) -> None:
+        self._robot.advance(self._ros.elapsed())
+        self._moves += 1
+        if self._goal is None:
+            return
+        if self._faults.now(Fault.ABORT):
+            self._end_goal("aborted", "fault: abort")
+        elif self._robot.arrived:
+            self._end_goal("succeeded")
+        else:
+            self._publish_transforms()
+            if self._moves % MOVES_PER_FEEDBACK == 0:
+                self._goal.feedback(self._feedback())
+
+    def _cancel(self, served: ServedGoal) -> None:
+        if served is self._goal:
+            self._end_goal("canceled", "cancelled by the client")
+
+    def _end_goal(self, how: str, message: str = "", code: int = 0) -> None:
+        """End the running goal, if any, and stand still."""
+        served, self._goal = self._goal, None
+        if served is None:
+            return
+        if self._moving is not None:
+            self._moving.cancel()
+            self._moving = None
+        self._robot.halt()
+        self._faults.goal_ended()
+        self._settle()  # the pose goes out before the result, so whoever waits for the result knows it
+        end = {"succeeded": served.succeed, "aborted": served.abort, "canceled": served.cancel}[how]
+        end(NavigateToPose.Result(error_code=code, error_msg=message))
+
+    def _feedback(self) -> NavigateToPose.Feedback:
+        feedback = NavigateToPose.Feedback()
+        feedback.current_pose = self._pose_message(self._believed)
+        feedback.navigation_time = _duration(self._ros.elapsed() - self._goal_began)
+        feedback.estimated_time_remaining = _duration(self._robot.remaining / self._robot.speed)
+        feedback.distance_remaining = self._robot.remaining
+        return feedback
+
+    # --- what everybody is told ---------------------------------------------------------------------------
+
+    def _beat(self) -> None:
+        self._robot.advance(self._ros.elapsed())
+        self._publish_estop()
+        if self._moving is None:
+            self._publish_transforms()
+        if self._ros.elapsed() >= self._next_pose:
+            self._lose_or_find_the_way()
+            self._publish_pose()
+        if self._beats % BEATS_PER_BATTERY == 0:
+            self._publish_battery()
+        self._beats += 1
+
+    def _lose_or_find_the_way(self) -> None:
+        if self._faults.now(Fault.LOSE_LOCALIZATION):
+            self._variance = min(LOST_VARIANCE, self._variance * LOSING)
+
+    def _publish_pose(self) -> None:
+        # From here on, so that a pose that was sent on arrival is not repeated at once.
+        self._next_pose = self._ros.elapsed() + POSE_PERIOD_S - HEARTBEAT_S / 2
+        if not self._faults.now(Fault.LOSE_LOCALIZATION):
+            self._believed, self._variance = self._robot.pose, VARIANCE
+        message = PoseWithCovarianceStamped()
+        stamped = self._pose_message(self._believed)
+        message.header, message.pose.pose = stamped.header, stamped.pose
+        diagonal = [self._variance] * 2 + [UNKNOWN_VARIANCE] * 3 + [self._variance]
+        for axis, variance in enumerate(diagonal):
+            message.pose.covariance[axis * 7] = variance
+        self._poses.publish(message)
+
+    def _publish_transforms(self) -> None:
+        transforms = [self._transform("odom", "base_link", self._robot.pose)]
+        if not self._faults.now(Fault.LOSE_LOCALIZATION):
+            transforms.insert(0, self._transform("map", "odom", Pose(0.0, 0.0, 0.0)))
+        self._transforms.publish(TFMessage(transforms=transforms))
+
+    def _publish_battery(self) -> None:
+        message = BatteryState(percentage=self._robot.charge, present=True)
+        message.header.stamp = self._ros.stamp()
+        message.voltage = message.current = message.temperature = math.nan  # not simulated
+        self._batteries.publish(message)
+
+    def _publish_estop(self) -> None:
+        self._estops.publish(Bool(data=self._estop))
+
+    def _pose_message(self, pose: Pose) -> PoseStamped:
+        message = PoseStamped()
+        message.header.stamp = self._ros.stamp()
+        message.header.frame_id = "map"
+        message.pose.position.x, message.pose.position.y = pose.x, pose.y
+        message.pose.orientation = _quaternion(pose.yaw)
+        return message
+
+    def _transform(self, parent: str, child: str, pose: Pose) -> TransformStamped:
+        message = TransformStamped(child_frame_id=child)
+        message.header.stamp = self._ros.stamp()
+        message.header.frame_id = parent
+        message.transform = Transform(
+            translation=Vector3(x=pose.x, y=pose.y, z=0.0), rotation=_quaternion(pose.yaw)
+        )
+        return message
+
+
+def _quaternion(yaw: float) -> Quaternion:
+    return Quaternion(x=0.0, y=0.0, z=math.sin(yaw / 2.0), w=math.cos(yaw / 2.0))
+
+
+def _yaw(q: Quaternion) -> float:
+    return math.atan2(2.0 * (q.w * q.z + q.x * q.y), 1.0 - 2.0 * (q.y * q.y + q.z * q.z))
+
+
+def _duration(seconds: float) -> Duration:
+    whole = math.floor(seconds)
+    return Duration(sec=whole, nanosec=int((seconds - whole) * 1e9))
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Run the node until it is told to stop; `arguments` are the ROS arguments."""
+    ros = RosNode("lupin_sim", arguments, PARAMETERS)
+    try:
+        SimNode(ros)
+        ros.spin()
+    finally:
+        ros.close()
+    return 0

@@ -1,0 +1,106 @@
+"""The robot's body: follows a path, turns on the spot, drains its battery. Time is an argument, in seconds.
+
+Metres and radians in frame `map`. Movement is exact for any step of time, so a late tick changes nothing.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Iterable
+from dataclasses import dataclass
+from itertools import pairwise
+
+from lupin_sim.floor import Point
+
+#: Turns on the spot, in radians a second.
+TURN_RATE = 1.5
+
+
+@dataclass(frozen=True)
+class Pose:
+    """A place on the floor."""
+
+    x: float
+    y: float
+    yaw: float
+
+
+class Robot:
+    """Where the robot is, where it goes, and how full its battery is (0 to 1)."""
+
+    def __init__(self, pose: Pose, now: float, speed: float) -> None:
+        self.pose = pose
+        self.speed = speed
+        self.charge = 1.0
+        self.drain_per_s = 0.0
+        self.braked = False
+        self._now = now
+        self._corners: deque[Point] = deque()
+        self._final_yaw: float | None = None
+
+    @property
+    def arrived(self) -> bool:
+        """Whether there is nothing left to drive or turn."""
+        return self._final_yaw is None
+
+    @property
+    def remaining(self) -> float:
+        """The rest of the path in metres."""
+        places = [(self.pose.x, self.pose.y), *self._corners]
+        return sum(math.dist(a, b) for a, b in pairwise(places))
+
+    def follow(self, corners: Iterable[Point], yaw: float) -> None:
+        """Drive over `corners` from here, then turn to `yaw`."""
+        self._corners = deque(corners)
+        self._final_yaw = yaw
+
+    def halt(self) -> None:
+        """Forget the path and stand still."""
+        self._corners.clear()
+        self._final_yaw = None
+
+    def advance(self, now: float) -> None:
+        """Let time pass until `now`: drive unless `braked` or empty, and drain."""
+        passed = max(0.0, now - self._now)
+        self._now = now
+        if not self.braked and self.charge > 0.0:
+            self._drive(passed)
+        self.charge = max(0.0, self.charge - self.drain_per_s * passed)
+
+    def _drive(self, time: float) -> None:
+        while time > 0.0 and not self.arrived:
+            if self._corners:
+                time = self._towards(self._corners[0], time)
+            elif self._final_yaw is not None:
+                time = self._turn(self._final_yaw, time)
+                if self.pose.yaw == self._final_yaw:
+                    self._final_yaw = None
+
+    def _towards(self, corner: Point, time: float) -> float:
+        """Turn to and drive towards `corner`; returns the time that is left."""
+        dx, dy = corner[0] - self.pose.x, corner[1] - self.pose.y
+        distance = math.hypot(dx, dy)
+        if distance > 0.0:
+            heading = math.atan2(dy, dx)
+            time = self._turn(heading, time)
+            if self.pose.yaw != heading:
+                return 0.0
+        if distance <= self.speed * time:
+            self._corners.popleft()
+            self.pose = Pose(corner[0], corner[1], self.pose.yaw)
+            return time - distance / self.speed
+        part = self.speed * time / distance
+        self.pose = Pose(self.pose.x + part * dx, self.pose.y + part * dy, self.pose.yaw)
+        return 0.0
+
+    def _turn(self, yaw: float, time: float) -> float:
+        """Turn towards `yaw` by the shorter way; returns the time that is left."""
+        angle = math.remainder(yaw - self.pose.yaw, math.tau)
+        needed = abs(angle) / TURN_RATE
+        if needed <= time:
+            self.pose = Pose(self.pose.x, self.pose.y, yaw)
+            return time - needed
+        turned = self.pose.yaw + math.copysign(TURN_RATE * time, angle)
+        self.pose = Pose(self.pose.x, self.pose.y, turned)
+        return 0.0

@@ -1,0 +1,113 @@
+"""Conversions to lupin_msgs: pure functions over plain data."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+pytest.importorskip("lupin_msgs.msg", reason="the interface packages are not built here")
+
+from builtin_interfaces.msg import Time
+from lupin_msgs.msg import Observation
+
+from lupin_engine.errors import Severity
+from lupin_engine.machine.event import Publish
+from lupin_engine.machine.view import View
+from lupin_engine.plugin.contract import Code
+from lupin_engine.ros import messages
+
+CODES = {
+    "battery_low": Code("battery_low", "battery low", Severity.WARN),
+    "localization_failed": Code("localization_failed", "localization failed", Severity.ERROR),
+}
+READING = {
+    "tag_id": "5",
+    "stamp": 12.25,
+    "sim_time_of_day_seconds": 3600.0,
+    "readings": [{"name": "temperature", "value": 21.5}, {"name": "co2", "value": 480.0}],
+}
+VIEW = View(
+    configuration=("", "MISSION"),
+    lifecycle="INSPECTING",
+    phase="NAVIGATING",
+    mission="InspectionMission",
+    mission_id="lupin-1",
+    started_at=3.0,
+    target="5",
+    total=4,
+    completed=1,
+    failed=1,
+    unreachable=1,
+    skipped=0,
+    code="localization_failed",
+    detail="no pose",
+    held=("pause",),
+    paused=True,
+    attempts=(),
+    dropped=0,
+)
+
+
+def published(status: str = "OK", **changes: object) -> Publish:
+    return Publish("InspectionMission", "lupin-1", "5", status, **changes)  # type: ignore[arg-type]
+
+
+def test_an_ok_observation_carries_its_reading_and_pose() -> None:
+    message = messages.observation(published(reading=READING), {"x": 1.0, "y": 2.0, "yaw": 0.0}, Time(sec=7))
+    assert (message.status, message.status_detail) == (Observation.STATUS_OK, "")
+    assert message.tag_reading.tag_id == "5"
+    assert [(r.name, r.value) for r in message.tag_reading.readings] == [("temperature", 21.5), ("co2", 480.0)]
+    assert (message.tag_reading.stamp.sec, message.tag_reading.stamp.nanosec) == (12, 250_000_000)
+    assert (message.tag_pose_in_map.position.x, message.tag_pose_in_map.orientation.w) == (1.0, 1.0)
+    assert (message.header.frame_id, message.header.stamp.sec, message.source) == ("map", 7, "InspectionMission")
+
+
+def test_a_failed_observation_carries_its_tag_and_reason_but_no_reading_and_no_pose() -> None:
+    failed = published("UNREACHABLE", code="nav_status_6", detail="aborted")
+    message = messages.observation(failed, {"x": 1.0, "y": 2.0, "yaw": 0.0}, Time())
+    assert (message.status, message.status_detail) == (Observation.STATUS_UNREACHABLE, "aborted")
+    assert (message.tag_reading.tag_id, list(message.tag_reading.readings)) == ("5", [])
+    assert message.tag_pose_in_map.orientation.w == 0.0
+
+
+def test_a_code_is_the_reason_where_there_is_no_detail() -> None:
+    message = messages.observation(published("SKIPPED", code="skipped_by_operator"), None, Time())
+    assert message.status_detail == "skipped_by_operator"
+
+
+def test_without_any_pose_w_stays_zero_which_means_never_observed() -> None:
+    assert messages.observation(published(reading=READING), None, Time()).tag_pose_in_map.orientation.w == 0.0
+
+
+@pytest.mark.parametrize("yaw", [math.pi, -math.pi, 3 * math.pi])
+def test_a_true_half_turn_is_never_taken_for_never_observed(yaw: float) -> None:
+    pose = messages.to_pose({"x": 0.0, "y": 0.0, "yaw": yaw})
+    assert pose.orientation.w != 0.0
+    assert math.hypot(pose.orientation.z, pose.orientation.w) == pytest.approx(1.0)
+
+
+def test_the_state_has_label_severity_and_counts_of_the_view() -> None:
+    inputs = messages.Inputs(estop=True, battery=0.5, battery_low=False)
+    state = messages.mission_state(VIEW, inputs, CODES, {}, Time(sec=1))
+    assert (state.lifecycle_state, state.mission_phase, state.current_target) == ("INSPECTING", "NAVIGATING", "5")
+    assert (state.targets_total, state.targets_completed, state.targets_failed) == (4, 1, 1)
+    assert state.last_error == "localization_failed: no pose"
+    assert (state.last_event, state.last_event_severity) == ("localization failed", 2)
+    assert (state.estop_engaged, state.paused, state.battery_percentage) == (True, True, 0.5)
+    assert (state.discovery_goal, state.tags_discovered) == (0, 0)
+
+
+def test_an_unknown_battery_is_not_a_number() -> None:
+    inputs = messages.Inputs(estop=None, battery=None, battery_low=False)
+    state = messages.mission_state(VIEW, inputs, CODES, {}, Time())
+    assert math.isnan(state.battery_percentage)
+    assert state.estop_engaged is False
+
+
+@pytest.mark.parametrize(
+    ("code", "expected"),
+    [("", ("", 0)), ("battery_low", ("battery low", 1)), ("made_up", ("made_up", 1))],
+)
+def test_a_code_is_classified_as_declared(code: str, expected: tuple[str, int]) -> None:
+    assert messages.classify(code, CODES) == expected

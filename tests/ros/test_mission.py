@@ -1,0 +1,267 @@
+"""The inspection mission over real ROS 2: separate processes, real services, real readings."""
+
+from __future__ import annotations
+
+import signal
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("rclpy", reason="ROS 2 is not installed here")
+
+from lupin_msgs.msg import MissionState, Observation
+from ros.world import Operator, World
+
+pytestmark = [pytest.mark.ros, pytest.mark.timeout(180)]
+
+OK, UNREACHABLE, SCAN_FAILED, SKIPPED = range(4)
+
+
+@pytest.fixture
+def world(ros_domain: int, tmp_path: Path) -> Iterator[World]:
+    """Nodes on a domain of their own; the test fails if one does not end when asked."""
+    world = World(tmp_path)
+    yield world
+    assert world.stop() == []
+
+
+@pytest.fixture
+def operator(ros_domain: int) -> Iterator[Operator]:
+    """An operator on the same domain."""
+    operator = Operator()
+    yield operator
+    operator.ros.close()
+
+
+def outcomes(operator: Operator) -> list[tuple[str, int]]:
+    return [(o.tag_reading.tag_id, o.status) for o in operator.observations]
+
+
+def test_three_tags_are_visited_read_and_published(world: World, operator: Operator) -> None:
+    """The main job: states on the topic, observations for a late subscriber, nothing left running."""
+    world.start_all()
+    operator.in_state("READY")
+    answer = operator.start("1", "5", "12")
+    assert answer.accepted, answer.error_message
+    assert answer.mission_id.startswith("lupin-")
+    operator.in_state("DONE")
+
+    seen = operator.seen()
+    phases = ["NAVIGATING", "SCANNING", "PUBLISHING"]
+    expected = ["READY", "PREPARE/LOCALIZING", *[f"INSPECTING/{p}" for p in phases * 3], "RETURNING", "DONE"]
+    assert [state for state in seen if state != "BOOT"] == expected
+    done = operator.state
+    assert (done.targets_total, done.targets_completed, done.targets_failed) == (3, 3, 0)
+    assert (done.last_error, done.mission_id) == ("", answer.mission_id)
+    assert done.started_at.sec > 0
+
+    late = Operator("late")
+    try:
+        late.until(lambda: len(late.observations) == 3, "the backlog of observations")
+        assert outcomes(late) == [("1", OK), ("5", OK), ("12", OK)]
+        sensors = [[r.name for r in o.tag_reading.readings] for o in late.observations]
+        assert sensors[0] == ["temperature", "co2"]
+        assert all(o.mission_id == answer.mission_id for o in late.observations)
+        assert all(o.tag_pose_in_map.orientation.w != 0.0 for o in late.observations)
+        assert all(0 <= o.tag_reading.sim_time_of_day_seconds < 86400 for o in late.observations)
+        late.until(lambda: late.states, "the latched state")
+        assert late.state.lifecycle_state == "DONE"
+    finally:
+        late.ros.close()
+
+
+def test_pause_stops_the_robot_and_resume_goes_on(world: World, operator: Operator) -> None:
+    """A pause cancels the drive and refunds it; resume finishes with every tag read."""
+    world.start_all(speed=4.0)
+    operator.in_state("READY")
+    assert operator.start("1", "5").accepted
+    operator.in_state("INSPECTING", "NAVIGATING")
+    assert operator.ask("pause").success
+    operator.until(lambda: operator.state.paused, "paused")
+    again = operator.ask("pause")
+    assert (again.success, again.message) == (False, "pause refused: paused by the operator")
+    assert operator.observations == []
+    assert operator.ask("resume").success
+    operator.in_state("DONE")
+    assert outcomes(operator) == [("1", OK), ("5", OK)]
+
+
+def test_abort_closes_the_rest_and_comes_home(world: World, operator: Operator) -> None:
+    """After an abort every tag has exactly one outcome."""
+    world.start_all(speed=6.0)
+    operator.in_state("READY")
+    assert operator.start("1", "5", "12").accepted
+    operator.until(lambda: operator.observations, "the first reading")
+    assert operator.ask("abort").success
+    operator.in_state("DONE")
+    assert outcomes(operator) == [("1", OK), ("5", SKIPPED), ("12", SKIPPED)]
+    assert operator.state.targets_skipped == 2
+    assert operator.state.last_event == "mission aborted"
+
+
+def test_skip_goes_on_with_the_next_tag(world: World, operator: Operator) -> None:
+    """A skipped tag is published as skipped, with its reason."""
+    world.start_all(speed=4.0)
+    operator.in_state("READY")
+    assert operator.start("1", "5").accepted
+    operator.in_state("INSPECTING", "NAVIGATING")
+    assert operator.ask("skip_current").success
+    operator.in_state("DONE")
+    assert outcomes(operator) == [("1", SKIPPED), ("5", OK)]
+    assert operator.observations[0].status_detail == "skipped_by_operator"
+
+
+def test_unknown_mission_unknown_tag_and_second_start_are_refused(world: World, operator: Operator) -> None:
+    """Each refusal names what is wrong and what is allowed, and changes nothing."""
+    world.start_all(speed=4.0)
+    operator.in_state("READY")
+    unknown = operator.start("1", mission="InspektionMission")
+    assert not unknown.accepted
+    assert unknown.error_message == (
+        "unknown mission_type 'InspektionMission'; did you mean 'InspectionMission'?"
+    )
+    strange = operator.start("1", "99", "x")
+    assert not strange.accepted
+    assert "unknown tag '99'" in strange.error_message
+    assert "unknown tag 'x'" in strange.error_message
+    assert operator.ask("abort").success is False
+    assert operator.state.lifecycle_state == "READY"
+    assert operator.start("1").accepted
+    second = operator.start("5")
+    assert (second.accepted, second.error_message) == (False, "start refused: a mission is already running")
+    operator.in_state("DONE")
+    assert outcomes(operator) == [("1", OK)]
+
+
+def test_no_start_while_e_stopped_or_low_on_battery(world: World, operator: Operator) -> None:
+    """An engaged e-stop and a low battery refuse the start; when they are over it is accepted."""
+    world.start_all()
+    operator.in_state("READY")
+    operator.set_parameter("lupin_sim", "estop", True)
+    operator.until(lambda: operator.state.estop_engaged, "e-stop seen")
+    assert operator.start("1").error_message == "start refused: e-stop engaged"
+    operator.set_parameter("lupin_sim", "estop", False)
+    operator.until(lambda: not operator.state.estop_engaged, "e-stop released")
+    operator.set_parameter("lupin_sim", "battery", 0.1)
+    operator.until(lambda: operator.state.battery_low, "battery low seen")
+    assert operator.start("1").error_message == "start refused: battery low"
+    operator.set_parameter("lupin_sim", "battery", 0.9)
+    operator.until(lambda: not operator.state.battery_low, "battery recovered")
+    assert operator.start("1").accepted
+    operator.in_state("DONE")
+
+
+def test_an_e_stop_stops_the_mission_until_somebody_resumes(world: World, operator: Operator) -> None:
+    """Releasing the button is not enough: only resume goes on."""
+    world.start_all(speed=4.0)
+    operator.in_state("READY")
+    assert operator.start("1").accepted
+    operator.in_state("INSPECTING", "NAVIGATING")
+    operator.set_parameter("lupin_sim", "estop", True)
+    operator.until(lambda: operator.state.estop_engaged and operator.state.paused, "held by the e-stop")
+    assert operator.ask("resume").message == "resume refused: e-stop engaged"
+    operator.set_parameter("lupin_sim", "estop", False)
+    operator.until(lambda: not operator.state.estop_engaged, "button released")
+    assert operator.state.paused
+    assert operator.ask("resume").success
+    operator.in_state("DONE")
+    assert outcomes(operator) == [("1", OK)]
+
+
+def test_without_a_robot_boot_ends_in_fault_naming_the_server(world: World, operator: Operator) -> None:
+    """What is missing is named; when it is there, reset recovers."""
+    world.start("greenhouse_bridge")
+    world.start("mission_orchestrator", dependency_timeout_s=2.0)
+    operator.in_state("FAULT")
+    assert operator.state.last_event == "dependencies not ready"
+    assert operator.state.last_event_severity == MissionState.SEVERITY_ERROR
+    assert "navigate_to_pose" in operator.state.last_error
+    assert operator.start("1").error_message == (
+        "start refused: the orchestrator is in FAULT; reset it first"
+    )
+    world.start("lupin_sim", speed=10.0)
+    operator.until(lambda: operator.ros.node.count_publishers("/amcl_pose") == 1, "the robot")
+    assert operator.ask("reset").success
+    operator.in_state("READY")
+    assert operator.state.last_error == ""
+
+
+def test_a_bridge_that_dies_costs_readings_not_the_mission(world: World, operator: Operator) -> None:
+    """The tags after the death are published as failed, with a reason, and the robot comes home."""
+    world.start_all(scan_timeout_s=1.0, speed=6.0)
+    operator.in_state("READY")
+    assert operator.start("1", "5", "12").accepted
+    operator.until(lambda: operator.observations, "the first reading")
+    world.processes["greenhouse_bridge"].send_signal(signal.SIGKILL)
+    operator.in_state("DONE")
+    assert outcomes(operator) == [("1", OK), ("5", SCAN_FAILED), ("12", SCAN_FAILED)]
+    assert all(o.status_detail for o in operator.observations[1:])
+    assert operator.state.last_event_severity == MissionState.SEVERITY_WARN
+
+
+def test_goals_that_are_rejected_make_a_tag_unreachable(world: World, operator: Operator) -> None:
+    """After the declared number of tries the tag is given up and the next one visited."""
+    world.start_all()
+    operator.in_state("READY")
+    operator.set_parameter("lupin_sim", "fault", "reject")
+    assert operator.start("1", "5").accepted
+    operator.until(lambda: operator.observations, "the first tag given up")
+    operator.set_parameter("lupin_sim", "fault", "none")
+    operator.in_state("DONE")
+    assert outcomes(operator) == [("1", UNREACHABLE), ("5", OK)]
+    assert operator.observations[0].status == Observation.STATUS_UNREACHABLE
+
+
+def test_a_low_battery_docks_waits_and_goes_on(world: World, operator: Operator) -> None:
+    """The divert keeps the itinerary; resume is refused until the battery has recovered."""
+    world.start_all(speed=6.0)
+    operator.in_state("READY")
+    assert operator.start("1", "5").accepted
+    operator.until(lambda: operator.observations, "the first reading")
+    operator.set_parameter("lupin_sim", "battery", 0.1)
+    operator.in_state("RETURNING")
+    operator.until(lambda: operator.state.paused, "docked")
+    assert operator.state.last_event == "battery low"
+    assert operator.ask("resume").message == "resume refused: battery low"
+    operator.set_parameter("lupin_sim", "battery", 0.9)
+    operator.until(lambda: not operator.state.battery_low, "battery recovered")
+    assert operator.ask("resume").success
+    operator.in_state("DONE")
+    assert outcomes(operator) == [("1", OK), ("5", OK)]
+
+
+@pytest.mark.parametrize(
+    ("parameters", "message"),
+    [
+        ({"nav_timeout_s": "soon"}, "parameter 'nav_timeout_s': expected duration, got 'soon'"),
+        ({"missions": "[inspektion]"}, "did you mean 'inspection'?"),
+    ],
+)
+def test_a_wrong_parameter_ends_the_node_with_a_message(
+    world: World, parameters: dict[str, str], message: str
+) -> None:
+    """No traceback: the parameter, what was given, what is allowed."""
+    process = world.start("mission_orchestrator", **parameters)
+    assert process.wait(30.0) != 0
+    output = world.log("mission_orchestrator").read_text()
+    assert message in output
+    assert "Traceback" not in output
+
+
+def test_a_mission_file_with_errors_ends_the_node_with_all_of_them(world: World, tmp_path: Path) -> None:
+    """Each finding has file, line and column."""
+    missions = tmp_path / "missions"
+    missions.mkdir()
+    source = Path(__file__).parents[2] / "missions"
+    (missions / "parts").mkdir()
+    for name in ("lifecycle.yaml", "inspection.yaml", "parts/visit_targets.yaml"):
+        text = (source / name).read_text()
+        text = text.replace("on_done: INSPECTING", "on_done: INSPEKTING").replace("phase: LOCAL", "fase: LOCAL")
+        (missions / name).write_text(text)
+    process = world.start("mission_orchestrator", missions_path=str(missions))
+    assert process.wait(30.0) != 0
+    output = world.log("mission_orchestrator").read_text()
+    assert "inspection.yaml:25:" in output or "inspection.yaml:2" in output
+    assert "fase" in output
+    assert "Traceback" not in output
