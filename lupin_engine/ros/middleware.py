@@ -12,6 +12,7 @@ Each work-around lives here, in `actions`, in `parameters` or in `peers`, for th
 * `ExternalShutdownException` ends a spin quietly: the context may be shut down from elsewhere;
 * the end of the spin closes executor, node and context: a leaking server steals the requests of the next;
 * discovery profile: finding a peer takes up to 2.4 s and noticing its death 20 s with the defaults;
+* no second wake-up after each callback: rclpy's costs a third of the processor time of an idle node;
 * posting wakes the executor: nothing else makes it look for work of other threads;
 * timers run on the monotonic clock (on ROS time with `use_sim_time`): a stepped wall clock moves no deadline;
 * types of parameters said, integers taken for doubles (`parameters`): rclpy refuses `60` for a double;
@@ -47,7 +48,7 @@ from rclpy.parameter import Parameter as RosParameter
 from rclpy.publisher import Publisher
 from rclpy.service import Service
 from rclpy.signals import SignalHandlerOptions
-from rclpy.task import Future
+from rclpy.task import Future, Task
 from structlog.typing import EventDict, FilteringBoundLogger
 
 from lupin_engine.errors import UsageError, nearest
@@ -505,7 +506,7 @@ class RosNode:
 
 
 class _Executor(SingleThreadedExecutor):
-    """rclpy's executor, with a look at a request's age before it is carried out.
+    """rclpy's executor, with a look at a request's age before it is carried out, and cheaper.
 
     The callback of a service does not get the header that holds the timestamp, so the taking of the
     request is the one place to look.
@@ -519,6 +520,33 @@ class _Executor(SingleThreadedExecutor):
     def serve(self, service: Service, stale_after: float | None) -> None:
         """Take the requests of `service` here, refusing those older than `stale_after` seconds."""
         self._served[service] = stale_after
+
+    def _make_handler(self, entity: Any, node: Node, take_from_wait_list: Callable[[Any], Any]) -> Task:
+        """Do what rclpy does for one ready entity, but do not wake this thread afterwards.
+
+        rclpy triggers its guard condition for the sake of other threads, of which there are none here; each
+        piece of work then costs a second round through the wait set, 30 % of all processor time. Callbacks
+        must be plain functions: nothing would take up a suspended one that has ended.
+        """
+        entity._executor_event = True
+
+        async def handler() -> None:
+            if self._is_shutdown or not entity.callback_group.beginning_execution(entity):
+                entity._executor_event = False
+                return
+            with self._work_tracker:
+                callback = take_from_wait_list(entity)
+                entity._executor_event = False
+                try:
+                    if callback is not None:
+                        await callback()
+                finally:
+                    entity.callback_group.ending_execution(entity)
+
+        task = Task(handler, (), executor=self)
+        with self._tasks_lock:
+            self._tasks.append((task, entity, node))
+        return task
 
     def _take_service(self, srv: Service) -> Any:
         if srv not in self._served:  # rclpy's own parameter services

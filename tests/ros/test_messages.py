@@ -9,13 +9,13 @@ import pytest
 pytest.importorskip("lupin_msgs.msg", reason="the interface packages are not built here")
 
 from builtin_interfaces.msg import Time
-from lupin_msgs.msg import Observation
 
 from lupin_engine.errors import Severity
 from lupin_engine.machine.event import Publish
 from lupin_engine.machine.view import View
 from lupin_engine.plugin.contract import Code
 from lupin_engine.ros import messages
+from lupin_msgs.msg import Observation
 
 CODES = {
     "battery_low": Code("battery_low", "battery low", Severity.WARN),

@@ -10,8 +10,9 @@ import pytest
 
 pytest.importorskip("rclpy", reason="ROS 2 is not installed here")
 
-from lupin_msgs.msg import MissionState, Observation
 from ros.world import Operator, World
+
+from lupin_msgs.msg import MissionState, Observation
 
 pytestmark = [pytest.mark.ros, pytest.mark.timeout(180)]
 

@@ -11,14 +11,14 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from lupin_msgs.msg import MissionState, Observation
-from lupin_msgs.srv import StartMission
 from rcl_interfaces.msg import Parameter as RosParameter
 from rcl_interfaces.msg import ParameterType, ParameterValue
 from rcl_interfaces.srv import SetParameters
 from std_srvs.srv import Trigger
 
 from lupin_engine.ros.middleware import Failure, Qos, RosNode
+from lupin_msgs.msg import MissionState, Observation
+from lupin_msgs.srv import StartMission
 
 #: Every wait ends; generous, because the machine may be busy.
 PATIENCE = 30.0
