@@ -57,8 +57,10 @@ class Draft:
     @property
     def initial(self) -> tuple[str, Place] | None:
         """What is written as the child to enter first, and where."""
+        if self.slot or (self.kind is Kind.HISTORY and self.node is None):
+            return None
         for holder in (self.node, self.part, None if self.node else self.file):
-            if holder is not None and holder.initial is not None and not self.slot:
+            if holder is not None and holder.initial is not None:
                 return holder.initial, holder.at("initial")
         return None
 
@@ -237,7 +239,7 @@ class Forest:
         """Return the full name of the state that `name` means seen from `start`; None after a finding."""
         found = self.find(name, start)
         if not found:
-            visible = {child for scope in start.up() for child in scope.children if not _is_wrapper(scope)}
+            visible = {child for scope in start.up() for child in scope.children if not scope.slot}
             last = name.rpartition(".")[2]
             hint = self._hint(last, visible)
             self._findings.add(place, "unknown-state", path, f"no state is called {name!r} here", hint)
@@ -253,7 +255,7 @@ class Forest:
         for word in name.split("."):
             draft = draft.children.get(word) if draft is not None else None
         if draft is None:
-            problem = f"{parent.name or 'the root'!s} has no state {name!r}"
+            problem = f"{parent.name or 'the root'} has no state {name!r}"
             self._findings.add(place, "unknown-state", path, problem, nearest(name, parent.children))
             return None
         return draft.name
@@ -264,10 +266,6 @@ class Forest:
         if elsewhere:
             return f"{elsewhere[0]!r} is out of scope from here"
         return nearest(name, visible)
-
-
-def _is_wrapper(draft: Draft) -> bool:
-    return draft.slot
 
 
 def _kind(node: StateNode) -> Kind:

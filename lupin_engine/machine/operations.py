@@ -102,7 +102,7 @@ class Operations:
             return
         number = f"a{self._memory.fresh_id()}"
         uses = invoke.operation.uses
-        attempt = Attempt(number, invocation.state, invoke.name, arguments, uses, Phase.WAITING, timeout=timeout)
+        attempt = Attempt(number, invocation.state, invoke.name, arguments, uses, Phase.WAITING, "", timeout)
         self._memory.attempts[number] = attempt
         invocation.attempt = number
         invocation.tries += 1

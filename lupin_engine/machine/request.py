@@ -49,7 +49,7 @@ def _read_field(world: World, field: Field, given: Any, env: Environment) -> tup
     except ValueError as problem:
         return None, Refusal(_code_of(world, field.type), str(problem))
     except Exception as problem:
-        # A default that cannot be computed, or data of a shape that no reader expects: nothing has changed yet.
+        # A default that cannot be computed, or data of a shape no reader expects: nothing has changed yet.
         return None, Refusal(BAD_REQUEST, f"{field.place}: {field.name}: {problem}")
     if field.not_empty is not None and not value:
         return None, Refusal(field.not_empty, world.chart.codes[field.not_empty].label)

@@ -28,6 +28,8 @@ ROOT = "chart"
 #: The top-level state that an unhandled error leads to, if the lifecycle has it.
 FAULT = "FAULT"
 EXECUTION_ERROR = "error.execution"
+#: The id of the transition that leads there.
+FAULT_RULE = "engine.fault"
 
 
 class ChartState(NestedState):
@@ -85,7 +87,7 @@ def _fault_transition(chart: Chart, state: State) -> tuple[Transition, ...]:
     """Return the one transition that no author writes: an error nobody handles leads to FAULT."""
     if state.name != "" or FAULT not in chart.states:
         return ()
-    return (Transition("engine.fault", EXECUTION_ERROR, "", state.place, target=FAULT),)
+    return (Transition(FAULT_RULE, EXECUTION_ERROR, "", state.place, target=FAULT),)
 
 
 def _describe(chart: Chart, name: str) -> dict[str, Any]:
@@ -194,7 +196,7 @@ class Structure:
     ) -> tuple[Transition, ...]:
         """Drop transitions that would leave what an earlier or deeper one leaves (SCXML: preemption)."""
         kept: list[Transition] = []
-        for rule in dict.fromkeys(chosen):
+        for rule in {rule.id: rule for rule in chosen}.values():
             leaving = self.exits(configuration, [rule])
             clashing = [k for k in kept if set(leaving) & set(self.exits(configuration, [k]))]
             if any(not self.is_below(rule.source, k.source) for k in clashing):
@@ -209,18 +211,18 @@ class Structure:
         """Say whether `name` is a proper descendant of `ancestor`."""
         return ancestor in self._lineage[name][1:]
 
-    def domain(self, rule: Transition, targets: Sequence[str]) -> str:
-        """Return the innermost compound state that holds source and targets and is itself not left."""
+    def domain(self, rule: Transition, target: str) -> str:
+        """Return the innermost compound state that holds source and target and is itself not left.
+
+        A history state counts as itself, a child of the state whose past it is: what is left must not depend
+        on what is remembered.
+        """
         source = self.chart.states[rule.source]
-        if (
-            rule.internal
-            and source.kind is Kind.COMPOUND
-            and all(self.is_below(t, rule.source) for t in targets)
-        ):
+        if rule.internal and source.kind is Kind.COMPOUND and self.is_below(target, rule.source):
             return rule.source
         for ancestor in self._lineage[rule.source][1:]:
             compound = self.chart.states[ancestor].kind is Kind.COMPOUND
-            if compound and all(self.is_below(target, ancestor) for target in targets):
+            if compound and self.is_below(target, ancestor):
                 return ancestor
         return ""
 
@@ -230,13 +232,17 @@ class Structure:
         for rule in rules:
             if rule.target is None:
                 continue
-            domain = self.domain(rule, [self._concrete(rule.target)])
+            domain = self.domain(rule, rule.target)
             left.update(name for name in configuration if self.is_below(name, domain))
         return tuple(sorted(left, key=self.order.__getitem__, reverse=True))
 
-    def _concrete(self, target: str) -> str:
-        state = self.chart.states[target]
-        return (state.parent or "") if state.kind is Kind.HISTORY else target
+    def _anew(self, target: State, domain: str, child: Callable[[State], str | None]) -> tuple[str, ...]:
+        """Return the target, or for a history state without memory what its parent begins with."""
+        if target.kind is not Kind.HISTORY:
+            return (target.name,)
+        parent = target.parent or ""
+        first = child(self.chart.states[parent]) if parent == domain else parent
+        return (first,) if first is not None else ()
 
     def entries(
         self,
@@ -258,8 +264,8 @@ class Structure:
         entered: dict[str, None] = {}
         target = self.chart.states[rule.target]
         back = remembered(target) if target.kind is Kind.HISTORY else ()
-        targets = back or (self._concrete(rule.target),)
-        domain = self.domain(rule, targets)
+        domain = self.domain(rule, rule.target)
+        targets = back or self._anew(target, domain, child)
         for name in targets:
             self._enter(name, domain, targets, entered, child, resume if back else None)
         return tuple(sorted(entered, key=self.order.__getitem__))

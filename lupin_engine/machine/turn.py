@@ -11,7 +11,6 @@ from lupin_engine.machine.memory import Memory
 from lupin_engine.machine.step import Refusal, Step
 from lupin_engine.machine.view import Moment
 
-
 #: The code of an expression or action that raised.
 EXECUTION_CODE = "execution_error"
 

@@ -139,7 +139,8 @@ class Plugin:
 
     Functions, live values, types and parameters carry their full name, which must be unique over all
     plugins. `client` is `module:Class` of the `Driver`; `nodes` maps a node's name to `module:function`,
-    called with the command line's ROS arguments and returning an exit code.
+    called with the command line's ROS arguments and returning an exit code. `stands_in` maps a node that
+    simulates something to the actions and services of the real thing: it is not started where those are.
     """
 
     name: str
@@ -153,6 +154,7 @@ class Plugin:
     parameters: Mapping[str, Parameter] = field(default_factory=dict)
     client: str = ""
     nodes: Mapping[str, str] = field(default_factory=dict)
+    stands_in: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
 
 class Outlet(Protocol):

@@ -190,6 +190,9 @@ def _problems(plugin: Plugin) -> Iterator[str]:
         yield from _value_problems(f"value {name!r}", value)
     for name, parameter in plugin.parameters.items():
         yield from _parameter_problems(f"parameter {name!r}", parameter)
+    for name in plugin.stands_in:
+        if name not in plugin.nodes:
+            yield f"stands_in names {name!r}, which is none of its nodes"
     for name, kind in plugin.types.items():
         if kind.name != name:
             yield f"type {name!r} calls itself {kind.name!r}"

@@ -41,7 +41,7 @@ from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.context import Context
-from rclpy.exceptions import InvalidHandle
+from rclpy.exceptions import InvalidHandle, NameValidationException
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
@@ -213,8 +213,8 @@ class RosNode:
                 signal_handler_options=SignalHandlerOptions.NO,
             )
             return Node(name, context=self._context)
-        except Exception as error:
-            # rcl reports bad arguments with half a dozen exception types; all are the user's to mend.
+        except (RuntimeError, ValueError, NameValidationException) as error:
+            # rcl has half a dozen exceptions for bad arguments and names, all derived from these.
             self._context.try_shutdown()
             raise UsageError(f"ROS does not start with the arguments {list(arguments)}: {error}") from error
 

@@ -10,8 +10,8 @@ from lupin_engine.plugin.contract import Outlet
 from lupin_engine.ros.middleware import Failure, RosNode
 from lupin_msgs.srv import SetArmPreset
 
-#: When a preset that nobody answered is given up, in seconds. The server answers when it has sent the arm off,
-#: not when the arm has arrived.
+#: When a preset that nobody answered is given up, in seconds. The server answers when it has sent the arm
+#: off, not when the arm has arrived.
 CALL_DEADLINE_S = 5.0
 #: How often a server that is not there is complained about, in seconds.
 WARNING_PERIOD_S = 10.0
@@ -64,6 +64,7 @@ class ArmClient:
     def _warn_unreachable(self, name: str) -> None:
         """Warn, but not for every target of a patrol."""
         now = self._ros.now()
-        if self._warned_at is None or now - self._warned_at >= WARNING_PERIOD_S:
+        # A clock that was set back must not silence the warning.
+        if self._warned_at is None or not 0.0 <= now - self._warned_at < WARNING_PERIOD_S:
             self._warned_at = now
             self._ros.log.warning("arm preset server not there", service=self._name, preset=name)

@@ -82,7 +82,7 @@ class Tables:
         """Say for each of `points` (n, 2) whether any table covers it, its edge included."""
         above = points[:, None, :] >= self.low
         below = points[:, None, :] <= self.high
-        covered: NDArray[np.bool_] = (above & below).all(axis=2).any(axis=1)
+        covered: NDArray[np.bool_] = np.any(np.all(above & below, axis=2), axis=1)
         return covered
 
 

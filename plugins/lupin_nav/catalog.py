@@ -131,8 +131,9 @@ PARAMETERS: Mapping[str, Parameter] = {
     "tag_locations_file": Parameter(TEXT, "", "layout of the greenhouse, JSON; empty: the bundled one"),
     "tag_sequence": Parameter(list_of(TEXT), [], "tags to visit when a request names none; empty: all"),
     "approach_yaw": Parameter(ANGLE, 0.0, "heading where the geometry gives none"),
-    "approach_standoff_m": Parameter(LENGTH, 0.5, "distance from a tag to read it, clamped to 0.2 m ... 1.5 m"),
-    "approach_overrides_file": Parameter(TEXT, "", "YAML with poses set by hand for single tags; empty: none"),
+    # Without a range: values outside are clamped and not refused, as on the reference robot.
+    "approach_standoff_m": Parameter(LENGTH, 0.5, "distance from a tag to read it, kept in 0.2 m ... 1.5 m"),
+    "approach_overrides_file": Parameter(TEXT, "", "YAML with poses set by hand for tags; empty: none"),
     "dock_pose": Parameter(
         POSE,
         {"x": 0.0, "y": 0.0, "yaw": 0.0},

@@ -23,8 +23,8 @@ from lupin_nav.battery import charge
 
 #: How often the localizer and the action server are looked at, in seconds.
 WATCH_PERIOD_S = 0.2
-#: How long an action server may be out of sight before its goals count as lost, in seconds. A node that is
-#: restarted, or discovery that stumbles, is back sooner or has lost the goal anyway.
+#: How long an action server may be out of sight before its goals count as lost, in seconds of real time:
+#: discovery that stumbles is back sooner, and the clock of a simulation stops when the simulation dies.
 SERVER_GRACE_S = 2.0
 
 
@@ -34,8 +34,7 @@ class _Drive:
 
     goal: Goal | None = None
     cancelling: bool = False
-    found_again: bool = False
-    gone_since: float | None = None
+    out_of_sight: float = 0.0  # seconds since the server was last seen
     told: str = ""
 
 
@@ -65,7 +64,7 @@ class NavClient:
         ros.subscribe(PoseWithCovarianceStamped, parameters["amcl_pose_topic"], Qos.LATCHED, self._on_pose)
         ros.subscribe(BatteryState, parameters["battery_topic"], Qos.EVENT, self._on_battery)
         ros.subscribe(Bool, parameters["estop_topic"], Qos.EVENT, self._on_estop)
-        self._timer = ros.timer(WATCH_PERIOD_S, self._watch)
+        self._timer = ros.steady_timer(WATCH_PERIOD_S, self._watch)
 
     def missing(self) -> list[str]:
         """Name the action server while it cannot be reached."""
@@ -123,8 +122,8 @@ class NavClient:
     def _pose_is_live(self) -> bool:
         """Say whether the last pose can be relied on.
 
-        Age cannot tell: a localizer is silent while the robot stands. A localizer that died can be told by its
-        publisher, which ceases to exist.
+        Age cannot tell: a localizer is silent while the robot stands. One that died can be told by its
+        publisher, which no longer exists.
         """
         must_live = self._parameters["amcl_pose_must_live"]
         return not must_live or self._ros.node.count_publishers(self._pose_topic) > 0
@@ -136,8 +135,8 @@ class NavClient:
             return
         self._fix = localization.fix(message)
         if self._fix is not None:
-            # The time of receipt, not of the header: the pose holds until the next one, however old it is, and
-            # simulations mix clocks.
+            # The time of receipt, not of the header: the pose holds until the next one, however old it is,
+            # and simulations mix clocks.
             self._report("robot.pose", self._fix.pose)
         self._look_at_localization()
 
@@ -219,33 +218,21 @@ class NavClient:
 
     def _watch(self) -> None:
         self._look_at_localization()
-        if not self._drives and not self._lost:
+        if not self._drives:
             return
-        if self._server.ready():
-            self._on_server_in_sight()
-        else:
-            self._on_server_out_of_sight()
-
-    def _on_server_in_sight(self) -> None:
-        for drive in self._drives.values():
-            drive.gone_since = None
-        # It may never have been away but only out of reach, and still be driving for an attempt given up.
-        for lost in self._lost.values():
-            if lost.goal is not None and not lost.found_again:
-                lost.found_again = True
-                lost.goal.cancel()
-
-    def _on_server_out_of_sight(self) -> None:
-        now = self._ros.now()
+        in_sight = self._server.ready()
         for attempt, drive in list(self._drives.items()):
-            drive.gone_since = now if drive.gone_since is None else drive.gone_since
-            if now - drive.gone_since >= SERVER_GRACE_S:
+            drive.out_of_sight = 0.0 if in_sight else drive.out_of_sight + WATCH_PERIOD_S
+            if drive.out_of_sight >= SERVER_GRACE_S:
                 self._abandon(attempt)
-                detail = self._server_is(f"gone for {now - drive.gone_since:.1f} s")
-                self._outlet.failed(attempt, "nav_unavailable", detail)
+                self._outlet.failed(attempt, "nav_unavailable", self._server_is("gone"))
 
     def _abandon(self, attempt: str) -> None:
-        """Wait for an attempt no more, but cancel its goal now and whenever it turns up again."""
+        """Wait for an attempt no more, but have its goal cancelled.
+
+        The server may only be out of reach and still driving: the middleware repeats the request until it is
+        answered. A goal whose acceptance never came is cancelled when it comes.
+        """
         drive = self._lost[attempt] = self._drives.pop(attempt)
         if drive.goal is not None:
             drive.goal.cancel()

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-#: Places of x, y and yaw on the diagonal of a row-major 6 × 6 covariance.
+#: Places of x, y and yaw on the diagonal of a row-major 6 x 6 covariance.
 PLANAR = (0, 7, 35)
 
 

@@ -24,7 +24,7 @@ class PerceptionClient:
         # A parameter of the missions that look before they read; without such a mission nobody waits for us.
         self._required = bool(parameters.get("require_visual_confirmation", False))
         self._service = ros.service(ConfirmTag, self._name)
-        self._calls: dict[str, Call | None] = {}
+        self._calls: dict[str, Call] = {}
 
     def missing(self) -> list[str]:
         """Name the service while it cannot be reached and a mission insists on it."""
@@ -35,20 +35,15 @@ class PerceptionClient:
         if operation != "confirm_tag":
             raise ValueError(f"perception has no operation {operation!r}")
         request = ConfirmTag.Request(expected_tag_id=arguments["tag_id"])
-        self._calls[attempt] = None  # the caller may answer at once, before it returns
+        self._calls[attempt] = self._service.call(request, CALL_DEADLINE_S, partial(self._on_answer, attempt))
         self._outlet.accepted(attempt)  # a service has no word for it: what was sent is taken
-        call = self._service.call(request, CALL_DEADLINE_S, partial(self._on_answer, attempt))
-        if attempt in self._calls:
-            self._calls[attempt] = call
 
     def cancel(self, attempt: str) -> None:
         """Drop the answer; a service cannot be told to stop."""
-        if attempt not in self._calls:
-            return
-        call = self._calls.pop(attempt)
+        call = self._calls.pop(attempt, None)
         if call is not None:
             call.cancel()
-        self._outlet.cancelled(attempt)
+            self._outlet.cancelled(attempt)
 
     def act(self, action: str, arguments: Mapping[str, Any]) -> None:
         """Nothing: this plugin has no actions."""
@@ -56,14 +51,11 @@ class PerceptionClient:
 
     def close(self) -> None:
         """Drop every answer still to come."""
-        calls, self._calls = self._calls, {}
-        for call in calls.values():
-            if call is not None:
-                call.cancel()
+        for call in self._calls.values():
+            call.cancel()
+        self._calls.clear()
 
     def _on_answer(self, attempt: str, answer: ConfirmTag.Response | Failure) -> None:
-        if attempt not in self._calls:
-            return
         del self._calls[attempt]
         if isinstance(answer, Failure):
             self._outlet.failed(attempt, "confirm_failed", f"{answer.code}: {answer.detail}")

@@ -8,4 +8,5 @@ PLUGIN = Plugin(
     name="robot_sim",
     doc="A simulated robot: navigation, localization, battery, emergency stop, and faults on request.",
     nodes={"lupin_sim": "lupin_sim.node:main"},
+    stands_in={"lupin_sim": ("navigate_to_pose",)},
 )

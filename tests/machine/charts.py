@@ -97,7 +97,8 @@ class Builder:
     def _build(self, name: str, described: Mapping[str, Any]) -> None:
         kind = described.get("kind") or ("compound" if described.get("states") else "atomic")
         timers = tuple(
-            Timer(f"after.{index}", value(delay), PLACE) for index, delay in enumerate(described.get("after", {}))
+            Timer(f"after.{index}", value(delay), PLACE)
+            for index, delay in enumerate(described.get("after", {}))
         )
         initial = described.get("initial")
         top = name.partition(".")[0]
@@ -232,7 +233,9 @@ def chart(
 
 
 def _mission(name: str, fields: Mapping[str, Any]) -> Mission:
-    request = {field: Field(field, place=PLACE, **given) for field, given in fields.get("request", {}).items()}
+    request = {
+        field: Field(field, place=PLACE, **given) for field, given in fields.get("request", {}).items()
+    }
     return Mission(name, fields["state"], "test.yaml", "", request, PLACE)
 
 

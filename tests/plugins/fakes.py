@@ -1,4 +1,4 @@
-"""Stand-ins for the middleware adapter and the engine's outlet: time and the world move when a test says so."""
+"""Stand-ins for the middleware adapter and the engine's outlet; a test moves their time and their world."""
 
 from __future__ import annotations
 
@@ -92,11 +92,10 @@ class FakeCall:
 
 
 class FakeService:
-    """A service that is up until a test says otherwise; with `instant` it answers within the call."""
+    """A service that is up until a test says otherwise."""
 
     def __init__(self) -> None:
         self.up = True
-        self.instant: Any = None
         self.calls: list[FakeCall] = []
 
     def ready(self) -> bool:
@@ -104,8 +103,6 @@ class FakeService:
 
     def call(self, request: Any, timeout: float, done: Callable[[Any], None]) -> FakeCall:
         self.calls.append(FakeCall(request, timeout, done))
-        if self.instant is not None:
-            done(self.instant)
         return self.calls[-1]
 
 
@@ -171,13 +168,14 @@ class FakeRos:
     def service(self, kind: Any, name: str) -> FakeService:
         return self.remote
 
-    def timer(self, period: float, callback: Callable[[], None]) -> FakeTimer:
+    def steady_timer(self, period: float, callback: Callable[[], None]) -> FakeTimer:
         self.timers.append(FakeTimer(period, callback))
         return self.timers[-1]
 
     def pass_time(self, seconds: float) -> None:
-        """Move the clock and fire every running timer once at the end."""
+        """Move the clock and fire every running timer as often as its period fits."""
         self.time += seconds
         for timer in self.timers:
-            if timer.running:
-                timer.callback()
+            for _ in range(round(seconds / timer.period)):
+                if timer.running:
+                    timer.callback()

@@ -81,7 +81,7 @@ def test_the_reader_turns_an_id_into_a_tag() -> None:
 @pytest.mark.parametrize("value", ["99", "", 1, None, ["1"], {"id": "1"}])
 def test_the_reader_refuses_what_is_no_id_of_the_layout(value: Any) -> None:
     reader = PLUGIN.readers["tag"]
-    with pytest.raises(ValueError, match="unknown tag .*; the layout has 29 tags: 1, 2,"):
+    with pytest.raises(ValueError, match=r"unknown tag .*; the layout has 29 tags: 1, 2,"):
         reader.bind(defaults(PLUGIN))(value)
     assert reader.code.name == "unknown_tag"
 
@@ -119,9 +119,7 @@ def test_a_charge_that_says_nothing_is_ignored(reading: float) -> None:
         (77, "nav_status_0", "status 77, error 204: no path"),
     ],
 )
-def test_a_failed_drive_is_told_by_name_and_with_a_declared_code(
-    status: int, code: str, detail: str
-) -> None:
+def test_a_failed_drive_is_told_by_name_and_with_a_declared_code(status: int, code: str, detail: str) -> None:
     said = goal_status.failure(status, SimpleNamespace(error_code=204, error_msg="no path"))
     assert said == (code, detail)
     assert code in {declared.name for declared in PLUGIN.operations["dock"].codes}
@@ -132,7 +130,7 @@ def test_a_server_without_error_fields_is_understood() -> None:
 
 
 def covariance(**at: float) -> list[float]:
-    """Return a row-major 6 × 6 covariance with values at `v0` ... `v35`, else huge."""
+    """Return a row-major 6 x 6 covariance with values at `v0` ... `v35`, else huge."""
     values = [1e6] * 36
     for index in localization.PLANAR:
         values[index] = at.get(f"v{index}", 0.0)
@@ -167,4 +165,4 @@ def test_without_a_limit_any_pose_will_do_but_one_must_be() -> None:
 def test_mocks_end_and_return_what_is_declared() -> None:
     for name, operation in PLUGIN.operations.items():
         assert operation.mock.after > 0.0, name
-        assert operation.mock.result == {} and operation.result == {}, name
+        assert set(operation.mock.result) == set(operation.result), name

@@ -1,0 +1,646 @@
+"""From documents to one composed chart: states filled, targets resolved, expressions typed and compiled.
+
+The order is: declarations of all files; the tree, so that every full name exists; then the states from the
+root down, each seeing its file's declarations, its mission's request and the itineraries around it. A part
+is composed once for every use, because what its expressions see differs; its mistakes are told once.
+
+Every step goes on after a finding. What comes out is a chart only when there are no errors.
+"""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from lupin_engine.chart.actions import ActionReader, raised_events
+from lupin_engine.chart.declare import REQUESTS, Declarer, Declared, level_events
+from lupin_engine.chart.documents import (
+    FileNode,
+    InvokeNode,
+    LifecycleNode,
+    LimitNode,
+    MissionNode,
+    PartNode,
+    RetryNode,
+    StateNode,
+    TransitionNode,
+)
+from lupin_engine.chart.expressions import Scope, Usage, check_expression, fragment_of
+from lupin_engine.chart.findings import Findings
+from lupin_engine.chart.model import (
+    Chart,
+    Field,
+    Invoke,
+    Itinerary,
+    Kind,
+    Mission,
+    Retry,
+    State,
+    Timer,
+    Transition,
+    Value,
+)
+from lupin_engine.chart.source import Text
+from lupin_engine.chart.tree import Draft, Forest
+from lupin_engine.chart.values import is_expression, read_arguments, read_constant, read_guard, read_value
+from lupin_engine.errors import Place, nearest
+from lupin_engine.plugin.builtin import BUILTIN
+from lupin_engine.plugin.contract import Code, Operation, Parameter
+from lupin_engine.plugin.registry import Catalog
+from lupin_engine.plugin.types import ANY, BOOL, COUNT, DURATION, TEXT, Type, list_of
+
+#: What expressions see of the itinerary around them.
+ITINERARY = Type(
+    "record", "itinerary", fields={"open": BOOL, "remaining": COUNT, "total": COUNT, "closed": COUNT}
+)
+_ERROR = Type("record", "error", fields={"code": TEXT, "detail": TEXT})
+_START = Type("record", "event", fields={"mission_type": TEXT, "mission_id": TEXT})
+_NOTHING = Type("record", "event")
+
+
+@dataclass
+class Composed:
+    """A chart with what the checks need to know beside it."""
+
+    chart: Chart
+    drafts: Mapping[str, Draft]
+    usage: Usage
+    declared: Declared
+    copies: set[str] = field(default_factory=set)
+
+
+def compose(
+    lifecycle: LifecycleNode,
+    missions: Sequence[MissionNode],
+    parts: Mapping[str, PartNode],
+    catalog: Catalog,
+    findings: Findings,
+) -> Composed:
+    """Compose the chart of these documents; after errors it has holes, but may be checked further."""
+    return _Composer(lifecycle, missions, parts, catalog, findings).compose()
+
+
+class _Composer:
+    def __init__(
+        self,
+        lifecycle: LifecycleNode,
+        missions: Sequence[MissionNode],
+        parts: Mapping[str, PartNode],
+        catalog: Catalog,
+        findings: Findings,
+    ) -> None:
+        self._lifecycle = lifecycle
+        self._missions = list(missions)
+        self._parts = parts
+        self._catalog = catalog
+        self._findings = findings
+        self._usage = Usage()
+        self._declarer = Declarer(catalog, findings, self._usage)
+        self._forest = Forest(parts, findings)
+        self._requests: dict[str, dict[str, Field]] = {}
+        self._bases: dict[tuple[str, str], Scope] = {}
+        self._bound: dict[str, list[set[str]]] = {}
+        self._codes: dict[str, Code] = {}
+        self._events: list[str] = []
+
+    @property
+    def _declared(self) -> Declared:
+        return self._declarer.declared
+
+    def compose(self) -> Composed:
+        """Run all steps."""
+        files: list[FileNode] = [self._lifecycle, *self._missions, *self._parts.values()]
+        self._declarer.name_holds(self._lifecycle)
+        self._declarer.read(files)
+        self._forest.grow(self._lifecycle, self._missions)
+        self._codes = self._all_codes()
+        self._events = self._all_events()
+        self._actions = ActionReader(self._catalog, self._declared.context, self._codes, self._findings)
+        self._read_requests()
+        states = {draft.name: self._state(draft) for draft in self._forest.drafts.values()}
+        holds_scope = self._base(self._lifecycle, "")
+        holds = self._declarer.holds(self._lifecycle, holds_scope, self._codes)
+        chart = Chart(
+            name=self._lifecycle.lifecycle,
+            files=tuple(dict.fromkeys(file.place.file for file in files)),
+            states=states,
+            missions=self._mission_records(),
+            holds=holds,
+            context=self._declared.context,
+            inputs=self._declared.inputs,
+            parameters={},
+            codes=self._codes,
+            summary=self._lifecycle.summary,
+        )
+        plugins = self._plugins(states.values())
+        chart = replace(chart, plugins=plugins, parameters=self._parameters(plugins))
+        return Composed(chart, self._forest.drafts, self._usage, self._declared)
+
+    # -- what the whole chart knows ------------------------------------------------------------------------
+
+    def _all_codes(self) -> dict[str, Code]:
+        """Join declared codes with those of the operations and request types that the chart uses."""
+        codes = dict(self._declared.codes)
+        for draft in self._forest.drafts.values():
+            invoke = draft.node.invoke if draft.node else None
+            operation = self._catalog.operations.get(invoke.do) if invoke else None
+            for code in operation.codes if operation else ():
+                codes.setdefault(code.name, code)
+        for mission in self._missions:
+            for node in mission.request.values():
+                reader = self._catalog.readers.get(node.type.split()[-1] if node.type else "")
+                if reader is not None:
+                    codes.setdefault(reader.code.name, reader.code)
+        return codes
+
+    def _all_events(self) -> list[str]:
+        raised = {name for draft in self._forest.drafts.values() for name in _raised(draft)}
+        return [*REQUESTS, *level_events(self._declared.inputs), *sorted(raised)]
+
+    def _plugins(self, states: Iterable[State]) -> tuple[str, ...]:
+        """Return the plugins that anything of theirs is used from, sorted, without the built-in one."""
+        names: set[str] = set()
+        for state in states:
+            if state.invoke is not None:
+                names.add(state.invoke.name)
+            calls = [*state.entry, *state.exit, *(a for t in _all_transitions(state) for a in t.actions)]
+            names.update(call.name for call in calls if call.name in self._catalog.actions)
+        found = {name.partition(".")[0] for name in names}
+        owners = self._catalog.owners
+        used: list[tuple[str, Iterable[str]]] = [
+            ("function", self._usage.functions),
+            ("parameter", self._usage.parameters),
+            ("type", self._declared.types),
+            ("value", [found.value for found in self._declared.inputs.values()]),
+        ]
+        found.update(owners[family, name] for family, some in used for name in some if (family, name) in owners)
+        return tuple(sorted(found - {BUILTIN}))
+
+    def _parameters(self, plugins: Iterable[str]) -> dict[str, Parameter]:
+        """Return the settings of the chart, sorted by where they come from: plugins, then files.
+
+        A part's parameter that every use gives a value cannot be set from outside.
+        """
+        found: dict[str, Parameter] = {}
+        for plugin in plugins:
+            found.update(self._catalog.plugins[plugin].parameters)
+        for part in self._parts.values():
+            uses = self._bound.get(part.title, [])
+            for name in set.intersection(*uses) if uses else ():
+                elsewhere = any(name in own for title, own in self._declared.by_file.items() if title != part.title)
+                if not elsewhere:
+                    self._declared.parameters.pop(name, None)
+        found.update(self._declared.parameters)
+        return found
+
+    # -- missions ------------------------------------------------------------------------------------------
+
+    def _read_requests(self) -> None:
+        for mission in self._missions:
+            scope = self._scope_of(mission, "")
+            fields: dict[str, Field] = {}
+            for name, node in mission.request.items():
+                place = mission.key_at("request", name)
+                found = self._declarer.field(name, node, place, scope, set(self._codes))
+                if found is not None:
+                    fields[name] = found
+            self._requests[mission.name] = fields
+
+    def _mission_records(self) -> dict[str, Mission]:
+        found = {}
+        for mission in self._missions:
+            wrapper = next(
+                (d for d in self._forest.drafts.values() if d.file is mission and d.node is None and d.parent), None
+            )
+            if wrapper is not None:
+                place = mission.at("mission")
+                request = self._requests[mission.name]
+                found[mission.name] = Mission(
+                    mission.name, wrapper.name, place.file, mission.summary, request, place
+                )
+        return found
+
+    # -- scopes --------------------------------------------------------------------------------------------
+
+    def _scope_of(self, file: FileNode, mission: str) -> Scope:
+        base = self._declarer.base_scope(file)
+        states = tuple(name for name in self._forest.drafts if name)
+        scope = replace(base, states=states)
+        if not mission or mission not in self._requests:
+            return scope
+        fields = {name: found.type for name, found in self._requests[mission].items()}
+        return scope.with_names({"request": Type("record", "request", fields=fields)})
+
+    def _base(self, file: FileNode, mission: str) -> Scope:
+        """Return what every expression of a file sees within a mission."""
+        key = (file.title, mission)
+        if key not in self._bases:
+            self._bases[key] = self._scope_of(file, mission)
+        return self._bases[key]
+
+    def _outer(self, draft: Draft) -> Scope:
+        """Return what stands around a state: its parent's inner scope, or its file's where a file begins."""
+        parent = draft.parent
+        if parent is None or parent.inner is None or (draft.node is None and draft.kind is not Kind.HISTORY):
+            return self._base(draft.file, draft.mission)
+        return parent.inner
+
+    # -- states --------------------------------------------------------------------------------------------
+
+    def _state(self, draft: Draft) -> State:
+        outer = self._outer(draft)
+        node = draft.node
+        draft.scope = draft.inner = outer
+        itinerary = None
+        if node is not None and node.itinerary is not None:
+            itinerary, draft.scope = self._itinerary(draft, node, outer)
+            draft.inner = draft.scope
+        if node is not None and node.use is not None:
+            draft.inner = self._part_scope(draft, node, draft.scope)
+        state = State(
+            name=draft.name,
+            kind=draft.kind,
+            place=draft.place,
+            parent=draft.parent.name if draft.parent else None,
+            children=tuple(child.name for child in draft.children.values()),
+            initial=self._initial(draft),
+            label=draft.label,
+            mission=draft.mission,
+            slot=draft.slot,
+            depth=draft.depth,
+            itinerary=itinerary,
+        )
+        if node is None:
+            return self._fill_file(state, draft) if draft.kind is not Kind.HISTORY else state
+        return self._fill(state, draft, node)
+
+    def _fill_file(self, state: State, draft: Draft) -> State:
+        """Fill the root, or the wrapper of a mission, from its file."""
+        file, scope = draft.file, self._any_event(draft)
+        entry = file.entry if isinstance(file, MissionNode) else []
+        leave = file.exit if isinstance(file, MissionNode) else []
+        handlers = file.on if isinstance(file, (LifecycleNode, MissionNode)) else {}
+        return replace(
+            state,
+            summary=file.summary,
+            entry=self._actions.read(entry, scope, _path(draft.name, "entry")),
+            exit=self._actions.read(leave, scope, _path(draft.name, "exit")),
+            transitions=tuple(self._handlers(draft, file, handlers)),
+        )
+
+    def _fill(self, state: State, draft: Draft, node: StateNode) -> State:
+        scope = self._any_event(draft)
+        invoke = self._invoke(draft, node.invoke, scope) if node.invoke else None
+        return replace(
+            state,
+            summary=node.summary,
+            phase=node.phase,
+            paused=node.paused,
+            entry=self._actions.read(node.entry, scope, _path(draft.name, "entry")),
+            exit=self._actions.read(node.exit, scope, _path(draft.name, "exit")),
+            invoke=invoke,
+            transitions=tuple(self._transitions(draft, node, invoke)),
+            timers=tuple(self._timers(draft, node, scope)),
+            resume_at=self._resume_at(draft, node),
+        )
+
+    def _initial(self, draft: Draft) -> str | None:
+        written = draft.initial
+        if draft.kind is Kind.HISTORY:
+            siblings = draft.parent
+            if written is None or siblings is None:
+                return None
+            return self._forest.resolve_child(written[0], siblings, written[1], _path(draft.name, "initial"))
+        if draft.kind is Kind.PARALLEL and written is not None:
+            problem = "every child of a parallel state is entered, none of them first"
+            self._findings.add(written[1], "wrong-shape", draft.name, problem, "leave 'initial' out")
+            return None
+        if written is not None:
+            return self._forest.resolve_child(written[0], draft, written[1], _path(draft.name, "initial"))
+        if draft.kind is not Kind.COMPOUND:
+            return None
+        return self._only_child(draft)
+
+    def _only_child(self, draft: Draft) -> str | None:
+        """Choose the child to enter where none is written: the only one that is a beginning."""
+        proper = [child for child in draft.children.values() if child.kind not in (Kind.FINAL, Kind.HISTORY)]
+        proper = proper or [child for child in draft.children.values() if child.kind is not Kind.HISTORY]
+        if len(proper) == 1:
+            return proper[0].name
+        if proper and not draft.slot:
+            names = ", ".join(repr(child.local) for child in proper)
+            problem = f"it is not said which of {names} is entered first"
+            self._findings.add(draft.place, "no-initial", draft.name, problem, f"write 'initial: {proper[0].local}'")
+        return None
+
+    def _itinerary(self, draft: Draft, node: StateNode, outer: Scope) -> tuple[Itinerary | None, Scope]:
+        assert node.itinerary is not None
+        place = node.itinerary.at("items")
+        path = _path(draft.name, "itinerary.items")
+        items = read_value(node.itinerary.items, place, list_of(ANY), outer, self._findings, path)
+        item = items.type.item if items is not None and items.type.item is not None else ANY
+        inner = outer.with_names({"target": item, "itinerary": ITINERARY})
+        return (Itinerary(items, node.itinerary.place) if items is not None else None), inner
+
+    def _part_scope(self, draft: Draft, node: StateNode, scope: Scope) -> Scope:
+        """Return what the states of a part see: the part's declarations, and what its user hands on."""
+        part = draft.part
+        if part is None:
+            return scope
+        if part.needs == "itinerary" and "itinerary" in scope.absent:
+            problem = f"the part {part.part!r} needs an itinerary"
+            hint = "add 'itinerary: {items: ...}' to the state that uses it"
+            self._findings.add(node.at("use"), "missing-itinerary", draft.name, problem, hint)
+            scope = scope.with_names({"target": ANY, "itinerary": ITINERARY})
+        base = self._base(part, draft.mission)
+        handed = {name: scope.names[name] for name in ("target", "itinerary") if name in scope.names}
+        bound = self._bind(draft, node, part, scope)
+        return replace(base.with_names(handed), bound=bound)
+
+    def _bind(
+        self, draft: Draft, node: StateNode, part: PartNode, scope: Scope
+    ) -> dict[str, tuple[Type, ast.expr]]:
+        """Read the values that a use gives to parameters of its part."""
+        own = self._declared.by_file.get(part.title, {})
+        found: dict[str, tuple[Type, ast.expr]] = {}
+        for name, raw in node.with_.items():
+            path, place = _path(draft.name, f"with.{name}"), node.value_at("with", name)
+            if name not in own:
+                at = node.key_at("with", name)
+                self._findings.unknown(at, "unknown-parameter", path, "parameter of the part", name, own)
+                continue
+            tree = self._bound_value(raw, place, own[name].type, scope, path)
+            if tree is not None:
+                found[name] = (own[name].type, tree)
+        self._bound.setdefault(part.title, []).append(set(found))
+        return found
+
+    def _bound_value(self, raw: Any, place: Place, wanted: Type, scope: Scope, path: str) -> ast.expr | None:
+        fragment = fragment_of(raw) if isinstance(raw, Text) and is_expression(raw) else None
+        if fragment is not None:
+            typed = check_expression(fragment, scope, wanted, self._findings, path)
+            return typed.tree if typed else None
+        constant = read_constant(raw, place, wanted, self._findings, path)
+        return _literal(constant.value) if constant else None
+
+    def _any_event(self, draft: Draft) -> Scope:
+        """Return a state's scope with the event that led there, of which nothing is known beforehand."""
+        assert draft.scope is not None
+        return draft.scope.with_names({"event": ANY})
+
+    # -- invocations ---------------------------------------------------------------------------------------
+
+    def _invoke(self, draft: Draft, node: InvokeNode, scope: Scope) -> Invoke | None:
+        path = _path(draft.name, "invoke")
+        operation = self._catalog.operations.get(node.do)
+        if operation is None:
+            known = self._catalog.operations
+            self._findings.unknown(node.at("do"), "unknown-operation", path, "operation", node.do, known)
+            return None
+        given = node._raw.get("with")
+        arguments = read_arguments(
+            node.do, operation.arguments, given, node.at("do"), scope, self._findings, f"{path}.with"
+        )
+        timeout, code = None, None
+        if isinstance(node.timeout, LimitNode):
+            at = node.timeout.at("after")
+            timeout = read_value(node.timeout.after, at, DURATION, scope, self._findings, f"{path}.timeout.after")
+            code = node.timeout.code
+            self._check_code(code, node.timeout.at("code"), f"{path}.timeout.code")
+        elif node.timeout is None:
+            problem, hint = f"nothing ends the wait for {node.do}", "add 'timeout: {after: 30 s, code: CODE}'"
+            self._findings.add(node.place, "no-deadline", path, problem, hint + " or 'timeout: never'")
+        retry = self._retry(node.retry, operation, code, scope, path) if node.retry else None
+        return Invoke(node.do, operation, arguments, node.place, timeout, code, retry)
+
+    def _retry(
+        self, node: RetryNode, operation: Operation, timeout_code: str | None, scope: Scope, path: str
+    ) -> Retry | None:
+        path = f"{path}.retry"
+        attempts = read_value(node.attempts, node.at("attempts"), COUNT, scope, self._findings, f"{path}.attempts")
+        backoff = None
+        if node.backoff is not None:
+            at = node.at("backoff")
+            backoff = read_value(node.backoff, at, DURATION, scope, self._findings, f"{path}.backoff")
+        possible = {code.name for code in operation.codes} | ({timeout_code} if timeout_code else set())
+        for index, code in enumerate(node.unless):
+            if code not in possible:
+                at = node.at("unless", index)
+                self._findings.unknown(at, "undeclared-code", path, "code of this operation", code, possible)
+        return None if attempts is None else Retry(attempts, backoff, frozenset(node.unless))
+
+    def _check_code(self, code: str | None, place: Place, path: str) -> None:
+        if code is not None and code not in self._codes:
+            problem = f"the code {code!r} is not declared"
+            hint = nearest(code, self._codes)
+            if not hint.startswith("did you mean"):
+                hint = f"add 'codes: {{{code}: {{label: ..., severity: warn}}}}'"
+            self._findings.add(place, "undeclared-code", path, problem, hint)
+
+    # -- transitions ---------------------------------------------------------------------------------------
+
+    def _transitions(self, draft: Draft, node: StateNode, invoke: Invoke | None) -> Iterator[Transition]:
+        """Compose what a state does about endings, events and time, in the order of the language."""
+        assert draft.scope is not None
+        result = invoke.operation.result if invoke else None
+        done = Type("record", "event", fields=result) if result is not None else ANY
+        families: list[tuple[str, str, list[TransitionNode], dict[str, Type]]] = [
+            ("on_done", "done", node.on_done, {"event": done}),
+            ("on_error", "error", node.on_error, {"error": _ERROR, "event": ANY}),
+        ]
+        for key, event, nodes, names in families:
+            yield from self._list(draft, draft, nodes, key, event, draft.scope.with_names(names))
+        yield from self._handlers(draft, node, node.on)
+        yield from self._list(draft, draft, node.always, "always", "", self._any_event(draft))
+        for index, nodes in enumerate(node.after.values()):
+            yield from self._list(draft, draft, nodes, f"after.{index}", f"after.{index}", self._any_event(draft))
+
+    def _handlers(
+        self, draft: Draft, holder: StateNode | FileNode, handlers: Mapping[str, list[TransitionNode]]
+    ) -> Iterator[Transition]:
+        for event, nodes in handlers.items():
+            place = holder.key_at("on", event)
+            if self._check_event(event, place, _path(draft.name, f"on.{event}")):
+                yield from self._handler(draft, event, nodes)
+
+    def _handler(self, draft: Draft, event: str, nodes: list[TransitionNode]) -> Iterator[Transition]:
+        copies = [node for node in nodes if node.use is not None]
+        if not copies:
+            scope = self._event_scope(draft, event)
+            yield from self._list(draft, draft, nodes, f"on.{event}", event, scope)
+            return
+        node, path = copies[0], _path(draft.name, f"on.{event}")
+        if len(nodes) > 1 or node.model_fields_set != {"use"}:
+            problem, hint = "'use' copies all that the other state answers", "let it stand alone"
+            self._findings.add(node.key_at("use"), "wrong-shape", path, problem, hint)
+            return
+        yield from self._copy(draft, event, node, path)
+
+    def _copy(self, draft: Draft, event: str, node: TransitionNode, path: str) -> Iterator[Transition]:
+        """Compose another state's transitions for an event again, with this state as their source."""
+        name = self._forest.resolve(node.use or "", draft, node.at("use"), path)
+        other = self._forest.drafts[name] if name is not None else None
+        if other is None:
+            return
+        answers = other.node.on.get(event, []) if other.node else []
+        if not answers or any(answer.use for answer in answers):
+            problem = f"{other.name!r} has no answer of its own to {event!r}"
+            self._findings.add(node.at("use"), "unknown-state", path, problem, "name a state that answers it")
+            return
+        if other.scope is None:
+            other.scope = self._outer(other)
+        yield from self._list(draft, other, answers, f"on.{event}", event, self._event_scope(other, event))
+
+    def _check_event(self, event: str, place: Place, path: str) -> bool:
+        if event in self._events:
+            return True
+        if event.endswith(".*") and any(known.startswith(event[:-1]) for known in self._events):
+            if event.startswith("input."):
+                problem = "levels cannot be listened to all at once"
+                self._findings.add(place, "unknown-event", path, problem, "name each of them")
+                return False
+            return True
+        allowed = self._events
+        named = event.removeprefix("input.").partition(".")[0]
+        if event == f"input.{named}" and named in self._declared.inputs:
+            levels = [name for name in allowed if name.startswith(f"{event}.")]
+            problem = f"{event!r} is a {self._declared.inputs[named].type}, which is no event"
+            hint = nearest(event, levels) if levels else "only a yes or no, or a level, can be listened to"
+            self._findings.add(place, "unknown-event", path, problem, hint)
+            return False
+        self._findings.unknown(place, "unknown-event", path, "event", event, allowed)
+        return False
+
+    def _event_scope(self, draft: Draft, event: str) -> Scope:
+        assert draft.scope is not None
+        if event == "mission.start":
+            return draft.scope.with_names({"event": _START})
+        return draft.scope.with_names({"event": _NOTHING if event.startswith("operator.") else ANY})
+
+    def _list(
+        self, source: Draft, owner: Draft, nodes: list[TransitionNode], key: str, event: str, scope: Scope
+    ) -> Iterator[Transition]:
+        """Compose transitions that `owner` writes and `source` takes (they differ for copies only)."""
+        for index, node in enumerate(nodes):
+            name = key if key.startswith("after.") and index == 0 else f"{key}.{index}"
+            yield self._transition(node, _path(source.name, name), event, source, owner, scope, key)
+
+    def _transition(
+        self, node: TransitionNode, id: str, event: str, source: Draft, owner: Draft, scope: Scope, key: str
+    ) -> Transition:
+        path = _path(owner.name, key)
+        if node.use is not None:
+            problem = "only the answer to an event can be copied"
+            self._findings.add(node.key_at("use"), "wrong-shape", path, problem)
+        target = None
+        if node.target is not None:
+            target = self._forest.resolve(node.target, owner, node.at("target"), path)
+        for word in ("refuse", "code"):
+            self._check_code(getattr(node, word), node.at(word), path)
+        self._check_sense(node, event, path)
+        return Transition(
+            id=id,
+            event=event,
+            source=source.name,
+            place=node.place,
+            target=target,
+            guard=read_guard(node.guard, node.at("guard"), scope, self._findings, f"{path}.guard"),
+            actions=self._actions.read(node.do, scope, f"{path}.do"),
+            refuse=node.refuse,
+            during=self._hold_names(node, "during", path),
+            releases=self._hold_names(node, "releases", path),
+            code=node.code,
+            internal=node.internal,
+        )
+
+    def _check_sense(self, node: TransitionNode, event: str, path: str) -> None:
+        """Refuse combinations that contradict themselves."""
+        if node.refuse is not None and event not in REQUESTS and not event.startswith("operator."):
+            problem = "only a request can be refused"
+            self._findings.add(node.key_at("refuse"), "wrong-shape", path, problem, "leave 'refuse' out")
+        elif node.refuse is not None and (node.target is not None or node.do):
+            problem = "a refusal changes nothing, so it has no target and no actions"
+            self._findings.add(node.key_at("refuse"), "wrong-shape", path, problem, "write two transitions")
+        elif event.startswith("input.") and node.target is None:
+            problem = f"while {event} is true this would be taken for ever"
+            self._findings.add(node.place, "level-without-target", path, problem, "add 'target: STATE'")
+
+    def _hold_names(self, node: TransitionNode, key: str, path: str) -> frozenset[str]:
+        found = set()
+        for index, name in enumerate(getattr(node, key)):
+            place = node.at(key, index)
+            hold = self._declared.holds.get(name)
+            if hold is None:
+                self._findings.unknown(place, "unknown-hold", path, "hold", name, self._declared.holds)
+            elif key == "releases" and hold.engage.startswith("input."):
+                problem = f"the hold {name!r} follows {hold.engage} and can only be released by a person"
+                self._findings.add(place, "releases-level-hold", path, problem, f"write 'during: {name}'")
+            else:
+                found.add(name)
+        return frozenset(found)
+
+    def _resume_at(self, draft: Draft, node: StateNode) -> tuple[Transition, ...]:
+        """Compose which child is entered on coming back; a use may decide otherwise than its part."""
+        own = node.resume_at or (draft.part.resume_at if draft.part else [])
+        if not own:
+            return ()
+        inner = draft.scope if node.resume_at else draft.inner
+        assert inner is not None
+        scope = inner.with_names({"event": ANY})
+        path = _path(draft.name, "resume_at")
+        found = []
+        for index, written in enumerate(own):
+            if written.target is None:
+                hint = "add 'target: CHILD'"
+                self._findings.add(written.place, "missing-key", path, "'resume_at' names a child", hint)
+                continue
+            target = self._forest.resolve_child(written.target, draft, written.at("target"), path)
+            guard = read_guard(written.guard, written.at("guard"), scope, self._findings, f"{path}.guard")
+            found.append(
+                Transition(f"{path}.{index}", "resume", draft.name, written.place, target=target, guard=guard)
+            )
+        return tuple(found)
+
+    def _timers(self, draft: Draft, node: StateNode, scope: Scope) -> Iterator[Timer]:
+        for index, key in enumerate(node.after):
+            text = node.text_of_key("after", key)
+            value = self._duration(text, scope, _path(draft.name, f"after.{index}"))
+            if value is not None:
+                yield Timer(f"after.{index}", value, text.place)
+
+    def _duration(self, text: Text, scope: Scope, path: str) -> Value | None:
+        return read_value(text, text.place, DURATION, scope, self._findings, path)
+
+
+def _path(*words: str) -> str:
+    return ".".join(word for word in words if word)
+
+
+def _literal(value: Any) -> ast.expr:
+    """Return plain data as the tree of an expression."""
+    if isinstance(value, Mapping):
+        keys: list[ast.expr | None] = [ast.Constant(key) for key in value]
+        return ast.Dict(keys, [_literal(item) for item in value.values()])
+    if isinstance(value, list):
+        return ast.List([_literal(item) for item in value], ast.Load())
+    return ast.Constant(value)
+
+
+def _all_transitions(state: State) -> Iterator[Transition]:
+    yield from state.transitions
+    yield from state.resume_at
+
+
+def _raised(draft: Draft) -> Iterator[str]:
+    """Yield the events that a state's text raises."""
+    holder: Any = draft.node or draft.file
+    lists = [getattr(holder, key, []) for key in ("on_done", "on_error", "always")]
+    for key in ("on", "after"):
+        lists.extend(getattr(holder, key, {}).values())
+    for actions in (getattr(holder, "entry", []), getattr(holder, "exit", [])):
+        yield from raised_events(actions)
+    for transitions in lists:
+        for node in transitions:
+            yield from raised_events(node.do)

@@ -1,0 +1,42 @@
+"""Ctrl-C and its relatives as something to look at: counted, never thrown into the middle of work."""
+
+from __future__ import annotations
+
+import signal
+import types
+from typing import Any
+
+_HANDLED = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+
+
+class Interrupted(Exception):
+    """The user wants to stop; raised where a wait notices it."""
+
+
+class Interrupts:
+    """Counts SIGINT, SIGTERM and SIGHUP while active (the terminal was closed, the service is stopped)."""
+
+    def __init__(self) -> None:
+        self.count = 0
+        self._before: dict[signal.Signals, Any] = {}
+
+    def check(self) -> None:
+        """Raise `Interrupted` when there was a signal."""
+        if self.count:
+            raise Interrupted
+
+    @property
+    def insisted(self) -> bool:
+        """Whether there was a second signal: stop now, with force."""
+        return self.count > 1
+
+    def __enter__(self) -> Interrupts:
+        self._before = {number: signal.signal(number, self._count) for number in _HANDLED}
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        for number, handler in self._before.items():
+            signal.signal(number, handler)
+
+    def _count(self, number: int, frame: types.FrameType | None) -> None:
+        self.count += 1

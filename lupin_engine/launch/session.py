@@ -1,0 +1,311 @@
+"""One run: nodes brought up, the mission started and followed, everything stopped.
+
+A single loop on the caller's thread: it lets the operator's node work, looks at the processes and at the
+interrupts, and tells the observer. Every wait in here has a deadline.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Protocol
+
+from lupin_engine.errors import LupinError, Severity
+from lupin_engine.launch.interrupts import Interrupted, Interrupts
+from lupin_engine.launch.nodes import ORCHESTRATOR
+from lupin_engine.launch.plan import Plan, Present, Values, command, make_plan
+from lupin_engine.launch.story import Story
+from lupin_engine.launch.supervisor import IMPATIENT, Patience, Supervisor
+from lupin_engine.plugin.registry import Catalog
+from lupin_engine.ros.operator import Answer, Operator
+
+#: Seconds between two looks at everything.
+TICK_S = 0.05
+#: The network is looked at until nothing new has appeared for this long, and at least (at most) this long.
+QUIET_S, LOOK_S, LOOK_LIMIT_S = 0.5, 1.0, 3.0
+#: How long nodes may take to appear and serve, in seconds.
+APPEAR_LIMIT_S = 30.0
+#: How long the orchestrator may wait in BOOT. It has a limit of its own, a parameter, and ends in FAULT.
+BOOT_LIMIT_S = 600.0
+#: What an operator may have set (e-stop, battery) reaches the orchestrator within this time, in seconds.
+SETTLE_S = 1.5
+#: How long the orchestrator may take to answer a request, in seconds.
+ANSWER_S = 5.0
+#: `/mission/state` comes five times a second: this long without it and the orchestrator is gone.
+SILENCE_S = 6.0
+#: How long an abort may take until nothing moves, in seconds.
+ABORT_LIMIT_S = 5.0
+#: How long the last observations may come after the last state, in seconds.
+STRAGGLER_S = 2.0
+
+
+class RunFailed(LupinError):
+    """The run could not be done, or not be started; the text says why."""
+
+    exit_code = 2
+
+
+class Observer(Protocol):
+    """Who shows a run to people or machines."""
+
+    def note(self, text: str, severity: Severity = Severity.INFO) -> None:
+        """Tell something about the run itself: what is started, waited for, stopped."""
+
+    def arrived(self, kind: str, data: Mapping[str, Any]) -> None:
+        """Take notice of a message of this mission: `state`, `observation` or `step`."""
+
+    def show(self, story: Story) -> None:
+        """Show where the mission stands; called on every look at the world."""
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How the nodes are to be started.
+
+    `parameters` are by node name. `patience` is how long a mission may wait for an operator, in seconds;
+    None is for ever.
+    """
+
+    folder: Path
+    environment: Mapping[str, str]
+    parameters: Mapping[str, Values] = field(default_factory=dict)
+    simulate: bool = True
+    settle: bool = False
+    patience: float | None = None
+
+
+class Session:
+    """The nodes and the mission of one run; a context, so that nothing survives an exception."""
+
+    def __init__(self, settings: Settings, observer: Observer, interrupts: Interrupts) -> None:
+        self.supervisor = Supervisor(settings.folder, settings.environment)
+        self.plan = Plan(())
+        self._settings = settings
+        self._observer = observer
+        self._interrupts = interrupts
+        self._operator = Operator()
+        self._state: dict[str, Any] = {}
+        self._view: dict[str, Any] = {}
+        self._story: Story | None = None
+        self._pending: list[tuple[str, dict[str, Any], float]] = []
+
+    # -- bringing up ------------------------------------------------------------------------------------
+
+    def bring_up(self, plugins: Iterable[str], catalog: Catalog) -> None:
+        """Start what is missing for missions that use `plugins`, and wait until the orchestrator is ready.
+
+        Raises:
+            RunFailed: a process died, or something is still missing after its time.
+            Interrupted: the user lost patience.
+        """
+        self._observer.note("looking for nodes that run already")
+        present = self._look_around()
+        settings = self._settings
+        self.plan = make_plan(plugins, catalog, present, settings.parameters, simulate=settings.simulate)
+        if self.plan.joined:
+            self._observer.note(f"using what is there: {', '.join(self.plan.joined)}")
+        if self.plan.starts:
+            self._observer.note(f"starting {', '.join(self.plan.starts)}; logs in {settings.folder}")
+        for launch in self.plan.launches:
+            self.supervisor.start(launch.node.name, command(launch, settings.folder))
+        self._wait_for(self._missing_nodes, APPEAR_LIMIT_S)
+        self._wait_for(self._missing_servers, BOOT_LIMIT_S)
+        self.supervisor.note_segments()
+        if settings.settle or self.plan.joined:
+            self._tick_for(SETTLE_S)
+
+    @property
+    def owns_orchestrator(self) -> bool:
+        """Whether this session started the orchestrator."""
+        return ORCHESTRATOR in self.plan.starts
+
+    def _look_around(self) -> Present:
+        begin = changed = time.monotonic()
+        seen: frozenset[str] = frozenset()
+        while (now := time.monotonic()) - begin < LOOK_LIMIT_S:
+            if now - begin >= LOOK_S and now - changed >= QUIET_S:
+                break
+            self._operator.spin(TICK_S)
+            self._interrupts.check()
+            nodes = self._operator.nodes()
+            if nodes != seen:
+                seen, changed = nodes, now
+        return Present(seen, self._operator.services(), self._operator.actions())
+
+    def _wait_for(self, missing: Callable[[], Sequence[str]], limit: float) -> None:
+        """Wait until nothing is missing, telling what is whenever that changes."""
+        begin = time.monotonic()
+        told: Sequence[str] = ()
+        while waiting := missing():
+            if time.monotonic() - begin > limit:
+                text = f"still missing after {limit:g} s: {', '.join(waiting)}; logs in {self._settings.folder}"
+                raise RunFailed(text)
+            if waiting != told and time.monotonic() - begin > 1.0:
+                self._observer.note(f"waiting for {', '.join(waiting)}")
+                told = waiting
+            self._tick()
+            self._interrupts.check()
+
+    def _missing_nodes(self) -> list[str]:
+        there = self._operator.nodes()
+        missing = [f"node {name}" for name in self.plan.starts if name not in there]
+        if missing:
+            return missing
+        if not self._operator.ready():
+            return ["the services of /mission"]
+        return [] if self._state else ["topic /mission/state"]
+
+    def _missing_servers(self) -> list[str]:
+        """Name what the orchestrator waits for; a fault of our own orchestrator ends the run."""
+        lifecycle = self._state.get("lifecycle_state")
+        if lifecycle == "FAULT" and self.owns_orchestrator:
+            raise RunFailed(f"the orchestrator is in FAULT: {_last_event(self._state)}")
+        if lifecycle != "BOOT":
+            return []
+        details = [str(attempt["detail"]) for attempt in self._view.get("attempts", ()) if attempt["detail"]]
+        return details or ["the orchestrator, which is in BOOT"]
+
+    # -- the mission ------------------------------------------------------------------------------------
+
+    def start(self, mission: str, tags: Sequence[str], goal: int) -> Story:
+        """Start a mission.
+
+        Raises:
+            RunFailed: it was refused, or nobody answered.
+        """
+        began = time.monotonic()
+        answer = self._operator.start(mission, tags, goal, ANSWER_S)
+        if not answer.reached:
+            raise RunFailed(f"the mission could not be started: {answer.text}")
+        if not answer.accepted:
+            raise RunFailed(f"start refused: {answer.text}")
+        story = Story(answer.mission_id, began, heard=time.monotonic())
+        self._story = story
+        self._observer.note(f"{mission} {answer.mission_id} started")
+        for arrival in self._pending:
+            self._tell(*arrival)
+        self._pending.clear()
+        return story
+
+    def follow(self, story: Story) -> None:
+        """Follow a mission until it has ended.
+
+        Raises:
+            RunFailed: the orchestrator is gone, or the mission waits for an operator who does not come.
+            Interrupted: the user wants to stop.
+        """
+        waiting_since: float | None = None
+        while not story.ended:
+            self._tick()
+            self._interrupts.check()
+            now = time.monotonic()
+            if now - story.heard > SILENCE_S:
+                raise RunFailed(f"no /mission/state for {SILENCE_S:g} s: the orchestrator is gone")
+            waiting_since = (waiting_since or now) if story.waits else None
+            self._check_patience(story, now - (waiting_since or now))
+        self._wait_until(lambda: len(story.readings) >= story.closed, STRAGGLER_S)
+
+    def _check_patience(self, story: Story, waited: float) -> None:
+        patience = self._settings.patience
+        if patience is not None and waited > patience:
+            why = _last_event(story.state)
+            raise RunFailed(f"the mission waits for an operator ({why}); nobody came within {patience:g} s")
+
+    def abort(self, story: Story) -> None:
+        """Abort the mission and stop where the robot is, as far as that can be done in a short time."""
+        self._observer.note("aborting the mission; once more to force", Severity.WARN)
+        # The first sends the robot home, the second stops it on the way.
+        for _ in range(2):
+            answer = self._ask("abort")
+            if not answer.accepted or story.ended:
+                break
+        still = lambda: (story.ended and not story.busy) or self._interrupts.insisted  # noqa: E731
+        if not self._wait_until(still, ABORT_LIMIT_S):
+            self._observer.note(f"the mission still runs after {ABORT_LIMIT_S:g} s", Severity.ERROR)
+        self._wait_until(lambda: len(story.readings) >= story.closed or self._interrupts.insisted, STRAGGLER_S)
+
+    def _ask(self, name: str) -> Answer:
+        answer = self._operator.ask(name, ANSWER_S)
+        self._take()
+        return answer
+
+    # -- the loop ---------------------------------------------------------------------------------------
+
+    def watch(self) -> None:
+        """Keep the nodes running until the user stops or the orchestrator dies."""
+        while True:
+            self._tick()
+            self._interrupts.check()
+
+    def _wait_until(self, condition: Callable[[], bool], limit: float) -> bool:
+        until = time.monotonic() + limit
+        while not condition():
+            if time.monotonic() > until:
+                return False
+            self._tick()
+        return True
+
+    def _tick_for(self, seconds: float) -> None:
+        until = time.monotonic() + seconds
+        while time.monotonic() < until:
+            self._tick()
+            self._interrupts.check()
+
+    def _tick(self) -> None:
+        self._operator.spin(TICK_S)
+        self._take()
+        self._look_at_processes()
+        if self._story is not None:
+            self._observer.show(self._story)
+
+    def _take(self) -> None:
+        for arrival in self._operator.take():
+            if arrival.kind == "state":
+                self._state = arrival.data
+            elif arrival.kind == "step":
+                self._view = arrival.data.get("view", {})
+            if self._story is None:  # what comes before the answer to the start may belong to the mission
+                self._pending = [*self._pending[-200:], (arrival.kind, arrival.data, arrival.at)]
+            else:
+                self._tell(arrival.kind, arrival.data, arrival.at)
+
+    def _tell(self, kind: str, data: dict[str, Any], at: float) -> None:
+        assert self._story is not None
+        if self._story.take(kind, data, at):
+            self._observer.arrived(kind, data)
+
+    def _look_at_processes(self) -> None:
+        for death in self.supervisor.deaths():
+            # Before the mission runs everything is needed. Later the mission has its own answer to a dead
+            # plugin: a declared error. Only without the orchestrator there is no mission.
+            if self._story is None or death.name == ORCHESTRATOR:
+                raise RunFailed(death.told)
+            self._observer.note(death.told, Severity.ERROR)
+            self._story.note(time.monotonic(), Severity.ERROR, str(death))
+
+    # -- the end ----------------------------------------------------------------------------------------
+
+    def close(self) -> None:
+        """Stop every process that this session started; a second interrupt shortens the patience."""
+        names = self.supervisor.names
+        if names:
+            self._observer.note(f"stopping {', '.join(names)}")
+        killed = self.supervisor.stop(lambda: IMPATIENT if self._interrupts.insisted else Patience())
+        if killed:
+            self._observer.note(f"had to be killed: {', '.join(killed)}", Severity.WARN)
+        self._operator.close()
+
+    def __enter__(self) -> Session:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+
+def _last_event(state: Mapping[str, Any]) -> str:
+    return str(state.get("last_error") or state.get("last_event") or "no reason was published")
+
+
+__all__ = ["Interrupted", "Observer", "RunFailed", "Session", "Settings"]

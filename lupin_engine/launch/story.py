@@ -1,0 +1,226 @@
+"""One mission as it was seen from outside: state, targets, readings, events, and how it ended.
+
+Pure: fed with arrivals as plain data (see `ros.operator`), read by whoever shows them. What belongs to
+another mission is not taken in, because latched topics bring the past.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from lupin_engine.errors import Severity
+
+#: Values of `Observation.status`, by number.
+STATUSES = ("OK", "UNREACHABLE", "SCAN_FAILED", "SKIPPED")
+
+#: Exit codes of a run.
+ALL_VISITED, SOME_MISSED, NOT_DONE, INTERRUPTED = 0, 1, 2, 130
+
+#: Events that end an attempt at its server.
+_ENDS = ("attempt.done", "attempt.failed", "attempt.cancelled")
+
+#: What a lifecycle state means for a run.
+ENDED = ("DONE",)
+FAULTED = ("FAULT",)
+
+
+@dataclass(frozen=True)
+class Reading:
+    """What became of one target: the status, why, and what its sensors said."""
+
+    tag: str
+    status: str
+    reason: str
+    values: Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class Happening:
+    """Something worth a line: seconds since the start, how bad, and the text."""
+
+    elapsed: float
+    severity: Severity
+    text: str
+
+
+@dataclass(frozen=True)
+class Running:
+    """An operation under way: which try, for how long, and how long it may take (None: no limit)."""
+
+    operation: str
+    tries: int
+    phase: str
+    detail: str
+    since: float
+    limit: float | None
+
+
+@dataclass
+class Story:
+    """The mission `mission_id`; fill it with `take`. Times are of the monotonic clock of this process."""
+
+    mission_id: str
+    began: float
+    state: dict[str, Any] = field(default_factory=dict)
+    view: dict[str, Any] = field(default_factory=dict)
+    readings: dict[str, Reading] = field(default_factory=dict)
+    happenings: list[Happening] = field(default_factory=list)
+    heard: float = 0.0
+    #: Monotonic time of this process minus the orchestrator's, as of the last step.
+    _offset: float = 0.0
+    _begun: dict[tuple[str, str, int], float] = field(default_factory=dict)
+    _open: set[str] = field(default_factory=set)
+
+    def take(self, kind: str, data: Mapping[str, Any], at: float) -> bool:
+        """Take in one arrival; say whether it belongs to this mission."""
+        if kind == "state":
+            return self._take_state(data, at)
+        if kind == "observation":
+            return self._take_observation(data, at)
+        return self._take_step(data, at)
+
+    def note(self, at: float, severity: Severity, text: str) -> None:
+        """Add a happening of our own."""
+        self.happenings.append(Happening(at - self.began, severity, text))
+
+    # -- what it amounts to -----------------------------------------------------------------------------
+
+    @property
+    def lifecycle(self) -> str:
+        """The published state; '' before the first."""
+        return str(self.state.get("lifecycle_state", ""))
+
+    @property
+    def ended(self) -> bool:
+        """Whether the mission is over, well or not."""
+        return self.lifecycle in ENDED or self.faulted
+
+    @property
+    def faulted(self) -> bool:
+        """Whether the orchestrator is in FAULT."""
+        return self.lifecycle in FAULTED
+
+    @property
+    def waits(self) -> bool:
+        """Whether the mission does nothing until an operator does something."""
+        return bool(self.state.get("paused")) and not self.ended
+
+    @property
+    def busy(self) -> bool:
+        """Whether a server still carries something out for this mission, wanted or not."""
+        return bool(self._open)
+
+    @property
+    def total(self) -> int:
+        """How many targets there are."""
+        return int(self.state.get("targets_total", 0))
+
+    def count(self, status: str) -> int:
+        """How many targets ended so; asked of the published counters."""
+        fields = dict(zip(STATUSES, ("completed", "unreachable", "failed", "skipped"), strict=True))
+        return int(self.state.get(f"targets_{fields[status]}", 0))
+
+    @property
+    def closed(self) -> int:
+        """How many targets have their outcome."""
+        return sum(self.count(status) for status in STATUSES)
+
+    @property
+    def verdict(self) -> int:
+        """The exit code: all visited, some missed, or not done."""
+        if self.lifecycle not in ENDED:
+            return NOT_DONE
+        return ALL_VISITED if self.count("OK") >= self.total else SOME_MISSED
+
+    def running(self, now: float) -> list[Running]:
+        """Return the operations under way at `now`."""
+        return [self._running(attempt, now) for attempt in self.view.get("attempts", ())]
+
+    # -- taking in --------------------------------------------------------------------------------------
+
+    def _take_state(self, data: Mapping[str, Any], at: float) -> bool:
+        if data.get("mission_id") != self.mission_id:
+            return False
+        self.heard = at
+        before, self.state = self.state, dict(data)
+        self._tell_changes(before, at)
+        return True
+
+    def _tell_changes(self, before: Mapping[str, Any], at: float) -> None:
+        new = self.state
+        if new.get("last_error") and new["last_error"] != before.get("last_error"):
+            self.note(at, Severity(new.get("last_event_severity", 0)), _event_text(new))
+        for flag, on, off in (
+            ("estop_engaged", "e-stop engaged", "e-stop released"),
+            ("paused", "paused", "resumed"),
+            ("battery_low", "battery low", "battery charged"),
+        ):
+            if bool(new.get(flag)) != bool(before.get(flag)):
+                severity = Severity.WARN if new.get(flag) else Severity.INFO
+                self.note(at, severity, on if new.get(flag) else off)
+
+    def _take_observation(self, data: Mapping[str, Any], at: float) -> bool:
+        if data.get("mission_id") != self.mission_id:
+            return False
+        reading = reading_of(data)
+        self.readings[reading.tag or f"#{len(self.readings) + 1}"] = reading
+        good = reading.status == "OK"
+        reason = f" — {reading.reason}" if reading.reason else ""
+        self.note(at, Severity.INFO if good else Severity.WARN, f"tag {reading.tag} {reading.status}{reason}")
+        return True
+
+    def _take_step(self, data: Mapping[str, Any], at: float) -> bool:
+        view = dict(data.get("view", {}))
+        if view.get("mission_id") != self.mission_id:
+            return False
+        self.view = view
+        self._offset = at - float(data.get("time", 0.0))
+        self._follow_attempts(data.get("step") or {})
+        current = {_key(attempt) for attempt in view.get("attempts", ())}
+        self._begun = {key: begun for key, begun in self._begun.items() if key in current}
+        for key in current:
+            self._begun.setdefault(key, at)
+        return True
+
+    def _follow_attempts(self, step: Mapping[str, Any]) -> None:
+        if step.get("event") in _ENDS:
+            self._open.discard(str(step.get("data", {}).get("attempt")))
+        for command in step.get("commands", ()):
+            if command["command"] == "start":
+                self._open.add(str(command["attempt"]))
+
+    def _running(self, attempt: Mapping[str, Any], now: float) -> Running:
+        begun = self._begun.get(_key(attempt), now)
+        deadline = attempt.get("deadline")
+        limit = None if deadline is None else max(0.0, float(deadline) + self._offset - begun)
+        return Running(
+            operation=str(attempt["operation"]),
+            tries=int(attempt["tries"]),
+            phase=str(attempt["phase"]),
+            detail=str(attempt["detail"]),
+            since=max(0.0, now - begun),
+            limit=limit,
+        )
+
+
+def _key(attempt: Mapping[str, Any]) -> tuple[str, str, int]:
+    return str(attempt["state"]), str(attempt["operation"]), int(attempt["tries"])
+
+
+def _event_text(state: Mapping[str, Any]) -> str:
+    label, raw = str(state.get("last_event", "")), str(state["last_error"])
+    return label if label == raw or not label else f"{label} ({raw})"
+
+
+def reading_of(data: Mapping[str, Any]) -> Reading:
+    """Return the outcome that an observation tells."""
+    status = int(data.get("status", 0))
+    reading = data.get("tag_reading", {})
+    return Reading(
+        tag=str(reading.get("tag_id", "")),
+        status=STATUSES[status] if status < len(STATUSES) else f"status {status}",
+        reason=str(data.get("status_detail", "")),
+        values={str(sensor["name"]): float(sensor["value"]) for sensor in reading.get("readings", ())},
+    )

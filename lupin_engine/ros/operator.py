@@ -1,0 +1,146 @@
+"""The operator's side of a mission over ROS: watches the orchestrator and asks it for things.
+
+Nothing of rclpy leaves this module: what arrives becomes plain data, and every call has a deadline. The
+owner calls `spin` from its own loop; there is no thread.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from lupin_msgs.msg import MissionState, Observation
+from lupin_msgs.srv import StartMission
+from std_msgs.msg import String
+from std_srvs.srv import Trigger
+
+from lupin_engine.machine.event import OPERATOR_REQUESTS
+from lupin_engine.ros.middleware import Failure, Qos, RosNode, ServiceCaller
+
+#: Topics of the orchestrator.
+STATE_TOPIC = "/mission/state"
+OBSERVATIONS_TOPIC = "/floranova/observations"
+STEPS_TOPIC = "/mission_orchestrator/steps"
+
+_START = "start"
+_GOAL_SERVICE = "/_action/send_goal"
+
+
+@dataclass(frozen=True)
+class Arrival:
+    """A message as plain data, and when it came, in seconds of the monotonic clock."""
+
+    kind: Literal["state", "observation", "step"]
+    data: dict[str, Any]
+    at: float
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What the orchestrator said to a request; `reached` is false when it did not say anything in time."""
+
+    accepted: bool
+    text: str
+    mission_id: str = ""
+    reached: bool = True
+
+
+class Operator:
+    """A node that watches and asks; closed with `close`."""
+
+    def __init__(self) -> None:
+        self._ros = RosNode(f"lupin_operator_{os.getpid()}")
+        self._arrived: list[Arrival] = []
+        self._callers: dict[str, ServiceCaller] = {_START: self._ros.service(StartMission, "/mission/start")}
+        for name in OPERATOR_REQUESTS:
+            self._callers[name] = self._ros.service(Trigger, f"/mission/{name}")
+        self._ros.subscribe(MissionState, STATE_TOPIC, Qos.LATCHED, lambda m: self._keep("state", _plain(m)))
+        self._ros.subscribe(
+            Observation, OBSERVATIONS_TOPIC, Qos.BACKLOG, lambda m: self._keep("observation", _plain(m))
+        )
+        self._ros.subscribe(String, STEPS_TOPIC, Qos.BACKLOG, lambda m: self._keep("step", json.loads(m.data)))
+
+    def _keep(self, kind: Literal["state", "observation", "step"], data: dict[str, Any]) -> None:
+        self._arrived.append(Arrival(kind, data, time.monotonic()))
+
+    def spin(self, seconds: float) -> None:
+        """Work for at least `seconds`: a wait that is cut short by a message goes on."""
+        until = time.monotonic() + seconds
+        while (left := until - time.monotonic()) > 0:
+            self._ros.spin_once(left)
+
+    def take(self) -> list[Arrival]:
+        """Return what has arrived since the last call, in order."""
+        arrived, self._arrived = self._arrived, []
+        return arrived
+
+    # -- the network ------------------------------------------------------------------------------------
+
+    def nodes(self) -> frozenset[str]:
+        """Return the names, without namespace, of all nodes but this one."""
+        found = self._ros.node.get_node_names_and_namespaces()
+        return frozenset(name for name, _ in found if name != self._ros.name)
+
+    def services(self) -> frozenset[str]:
+        """Return the full names of all services that somebody serves."""
+        mine = {self._ros.node.get_fully_qualified_name()}
+        found = set()
+        for name, namespace in self._ros.node.get_node_names_and_namespaces():
+            if f"{namespace.rstrip('/')}/{name}" not in mine:
+                served = self._ros.node.get_service_names_and_types_by_node(name, namespace)
+                found.update(service for service, _ in served)
+        return frozenset(found)
+
+    def actions(self) -> frozenset[str]:
+        """Return the full names of all actions that somebody serves."""
+        goals = (name for name in self.services() if name.endswith(_GOAL_SERVICE))
+        return frozenset(name.removesuffix(_GOAL_SERVICE) for name in goals)
+
+    # -- requests ---------------------------------------------------------------------------------------
+
+    def ready(self) -> bool:
+        """Say whether the orchestrator's services can be reached."""
+        return all(caller.ready() for caller in self._callers.values())
+
+    def start(self, mission: str, tags: Sequence[str], goal: int, timeout: float) -> Answer:
+        """Ask for a mission; no tags and goal 0 mean the mission's own defaults."""
+        request = StartMission.Request(mission_type=mission, tag_sequence=list(tags), discovery_goal=goal)
+        return self._call(_START, request, timeout)
+
+    def ask(self, name: str, timeout: float) -> Answer:
+        """Send an operator's request: abort, pause, resume, ..."""
+        return self._call(name, Trigger.Request(), timeout)
+
+    def _call(self, name: str, request: Any, timeout: float) -> Answer:
+        answers: list[Any] = []
+        call = self._callers[name].call(request, timeout, answers.append)
+        until = time.monotonic() + timeout + 0.5  # the call has its own deadline; this one is for a stuck spin
+        while not answers and time.monotonic() < until and self._ros.spin_once(0.1):
+            pass
+        call.cancel()
+        return _answer(answers[0]) if answers else Answer(False, f"/mission/{name}: no answer", reached=False)
+
+    def close(self) -> None:
+        """Leave the network."""
+        self._ros.close()
+
+
+def _answer(outcome: Any) -> Answer:
+    if isinstance(outcome, Failure):
+        return Answer(False, outcome.detail, reached=False)
+    if hasattr(outcome, "mission_id"):
+        return Answer(outcome.accepted, outcome.error_message, outcome.mission_id)
+    return Answer(outcome.success, outcome.message)
+
+
+def _plain(value: Any) -> Any:
+    """Return a message as dictionaries, lists and scalars."""
+    if hasattr(value, "get_fields_and_field_types"):
+        return {name: _plain(getattr(value, name)) for name in value.get_fields_and_field_types()}
+    if isinstance(value, (str, bytes)) or not hasattr(value, "__iter__"):
+        return value
+    return [_plain(element) for element in value]

@@ -1,0 +1,120 @@
+"""The greenhouse behind the bridge, and what the plugin tells missions: without ROS."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from lupin_bridge.catalog import PLUGIN, READING, mock_reading
+from lupin_bridge.greenhouse import Greenhouse, ReadingFailed, Settings, UnknownTag
+from lupin_engine.errors import LupinError
+from lupin_engine.plugin.types import convert
+
+simulator = pytest.importorskip("greenhouse_sim", reason="mdp-greenhouse is not installed here")
+
+
+@pytest.fixture
+def layout(tmp_path: Path) -> Path:
+    """A layout of two tags: one sound, one with a sensor that the climate lacks."""
+    tags = {
+        "7": {"x": 1.0, "y": 1.0, "sensors": ["light", "temperature"]},
+        "9": {"x": 1.0, "y": 2.0, "sensors": ["temperature", "radiation"]},
+    }
+    file = tmp_path / "layout.json"
+    file.write_text(json.dumps({"units": "m", "tags": tags, "tables": {}}))
+    return file
+
+
+def test_a_tag_has_its_own_sensors_in_the_order_of_the_layout(layout: Path) -> None:
+    assert [name for name, _ in Greenhouse().read("12").sensors] == ["temperature", "humidity", "co2"]
+    assert [name for name, _ in Greenhouse(Settings(str(layout))).read("7").sensors] == ["light", "temperature"]
+
+
+def test_the_bundled_layout_has_29_tags_that_can_all_be_read() -> None:
+    greenhouse = Greenhouse()
+    assert len(greenhouse.tags) == 29
+    assert greenhouse.unmeasurable() == {}
+    assert all(0.0 <= greenhouse.read(tag).time_of_day < 86400.0 for tag in greenhouse.tags)
+
+
+def test_an_unknown_tag_is_named() -> None:
+    with pytest.raises(UnknownTag, match=r"^unknown tag '8'; the layout has 29 tags$"):
+        Greenhouse().read("8")
+
+
+def test_a_sensor_without_climate_is_named(layout: Path) -> None:
+    greenhouse = Greenhouse(Settings(str(layout)))
+    assert greenhouse.unmeasurable() == {"9": ["radiation"]}
+    with pytest.raises(ReadingFailed, match="tag '9': the climate file does not describe its sensors radiation"):
+        greenhouse.read("9")
+    assert greenhouse.read("7").sensors
+
+
+def test_any_failure_of_the_simulator_is_a_failed_reading(monkeypatch: pytest.MonkeyPatch) -> None:
+    greenhouse = Greenhouse()
+
+    def fail(tag_id: str) -> None:
+        raise ZeroDivisionError("decay")
+
+    monkeypatch.setattr(greenhouse._simulator, "get_sensor_data", fail)
+    with pytest.raises(ReadingFailed, match="ZeroDivisionError: decay"):
+        greenhouse.read("1")
+
+
+def test_a_reading_that_is_no_number_is_a_failed_reading(monkeypatch: pytest.MonkeyPatch) -> None:
+    greenhouse = Greenhouse()
+    poisoned = {"timestamp": 1.0, "co2": float("nan")}
+    monkeypatch.setattr(greenhouse._simulator, "get_sensor_data", lambda tag_id: poisoned)
+    with pytest.raises(ReadingFailed, match="co2"):
+        greenhouse.read("1")
+
+
+@pytest.mark.parametrize(("hours", "seconds"), [(0.0, 0.0), (12.5, 45000.0), (24.0, 0.0)])
+def test_the_time_of_day_can_be_fixed(hours: float, seconds: float) -> None:
+    assert Greenhouse(Settings(debug_time_of_day=hours)).read("1").time_of_day == seconds
+
+
+def test_a_seed_makes_the_noise_repeatable() -> None:
+    def readings(seed: int) -> list[object]:
+        greenhouse = Greenhouse(Settings(debug_seed=seed))
+        return [greenhouse.read(tag) for tag in greenhouse.tags]
+
+    assert readings(3) == readings(3)
+    assert readings(3) != readings(4)
+
+
+def test_the_speed_of_the_clock_can_be_given() -> None:
+    greenhouse = Greenhouse(Settings(speedup_factor=7.0))
+    assert greenhouse._simulator.sim_config["time"]["speedup_factor"] == 7.0
+
+
+@pytest.mark.parametrize("what", ["tag_file", "sim_config_file"])
+def test_a_missing_file_is_named(what: str) -> None:
+    with pytest.raises(LupinError, match=r"file nowhere\.json does not exist"):
+        Greenhouse(Settings(**{what: "nowhere.json"}))
+
+
+@pytest.mark.parametrize("content", ["{", "[1]", "{}"])
+def test_a_file_that_is_no_layout_is_named(tmp_path: Path, content: str) -> None:
+    file = tmp_path / "layout.json"
+    file.write_text(content)
+    with pytest.raises(LupinError, match=r"layout\.json"):
+        Greenhouse(Settings(tag_file=str(file)))
+
+
+def test_the_mock_depends_on_the_tag_and_fits_the_declared_type() -> None:
+    first, second = (mock_reading({"tag_id": tag}, {})["reading"] for tag in ("1", "2"))
+    assert first == mock_reading({"tag_id": "1"}, {})["reading"]
+    assert first["readings"] != second["readings"]
+    assert convert(first, READING) == first
+
+
+def test_the_catalog_loads_without_ros_and_without_the_simulator() -> None:
+    code = "import lupin_bridge.catalog, sys; print({'rclpy', 'greenhouse_sim'} & set(sys.modules))"
+    shown = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert shown.stdout.strip() == "set()"
+    assert PLUGIN.operations["read_tag"].mock.after == 0.2

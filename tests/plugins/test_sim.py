@@ -1,0 +1,196 @@
+"""The simulated robot's floor, body and faults: without ROS, time as an argument."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+
+import pytest
+
+from lupin_engine.errors import LupinError
+from lupin_sim.faults import Fault, Faults
+from lupin_sim.floor import ROBOT_RADIUS, Floor, Point, Table, load_tables, tables_of
+from lupin_sim.robot import TURN_RATE, Pose, Robot
+
+WALL = Table(1.0, 0.0, 1.2, 6.0)
+
+
+def length(start: Point, path: list[Point]) -> float:
+    return sum(math.dist(a, b) for a, b in zip([start, *path], path, strict=False))
+
+
+def clearance(table: Table, point: Point) -> float:
+    dx = max(table.x0 - point[0], 0.0, point[0] - table.x1)
+    dy = max(table.y0 - point[1], 0.0, point[1] - table.y1)
+    return math.hypot(dx, dy)
+
+
+# --- floor
+
+
+def test_free_floor_is_crossed_in_a_straight_line() -> None:
+    assert Floor([]).path((0.5, 0.5), (3.0, 7.0)) == [(3.0, 7.0)]
+
+
+def test_a_path_goes_around_a_table_and_keeps_clear_of_it() -> None:
+    floor, start, goal = Floor([WALL]), (0.5, 1.0), (2.0, 1.0)
+    path = floor.path(start, goal)
+    assert path is not None
+    assert path[-1] == goal
+    assert 10.0 < length(start, path) < 12.0
+    corners = [start, *path]
+    between = [
+        (a[0] + (b[0] - a[0]) * i / 50, a[1] + (b[1] - a[1]) * i / 50)
+        for a, b in zip(corners, path, strict=False)
+        for i in range(51)
+    ]
+    assert min(clearance(WALL, point) for point in between) > ROBOT_RADIUS - 0.02
+
+
+def test_the_same_request_gives_the_same_path() -> None:
+    assert Floor([WALL]).path((0.5, 1.0), (2.0, 1.0)) == Floor([WALL]).path((0.5, 1.0), (2.0, 1.0))
+
+
+def test_a_goal_too_near_a_table_is_moved_aside_by_little() -> None:
+    path = Floor([WALL]).path((0.5, 1.0), (0.95, 3.0))
+    assert path is not None
+    assert math.dist(path[-1], (0.95, 3.0)) <= 0.25
+    assert clearance(WALL, path[-1]) >= ROBOT_RADIUS - 1e-6
+
+
+@pytest.mark.parametrize("goal", [(-1.0, 1.0), (2.0, 9.0), (1.5, 1.5)])
+def test_there_is_no_path_into_a_table_or_out_of_the_greenhouse(goal: Point) -> None:
+    assert Floor([Table(1.0, 1.0, 2.0, 2.0)]).path((0.5, 0.5), goal) is None
+
+
+def test_there_is_no_path_through_a_closed_wall() -> None:
+    assert Floor([Table(1.0, -1.0, 1.2, 9.0)]).path((0.5, 1.0), (2.0, 1.0)) is None
+
+
+def test_a_robot_that_stands_too_near_a_table_gets_away() -> None:
+    path = Floor([WALL]).path((0.98, 1.0), (0.5, 1.0))
+    assert path is not None
+    assert path[-1] == (0.5, 1.0)
+
+
+def test_every_tag_of_the_real_layout_can_be_approached() -> None:
+    pytest.importorskip("greenhouse_sim", reason="mdp-greenhouse is not installed here")
+    tables = load_tables()
+    assert len(tables) == 10
+    floor = Floor(tables)
+    assert floor.is_free(0.5, 0.5)
+    for table in tables:
+        for side in ((table.x0 - 0.2, table.y0), (table.x1 + 0.2, table.y1)):
+            assert floor.path((0.5, 0.5), side) is not None
+
+
+def test_layouts_without_tables_and_broken_ones(tmp_path: Path) -> None:
+    assert tables_of({"1": {"x": 0.0, "y": 0.0, "sensors": []}}) == ()
+    file = tmp_path / "layout.json"
+    file.write_text(json.dumps({"tables": {"T": {"x0": 1}}}))
+    with pytest.raises(LupinError, match=r"layout\.json cannot be used"):
+        load_tables(str(file))
+    with pytest.raises(LupinError, match="nowhere"):
+        load_tables("nowhere.json")
+
+
+# --- robot
+
+
+def test_the_robot_drives_turns_and_arrives() -> None:
+    robot = Robot(Pose(0.0, 0.0, 0.0), now=100.0, speed=0.5)
+    robot.follow([(1.0, 0.0)], math.pi / 2)
+    robot.advance(101.0)
+    assert robot.pose == Pose(0.5, 0.0, 0.0)
+    assert robot.remaining == 0.5
+    robot.advance(102.0)
+    assert (robot.pose.x, robot.arrived) == (1.0, False)
+    robot.advance(102.0 + math.pi / 2 / TURN_RATE)
+    assert robot.arrived
+    assert robot.pose == Pose(1.0, 0.0, math.pi / 2)
+
+
+@pytest.mark.parametrize("steps", [1, 7, 1000])
+def test_the_size_of_a_step_does_not_matter(steps: int) -> None:
+    robot = Robot(Pose(0.0, 0.0, 0.0), now=0.0, speed=0.7)
+    robot.follow([(1.0, 0.5), (0.2, 2.0)], 1.0)
+    for step in range(1, steps + 1):
+        robot.advance(4.0 * step / steps)
+    reference = Robot(Pose(0.0, 0.0, 0.0), now=0.0, speed=0.7)
+    reference.follow([(1.0, 0.5), (0.2, 2.0)], 1.0)
+    reference.advance(4.0)
+    assert math.dist((robot.pose.x, robot.pose.y), (reference.pose.x, reference.pose.y)) < 1e-9
+    assert robot.pose.yaw == pytest.approx(reference.pose.yaw)
+
+
+def test_the_brake_and_an_empty_battery_stop_the_robot_and_the_goal_stays() -> None:
+    robot = Robot(Pose(0.0, 0.0, 0.0), now=0.0, speed=1.0)
+    robot.follow([(5.0, 0.0)], 0.0)
+    robot.braked = True
+    robot.advance(1.0)
+    assert (robot.pose.x, robot.arrived) == (0.0, False)
+    robot.braked, robot.drain_per_s = False, 0.5
+    robot.advance(2.0)
+    robot.advance(3.0)
+    robot.advance(4.0)
+    assert (robot.pose.x, robot.charge) == (2.0, 0.0)
+    robot.charge = 1.0
+    robot.advance(5.0)
+    assert robot.pose.x == 3.0
+    robot.halt()
+    robot.advance(6.0)
+    assert (robot.pose.x, robot.arrived) == (3.0, True)
+
+
+def test_time_that_runs_backwards_moves_nothing() -> None:
+    robot = Robot(Pose(0.0, 0.0, 0.0), now=10.0, speed=1.0)
+    robot.follow([(5.0, 0.0)], 0.0)
+    robot.advance(5.0)
+    assert robot.pose.x == 0.0
+    robot.advance(6.0)
+    assert robot.pose.x == 1.0
+
+
+# --- faults
+
+
+def test_a_fault_without_a_count_lasts_until_it_is_changed() -> None:
+    faults = Faults()
+    faults.set(Fault.REJECT, 0, goal_running=False)
+    assert [faults.take() for _ in range(3)] == [Fault.REJECT] * 3
+    faults.set(Fault.NONE, 0, goal_running=False)
+    assert faults.take() is Fault.NONE
+
+
+def test_a_counted_fault_hits_that_many_goals() -> None:
+    faults = Faults()
+    faults.set(Fault.ABORT, 2, goal_running=False)
+    assert [faults.take() for _ in range(3)] == [Fault.ABORT, Fault.ABORT, Fault.NONE]
+    assert faults.kind is Fault.NONE
+
+
+def test_a_running_goal_is_hit_and_counts() -> None:
+    faults = Faults()
+    faults.set(Fault.STALL, 1, goal_running=True)
+    assert faults.now(Fault.STALL)
+    assert faults.kind is Fault.NONE
+    faults.goal_ended()
+    assert not faults.now(Fault.STALL)
+
+
+def test_a_stalled_goal_goes_on_when_the_fault_is_lifted() -> None:
+    faults = Faults()
+    faults.set(Fault.STALL, 0, goal_running=True)
+    faults.set(Fault.NONE, 0, goal_running=True)
+    assert not faults.now(Fault.STALL)
+
+
+def test_localization_is_lost_without_a_goal_and_found_after_a_counted_one() -> None:
+    faults = Faults()
+    faults.set(Fault.LOSE_LOCALIZATION, 1, goal_running=False)
+    assert faults.now(Fault.LOSE_LOCALIZATION)
+    faults.take()
+    assert faults.now(Fault.LOSE_LOCALIZATION)
+    faults.goal_ended()
+    assert not faults.now(Fault.LOSE_LOCALIZATION)

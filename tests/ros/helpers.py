@@ -1,0 +1,29 @@
+"""Waiting for the world without sleeping."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from lupin_engine.ros.middleware import RosNode
+
+#: Seconds that a condition may take on a busy machine.
+PATIENCE = 10.0
+
+
+def spin_until(
+    nodes: Sequence[RosNode], condition: Callable[[], Any], timeout: float = PATIENCE, what: str = ""
+) -> None:
+    """Let `nodes` work in turn until `condition` holds; fail after `timeout` seconds."""
+    end = time.monotonic() + timeout
+    while not condition():
+        assert time.monotonic() < end, f"not reached within {timeout:g} s: {what or condition}"
+        for node in nodes:
+            node.spin_once(0.005)
+
+
+def spin_for(nodes: Sequence[RosNode], seconds: float) -> None:
+    """Let `nodes` work for a while: only to show that something does not happen."""
+    end = time.monotonic() + seconds
+    spin_until(nodes, lambda: time.monotonic() >= end, seconds + PATIENCE)
