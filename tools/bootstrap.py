@@ -24,12 +24,13 @@ import threading
 import time
 import traceback
 from pathlib import Path
-from typing import Any, Dict, Iterator, List, NamedTuple, Optional, Tuple
+from typing import Any, Callable, Dict, Iterator, List, NamedTuple, Optional, Tuple
 
 ROOT = Path(__file__).resolve().parent.parent
 VENV = ROOT / ".venv"
 STAMP = VENV / "bootstrap.json"
 LOG = VENV / "bootstrap.log"
+BUILD_LOG = VENV / "bootstrap-interfaces.log"
 LAYOUT = 1
 """Raised when this file starts to arrange `.venv` differently: older ones are then made anew."""
 
@@ -147,10 +148,11 @@ class Runner:
     def __init__(self, progress: Progress, log: Path) -> None:
         self.progress = progress
         self.log = log
+        self.newest = ""
+        self.stopped = False
 
     def run(self, command: List[str], environment: Dict[str, str], cwd: Path, purpose: str) -> None:
         """Run to the end; a failure becomes a Problem with the end of the output."""
-        newest = [""]
         tail = []  # type: List[str]
         with self.log.open("a", encoding="utf-8") as log:
             log.write("\n$ {}\n".format(" ".join(command)))
@@ -165,7 +167,7 @@ class Runner:
                     line = raw.decode("utf-8", "replace")
                     log.write(line)
                     if line.strip():
-                        newest[0] = condense(line)
+                        self.newest = condense(line)
                         tail.append(line.rstrip())
                         del tail[:-400]
 
@@ -173,7 +175,9 @@ class Runner:
             reader.start()
             try:
                 while process.poll() is None:
-                    self.progress.tick(newest[0])
+                    if self.stopped:
+                        raise Problem("{} was given up.".format(purpose))
+                    self.progress.tick(self.newest)
                     reader.join(0.25)
                     if not reader.is_alive():
                         process.wait()
@@ -184,6 +188,36 @@ class Runner:
             reader.join()
         if process.returncode:
             raise failure(purpose, tail, self.log)
+
+
+class Background(threading.Thread):
+    """Runs one long piece of work beside another one, silently until it is waited for."""
+
+    def __init__(self, work: Callable[["Runner"], None], log: Path) -> None:
+        threading.Thread.__init__(self, daemon=True)
+        self.work = work
+        self.runner = Runner(Progress(live=False, plain_every=float("inf")), log)
+        self.error = None  # type: Optional[BaseException]
+
+    def run(self) -> None:
+        """What the thread does."""
+        try:
+            self.work(self.runner)
+        except BaseException as error:
+            self.error = error
+
+    def wait(self, progress: Progress) -> None:
+        """Wait for the end, showing what is going on; what went wrong there is raised here."""
+        while self.is_alive():
+            progress.tick(self.runner.newest)
+            self.join(0.25)
+        if self.error is not None:
+            raise self.error
+
+    def stop(self) -> None:
+        """Give up: end the program that runs, and wait until its traces are removed."""
+        self.runner.stopped = True
+        self.join()
 
 
 def failure(purpose: str, output: List[str], log: Path) -> Problem:
@@ -596,33 +630,26 @@ def keep_wheels(built: Path, target: Path) -> None:
         shutil.rmtree(str(partial), ignore_errors=True)
 
 
-def install_interfaces(
-    python: Python, mode: str, wanted: Dict[str, Any], progress: Progress, runner: Runner
-) -> None:
-    """Install the interface packages, from the cache if these very files were built before."""
-    folders = missing_packages(python, mode)
-    if not folders:
-        progress.done("the sourced ROS 2 has them all: nothing to do")
-        return
-    key = digest(ROOT, [], wanted["interfaces"], python.facts["tag"], mode, *folders)[:24]
-    target = cache_folder() / key
-    if target.is_dir():
-        progress.done("found in {}".format(target))
-    else:
-        check_compiler(python)
-        build_wheels(python, mode, folders, target, runner)
-        progress.done("compiled")
+def wheels_folder(python: Python, mode: str, wanted: Dict[str, Any], folders: List[str]) -> Path:
+    """Where the wheels of these very files are kept, built or not."""
+    return cache_folder() / digest(ROOT, [], wanted["interfaces"], python.facts["tag"], mode, *folders)[:24]
+
+
+def start_building(python: Python, mode: str, folders: List[str], target: Path) -> Optional[Background]:
+    """Begin to compile what is not in the cache: it needs the processor while pip waits for the network."""
+    if not folders or target.is_dir():
+        return None
+    building = Background(lambda runner: build_wheels(python, mode, folders, target, runner), BUILD_LOG)
+    building.start()
+    return building
+
+
+def install_interfaces(mode: str, target: Path, runner: Runner) -> None:
+    """Install the interface packages from the cache."""
     wheels = [str(wheel) for wheel in sorted(target.glob("*.whl"))]
-    command = [
-        str(VENV / "bin" / "python"),
-        "-m",
-        "pip",
-        "install",
-        "--no-deps",
-        "--no-index",
-        "--force-reinstall",
-    ]
-    runner.run(command + wheels, clean_environment(mode), ROOT, "Installing the ROS 2 interfaces")
+    command = [str(VENV / "bin" / "python"), "-m", "pip", "install", *wheels]
+    command += ["--no-deps", "--no-index", "--force-reinstall"]
+    runner.run(command, clean_environment(mode), ROOT, "Installing the ROS 2 interfaces")
 
 
 def check(mode: str, runner: Runner) -> None:
@@ -659,51 +686,78 @@ def refuse_other_mode(finished: Dict[str, Any], mode: str) -> None:
     )
 
 
-def bring_up_to_date(progress: Progress) -> None:
-    """Do what is missing, and nothing else."""
+class Work(NamedTuple):
+    """What there is to do."""
+
+    mode: str
+    wanted: Dict[str, Any]
+    afresh: bool
+    engine: bool
+    interfaces: bool
+
+
+def find_work() -> Optional[Work]:
+    """Compare what is there with what should be; None if all is in place."""
     mode = requested_mode()
     finished, wanted = finished_state(), wanted_state(mode)
     refuse_other_mode(finished, mode)
     afresh = must_start_afresh(finished, wanted)
     engine = afresh or finished.get("engine") != wanted["engine"]
     interfaces = afresh or finished.get("interfaces") != wanted["interfaces"]
-    if not engine and not interfaces:
+    return Work(mode, wanted, afresh, engine, interfaces) if engine or interfaces else None
+
+
+def bring_up_to_date(progress: Progress) -> None:
+    """Do what is missing, and nothing else."""
+    work = find_work()
+    if work is None:
         return
     progress.step("Looking for a Python and what else is needed")
-    python = choose_python(mode) if afresh else existing_python(mode)
-    if mode == "wheels":
+    python = choose_python(work.mode) if work.afresh else existing_python(work.mode)
+    if work.mode == "wheels":
         check_platform(python)
-    if interfaces:
-        need_compiler_early(python, mode, wanted)
+    folders = missing_packages(python, work.mode) if work.interfaces else []
+    target = wheels_folder(python, work.mode, work.wanted, folders)
+    if folders and not target.is_dir():
+        # Before minutes of downloads, not after them.
+        check_compiler(python)
     progress.done("{} {}".format(python.executable, python.version))
+    carry_out(work, python, folders, target, progress)
+
+
+def carry_out(work: Work, python: Python, folders: List[str], target: Path, progress: Progress) -> None:
+    """The long steps."""
     runner = Runner(progress, LOG)
-    if afresh:
+    if work.afresh:
         before = "" if not VENV.exists() else " anew (it was unfinished, or made in another way)"
         progress.step("Making .venv" + before)
-        make_venv(python, mode, runner)
+        make_venv(python, work.mode, runner)
         progress.done()
     with contextlib.suppress(OSError):
         STAMP.unlink()
-    if engine:
-        source = "ROS 2 Jazzy as Python wheels" if mode == "wheels" else "the sourced ROS 2 is used"
-        progress.step("Installing the engine and its libraries ({})".format(source))
-        install_engine(mode, runner)
-        progress.done()
-    if interfaces:
-        progress.step("Installing the ROS 2 interfaces (compiled once, then kept)")
-        install_interfaces(python, mode, wanted, progress, runner)
+    building = start_building(python, work.mode, folders, target)
+    try:
+        if work.engine:
+            source = "ROS 2 Jazzy as Python wheels" if work.mode == "wheels" else "the sourced ROS 2 is used"
+            beside = "; the ROS 2 interfaces are compiled meanwhile" if building else ""
+            progress.step("Installing the engine and its libraries ({}{})".format(source, beside))
+            install_engine(work.mode, runner)
+            progress.done()
+        if folders:
+            where = "compiling" if building else "compiled before"
+            progress.step("Installing the ROS 2 interfaces ({})".format(where))
+            if building:
+                building.wait(progress)
+            install_interfaces(work.mode, target, runner)
+            progress.done()
+    except BaseException:
+        if building:
+            building.stop()
+        raise
     progress.step("Trying it")
-    check(mode, runner)
+    check(work.mode, runner)
     progress.done()
-    write_stamp(dict(wanted))
-
-
-def need_compiler_early(python: Python, mode: str, wanted: Dict[str, Any]) -> None:
-    """Ask for a compiler before minutes of downloads, not after."""
-    folders = missing_packages(python, mode)
-    key = digest(ROOT, [], wanted["interfaces"], python.facts["tag"], mode, *folders)[:24]
-    if folders and not (cache_folder() / key).is_dir():
-        check_compiler(python)
+    write_stamp(work.wanted)
 
 
 @contextlib.contextmanager

@@ -34,8 +34,12 @@ BUILTIN_ACTIONS: Mapping[str, Mapping[str, Argument]] = MappingProxyType(
         "itinerary.advance": {},
         "itinerary.close": {"status": _STATUS, "code": _CODE, "detail": _DETAIL, "reading": _READING},
         "itinerary.close_rest": {"status": _STATUS, "code": _CODE, "detail": _DETAIL},
+        "report.clear": {},
         "report.summary": {},
-        "publish.reading": {"tag": Argument(TEXT, "id of the tag"), "reading": Argument(ANY, "what was read")},
+        "publish.reading": {
+            "tag": Argument(TEXT, "id of the tag"),
+            "reading": Argument(ANY, "what was read"),
+        },
     }
 )
 
@@ -70,7 +74,9 @@ class ActionReader:
             return None
         if node.name in ("itinerary.advance", "itinerary.close") and "itinerary" in scope.absent:
             problem = f"{node.name} needs an itinerary, and no state around this one has one"
-            self._findings.add(node.place, "missing-itinerary", path, problem, "add 'itinerary: {items: ...}'")
+            self._findings.add(
+                node.place, "missing-itinerary", path, problem, "add 'itinerary: {items: ...}'"
+            )
             return None
         arguments = read_arguments(node.name, wanted, given, node.place, scope, self._findings, path)
         if node.name.startswith("itinerary."):
@@ -98,7 +104,9 @@ class ActionReader:
         name = given.get("event") if given else None
         hint = "write 'raise: {event: NAME}'"
         if given is None or not isinstance(name, Text) or len(given) != 1:
-            self._findings.add(node.place, "missing-argument", path, "raise takes one argument, the event", hint)
+            self._findings.add(
+                node.place, "missing-argument", path, "raise takes one argument, the event", hint
+            )
             return None
         words = name.split(".")
         if not all(NAME.fullmatch(word) for word in words):
@@ -112,7 +120,10 @@ class ActionReader:
         return ActionCall("raise", {"event": Constant(str(name), name.place, TEXT)}, node.place)
 
     def _check_close(self, arguments: Mapping[str, Value], path: str) -> None:
-        for key, allowed, rule in (("status", STATUSES, "wrong-type"), ("code", self._codes, "undeclared-code")):
+        for key, allowed, rule in (
+            ("status", STATUSES, "wrong-type"),
+            ("code", self._codes, "undeclared-code"),
+        ):
             value = arguments.get(key)
             if isinstance(value, Constant) and value.value not in allowed:
                 problem, hint = f"unknown {key} {value.value!r}", nearest(value.value, allowed)

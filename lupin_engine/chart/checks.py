@@ -55,7 +55,8 @@ def never_wins(composed: Composed) -> Iterator[Diagnostic]:
             before = earlier.setdefault(transition.event, [])
             winner = next((other for other in before if _hides(other, transition)), None)
             if winner is not None:
-                problem = f"this can never be taken: the one in line {winner.place.line} comes first and has no guard"
+                line = winner.place.line
+                problem = f"this can never be taken: the one in line {line} comes first and has no guard"
                 hint = "move it up, or guard that one"
                 yield Diagnostic(transition.place, "never-wins", transition.id, problem, hint)
             before.append(transition)
@@ -77,8 +78,11 @@ def unhandled_outcome(composed: Composed) -> Iterator[Diagnostic]:
         fails = bool(invoke.operation.codes) or invoke.timeout_code is not None
         for event, key, happens in (("done", "on_done", True), ("error", "on_error", fails)):
             if event not in handled and happens:
-                problem = f"nothing says what follows when {invoke.name} has {'ended' if event == 'done' else 'failed'}"
-                yield Diagnostic(invoke.place, "unhandled-outcome", _path(state), problem, f"add '{key}: STATE'")
+                how = "ended" if event == "done" else "failed"
+                problem = f"nothing says what follows when {invoke.name} has {how}"
+                yield Diagnostic(
+                    invoke.place, "unhandled-outcome", _path(state), problem, f"add '{key}: STATE'"
+                )
 
 
 def never_happens(composed: Composed) -> Iterator[Diagnostic]:
@@ -125,7 +129,9 @@ def dead_end(composed: Composed) -> Iterator[Diagnostic]:
     for state in composed.chart.states.values():
         if state.kind is Kind.ATOMIC and state.invoke is None and not _has_way_out(composed.chart, state):
             problem = "nothing leads out of this state"
-            yield Diagnostic(state.place, "dead-end", _path(state), problem, "add a transition, or 'type: final'")
+            yield Diagnostic(
+                state.place, "dead-end", _path(state), problem, "add a transition, or 'type: final'"
+            )
 
 
 def _has_way_out(chart: Chart, state: State, without: Iterable[str] = ()) -> bool:
@@ -133,7 +139,9 @@ def _has_way_out(chart: Chart, state: State, without: Iterable[str] = ()) -> boo
     if any(t.target is not None and t.event not in without for t in state.transitions):
         return True
     around = [chart.states[name] for name in chart.ancestors(state.name)]
-    return any(t.target is not None and t.event not in ("done", "error") for a in around for t in a.transitions)
+    return any(
+        t.target is not None and t.event not in ("done", "error") for a in around for t in a.transitions
+    )
 
 
 def unreachable_state(composed: Composed) -> Iterator[Diagnostic]:
@@ -144,7 +152,9 @@ def unreachable_state(composed: Composed) -> Iterator[Diagnostic]:
         missing = state.name not in reached
         if missing and state.parent in reached and not _is_implied(composed, state):
             hint = "add a transition to it, or remove it"
-            yield Diagnostic(state.place, "unreachable-state", _path(state), "no way leads to this state", hint)
+            yield Diagnostic(
+                state.place, "unreachable-state", _path(state), "no way leads to this state", hint
+            )
 
 
 def _is_implied(composed: Composed, state: State) -> bool:

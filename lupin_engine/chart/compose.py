@@ -15,7 +15,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from lupin_engine.chart.actions import ActionReader, raised_events
-from lupin_engine.chart.declare import REQUESTS, Declarer, Declared, level_events
+from lupin_engine.chart.declare import REQUESTS, Declared, Declarer, level_events
 from lupin_engine.chart.documents import (
     FileNode,
     InvokeNode,
@@ -175,7 +175,9 @@ class _Composer:
             ("type", self._declared.types),
             ("value", [found.value for found in self._declared.inputs.values()]),
         ]
-        found.update(owners[family, name] for family, some in used for name in some if (family, name) in owners)
+        found.update(
+            owners[family, name] for family, some in used for name in some if (family, name) in owners
+        )
         return tuple(sorted(found - {BUILTIN}))
 
     def _parameters(self, plugins: Iterable[str]) -> dict[str, Parameter]:
@@ -189,7 +191,9 @@ class _Composer:
         for part in self._parts.values():
             uses = self._bound.get(part.title, [])
             for name in set.intersection(*uses) if uses else ():
-                elsewhere = any(name in own for title, own in self._declared.by_file.items() if title != part.title)
+                elsewhere = any(
+                    name in own for title, own in self._declared.by_file.items() if title != part.title
+                )
                 if not elsewhere:
                     self._declared.parameters.pop(name, None)
         found.update(self._declared.parameters)
@@ -212,7 +216,12 @@ class _Composer:
         found = {}
         for mission in self._missions:
             wrapper = next(
-                (d for d in self._forest.drafts.values() if d.file is mission and d.node is None and d.parent), None
+                (
+                    d
+                    for d in self._forest.drafts.values()
+                    if d.file is mission and d.node is None and d.parent
+                ),
+                None,
             )
             if wrapper is not None:
                 place = mission.at("mission")
@@ -227,7 +236,7 @@ class _Composer:
     def _scope_of(self, file: FileNode, mission: str) -> Scope:
         base = self._declarer.base_scope(file)
         states = tuple(name for name in self._forest.drafts if name)
-        scope = replace(base, states=states)
+        scope = replace(base, states=states, open_states=file is self._lifecycle)
         if not mission or mission not in self._requests:
             return scope
         fields = {name: found.type for name, found in self._requests[mission].items()}
@@ -332,7 +341,9 @@ class _Composer:
         if proper and not draft.slot:
             names = ", ".join(repr(child.local) for child in proper)
             problem = f"it is not said which of {names} is entered first"
-            self._findings.add(draft.place, "no-initial", draft.name, problem, f"write 'initial: {proper[0].local}'")
+            self._findings.add(
+                draft.place, "no-initial", draft.name, problem, f"write 'initial: {proper[0].local}'"
+            )
         return None
 
     def _itinerary(self, draft: Draft, node: StateNode, outer: Scope) -> tuple[Itinerary | None, Scope]:
@@ -406,7 +417,9 @@ class _Composer:
         timeout, code = None, None
         if isinstance(node.timeout, LimitNode):
             at = node.timeout.at("after")
-            timeout = read_value(node.timeout.after, at, DURATION, scope, self._findings, f"{path}.timeout.after")
+            timeout = read_value(
+                node.timeout.after, at, DURATION, scope, self._findings, f"{path}.timeout.after"
+            )
             code = node.timeout.code
             self._check_code(code, node.timeout.at("code"), f"{path}.timeout.code")
         elif node.timeout is None:
@@ -419,7 +432,9 @@ class _Composer:
         self, node: RetryNode, operation: Operation, timeout_code: str | None, scope: Scope, path: str
     ) -> Retry | None:
         path = f"{path}.retry"
-        attempts = read_value(node.attempts, node.at("attempts"), COUNT, scope, self._findings, f"{path}.attempts")
+        attempts = read_value(
+            node.attempts, node.at("attempts"), COUNT, scope, self._findings, f"{path}.attempts"
+        )
         backoff = None
         if node.backoff is not None:
             at = node.at("backoff")
@@ -455,7 +470,9 @@ class _Composer:
         yield from self._handlers(draft, node, node.on)
         yield from self._list(draft, draft, node.always, "always", "", self._any_event(draft))
         for index, nodes in enumerate(node.after.values()):
-            yield from self._list(draft, draft, nodes, f"after.{index}", f"after.{index}", self._any_event(draft))
+            yield from self._list(
+                draft, draft, nodes, f"after.{index}", f"after.{index}", self._any_event(draft)
+            )
 
     def _handlers(
         self, draft: Draft, holder: StateNode | FileNode, handlers: Mapping[str, list[TransitionNode]]

@@ -1,4 +1,4 @@
-"""What the files of a chart declare before any state is looked at: parameters, inputs, codes, variables, holds.
+"""What the files of a chart declare before any state is looked at: parameters, inputs, codes, holds, ...
 
 Every name is one for the whole chart, whichever file declares it: parameters become ROS parameters, codes
 reach one `last_error`. Two files may declare the same name, but then with the same meaning.
@@ -83,7 +83,9 @@ class Declarer:
         if name in known and not same(known[name], thing):
             first = self.declared.places[family, name]
             problem = f"{family} {name!r} is declared differently in {first}"
-            self._findings.add(place, "conflicting-definition", "", problem, "make both the same, or rename one")
+            self._findings.add(
+                place, "conflicting-definition", "", problem, "make both the same, or rename one"
+            )
         if name not in known:
             known[name] = thing
             self.declared.places[family, name] = place
@@ -92,7 +94,9 @@ class Declarer:
         if NAME.fullmatch(name) and not (what == "variable" and (name in ROOTS or name in BUILTIN_CALLS)):
             return True
         problem = f"{name!r} cannot be the name of a {what}"
-        hint = "it is a word of expressions" if NAME.fullmatch(name) else "use letters, digits and underscores"
+        hint = (
+            "it is a word of expressions" if NAME.fullmatch(name) else "use letters, digits and underscores"
+        )
         self._findings.add(place, "bad-name", path, problem, hint)
         return False
 
@@ -113,7 +117,9 @@ class Declarer:
             known.update(self.declared.by_file.get(name, {}))
         names = {
             "param": Type("record", "param", fields={name: known[name].type for name in known}),
-            "input": Type("record", "input", fields={n: input_type(i) for n, i in self.declared.inputs.items()}),
+            "input": Type(
+                "record", "input", fields={n: input_type(i) for n, i in self.declared.inputs.items()}
+            ),
             **{name: variable.type for name, variable in self.declared.context.items()},
         }
         absent = {
@@ -142,7 +148,9 @@ class Declarer:
             if plugin is not None and not _same_parameter(plugin, parameter):
                 owner = self._catalog.owners["parameter", name]
                 problem = f"parameter {name!r} is declared differently by plugin {owner!r}"
-                self._findings.add(place, "conflicting-definition", path, problem, "use that one, or rename yours")
+                self._findings.add(
+                    place, "conflicting-definition", path, problem, "use that one, or rename yours"
+                )
             self._put("parameter", self.declared.parameters, name, parameter, place, _same_parameter)
 
     def _parameter(self, node: ParameterNode, path: str) -> Parameter | None:
@@ -182,7 +190,9 @@ class Declarer:
         found = read_constant(raw, node.at(key), kind, self._findings, f"{path}.{key}")
         return None if found is None else float(found.value)
 
-    def _range(self, node: ParameterNode, value: float, low: float | None, high: float | None, path: str) -> None:
+    def _range(
+        self, node: ParameterNode, value: float, low: float | None, high: float | None, path: str
+    ) -> None:
         wrong = ""
         if low is not None and value < low:
             wrong = f"the default is below the minimum of {node.min}"
@@ -206,7 +216,11 @@ class Declarer:
         scope = self.base_scope(file, functions=False)
         for name, node in file.inputs.items():
             place, path = file.key_at("inputs", name), f"inputs.{name}"
-            found = self._input(name, node, place, scope, path) if self._name("input", name, place, path) else None
+            found = (
+                self._input(name, node, place, scope, path)
+                if self._name("input", name, place, path)
+                else None
+            )
             if found is not None:
                 self._put("input", self.declared.inputs, name, found, place, _same_input)
 
@@ -218,12 +232,18 @@ class Declarer:
             return None
         initial, freshness = value.initial, value.freshness
         if node.initial is not None:
-            read = read_constant(node.initial, node.at("initial"), value.type, self._findings, f"{path}.initial")
+            read = read_constant(
+                node.initial, node.at("initial"), value.type, self._findings, f"{path}.initial"
+            )
             initial = read.value if read else None
         if node.freshness is not None:
-            read = read_constant(node.freshness, node.at("freshness"), DURATION, self._findings, f"{path}.freshness")
+            read = read_constant(
+                node.freshness, node.at("freshness"), DURATION, self._findings, f"{path}.freshness"
+            )
             freshness = read.value if read else None
-        levels = [self._level(node, key, level, value.type, scope, path) for key, level in node.levels.items()]
+        levels = [
+            self._level(node, key, level, value.type, scope, path) for key, level in node.levels.items()
+        ]
         kept = tuple(level for level in levels if level is not None)
         return Input(name, node.value, value.type, place, freshness, initial, kept)
 
@@ -238,7 +258,9 @@ class Declarer:
             self._findings.add(place, "wrong-type", path, problem)
             return None
         if name == "value":
-            self._findings.add(place, "bad-name", path, "a level cannot be called 'value', the number itself is")
+            self._findings.add(
+                place, "bad-name", path, "a level cannot be called 'value', the number itself is"
+            )
             return None
         findings = self._findings
         below = read_value(level.below, level.at("below"), kind, scope, findings, f"{path}.below")
@@ -257,9 +279,18 @@ class Declarer:
             kind = self._type(node.type, node.at("type"), path)
             if kind is None:
                 continue
-            default = read_value(node.default, node.at("default"), kind, scope, self._findings, f"{path}.default")
+            default = read_value(
+                node.default, node.at("default"), kind, scope, self._findings, f"{path}.default"
+            )
             if default is not None:
-                self._put("variable", self.declared.context, name, Variable(name, kind, default, place), place, _same_variable)
+                self._put(
+                    "variable",
+                    self.declared.context,
+                    name,
+                    Variable(name, kind, default, place),
+                    place,
+                    _same_variable,
+                )
 
     # -- holds and requests --------------------------------------------------------------------------------
 
@@ -294,7 +325,11 @@ class Declarer:
             key: read_guard(getattr(node, key), node.at(key), scope, findings, f"{path}.{key}")
             for key in ("engage_guard", "release_guard")
         }
-        if node.engage_guard is not None and node.engage_code is None and not node.engage.startswith("input."):
+        if (
+            node.engage_guard is not None
+            and node.engage_code is None
+            and not node.engage.startswith("input.")
+        ):
             problem = "a request that the guard refuses needs a reason"
             findings.add(node.place, "missing-key", path, problem, "write 'engage_code: ...'")
         return Hold(
@@ -308,7 +343,9 @@ class Declarer:
             guards["release_guard"],
         )
 
-    def field(self, name: str, node: RequestFieldNode, place: Place, scope: Scope, codes: set[str]) -> Field | None:
+    def field(
+        self, name: str, node: RequestFieldNode, place: Place, scope: Scope, codes: set[str]
+    ) -> Field | None:
         """Read one field of a mission's request."""
         path, findings = f"request.{name}", self._findings
         if not self._name("field", name, place, path):
@@ -360,7 +397,10 @@ def _same_parameter(first: Parameter, second: Parameter) -> bool:
 
 
 def _same_input(first: Input, second: Input) -> bool:
-    plain = [(i.value, i.freshness, i.initial, [(v.name, _text(v.below)) for v in i.levels]) for i in (first, second)]
+    plain = [
+        (i.value, i.freshness, i.initial, [(v.name, _text(v.below)) for v in i.levels])
+        for i in (first, second)
+    ]
     return plain[0] == plain[1]
 
 

@@ -183,7 +183,8 @@ def _timeout_kind(value: Any) -> str:
 
 
 Timeout = Annotated[
-    Annotated[LimitNode, Tag("limit")] | Annotated[Literal["never"], Tag("never")], Discriminator(_timeout_kind)
+    Annotated[LimitNode, Tag("limit")] | Annotated[Literal["never"], Tag("never")],
+    Discriminator(_timeout_kind),
 ]
 
 
@@ -214,14 +215,18 @@ class StateNode(Node):
     """A state: what it does while active, and what makes it end."""
 
     summary: str = Field("", description="one sentence for people")
-    type: Literal["parallel", "final", "history"] | None = Field(None, description="kind, when not an ordinary state")
+    type: Literal["parallel", "final", "history"] | None = Field(
+        None, description="kind, when not an ordinary state"
+    )
     depth: Literal["shallow", "deep"] | None = Field(None, description="how much a history state remembers")
     initial: str | None = Field(None, description="child that is entered first")
     states: dict[str, StateNode | None] = Field({}, description="children")
     entry: Actions = Field([], description="actions on entering")
     exit: Actions = Field([], description="actions on leaving")
     invoke: InvokeNode | None = Field(None, description="operation that lives as long as this state")
-    on_done: Transitions = Field([], description="when the operation has succeeded, or a final child is reached")
+    on_done: Transitions = Field(
+        [], description="when the operation has succeeded, or a final child is reached"
+    )
     on_error: Transitions = Field([], description="when the operation has failed for good")
     on: dict[str, Transitions] = Field({}, description="what events do")
     always: Transitions = Field([], description="taken as soon as the guard holds")

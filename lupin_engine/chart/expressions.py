@@ -20,7 +20,7 @@ import ast
 import math
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import Any
 
@@ -60,7 +60,8 @@ class Scope:
 
     `names` are the roots and the context variables with their types. `absent` says, for a root that is not
     there, the rule and the reason. `bound` are parameters of a part that its user has given a value: type and
-    compiled tree. `states` are full names, for in_state; `holds` are names, for held.
+    compiled tree. `states` are full names, for in_state; `holds` are names, for held. With `open_states` more
+    states may exist than are loaded: the lifecycle also speaks of missions that stand in other files.
     """
 
     names: Mapping[str, Type]
@@ -70,12 +71,12 @@ class Scope:
     absent: Mapping[str, tuple[str, str]] = field(default_factory=dict)
     bound: Mapping[str, tuple[Type, ast.expr]] = field(default_factory=dict)
     usage: Usage = field(default_factory=Usage)
+    open_states: bool = False
 
-    def with_names(self, names: Mapping[str, Type], absent: Mapping[str, tuple[str, str]] | None = None) -> Scope:
-        """Return this scope with further names, and with other reasons for absent ones."""
-        merged = {**self.names, **names}
-        missing = {k: v for k, v in {**self.absent, **(absent or {})}.items() if k not in merged}
-        return Scope(merged, self.functions, self.states, self.holds, missing, self.bound, self.usage)
+    def with_names(self, names: Mapping[str, Type]) -> Scope:
+        """Return this scope with further names, or other types for the same ones."""
+        absent = {name: reason for name, reason in self.absent.items() if name not in names}
+        return replace(self, names={**self.names, **names}, absent=absent)
 
 
 @dataclass(frozen=True)
@@ -119,7 +120,9 @@ def compile_expression(
     return Expression(fragment.source.strip(), place, typed.type, functions[0], parts)
 
 
-def check_expression(fragment: Fragment, scope: Scope, wanted: Type, findings: Findings, path: str) -> Typed | None:
+def check_expression(
+    fragment: Fragment, scope: Scope, wanted: Type, findings: Findings, path: str
+) -> Typed | None:
     """Check an expression without compiling it; for one that is built into others."""
     return _Checker(fragment, scope, findings, path).check(wanted)
 
@@ -298,7 +301,9 @@ class _Checker:
             hint = f"compare it, such as '{shown} > 0'"
         elif wanted.kind == "integer" and got.kind == "number":
             hint = f"write 'round({shown})'"
-        self._wrong(node, "wrong-type", f"expected {q.describe(wanted)}, but {shown!r} is {q.describe(got)}", hint)
+        self._wrong(
+            node, "wrong-type", f"expected {q.describe(wanted)}, but {shown!r} is {q.describe(got)}", hint
+        )
 
     def _collect_parts(self, root: ast.expr) -> None:
         """Note the operands of the outermost and/or/not, which tell why a guard was false."""
@@ -320,7 +325,9 @@ class _Checker:
 
     def _refuse(self, node: ast.expr, kind: str) -> Typed:
         what = _REFUSED.get(kind, f"this ({kind})")
-        return self._wrong(node, "bad-expression", f"{what} is not allowed in an expression", _INSTEAD.get(kind, ""))
+        return self._wrong(
+            node, "bad-expression", f"{what} is not allowed in an expression", _INSTEAD.get(kind, "")
+        )
 
     def _constant(self, node: ast.Constant) -> Typed:
         value = node.value
@@ -333,16 +340,22 @@ class _Checker:
         if isinstance(value, float) and math.isfinite(value):
             return Typed(q.ZERO_NUMBER if value == 0 else NUMBER, node)
         hint = "use known(input.NAME) to ask for what may be missing" if value is None else ""
-        return self._wrong(node, "bad-expression", f"{self._text_of(node)} is not allowed in an expression", hint)
+        return self._wrong(
+            node, "bad-expression", f"{self._text_of(node)} is not allowed in an expression", hint
+        )
 
     def _name(self, node: ast.Name) -> Typed:
         name, scope = node.id, self._scope
         if name in _WORDS:
             return Typed(BOOL, ast.Constant(_WORDS[name]))
         if name.startswith("_"):
-            return self._wrong(node, "unknown-name", f"unknown name {name!r}: no name begins with an underscore")
+            return self._wrong(
+                node, "unknown-name", f"unknown name {name!r}: no name begins with an underscore"
+            )
         if name in scope.names:
-            return Typed(scope.names[name], _environment(name) if name in ROOTS else _environment("context", name))
+            return Typed(
+                scope.names[name], _environment(name) if name in ROOTS else _environment("context", name)
+            )
         if name in scope.absent:
             rule, reason = scope.absent[name]
             return self._wrong(node, rule, f"there is no {name!r} here: {reason}")
@@ -364,7 +377,9 @@ class _Checker:
         if record.type.kind == "any":
             return Typed(ANY, ast.Subscript(record.tree, ast.Constant(node.attr), ast.Load()))
         if record.type.kind != "record":
-            return self._wrong_field(node, f"{self._text_of(node.value)!r} is {q.describe(record.type)}, no record")
+            return self._wrong_field(
+                node, f"{self._text_of(node.value)!r} is {q.describe(record.type)}, no record"
+            )
         if node.attr not in record.type.fields:
             return self._unknown_field(node, record.type, root)
         self._note(root, node.attr)
@@ -540,7 +555,9 @@ class _Checker:
             self._wrong(extra, "unknown-argument", f"{name} takes {_count(len(arguments))}")
         for missing, argument in arguments[len(node.args) :]:
             if not argument.optional:
-                self._wrong(node, "missing-argument", f"{name} needs the argument {missing!r}: {argument.doc}")
+                self._wrong(
+                    node, "missing-argument", f"{name} needs the argument {missing!r}: {argument.doc}"
+                )
         trees = [
             self._wanted_value(given, argument.type)
             for given, (_, argument) in zip(node.args, arguments, strict=False)
@@ -572,7 +589,9 @@ class _Checker:
     def _extreme(self, node: ast.Call) -> Typed:
         name = _dotted(node.func) or ""
         if not node.args:
-            return self._wrong(node, "missing-argument", f"{name} takes a list of numbers, or several numbers")
+            return self._wrong(
+                node, "missing-argument", f"{name} takes a list of numbers, or several numbers"
+            )
         found = [self._visit(argument) for argument in node.args]
         kinds = [typed.type for typed in found]
         if len(found) == 1:
@@ -644,11 +663,20 @@ class _Checker:
         if name is None:
             return Typed(BOOL, node)
         states = [state for state in self._scope.states if state == name or state.endswith(f".{name}")]
-        if not states or not name:
-            hint = nearest(name, {part for state in self._scope.states for part in state.split(".") if part})
-            return self._wrong(node.args[0], "unknown-state", f"no state is called {name!r}", hint)
+        if not states:
+            self._no_state(node.args[0], name)
         tree = ast.Tuple([ast.Constant(state) for state in states], ast.Load())
         return Typed(BOOL, _call(_environment("in_state"), [tree]))
+
+    def _no_state(self, node: ast.expr, name: str) -> None:
+        problem = f"no state is called {name!r}"
+        hint = nearest(name, {word for state in self._scope.states for word in state.split(".")})
+        if not self._scope.open_states:
+            self._wrong(node, "unknown-state", problem, hint)
+            return
+        place = self._fragment.text.at(self._start + self._offset(node))
+        problem += " in the missions that are loaded, so this is false"
+        self._findings.warn(place, "unknown-state", self._path, problem, hint)
 
     def _word(self, node: ast.Call, function: str, what: str) -> str | None:
         """Return the single argument when it is a word that is written out, quoted or not."""
@@ -659,7 +687,9 @@ class _Checker:
             return argument.value
         name = _dotted(argument)
         if name is None:
-            self._wrong(argument, "wrong-type", f"{function} takes the name of {what}", f"write {function}('NAME')")
+            self._wrong(
+                argument, "wrong-type", f"{function} takes the name of {what}", f"write {function}('NAME')"
+            )
         return name
 
 
@@ -670,7 +700,9 @@ def _orderable(kind: Type) -> bool:
 def _as_quantity(typed: Typed, other: Type) -> Typed:
     """Read a text such as '5 s' as a number when it meets a number with a unit."""
     tree = typed.tree
-    if not (q.is_number(other) and other.unit and isinstance(tree, ast.Constant) and isinstance(tree.value, str)):
+    if not (
+        q.is_number(other) and other.unit and isinstance(tree, ast.Constant) and isinstance(tree.value, str)
+    ):
         return typed
     quantity = parse_quantity(tree.value)
     return typed if quantity is None else Typed(q.number(quantity[1]), ast.Constant(quantity[0]))

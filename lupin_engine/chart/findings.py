@@ -76,7 +76,9 @@ class Findings:
         """Report what is probably a mistake but can be loaded."""
         self._put(Diagnostic(place, rule, path, problem, hint, Severity.WARN))
 
-    def unknown(self, place: Place, rule: str, path: str, what: str, name: str, allowed: Iterable[str]) -> None:
+    def unknown(
+        self, place: Place, rule: str, path: str, what: str, name: str, allowed: Iterable[str]
+    ) -> None:
         """Report a name that is none of the `allowed`, with the nearest spelling."""
         self.add(place, rule, path, f"unknown {what} {name!r}", nearest(name, allowed))
 
@@ -101,5 +103,5 @@ class Findings:
         return tuple(d for d in self.all if d.severity is Severity.ERROR)
 
     def has(self, *rules: str) -> bool:
-        """Tell whether one of `rules` has been broken; a later rule may then have nothing to stand on."""
-        return any(d.rule in rules for d in self._found)
+        """Tell whether an error of one of `rules` was found; a later rule may then have nothing to stand on."""
+        return any(d.rule in rules and d.severity is Severity.ERROR for d in self._found)

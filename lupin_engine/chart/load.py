@@ -50,7 +50,7 @@ def load_chart(lifecycle: Path, missions: Sequence[Path], catalog: Catalog) -> C
 def check_chart(
     lifecycle: Path, missions: Sequence[Path], catalog: Catalog
 ) -> tuple[Chart | None, tuple[Diagnostic, ...]]:
-    """Load a lifecycle with missions and tell everything about them; the chart is None when there are errors."""
+    """Load a lifecycle with missions and tell everything about them; no chart when there are errors."""
     findings = Findings()
     root = _document(lifecycle, LifecycleNode, findings)
     read_missions = {path: _document(path, MissionNode, findings) for path in missions}
@@ -174,5 +174,8 @@ def _warn_of_unused_parts(
     used = set(parts)
     for path in sorted((folder / PARTS).glob("*.yaml")):
         if path.stem not in used:
+            _document(path, PartNode, findings)
             hint = "use it, or remove the file"
-            findings.warn(Place(str(path), 1, 1), "unused-part", "", f"no mission uses the part {path.stem!r}", hint)
+            findings.warn(
+                Place(str(path), 1, 1), "unused-part", "", f"no mission uses the part {path.stem!r}", hint
+            )

@@ -16,9 +16,25 @@ ZERO = Type("integer", "integer", unit="*")
 ZERO_NUMBER = Type("number", "number", unit="*")
 
 #: Products and quotients of units that have a meaning here.
-_PRODUCTS: Mapping[tuple[str, str], str] = {("m/s", "s"): "m", ("s", "m/s"): "m", ("Hz", "s"): "", ("s", "Hz"): ""}
-_QUOTIENTS: Mapping[tuple[str, str], str] = {("m", "s"): "m/s", ("m", "m/s"): "s", ("", "s"): "Hz", ("", "Hz"): "s"}
-_EXAMPLES: Mapping[str, str] = {"s": "'5 s'", "m": "'0.5 m'", "rad": "'90 deg'", "m/s": "'0.3 m/s'", "Hz": "'2 Hz'"}
+_PRODUCTS: Mapping[tuple[str, str], str] = {
+    ("m/s", "s"): "m",
+    ("s", "m/s"): "m",
+    ("Hz", "s"): "",
+    ("s", "Hz"): "",
+}
+_QUOTIENTS: Mapping[tuple[str, str], str] = {
+    ("m", "s"): "m/s",
+    ("m", "m/s"): "s",
+    ("", "s"): "Hz",
+    ("", "Hz"): "s",
+}
+_EXAMPLES: Mapping[str, str] = {
+    "s": "'5 s'",
+    "m": "'0.5 m'",
+    "rad": "'90 deg'",
+    "m/s": "'0.3 m/s'",
+    "Hz": "'2 Hz'",
+}
 
 
 def is_number(kind: Type) -> bool:
@@ -41,9 +57,12 @@ def plain(kind: Type) -> Type:
 def describe(kind: Type) -> str:
     """Return a type as messages call it, with its unit."""
     if not is_number(kind) or kind.unit in ("", "*"):
-        return {"": "unknown", "integer": "a plain number", "number": "a plain number", "count": "a plain number"}.get(
-            kind.name, str(kind)
-        )
+        return {
+            "": "unknown",
+            "integer": "a plain number",
+            "number": "a plain number",
+            "count": "a plain number",
+        }.get(kind.name, str(kind))
     return f"{kind.name} ({kind.unit})" if kind.unit not in kind.name else kind.name
 
 
@@ -71,7 +90,9 @@ def accepts(wanted: Type, got: Type) -> bool:
     if wanted.kind == "list":
         return accepts(wanted.item or ANY, got.item or ANY)
     if wanted.kind == "record":
-        return all(name in got.fields and accepts(kind, got.fields[name]) for name, kind in wanted.fields.items())
+        return all(
+            name in got.fields and accepts(kind, got.fields[name]) for name, kind in wanted.fields.items()
+        )
     return True
 
 

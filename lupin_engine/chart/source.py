@@ -1,7 +1,7 @@
 """YAML as a tired human wrote it: plain data in which every key and value knows its place.
 
 Promises:
-- YAML 1.2 core scalars: `on`, `off`, `yes` and `12:30:45` are words, no scalar is a date. Keys are always text.
+- YAML 1.2 core scalars: `on`, `off`, `yes` and `12:30:45` are words, no scalar is a date. Keys are text.
 - A key that stands twice is an error that names both lines; the first one counts.
 - Nothing in a file is executed: tags are refused, aliases are shared and counted, size and depth are bounded.
 - No exception for a bad file: a finding with a place, and None.
@@ -98,7 +98,17 @@ def _character(row: str, column: int, style: str) -> tuple[int, bool]:
         return 2, False
     if style == '"' and row[column] == "\\":
         escape = row[column + 1 : column + 2]
-        return {"x": 4, "u": 6, "U": 10}.get(escape, 2), escape in ("", " ", "n", "t", "r", "_", "N", "L", "P")
+        return {"x": 4, "u": 6, "U": 10}.get(escape, 2), escape in (
+            "",
+            " ",
+            "n",
+            "t",
+            "r",
+            "_",
+            "N",
+            "L",
+            "P",
+        )
     return 1, row[column].isspace()
 
 
@@ -117,7 +127,6 @@ class Map(dict[str, Any]):
         self.keys_as_text: dict[str, Text] = {}
         self.places: dict[str, Place] = {}
         self.model: Any = None
-
 
     def key_place(self, key: str) -> Place:
         """Return where a key stands."""
@@ -143,7 +152,7 @@ def read(path: Path, findings: Findings) -> Map | None:
 
 
 def head(path: Path) -> tuple[str, str] | None:
-    """Return the kind and the name that a file gives itself (`mission`, `InspectionMission`), without reading on."""
+    """Return the kind and name that a file gives itself (`mission`, `InspectionMission`); reads no further."""
     try:
         found = _HEAD.search(path.read_bytes()[:MAX_BYTES].decode("utf-8-sig", "replace"))
     except OSError:
@@ -159,7 +168,9 @@ def parse(text: str, name: str, findings: Findings) -> Map | None:
     except _Unreadable:
         return None
     if not isinstance(root, Map):
-        findings.add(Place(name, 1, 1), "wrong-yaml", "", f"expected a mapping of keys to values, got {root!r}")
+        findings.add(
+            Place(name, 1, 1), "wrong-yaml", "", f"expected a mapping of keys to values, got {root!r}"
+        )
         return None
     return root
 
@@ -172,14 +183,18 @@ def _read_text(path: Path, name: str, findings: Findings) -> str | None:
         findings.add(start, "no-file", "", f"cannot read the file: {error.strerror}")
         return None
     if len(raw) > MAX_BYTES:
-        findings.add(start, "too-large", "", f"the file has {len(raw)} bytes", f"at most {MAX_BYTES} are read")
+        findings.add(
+            start, "too-large", "", f"the file has {len(raw)} bytes", f"at most {MAX_BYTES} are read"
+        )
         return None
     try:
         return raw.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         line = raw.count(b"\n", 0, error.start) + 1
         column = error.start - raw.rfind(b"\n", 0, error.start)
-        findings.add(Place(name, line, column), "wrong-yaml", "", "this is not UTF-8", "save the file as UTF-8")
+        findings.add(
+            Place(name, line, column), "wrong-yaml", "", "this is not UTF-8", "save the file as UTF-8"
+        )
         return None
 
 
@@ -209,7 +224,9 @@ class _Builder:
         self._next()
         event = self._next()
         if not isinstance(event, yaml.StreamEndEvent):
-            self._refuse(self._place(event), "wrong-yaml", "a second document starts here", "use one file each")
+            self._refuse(
+                self._place(event), "wrong-yaml", "a second document starts here", "use one file each"
+            )
         return root
 
     def _next(self) -> Any:
@@ -248,7 +265,9 @@ class _Builder:
         if depth > MAX_DEPTH:
             self._refuse(place, "too-large", f"more than {MAX_DEPTH} levels of nesting")
         if event.tag is not None:
-            self._refuse(place, "wrong-yaml", f"the tag {event.tag!r} is not allowed", "write the plain value")
+            self._refuse(
+                place, "wrong-yaml", f"the tag {event.tag!r} is not allowed", "write the plain value"
+            )
         if event.anchor is None:
             return self._content(event, place, depth)
         self._anchors[event.anchor] = None
@@ -287,7 +306,9 @@ class _Builder:
             value = self._node(value_event, depth + 1)
             if key in found:
                 first = found.keys_as_text[key].place
-                problem = f"the key {str(key)!r} stands twice, in line {first.line} and in line {key.place.line}"
+                problem = (
+                    f"the key {str(key)!r} stands twice, in line {first.line} and in line {key.place.line}"
+                )
                 self._findings.add(key.place, "duplicate-key", "", problem, "remove or rename one")
                 continue
             found[key] = value
@@ -325,7 +346,9 @@ class _Builder:
 
     def _number(self, value: str, place: Place, convert: Callable[[str], Any]) -> Any:
         if len(value) > MAX_NUMBER:
-            self._refuse(place, "too-large", f"a number of {len(value)} digits", f"at most {MAX_NUMBER} are read")
+            self._refuse(
+                place, "too-large", f"a number of {len(value)} digits", f"at most {MAX_NUMBER} are read"
+            )
         return convert(value)
 
     def _text_of(self, event: Any, place: Place) -> Text:

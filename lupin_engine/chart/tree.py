@@ -88,7 +88,9 @@ class Forest:
         slots = [draft for draft in self.drafts.values() if draft.slot]
         if not slots:
             hint = "add a state with 'slot: mission'"
-            self._findings.add(lifecycle.key_at("states"), "wrong-shape", "", "no state takes the missions", hint)
+            self._findings.add(
+                lifecycle.key_at("states"), "wrong-shape", "", "no state takes the missions", hint
+            )
         for extra in slots[1:]:
             at = extra.node.key_at("slot") if extra.node else extra.place
             self._findings.add(at, "wrong-shape", extra.name, f"a second slot, after {slots[0].name!r}")
@@ -107,7 +109,10 @@ class Forest:
         for name, node in states.items():
             place = holder.key_at("states", name)
             if not NAME.fullmatch(name):
-                problem, hint = f"{name!r} cannot be the name of a state", "use letters, digits and underscores"
+                problem, hint = (
+                    f"{name!r} cannot be the name of a state",
+                    "use letters, digits and underscores",
+                )
                 self._findings.add(place, "bad-name", parent.name, problem, hint)
                 continue
             self._state(parent, name, node or _empty(place), place, file, missions)
@@ -156,13 +161,18 @@ class Forest:
             place = mission.at("mission")
             full = f"{draft.name}.{mission.name}"
             if not NAME.fullmatch(mission.name):
-                problem, hint = f"{mission.name!r} cannot name a mission", "use letters, digits and underscores"
+                problem, hint = (
+                    f"{mission.name!r} cannot name a mission",
+                    "use letters, digits and underscores",
+                )
                 self._findings.add(place, "bad-name", "mission", problem, hint)
                 continue
             if full in self.drafts:
                 problem = f"a second mission is called {mission.name!r}"
                 first = self.drafts[full].place.file
-                self._findings.add(place, "conflicting-definition", "mission", problem, f"the other is in {first}")
+                self._findings.add(
+                    place, "conflicting-definition", "mission", problem, f"the other is in {first}"
+                )
                 continue
             wrapper = Draft(full, Kind.COMPOUND, place, mission, draft, mission=mission.name)
             self._enter(wrapper)
@@ -210,7 +220,9 @@ class Forest:
     def _check_ordinary(self, draft: Draft, node: StateNode) -> None:
         if node.depth is not None:
             hint = "write 'type: history' beside it, or 'history: deep'"
-            self._findings.add(node.key_at("depth"), "wrong-shape", draft.name, "only a history state has a depth", hint)
+            self._findings.add(
+                node.key_at("depth"), "wrong-shape", draft.name, "only a history state has a depth", hint
+            )
         if node.with_ and node.use is None:
             problem, hint = "'with' gives a part its parameters, but no part is used", "add 'use: PART'"
             self._findings.add(node.key_at("with"), "wrong-shape", draft.name, problem, hint)
@@ -218,7 +230,10 @@ class Forest:
             problem = "the missions stand in a slot, it has no states of its own"
             self._findings.add(node.key_at("slot"), "wrong-shape", draft.name, problem)
         if node.invoke is not None and (node.states or node.use or node.slot):
-            problem, hint = "a state that invokes has no states inside", "move the invocation into one of them"
+            problem, hint = (
+                "a state that invokes has no states inside",
+                "move the invocation into one of them",
+            )
             self._findings.add(node.key_at("invoke"), "not-supported", draft.name, problem, hint)
 
     # -- names ---------------------------------------------------------------------------------------------
@@ -269,7 +284,9 @@ class Forest:
 
 
 def _kind(node: StateNode) -> Kind:
-    return {"parallel": Kind.PARALLEL, "final": Kind.FINAL, "history": Kind.HISTORY, None: Kind.ATOMIC}[node.type]
+    return {"parallel": Kind.PARALLEL, "final": Kind.FINAL, "history": Kind.HISTORY, None: Kind.ATOMIC}[
+        node.type
+    ]
 
 
 def _label(draft: Draft) -> str:

@@ -21,7 +21,9 @@ from lupin_engine.plugin.contract import Argument
 from lupin_engine.plugin.types import BOOL, Type, convert, parse_quantity
 
 
-def read_value(raw: Any, place: Place, wanted: Type, scope: Scope, findings: Findings, path: str) -> Value | None:
+def read_value(
+    raw: Any, place: Place, wanted: Type, scope: Scope, findings: Findings, path: str
+) -> Value | None:
     """Read an expression or a constant of type `wanted`; None after findings."""
     if isinstance(raw, Text) and is_expression(raw):
         fragment = fragment_of(raw)
@@ -39,7 +41,7 @@ def is_expression(raw: Any) -> bool:
 
 
 def read_guard(raw: Any, place: Place, scope: Scope, findings: Findings, path: str) -> Expression | None:
-    """Read a condition, which is an expression without `${ }` around it; None when there is none or it is wrong."""
+    """Read a condition, an expression without `${ }`; None when there is none or after findings."""
     if raw is None:
         return None
     if not isinstance(raw, (str, bool, int, float)):
@@ -147,7 +149,9 @@ def _fits_quantity(raw: str, place: Place, wanted: Type, findings: Findings, pat
         return False
     if quantity[1] != wanted.unit:
         needs = f"a unit of {wanted.unit}" if wanted.unit else "a number without a unit, or in %"
-        findings.add(place, "wrong-unit", path, f"expected {describe(wanted)}, got {show(raw)}", f"write {needs}")
+        findings.add(
+            place, "wrong-unit", path, f"expected {describe(wanted)}, got {show(raw)}", f"write {needs}"
+        )
         return False
     return True
 

@@ -7,8 +7,10 @@ import importlib
 import importlib.util
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from types import ModuleType
 
 from lupin_engine.errors import PluginError, UsageError, nearest
+from lupin_engine.plugin.contract import Parameter
 from lupin_engine.plugin.registry import Catalog
 
 ORCHESTRATOR = "mission_orchestrator"
@@ -34,16 +36,28 @@ class Node:
             return ""
         return text.partition("\n")[0]
 
+    def parameters(self) -> Mapping[str, Parameter]:
+        """Return what the node's module declares as PARAMETERS; importing it needs ROS."""
+        found: Mapping[str, Parameter] = getattr(self._module(), "PARAMETERS", {})
+        return found
+
     def load(self) -> Callable[[Sequence[str]], int]:
         """Import the function that runs the node."""
-        module, _, attribute = self.entry.partition(":")
-        try:
-            found: Callable[[Sequence[str]], int] = getattr(importlib.import_module(module), attribute)
-        except (ImportError, AttributeError) as problem:
-            owner = f"plugin {self.plugin!r}" if self.plugin else "the engine"
-            text = f"node {self.name!r} of {owner} cannot be loaded from {self.entry}: {problem}"
-            raise PluginError(text) from problem
+        attribute = self.entry.partition(":")[2]
+        found: Callable[[Sequence[str]], int] | None = getattr(self._module(), attribute, None)
+        if found is None:
+            raise self._broken(f"there is no {attribute!r}")
         return found
+
+    def _module(self) -> ModuleType:
+        try:
+            return importlib.import_module(self.entry.partition(":")[0])
+        except ImportError as problem:
+            raise self._broken(str(problem)) from problem
+
+    def _broken(self, reason: str) -> PluginError:
+        owner = f"plugin {self.plugin!r}" if self.plugin else "the engine"
+        return PluginError(f"node {self.name!r} of {owner} cannot be loaded from {self.entry}: {reason}")
 
 
 def nodes_of(catalog: Catalog) -> Mapping[str, Node]:

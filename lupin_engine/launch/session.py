@@ -53,8 +53,8 @@ class Observer(Protocol):
     def note(self, text: str, severity: Severity = Severity.INFO) -> None:
         """Tell something about the run itself: what is started, waited for, stopped."""
 
-    def arrived(self, kind: str, data: Mapping[str, Any]) -> None:
-        """Take notice of a message of this mission: `state`, `observation` or `step`."""
+    def arrived(self, kind: str, data: Mapping[str, Any], story: Story) -> None:
+        """Take notice of a message that the story has just taken in: `state`, `observation` or `step`."""
 
     def show(self, story: Story) -> None:
         """Show where the mission stands; called on every look at the world."""
@@ -64,13 +64,15 @@ class Observer(Protocol):
 class Settings:
     """How the nodes are to be started.
 
-    `parameters` are by node name. `patience` is how long a mission may wait for an operator, in seconds;
+    `parameters` are by node name. `insisted` names nodes that must be started here, with the option that
+    wants it: using one that runs already would ignore the option. `patience` is how long a mission may wait for an operator, in seconds;
     None is for ever.
     """
 
     folder: Path
     environment: Mapping[str, str]
     parameters: Mapping[str, Values] = field(default_factory=dict)
+    insisted: Mapping[str, str] = field(default_factory=dict)
     simulate: bool = True
     settle: bool = False
     patience: float | None = None
@@ -88,7 +90,8 @@ class Session:
         self._operator = Operator()
         self._state: dict[str, Any] = {}
         self._view: dict[str, Any] = {}
-        self._story: Story | None = None
+        #: The mission, once it was started.
+        self.story: Story | None = None
         self._pending: list[tuple[str, dict[str, Any], float]] = []
 
     # -- bringing up ------------------------------------------------------------------------------------
@@ -104,6 +107,9 @@ class Session:
         present = self._look_around()
         settings = self._settings
         self.plan = make_plan(plugins, catalog, present, settings.parameters, simulate=settings.simulate)
+        for name, option in settings.insisted.items():
+            if name not in self.plan.starts:
+                raise RunFailed(f"{option} is for {name}, but one runs already; stop it or choose another --domain")
         if self.plan.joined:
             self._observer.note(f"using what is there: {', '.join(self.plan.joined)}")
         if self.plan.starts:
@@ -182,7 +188,7 @@ class Session:
         if not answer.accepted:
             raise RunFailed(f"start refused: {answer.text}")
         story = Story(answer.mission_id, began, heard=time.monotonic())
-        self._story = story
+        self.story = story
         self._observer.note(f"{mission} {answer.mission_id} started")
         for arrival in self._pending:
             self._tell(*arrival)
@@ -257,8 +263,8 @@ class Session:
         self._operator.spin(TICK_S)
         self._take()
         self._look_at_processes()
-        if self._story is not None:
-            self._observer.show(self._story)
+        if self.story is not None:
+            self._observer.show(self.story)
 
     def _take(self) -> None:
         for arrival in self._operator.take():
@@ -266,24 +272,24 @@ class Session:
                 self._state = arrival.data
             elif arrival.kind == "step":
                 self._view = arrival.data.get("view", {})
-            if self._story is None:  # what comes before the answer to the start may belong to the mission
+            if self.story is None:  # what comes before the answer to the start may belong to the mission
                 self._pending = [*self._pending[-200:], (arrival.kind, arrival.data, arrival.at)]
             else:
                 self._tell(arrival.kind, arrival.data, arrival.at)
 
     def _tell(self, kind: str, data: dict[str, Any], at: float) -> None:
-        assert self._story is not None
-        if self._story.take(kind, data, at):
-            self._observer.arrived(kind, data)
+        assert self.story is not None
+        if self.story.take(kind, data, at):
+            self._observer.arrived(kind, data, self.story)
 
     def _look_at_processes(self) -> None:
         for death in self.supervisor.deaths():
             # Before the mission runs everything is needed. Later the mission has its own answer to a dead
             # plugin: a declared error. Only without the orchestrator there is no mission.
-            if self._story is None or death.name == ORCHESTRATOR:
+            if self.story is None or death.name == ORCHESTRATOR:
                 raise RunFailed(death.told)
             self._observer.note(death.told, Severity.ERROR)
-            self._story.note(time.monotonic(), Severity.ERROR, str(death))
+            self.story.note(time.monotonic(), Severity.ERROR, str(death))
 
     # -- the end ----------------------------------------------------------------------------------------
 

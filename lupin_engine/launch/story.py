@@ -35,6 +35,10 @@ class Reading:
     reason: str
     values: Mapping[str, float]
 
+    def __str__(self) -> str:
+        details = self.reason or ", ".join(f"{name} {value:.4g}" for name, value in self.values.items())
+        return f"tag {self.tag} {self.status}" + (f": {details}" if details else "")
+
 
 @dataclass(frozen=True)
 class Happening:
@@ -166,9 +170,7 @@ class Story:
             return False
         reading = reading_of(data)
         self.readings[reading.tag or f"#{len(self.readings) + 1}"] = reading
-        good = reading.status == "OK"
-        reason = f" — {reading.reason}" if reading.reason else ""
-        self.note(at, Severity.INFO if good else Severity.WARN, f"tag {reading.tag} {reading.status}{reason}")
+        self.note(at, Severity.INFO if reading.status == "OK" else Severity.WARN, str(reading))
         return True
 
     def _take_step(self, data: Mapping[str, Any], at: float) -> bool:

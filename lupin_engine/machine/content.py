@@ -103,6 +103,10 @@ class Content:
         """`publish.reading`: publish a reading that belongs to no visit."""
         self._publish(Visit(arguments["tag"], "OK", reading=arguments["reading"]), turn)
 
+    def clear(self, _: Mapping[str, Any], __: Walk | None, ___: Turn) -> None:
+        """`report.clear`: nothing is wrong any more; forget the code reported last."""
+        self._memory.code = self._memory.detail = ""
+
     def summary(self, _: Mapping[str, Any], walk: Walk | None, turn: Turn) -> None:
         """`report.summary`: say what became of every target."""
         visits = tuple(dict(vars(visit)) for visit in walk.visits) if walk else ()
@@ -116,5 +120,6 @@ _BUILTINS = {
     "itinerary.close": Content.close,
     "itinerary.close_rest": Content.close_rest,
     "publish.reading": Content.publish_reading,
+    "report.clear": Content.clear,
     "report.summary": Content.summary,
 }

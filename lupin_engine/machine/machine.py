@@ -394,7 +394,8 @@ class Machine:
             self._enter(self._entries(rule), cause)
         for name in dict.fromkeys(hold for rule in rules for hold in rule.releases):
             self._release(name)
-        turn.trail.append(moment_of(self.chart, self.memory))
+        if not any(map(self._is_ended, self.memory.configuration)):
+            turn.trail.append(moment_of(self.chart, self.memory))
 
     def _exit(self, state: State, cause: Cause) -> None:
         self._content.run(state.exit, state.name, cause, self._turn)
@@ -439,6 +440,10 @@ class Machine:
         above = self.chart.states.get(parent.parent or "")
         if above is not None and above.kind is Kind.PARALLEL and all(map(self._is_final, above.children)):
             self._turn.signals.append(Signal("done", above.name))
+
+    def _is_ended(self, name: str) -> bool:
+        """A final state is a passage to what comes next: nobody should see it."""
+        return self.chart.states[name].kind is Kind.FINAL
 
     def _is_final(self, region: str) -> bool:
         """Say whether a region of a parallel state has come to its end (SCXML: isInFinalState)."""

@@ -82,12 +82,16 @@ def load_catalog() -> Catalog:
 def _import(point: metadata.EntryPoint) -> Plugin:
     try:
         plugin = point.load()
-    except Exception as error:  # a plugin is foreign code: whatever its import does is its fault, told in one line
+    except (
+        Exception
+    ) as error:  # a plugin is foreign code: whatever its import does is its fault, told in one line
         reason = f"{type(error).__name__}: {error}"
         raise PluginError(f"plugin {point.name!r} ({point.value}) cannot be imported: {reason}") from error
     if not isinstance(plugin, Plugin):
         kind = type(plugin).__name__
-        raise PluginError(f"plugin {point.name!r} ({point.value}) is a {kind}; the entry point must name a Plugin")
+        raise PluginError(
+            f"plugin {point.name!r} ({point.value}) is a {kind}; the entry point must name a Plugin"
+        )
     return plugin
 
 
@@ -143,7 +147,11 @@ def _join(plugins: dict[str, Plugin]) -> Catalog:
 
 def _prefixed(plugins: Mapping[str, Plugin], pick: Callable[[Plugin], Mapping[str, _T]]) -> Mapping[str, _T]:
     return MappingProxyType(
-        {f"{plugin.name}.{name}": thing for plugin in plugins.values() for name, thing in pick(plugin).items()}
+        {
+            f"{plugin.name}.{name}": thing
+            for plugin in plugins.values()
+            for name, thing in pick(plugin).items()
+        }
     )
 
 

@@ -127,7 +127,7 @@ def starting_values(specs: Mapping[str, Parameter], given: Mapping[str, Any]) ->
 
 def _is_nothing(spec: Parameter, value: Any) -> bool:
     # rcl hands over `[]` from the command line as "not set".
-    return value is None or (spec.type.kind in ("record", "list") and len(value) == 0)
+    return value is None or (spec.type.kind in ("record", "list") and _plain(value) == [])
 
 
 def _unpacked(kind: Type, value: Any) -> Any:
@@ -151,8 +151,11 @@ def _hint(kind: Type, value: Any) -> str:
     wants_text = kind.kind == "text" or (kind.item is not None and kind.item.kind == "text")
     if wants_text and not isinstance(value, str):
         given = _plain(value)
-        texts = [str(v) for v in given] if isinstance(given, list) else str(given)
-        return f"; quote it: {json.dumps(texts)}"
+        if kind.kind == "list":
+            given = [str(v) for v in given] if isinstance(given, list) else [str(given)]
+        return f"; write {json.dumps(given if kind.kind == 'list' else str(given))}"
+    if kind.kind == "list" and isinstance(value, (str, int, float)):
+        return f"; write [{value}]"
     return ""
 
 

@@ -12,6 +12,9 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from lupin_engine.ros.middleware import RosNode
 
+#: What rmw says for the node of an endpoint that has not been discovered itself.
+_NAMELESS = "_NODE_NAME_UNKNOWN_"
+
 
 def service_channels(name: str) -> list[str]:
     """Return the DDS topics behind the service with the full name `name`."""
@@ -32,8 +35,8 @@ def peer_mismatches(ros: RosNode) -> list[str]:
     own endpoint announces, so it is exactly what the peers see.
 
     Seen: topics, and requests and answers of services and actions, because their DDS topics carry hashes
-    too. Not seen: a peer that is not discovered yet or announces no hash (not a ROS 2 Jazzy node); a field
-    that was renamed in the peer's Python code only; and fields whose meaning or unit changed.
+    too. Not seen: a peer that is not discovered yet, is no ROS node, or announces no hash (older than ROS 2
+    Iron); and fields of which only the meaning or the unit has changed.
     """
     me = (ros.node.get_name(), ros.node.get_namespace())
     return [finding for channel in ros.channels() for finding in _channel_findings(ros.node, channel, me)]
@@ -49,7 +52,7 @@ def _channel_findings(node: Any, channel: str, me: tuple[str, str]) -> Iterator[
         return
     seen = set()
     for peer in _others(endpoints, me):
-        if _announces(peer) == _announces(mine) or str(peer.topic_type_hash) == "INVALID":
+        if _announces(peer) == _announces(mine) or not _is_known(peer):
             continue
         finding = _told(channel, mine, peer)
         if finding not in seen:
@@ -59,6 +62,11 @@ def _channel_findings(node: Any, channel: str, me: tuple[str, str]) -> Iterator[
 
 def _others(endpoints: Iterable[Any], me: tuple[str, str]) -> Iterator[Any]:
     return (e for e in endpoints if (e.node_name, e.node_namespace) != me)
+
+
+def _is_known(peer: Any) -> bool:
+    # The endpoint is discovered a moment before the name of its node; the next comparison will have it.
+    return str(peer.topic_type_hash) != "INVALID" and peer.node_name != _NAMELESS
 
 
 def _announces(endpoint: Any) -> tuple[str, str]:

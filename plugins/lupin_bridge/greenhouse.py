@@ -66,9 +66,6 @@ class Greenhouse:
     def __init__(self, settings: Settings = Settings()) -> None:
         self._simulator = _simulator(settings)
         self._tags = tuple(self._simulator.tags())
-        if not self._tags:
-            # The package takes a layout without tags for a layout.
-            raise LupinError(f"layout {settings.tag_file or '(bundled)'} has no tags")
         _adjust_clock(self._simulator, settings)
 
     @property
@@ -122,11 +119,15 @@ def _simulator(settings: Settings) -> GreenhouseSimulator:
         raise LupinError("the greenhouse simulator is not installed: pip install mdp-greenhouse") from error
     tag_file = _existing(settings.tag_file, "layout")
     config_file = _existing(settings.sim_config_file, "climate")
+    files = ", ".join(str(file) for file in (tag_file, config_file) if file) or "its own files"
     try:
-        return GreenhouseSimulator(tag_file, config_file)
+        simulator = GreenhouseSimulator(tag_file, config_file)
+        tags = simulator.tags()
     except Exception as error:
-        files = ", ".join(str(file) for file in (tag_file, config_file) if file) or "its own files"
         raise LupinError(f"the greenhouse simulator cannot use {files}: {error}") from error
+    if not tags:
+        raise LupinError(f"the greenhouse has no tags in {files}")
+    return simulator
 
 
 def _existing(file: str, what: str) -> Path | None:

@@ -30,8 +30,9 @@ def layout(tmp_path: Path) -> Path:
 
 
 def test_a_tag_has_its_own_sensors_in_the_order_of_the_layout(layout: Path) -> None:
-    assert [name for name, _ in Greenhouse().read("12").sensors] == ["temperature", "humidity", "co2"]
-    assert [name for name, _ in Greenhouse(Settings(str(layout))).read("7").sensors] == ["light", "temperature"]
+    bundled, own = Greenhouse(), Greenhouse(Settings(str(layout)))
+    assert [name for name, _ in bundled.read("12").sensors] == ["temperature", "humidity", "co2"]
+    assert [name for name, _ in own.read("7").sensors] == ["light", "temperature"]
 
 
 def test_the_bundled_layout_has_29_tags_that_can_all_be_read() -> None:
@@ -49,7 +50,7 @@ def test_an_unknown_tag_is_named() -> None:
 def test_a_sensor_without_climate_is_named(layout: Path) -> None:
     greenhouse = Greenhouse(Settings(str(layout)))
     assert greenhouse.unmeasurable() == {"9": ["radiation"]}
-    with pytest.raises(ReadingFailed, match="tag '9': the climate file does not describe its sensors radiation"):
+    with pytest.raises(ReadingFailed, match=r"tag '9': the climate file does not .* radiation"):
         greenhouse.read("9")
     assert greenhouse.read("7").sensors
 

@@ -57,10 +57,17 @@ def test_an_ok_observation_carries_its_reading_and_pose() -> None:
     message = messages.observation(published(reading=READING), {"x": 1.0, "y": 2.0, "yaw": 0.0}, Time(sec=7))
     assert (message.status, message.status_detail) == (Observation.STATUS_OK, "")
     assert message.tag_reading.tag_id == "5"
-    assert [(r.name, r.value) for r in message.tag_reading.readings] == [("temperature", 21.5), ("co2", 480.0)]
+    assert [(r.name, r.value) for r in message.tag_reading.readings] == [
+        ("temperature", 21.5),
+        ("co2", 480.0),
+    ]
     assert (message.tag_reading.stamp.sec, message.tag_reading.stamp.nanosec) == (12, 250_000_000)
     assert (message.tag_pose_in_map.position.x, message.tag_pose_in_map.orientation.w) == (1.0, 1.0)
-    assert (message.header.frame_id, message.header.stamp.sec, message.source) == ("map", 7, "InspectionMission")
+    assert (message.header.frame_id, message.header.stamp.sec, message.source) == (
+        "map",
+        7,
+        "InspectionMission",
+    )
 
 
 def test_a_failed_observation_carries_its_tag_and_reason_but_no_reading_and_no_pose() -> None:
@@ -90,7 +97,11 @@ def test_a_true_half_turn_is_never_taken_for_never_observed(yaw: float) -> None:
 def test_the_state_has_label_severity_and_counts_of_the_view() -> None:
     inputs = messages.Inputs(estop=True, battery=0.5, battery_low=False)
     state = messages.mission_state(VIEW, inputs, CODES, {}, Time(sec=1))
-    assert (state.lifecycle_state, state.mission_phase, state.current_target) == ("INSPECTING", "NAVIGATING", "5")
+    assert (state.lifecycle_state, state.mission_phase, state.current_target) == (
+        "INSPECTING",
+        "NAVIGATING",
+        "5",
+    )
     assert (state.targets_total, state.targets_completed, state.targets_failed) == (4, 1, 1)
     assert state.last_error == "localization_failed: no pose"
     assert (state.last_event, state.last_event_severity) == ("localization failed", 2)

@@ -287,9 +287,9 @@ def test_all_bad_parameters_are_told_at_once() -> None:
     assert str(caught.value).splitlines() == [
         "parameter 'nav_timeout_s': expected duration of at least 0, got -1",
         "parameter 'sweeps': expected integer between 1 and 5, got 9",
-        "parameter 'tags': expected text, got 1; quote it: [\"1\", \"2\"]",
+        "parameter 'tags': expected text, got 1; write [\"1\", \"2\"]",
         "parameter 'dock_pose': expected pose with the fields x, y, yaw, got [1, 2]; give it as [x, y, yaw]",
-        "parameter 'title': expected text, got 7; quote it: \"7\"",
+        "parameter 'title': expected text, got 7; write \"7\"",
     ]
 
 

@@ -10,9 +10,8 @@ import pytest
 
 pytest.importorskip("rclpy", reason="ROS 2 is not installed here")
 
-from ros.world import Operator, World
-
 from lupin_msgs.msg import MissionState, Observation
+from tests.ros.world import Operator, World
 
 pytestmark = [pytest.mark.ros, pytest.mark.timeout(180)]
 
@@ -258,7 +257,9 @@ def test_a_mission_file_with_errors_ends_the_node_with_all_of_them(world: World,
     (missions / "parts").mkdir()
     for name in ("lifecycle.yaml", "inspection.yaml", "parts/visit_targets.yaml"):
         text = (source / name).read_text()
-        text = text.replace("on_done: INSPECTING", "on_done: INSPEKTING").replace("phase: LOCAL", "fase: LOCAL")
+        text = text.replace("on_done: INSPECTING", "on_done: INSPEKTING").replace(
+            "phase: LOCAL", "fase: LOCAL"
+        )
         (missions / name).write_text(text)
     process = world.start("mission_orchestrator", missions_path=str(missions))
     assert process.wait(30.0) != 0

@@ -78,9 +78,11 @@ class Operator:
     def in_state(self, lifecycle: str, phase: str | None = None) -> None:
         """Wait until the last state seen is that one."""
         self.until(
-            lambda: self.states
-            and self.state.lifecycle_state == lifecycle
-            and (phase is None or self.state.mission_phase == phase),
+            lambda: (
+                self.states
+                and self.state.lifecycle_state == lifecycle
+                and (phase is None or self.state.mission_phase == phase)
+            ),
             f"{lifecycle}/{phase or '*'}",
         )
 

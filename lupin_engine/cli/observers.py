@@ -1,0 +1,221 @@
+"""Three ways to follow a run: a picture in the terminal, plain lines, JSON lines."""
+
+from __future__ import annotations
+
+import json
+import sys
+import time
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.live import Live
+from rich.text import Text
+
+from lupin_engine.chart.model import Chart
+from lupin_engine.cli import view
+from lupin_engine.errors import Severity
+from lupin_engine.launch.story import STATUSES, Happening, Reading, Story
+
+#: Pictures a second in the terminal.
+PICTURES_HZ = 8.0
+#: Width of saved pictures, in cells.
+SAVED_WIDTH = 100
+
+
+def _line(text: str) -> None:
+    print(text, flush=True)
+
+
+class PlainObserver:
+    """One line for every change; for files, pipes and simple terminals."""
+
+    def __init__(self, write: Callable[[str], None] = _line) -> None:
+        self._write = write
+        self._last: tuple[Any, ...] = ()
+        self._told = 0
+
+    def note(self, text: str, severity: Severity = Severity.INFO) -> None:
+        """Write a line about the run itself."""
+        if severity is Severity.ERROR:
+            print(f"lupin: {text}", file=sys.stderr, flush=True)
+        else:
+            self._write(text)
+
+    def arrived(self, kind: str, data: Mapping[str, Any], story: Story) -> None:
+        """Write a line when state, phase or target changed, and one for each event."""
+        self.show(story)
+        if kind == "state" and (key := view.changed_key(data)) != self._last:
+            self._last = key
+            self._write(f"{view.clock(story.heard - story.began)}  {view.plain_state(data)}")
+
+    def show(self, story: Story) -> None:
+        """Write the events that are new."""
+        for happening in story.happenings[self._told :]:
+            self._write(_plain_event(happening))
+        self._told = len(story.happenings)
+
+    def close(self, story: Story | None, code: int) -> None:
+        """Write the table of readings and the summary."""
+        if story is None:
+            return
+        self.show(story)
+        console = Console(file=sys.stdout, width=120, color_system=None)
+        _finish(console, story)
+
+
+def _plain_event(happening: Happening) -> str:
+    mark = "" if happening.severity is Severity.INFO else f"  [{happening.severity.name.lower()}]"
+    return f"{view.clock(happening.elapsed)}    {happening.text}{mark}"
+
+
+class LiveObserver:
+    """The picture, redrawn in place; notes of the run scroll above it."""
+
+    def __init__(self, console: Console, chart: Chart) -> None:
+        self._console = console
+        self._chart = chart
+        self._live: Live | None = None
+        self._drawn = 0.0
+
+    def note(self, text: str, severity: Severity = Severity.INFO) -> None:
+        """Print above the picture."""
+        style = "dim" if severity is Severity.INFO else view.STYLES[severity]
+        self._console.print(Text(text, style))
+
+    def arrived(self, kind: str, data: Mapping[str, Any], story: Story) -> None:
+        """Draw at once when something is new."""
+        if kind != "state":
+            self._draw(story)
+
+    def show(self, story: Story) -> None:
+        """Draw when it is time for another picture."""
+        if time.monotonic() - self._drawn >= 1.0 / PICTURES_HZ:
+            self._draw(story)
+
+    def _draw(self, story: Story) -> None:
+        self._drawn = time.monotonic()
+        if self._live is None:
+            self._live = Live(console=self._console, auto_refresh=False, transient=False)
+            self._live.start()
+        self._live.update(view.picture(story, self._chart, self._drawn), refresh=True)
+
+    def close(self, story: Story | None, code: int) -> None:
+        """Leave the last picture standing and print the table under it."""
+        if self._live is not None:
+            if story is not None:
+                self._draw(story)
+            self._live.stop()
+        if story is not None:
+            _finish(self._console, story)
+
+
+def _finish(console: Console, story: Story) -> None:
+    symbols = view.ASCII if console.options.ascii_only else view.UNICODE
+    if story.readings:
+        console.print(view.readings_table(story.readings.values(), symbols))
+    console.print(view.summary(story, time.monotonic() - story.began))
+
+
+class JsonObserver:
+    """One JSON object a line: notes, changed states, observations, steps, and the result."""
+
+    def __init__(self, write: Callable[[str], None] = _line) -> None:
+        self._write = write
+        self._last: dict[str, Any] = {}
+
+    def _put(self, kind: str, **fields: Any) -> None:
+        self._write(json.dumps({"type": kind, **fields}, ensure_ascii=False))
+
+    def note(self, text: str, severity: Severity = Severity.INFO) -> None:
+        """Write a note."""
+        self._put("note", severity=severity.name.lower(), text=text)
+
+    def arrived(self, kind: str, data: Mapping[str, Any], story: Story) -> None:
+        """Write a state when anything but its stamp is new; every observation and step."""
+        elapsed = round(time.monotonic() - story.began, 3)
+        if kind == "state":
+            said = {name: value for name, value in data.items() if name != "header"}
+            if said != self._last:
+                self._last = said
+                self._put("state", elapsed=elapsed, **said)
+        elif kind == "observation":
+            reading = list(story.readings.values())[-1]
+            self._put("observation", elapsed=elapsed, **_reading(reading))
+        else:
+            self._put("step", elapsed=elapsed, step=data.get("step"), view=data.get("view"))
+
+    def show(self, story: Story) -> None:
+        """Nothing: everything was written as it came."""
+
+    def close(self, story: Story | None, code: int) -> None:
+        """Write the result."""
+        if story is None:
+            self._put("result", exit_code=code)
+            return
+        self._put(
+            "result",
+            exit_code=code,
+            mission_id=story.mission_id,
+            lifecycle=story.lifecycle,
+            seconds=round(time.monotonic() - story.began, 3),
+            total=story.total,
+            counts={status: story.count(status) for status in STATUSES},
+            last_error=story.state.get("last_error", ""),
+            readings=[_reading(reading) for reading in story.readings.values()],
+        )
+
+
+def _reading(reading: Reading) -> dict[str, Any]:
+    return {"tag": reading.tag, "status": reading.status, "reason": reading.reason, "values": dict(reading.values)}
+
+
+class SavingPicture:
+    """Passes everything on to another observer, and saves one picture when half of the targets are done."""
+
+    def __init__(self, inner: Any, chart: Chart, path: Path) -> None:
+        self._inner, self._chart, self._path = inner, chart, path
+        self._saved = False
+
+    def note(self, text: str, severity: Severity = Severity.INFO) -> None:
+        """Pass on."""
+        self._inner.note(text, severity)
+
+    def arrived(self, kind: str, data: Mapping[str, Any], story: Story) -> None:
+        """Pass on."""
+        self._inner.arrived(kind, data, story)
+
+    def show(self, story: Story) -> None:
+        """Pass on; save when the mission is in its middle and something has been going on for a moment."""
+        self._inner.show(story)
+        now = time.monotonic()
+        under_way = any(running.since > 1.0 for running in story.running(now))
+        if not self._saved and under_way and story.total and 2 * story.closed >= story.total:
+            self._saved = True
+            self.save(story, now)
+
+    def save(self, story: Story, now: float) -> None:
+        """Write the picture as SVG."""
+        console = Console(record=True, width=SAVED_WIDTH, file=_Nowhere(), force_terminal=True, legacy_windows=False)
+        console.print(view.picture(story, self._chart, now))
+        self._path.parent.mkdir(parents=True, exist_ok=True)
+        console.save_svg(str(self._path), title="lupin run")
+
+    def close(self, story: Story | None, code: int) -> None:
+        """Pass on; a mission that was too short for a middle is saved at its end."""
+        if not self._saved and story is not None:
+            self.save(story, time.monotonic())
+        self._inner.close(story, code)
+
+
+class _Nowhere:
+    """A file for a console that only records."""
+
+    encoding = "utf-8"
+
+    def write(self, text: str) -> int:
+        return len(text)
+
+    def flush(self) -> None:
+        pass

@@ -1,0 +1,91 @@
+"""Settings given as `name=value` on the command line, read as the type that is declared for them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any
+
+import yaml
+
+from lupin_engine.errors import UsageError
+from lupin_engine.plugin.contract import Parameter
+from lupin_engine.plugin.types import Type
+from lupin_engine.runtime.setup import check_parameters
+
+_BOOLEANS = {"true": True, "yes": True, "on": True, "false": False, "no": False, "off": False}
+
+
+def read_settings(option: str, given: Iterable[str], declared: Mapping[str, Parameter]) -> dict[str, Any]:
+    """Return the checked values, in base units, of what was given as `name=value`; nothing else.
+
+    Raises:
+        UsageError: naming everything that is wrong: no `=`, an unknown name with the nearest one, a value of
+            another type or out of range.
+    """
+    texts: dict[str, str] = {}
+    problems = []
+    for item in given:
+        name, equals, text = item.partition("=")
+        if equals:
+            texts[name.strip()] = text.strip()
+        else:
+            problems.append(f"{item!r} has no '='; write {option} NAME=VALUE")
+    values = {name: _value(text, declared[name].type) if name in declared else text for name, text in texts.items()}
+    try:
+        checked = check_parameters(declared, values)
+    except UsageError as problem:
+        problems += str(problem).splitlines()
+        checked = {}
+    if problems:
+        raise UsageError("\n".join(f"{option}: {problem}" for problem in problems))
+    return {name: checked[name] for name in texts}
+
+
+def _value(text: str, kind: Type) -> Any:
+    """Return the text as the data that it stands for; as it is where it does not fit, for the check to tell."""
+    return _READERS.get(kind.kind, _as_yaml)(text, kind)
+
+
+def _as_bool(text: str, _: Type) -> Any:
+    return _BOOLEANS.get(text.lower(), text)
+
+
+def _as_number(text: str, kind: Type) -> Any:
+    for convert in (int, float):
+        try:
+            return convert(text)
+        except ValueError:
+            continue
+    return text  # perhaps a quantity, such as `60 s`
+
+
+def _as_text(text: str, _: Type) -> Any:
+    return text
+
+
+def _as_list(text: str, kind: Type) -> Any:
+    """Read `1,5,12` or `[1, 5, 12]`; elements of a list of text need no quotes."""
+    inner = text[1:-1] if text.startswith("[") and text.endswith("]") else text
+    if kind.item is None:
+        return text
+    return [_value(part.strip().strip("'\""), kind.item) for part in inner.split(",") if part.strip()]
+
+
+def _as_yaml(text: str, kind: Type) -> Any:
+    """Read a record: `{x: 1, y: 2, yaw: 0}`, or its fields in order as `[1, 2, 0]`."""
+    try:
+        value = yaml.safe_load(text)
+    except yaml.YAMLError:
+        return text
+    if isinstance(value, list) and len(value) == len(kind.fields):
+        return dict(zip(kind.fields, value, strict=True))
+    return value
+
+
+_READERS: Mapping[str, Callable[[str, Type], Any]] = {
+    "bool": _as_bool,
+    "integer": _as_number,
+    "number": _as_number,
+    "text": _as_text,
+    "list": _as_list,
+}

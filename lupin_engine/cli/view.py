@@ -1,0 +1,318 @@
+"""What a run looks like: pure functions from a story and a chart to pictures, tables and lines.
+
+`picture` is the live view, `readings_table` and `summary` its end, `plain_state` the line that stands for a
+change where there is no terminal. Symbols are plain ASCII where the terminal cannot show others.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from rich.box import ROUNDED, SIMPLE_HEAD
+from rich.console import Console, ConsoleOptions, Group, RenderableType, RenderResult
+from rich.panel import Panel
+from rich.progress_bar import ProgressBar
+from rich.table import Table
+from rich.text import Text
+
+from lupin_engine.chart.model import Chart, Kind
+from lupin_engine.errors import Severity
+from lupin_engine.launch.story import STATUSES, Happening, Reading, Running, Story
+
+STYLES: Mapping[Severity, str] = {Severity.INFO: "cyan", Severity.WARN: "yellow", Severity.ERROR: "bold red"}
+STATUS_STYLES: Mapping[str, str] = {
+    "OK": "green",
+    "UNREACHABLE": "red",
+    "SCAN_FAILED": "red",
+    "SKIPPED": "yellow",
+}
+#: The order and units of the sensors that are known here; others follow, without.
+UNITS: Mapping[str, str] = {"temperature": "°C", "humidity": "%", "co2": "ppm", "light": "lx", "soil_moisture": ""}
+
+#: Events that the live view shows.
+SHOWN_EVENTS = 6
+#: Width of the state tree, and of bars, in cells.
+TREE_WIDTH, BAR_WIDTH = 30, 24
+
+
+@dataclass(frozen=True)
+class Symbols:
+    """Marks of the state tree and of counters."""
+
+    active: str
+    path: str
+    idle: str
+    ok: str
+    missed: str
+    skipped: str
+    open: str
+    hollow: str
+
+
+UNICODE = Symbols(active="●", path="▾", idle="○", ok="✔", missed="✘", skipped="↷", open="·", hollow="·")
+ASCII = Symbols(active="*", path="v", idle="o", ok="+", missed="x", skipped=">", open=".", hollow="-")
+
+
+@dataclass(frozen=True)
+class TreeLine:
+    """A state in the tree: how deep, its name, and `active` (it is a leaf), `path` (above one) or `idle`."""
+
+    depth: int
+    name: str
+    role: str
+
+
+def tree_lines(chart: Chart, configuration: Sequence[str]) -> list[TreeLine]:
+    """Return the states to show: the outer ones always, the inner ones only where the chart is active."""
+    active = set(configuration)
+    return list(_lines_below("", 0, chart, active))
+
+
+def _lines_below(parent: str, depth: int, chart: Chart, active: set[str]) -> Iterator[TreeLine]:
+    for name in chart.states[parent].children:
+        state = chart.states[name]
+        if state.kind is Kind.HISTORY or (state.kind is Kind.FINAL and name not in active):
+            continue  # helpers: nobody waits in them
+        if state.slot:
+            yield from _lines_below(name, depth, chart, active)
+            continue
+        yield TreeLine(depth, state.local_name, _role(name, chart, active))
+        if name in active or chart.states[state.parent or ""].slot:
+            yield from _lines_below(name, depth + 1, chart, active)
+
+
+def _role(name: str, chart: Chart, active: set[str]) -> str:
+    if name not in active:
+        return "idle"
+    return "path" if any(child in active for child in chart.states[name].children) else "active"
+
+
+def picture(story: Story, chart: Chart, now: float) -> RenderableType:
+    """Return the live view at `now` (seconds of the monotonic clock)."""
+    return _Fitting(story, chart, now)
+
+
+class _Fitting:
+    """The live view, in the symbols that the console can show."""
+
+    def __init__(self, story: Story, chart: Chart, now: float) -> None:
+        self._story, self._chart, self._now = story, chart, now
+
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
+        symbols = ASCII if options.ascii_only else UNICODE
+        story = self._story
+        body = Table.grid(padding=(0, 2), expand=True)
+        body.add_column(width=TREE_WIDTH)
+        body.add_column(ratio=1)
+        body.add_row(_tree(self._chart, story, symbols), _details(story, self._now, symbols))
+        yield Panel(
+            Group(body, Text(), *_events(story.happenings)),
+            title=_title(story, self._now),
+            title_align="left",
+            subtitle=_strip(story, symbols),
+            subtitle_align="left",
+            border_style=_border(story),
+            box=ROUNDED,
+        )
+
+
+def _title(story: Story, now: float) -> Text:
+    mission = str(story.state.get("mission_type", "")) or "mission"
+    phase = " · ".join(filter(None, (story.lifecycle, str(story.state.get("mission_phase", "")))))
+    title = Text.assemble((mission, "bold"), (f" {story.mission_id}", "dim"), "  ", (phase, "bold green"), "  ")
+    title.append(clock(now - story.began), "dim")
+    for name, style in pills(story):
+        title.append("  ")
+        title.append(f" {name} ", style)
+    return title
+
+
+def pills(story: Story) -> list[tuple[str, str]]:
+    """Return the flags that are up, each with its style."""
+    flags = (
+        ("estop_engaged", "E-STOP", "bold white on red"),
+        ("paused", "PAUSED", "black on yellow"),
+        ("battery_low", "BATTERY LOW", "black on yellow"),
+    )
+    return [(name, style) for field, name, style in flags if story.state.get(field)]
+
+
+def _border(story: Story) -> str:
+    if story.faulted or story.state.get("estop_engaged"):
+        return "red"
+    return "yellow" if story.waits else "green"
+
+
+def _tree(chart: Chart, story: Story, symbols: Symbols) -> RenderableType:
+    marks = {"active": (symbols.active, "bold green"), "path": (symbols.path, "green"), "idle": (symbols.idle, "dim")}
+    lines = []
+    for line in tree_lines(chart, story.view.get("configuration", ())):
+        mark, style = marks[line.role]
+        lines.append(Text(f"{'  ' * line.depth}{mark} {line.name}", style=style, no_wrap=True, overflow="ellipsis"))
+    return Group(*lines)
+
+
+def _details(story: Story, now: float, symbols: Symbols) -> RenderableType:
+    grid = Table.grid(padding=(0, 1), expand=True)
+    grid.add_column(style="dim", width=10)
+    grid.add_column(ratio=1)
+    grid.add_row("target", _target(story))
+    grid.add_row("progress", _measure(story.closed, story.total, "green", f"{story.closed}/{story.total} targets"))
+    grid.add_row("", _counts(story, symbols))
+    grid.add_row("", "")
+    for running in story.running(now) or [None]:
+        grid.add_row("operation", _operation(running))
+        grid.add_row("", _deadline(running))
+        grid.add_row("", _running_detail(running))
+    grid.add_row("battery", _battery(story))
+    return grid
+
+
+def _target(story: Story) -> Text:
+    target = str(story.state.get("current_target", ""))
+    return Text(f"tag {target}", "bold") if target else Text("none", "dim")
+
+
+def _counts(story: Story, symbols: Symbols) -> Text:
+    marks = (symbols.ok, symbols.missed, symbols.missed, symbols.skipped)
+    words = ("visited", "unreachable", "failed", "skipped")
+    text = Text()
+    for status, mark, word in zip(STATUSES, marks, words, strict=True):
+        count = story.count(status)
+        text.append(f"{mark} {count} {word}  ", STATUS_STYLES[status] if count else "dim")
+    return text
+
+
+def _operation(running: Running | None) -> Text:
+    if running is None:
+        return Text("none", "dim")
+    text = Text(running.operation, "bold")
+    if running.tries > 1:
+        text.append(f"  try {running.tries}", "yellow")
+    text.append(f"  {running.phase}", "dim")
+    return text
+
+
+def _deadline(running: Running | None) -> RenderableType:
+    if running is None:
+        return Text()
+    if running.limit is None:
+        return Text(f"{running.since:.1f} s, no limit", "dim")
+    share = running.since / running.limit if running.limit else 1.0
+    style = "green" if share < 0.6 else "yellow" if share < 0.9 else "red"
+    return _measure(running.since, running.limit, style, f"{running.since:.1f} s of {running.limit:.0f} s")
+
+
+def _running_detail(running: Running | None) -> Text:
+    return Text(running.detail if running else "", "dim", no_wrap=True, overflow="ellipsis")
+
+
+def _battery(story: Story) -> RenderableType:
+    charge = float(story.state.get("battery_percentage", 0.0))
+    return _measure(charge, 1.0, "red" if story.state.get("battery_low") else "green", f"{charge:.0%}")
+
+
+def _measure(value: float, total: float, style: str, text: str) -> RenderableType:
+    """Return a bar with its figures beside it."""
+    row = Table.grid(padding=(0, 1))
+    bar = ProgressBar(total=total or 1.0, completed=min(value, total), width=BAR_WIDTH)
+    bar.complete_style = bar.finished_style = style
+    row.add_row(bar, Text(text))
+    return row
+
+
+def _events(happenings: Sequence[Happening]) -> Iterator[Text]:
+    shown = list(happenings[-SHOWN_EVENTS:])
+    for happening in shown:
+        yield event_line(happening)
+    for _ in range(SHOWN_EVENTS - len(shown)):  # so that the picture does not grow while it is watched
+        yield Text()
+
+
+def event_line(happening: Happening) -> Text:
+    """Return one event as a line, in the colour of its severity."""
+    line = Text(f"{clock(happening.elapsed)}  ", "dim", no_wrap=True, overflow="ellipsis")
+    line.append(happening.text, STYLES[happening.severity])
+    return line
+
+
+def _strip(story: Story, symbols: Symbols) -> Text:
+    """Return the targets so far in one line, each with the mark of its outcome."""
+    marks = {"OK": symbols.ok, "SKIPPED": symbols.skipped}
+    strip = Text(no_wrap=True, overflow="ellipsis")
+    for reading in story.readings.values():
+        mark = marks.get(reading.status, symbols.missed)
+        strip.append(f" {reading.tag}{mark} ", STATUS_STYLES.get(reading.status, ""))
+    target = story.state.get("current_target")
+    if target and target not in story.readings:
+        strip.append(f" {target}… ", "bold")
+    return strip
+
+
+# -- the end --------------------------------------------------------------------------------------------
+
+
+def readings_table(readings: Iterable[Reading], symbols: Symbols = UNICODE) -> Table:
+    """Return what became of every target, one row each; hollow where a tag lacks the sensor."""
+    rows = list(readings)
+    sensors = sensor_columns(rows)
+    table = Table(box=SIMPLE_HEAD, pad_edge=False)
+    table.add_column("tag", justify="right")
+    table.add_column("status")
+    for sensor in sensors:
+        unit = UNITS.get(sensor, "")
+        table.add_column(f"{sensor}\n[dim]{unit}[/]" if unit else sensor, justify="right")
+    table.add_column("reason")
+    for row in rows:
+        values = (_value(row.values.get(sensor), symbols) for sensor in sensors)
+        status = Text(row.status, STATUS_STYLES.get(row.status, ""))
+        table.add_row(row.tag, status, *values, Text(row.reason))
+    return table
+
+
+def sensor_columns(readings: Iterable[Reading]) -> list[str]:
+    """Return the sensors that occur: the known ones in their order, then the others as they came."""
+    found = dict.fromkeys(name for reading in readings for name in reading.values)
+    return [*(name for name in UNITS if name in found), *(name for name in found if name not in UNITS)]
+
+
+def _value(value: float | None, symbols: Symbols) -> Text:
+    return Text(symbols.hollow, "dim") if value is None else Text(f"{value:.4g}")
+
+
+def summary(story: Story, seconds: float) -> Text:
+    """Return the last line of a run."""
+    words = dict(zip(STATUSES, ("visited", "unreachable", "failed", "skipped"), strict=True))
+    counts = ", ".join(f"{story.count(status)} {words[status]}" for status in STATUSES if story.count(status))
+    style = "bold green" if story.verdict == 0 else "bold yellow" if story.ended and not story.faulted else "bold red"
+    text = Text(f"{story.lifecycle or 'not ended'}", style)
+    text.append(f": {counts or 'nothing visited'} of {story.total} targets in {seconds:.1f} s", "")
+    error = story.state.get("last_error")
+    if error and story.verdict:
+        text.append(f"; last: {error}", "yellow")
+    return text
+
+
+# -- lines ----------------------------------------------------------------------------------------------
+
+
+def plain_state(state: Mapping[str, Any]) -> str:
+    """Return what a published state says, in one line."""
+    phase = " ".join(filter(None, (str(state.get("lifecycle_state", "")), str(state.get("mission_phase", "")))))
+    target = state.get("current_target")
+    counted = sum(int(state.get(f"targets_{name}", 0)) for name in ("completed", "unreachable", "failed", "skipped"))
+    parts = [phase, f"tag {target}" if target else "", f"{counted}/{state.get('targets_total', 0)}"]
+    return "  ".join(part for part in parts if part)
+
+
+def changed_key(state: Mapping[str, Any]) -> tuple[Any, ...]:
+    """Return what must differ for a state to be worth a line."""
+    return tuple(state.get(name) for name in ("lifecycle_state", "mission_phase", "current_target"))
+
+
+def clock(seconds: float) -> str:
+    """Return a duration as minutes and seconds."""
+    whole = max(0.0, seconds)
+    return f"{int(whole // 60):02d}:{whole % 60:04.1f}"

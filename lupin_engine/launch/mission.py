@@ -1,0 +1,93 @@
+"""What is to be run, looked at before any process is started and without ROS."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from lupin_engine.chart.load import (
+    LIFECYCLE,
+    default_missions_folder,
+    find_mission,
+    lifecycle_of,
+    load_chart,
+    mission_files,
+)
+from lupin_engine.chart.model import Chart
+from lupin_engine.errors import UsageError
+from lupin_engine.machine.environment import NO_CAUSE, environment
+from lupin_engine.machine.memory import Memory
+from lupin_engine.machine.request import read_request
+from lupin_engine.plugin.registry import Catalog
+from lupin_engine.runtime.setup import make_world
+
+#: Where missions are looked for before the shipped ones: the folder `missions` of the current folder.
+LOCAL = Path("missions")
+
+
+@dataclass(frozen=True)
+class Loaded:
+    """Checked missions of one folder with their lifecycle; `names` are as requests call them."""
+
+    chart: Chart
+    files: tuple[Path, ...]
+    lifecycle: Path
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The missions, as requests call them."""
+        return tuple(self.chart.missions)
+
+    def parameters(self) -> dict[str, Any]:
+        """Return what the orchestrator needs to load the same."""
+        return {
+            "missions": [str(file.resolve()) for file in self.files],
+            "missions_path": str(self.lifecycle.resolve().parent),
+        }
+
+
+def folders() -> list[Path]:
+    """Return where missions are looked for, nearest first."""
+    found = [LOCAL] if (LOCAL / LIFECYCLE).is_file() else []
+    shipped = default_missions_folder()
+    return found if found and LOCAL.resolve() == shipped.resolve() else [*found, shipped]
+
+
+def load_missions(names: Sequence[str], catalog: Catalog) -> Loaded:
+    """Find, load and check missions; without names all of the nearest folder.
+
+    Raises:
+        UsageError: a mission does not exist, or they do not share a lifecycle.
+        ChartError: with every error of every file.
+    """
+    files = [find_mission(name, folders()) for name in names] or mission_files(folders()[0])
+    lifecycles = {_lifecycle(file).resolve(): None for file in files}
+    if len(lifecycles) > 1:
+        raise UsageError(f"these missions have different lifecycles: {', '.join(map(str, lifecycles))}")
+    lifecycle = next(iter(lifecycles), folders()[0] / LIFECYCLE)
+    return Loaded(load_chart(lifecycle, files, catalog), tuple(files), lifecycle)
+
+
+def _lifecycle(mission: Path) -> Path:
+    """Return the lifecycle beside a mission, or the shipped one for a mission that stands alone."""
+    beside = lifecycle_of(mission)
+    return beside if beside.is_file() else default_missions_folder() / LIFECYCLE
+
+
+def check_request(
+    loaded: Loaded, catalog: Catalog, given: Mapping[str, Any], tags: Sequence[str], goal: int
+) -> None:
+    """Ask the first mission whether it would take a request, as far as that needs no robot.
+
+    Raises:
+        UsageError: it would not; the text is the one that the service would answer.
+        LupinError: a parameter leads nowhere (for example: a layout file that is absent).
+    """
+    world = make_world(loaded.chart, catalog, given)
+    memory = Memory()
+    data = {"mission_type": loaded.names[0], "tag_sequence": list(tags), "discovery_goal": goal}
+    _, refusal = read_request(world, data, environment(world, memory, "", 0.0, NO_CAUSE))
+    if refusal is not None:
+        raise UsageError(refusal.text)

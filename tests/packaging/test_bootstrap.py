@@ -1,0 +1,167 @@
+"""The parts of the bootstrap that decide something, without making an environment."""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+import re
+import sys
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+GOOD: dict[str, Any] = {
+    "executable": "/usr/bin/python3.12",
+    "version": [3, 12, 1],
+    "bits": 64,
+    "implementation": "CPython",
+    "system": "Linux",
+    "machine": "x86_64",
+    "libc": "glibc 2.39",
+    "venv": True,
+    "threaded": False,
+    "include": "/nowhere",
+    "tag": "cp312-x86_64",
+}
+
+
+@pytest.fixture(scope="module")
+def bootstrap() -> ModuleType:
+    spec = importlib.util.spec_from_file_location("lupin_bootstrap", ROOT / "tools" / "bootstrap.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules["lupin_bootstrap"] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+def python(bootstrap: ModuleType, **facts: Any) -> Any:
+    return bootstrap.Python("/usr/bin/python3.12", {**GOOD, **facts})
+
+
+@pytest.mark.parametrize(
+    ("facts", "reason"),
+    [
+        ({}, None),
+        ({"version": [3, 9, 18]}, "too old"),
+        ({"version": [3, 14, 0]}, "too new"),
+        ({"implementation": "PyPy"}, "not CPython"),
+        ({"threaded": True}, "free-threaded"),
+        ({"venv": False}, r"apt install python3\.12-venv"),
+    ],
+)
+def test_objection_to_an_interpreter(
+    bootstrap: ModuleType, facts: dict[str, Any], reason: str | None
+) -> None:
+    found = bootstrap.objection(python(bootstrap, **facts), "wheels")
+    assert found is None if reason is None else re.search(reason, found)
+
+
+@pytest.mark.parametrize(
+    ("facts", "what"),
+    [
+        ({"machine": "aarch64"}, "no Python wheels for Linux on aarch64"),
+        ({"system": "Darwin"}, "no Python wheels for Darwin"),
+        ({"libc": "glibc 2.27"}, "glibc 2.28 or newer; here it is glibc 2.27"),
+        ({"libc": ""}, "another libc"),
+    ],
+)
+def test_machine_without_wheels(bootstrap: ModuleType, facts: dict[str, Any], what: str) -> None:
+    with pytest.raises(bootstrap.Problem, match=what):
+        bootstrap.check_platform(python(bootstrap, **facts))
+
+
+def test_good_machine_passes(bootstrap: ModuleType) -> None:
+    bootstrap.check_platform(python(bootstrap))
+
+
+def test_no_compiler(bootstrap: ModuleType, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setenv("PATH", str(tmp_path))
+    monkeypatch.delenv("CC", raising=False)
+    with pytest.raises(bootstrap.Problem, match="No working C compiler") as caught:
+        bootstrap.check_compiler(python(bootstrap))
+    assert "build-essential" in caught.value.advice[0]
+
+
+def test_other_ros_is_refused(bootstrap: ModuleType, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("ROS_DISTRO", "humble")
+    with pytest.raises(bootstrap.Problem, match="humble"):
+        bootstrap.requested_mode()
+
+
+@pytest.mark.parametrize(("before", "now"), [("wheels", "apt"), ("apt", "wheels")])
+def test_an_environment_never_changes_its_ros_silently(bootstrap: ModuleType, before: str, now: str) -> None:
+    with pytest.raises(bootstrap.Problem):
+        bootstrap.refuse_other_mode({"mode": before}, now)
+    bootstrap.refuse_other_mode({}, now)
+
+
+def test_when_to_start_afresh(bootstrap: ModuleType) -> None:
+    wanted = {"layout": 1, "root": "/a", "mode": "wheels", "python": "", "engine": "e", "interfaces": "i"}
+    assert bootstrap.must_start_afresh({}, wanted)
+    assert not bootstrap.must_start_afresh({**wanted, "engine": "other"}, wanted)
+    assert bootstrap.must_start_afresh({**wanted, "root": "/moved"}, wanted)
+    assert not bootstrap.must_start_afresh({**wanted, "python": "python3.11"}, wanted)
+    assert bootstrap.must_start_afresh(wanted, {**wanted, "python": "python3.11"})
+
+
+def test_half_a_stamp_counts_as_none(
+    bootstrap: ModuleType, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr(bootstrap, "STAMP", tmp_path / "stamp.json")
+    for text in ("", '{"layout": 1', "[]"):
+        (tmp_path / "stamp.json").write_text(text)
+        assert bootstrap.finished_state() == {}
+
+
+def test_digest_sees_contents_and_names(bootstrap: ModuleType, tmp_path: Path) -> None:
+    package = tmp_path / "lupin_msgs" / "msg"
+    package.mkdir(parents=True)
+    (package / "A.msg").write_text("bool a\n")
+    first = bootstrap.digest(tmp_path, bootstrap.interface_files(tmp_path))
+    (package / "notes.md").write_text("not built")
+    assert bootstrap.digest(tmp_path, bootstrap.interface_files(tmp_path)) == first
+    (package / "A.msg").rename(package / "B.msg")
+    assert bootstrap.digest(tmp_path, bootstrap.interface_files(tmp_path)) != first
+
+
+def test_a_line_of_output_is_condensed(bootstrap: ModuleType) -> None:
+    line = "\x1b[32m  Downloading https://example.org/a/b/c-1.0-py3-none-any.whl (1 kB)\n"
+    assert bootstrap.condense(line) == "Downloading c-1.0-py3-none-any.whl (1 kB)"
+    assert bootstrap.condense("Collecting six (from transitions)") == "Collecting six"
+
+
+def test_failure_names_the_log_and_a_hint(bootstrap: ModuleType, tmp_path: Path) -> None:
+    output = ["first", "NewConnectionError: no route", *[f"line {n}" for n in range(20)]]
+    problem = bootstrap.failure("Installing", output, tmp_path / "x.log")
+    text = "\n".join(problem.advice)
+    assert "line 19" in text
+    assert "line 3" not in text.splitlines()
+    assert str(tmp_path / "x.log") in text
+    assert "cannot be reached" in text
+
+
+def test_a_blank_in_the_temporary_folder_is_avoided(
+    bootstrap: ModuleType, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(bootstrap.tempfile, "gettempdir", lambda: "/home/a b/tmp")
+    assert bootstrap.plain_temporary_folder() == "/tmp"
+    monkeypatch.setattr(bootstrap.tempfile, "gettempdir", lambda: "/var/tmp")
+    assert bootstrap.plain_temporary_folder() == "/var/tmp"
+
+
+def test_children_are_led_nowhere_else(bootstrap: ModuleType, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("PYTHONPATH", "PIP_USER", "VIRTUAL_ENV", "LD_LIBRARY_PATH", bootstrap.GUARD):
+        monkeypatch.setenv(name, "1")
+    wheels = bootstrap.clean_environment("wheels")
+    assert not {"PYTHONPATH", "PIP_USER", "VIRTUAL_ENV", "LD_LIBRARY_PATH", bootstrap.GUARD} & set(wheels)
+    assert bootstrap.clean_environment("apt")["PYTHONPATH"] == "1"
+
+
+def test_the_probe_answers_in_json(bootstrap: ModuleType, capsys: pytest.CaptureFixture[str]) -> None:
+    exec(bootstrap.PROBE, {})
+    assert set(json.loads(capsys.readouterr().out)) == set(GOOD)

@@ -1,0 +1,69 @@
+"""What the repository promises to pip and to colcon."""
+
+from __future__ import annotations
+
+import importlib.util
+import xml.etree.ElementTree as ElementTree
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+INTERFACES = {
+    "lupin_msgs": ROOT / "lupin_msgs",
+    "nav2_msgs": ROOT / "interfaces" / "nav2_msgs",
+    "tf2_msgs": ROOT / "interfaces" / "tf2_msgs",
+}
+
+
+@pytest.mark.parametrize("name", ["package.xml", "setup.py", "COLCON_IGNORE"])
+def test_nothing_at_the_root_hides_lupin_msgs_from_colcon(name: str) -> None:
+    assert not (ROOT / name).exists()
+
+
+def test_colcon_leaves_the_subsets_alone() -> None:
+    assert (ROOT / "interfaces" / "COLCON_IGNORE").exists()
+
+
+def build_requirements(folder: Path) -> list[str]:
+    text = (folder / "pyproject.toml").read_text(encoding="utf-8")
+    listed = text.partition("\nrequires = [\n")[2].partition("\n]")[0]
+    return [line.strip() for line in listed.splitlines()]
+
+
+def test_interface_packages_are_built_with_the_same_tools() -> None:
+    first, *others = [build_requirements(folder) for folder in INTERFACES.values()]
+    assert len(first) > 10
+    assert all(other == first for other in others)
+
+
+@pytest.mark.parametrize("package", INTERFACES)
+def test_manifest(package: str) -> None:
+    manifest = ElementTree.parse(INTERFACES[package] / "package.xml").getroot()
+    assert manifest.findtext("name") == package
+    maintainer = manifest.find("maintainer")
+    assert maintainer is not None
+    assert maintainer.get("email") == "o.a.e.devos@student.tudelft.nl"
+    if package != "lupin_msgs":
+        assert "subset" in manifest.findtext("description", "")
+
+
+@pytest.mark.parametrize("package", INTERFACES)
+def test_every_definition_is_built(package: str) -> None:
+    folder = INTERFACES[package]
+    cmake = (folder / "CMakeLists.txt").read_text(encoding="utf-8")
+    files = [path for path in folder.glob("*/*") if path.suffix in (".msg", ".srv", ".action")]
+    assert files
+    assert all(f'"{path.parent.name}/{path.name}"' in cmake for path in files)
+    assert "pip" not in cmake
+
+
+def test_the_bootstrap_reads_the_same_requirements() -> None:
+    spec = importlib.util.spec_from_file_location("lupin_bootstrap_reader", ROOT / "tools" / "bootstrap.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    for folder in INTERFACES.values():
+        read = module.build_requirements(folder / "pyproject.toml")
+        assert [f'"{one}",' for one in read] == build_requirements(folder)

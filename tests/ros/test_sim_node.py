@@ -1,0 +1,245 @@
+"""The simulated robot over real DDS: what the engine's navigation client and a test operator see."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+pytest.importorskip("rclpy", reason="ROS 2 is not installed here")
+pytest.importorskip("greenhouse_sim", reason="mdp-greenhouse is not installed here")
+
+from geometry_msgs.msg import PoseWithCovarianceStamped
+from nav2_msgs.action import NavigateToPose
+from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
+from rcl_interfaces.srv import SetParameters
+from sensor_msgs.msg import BatteryState
+from std_msgs.msg import Bool
+from tf2_msgs.msg import TFMessage
+
+from lupin_engine.errors import LupinError
+from lupin_engine.ros.middleware import Goal, Qos, RosNode
+from lupin_sim.node import PARAMETERS, SimNode
+from tests.ros.helpers import spin_until
+
+pytestmark = pytest.mark.ros
+
+MakeNode = Callable[..., RosNode]
+
+#: Fast, so that no test waits for wheels.
+FAST = ["-p", "speed:=10.0"]
+
+
+class Drive:
+    """A goal sent to the simulated robot, and what came back."""
+
+    def __init__(self) -> None:
+        self.accepted = self.rejected = False
+        self.feedback: list[Any] = []
+        self.ended: list[tuple[int, int, str]] = []
+        self.goal: Goal | None = None
+
+    @property
+    def over(self) -> bool:
+        return self.rejected or bool(self.ended)
+
+
+class Scene:
+    """The simulated robot and an observer."""
+
+    def __init__(self, make_node: MakeNode, *arguments: str) -> None:
+        self.robot = make_node("lupin_sim", ["--ros-args", *FAST, *arguments], PARAMETERS)
+        self.node = SimNode(self.robot)
+        self.observer = make_node("observer")
+        self.poses: list[Any] = []
+        self.batteries: list[Any] = []
+        self.estops: list[bool] = []
+        self.transforms: list[Any] = []
+        self.observer.subscribe(PoseWithCovarianceStamped, "/amcl_pose", Qos.LATCHED, self.poses.append)
+        self.observer.subscribe(BatteryState, "/io/power/power_watcher", Qos.EVENT, self.batteries.append)
+        self.observer.subscribe(Bool, "/e_stop_state", Qos.EVENT, lambda m: self.estops.append(m.data))
+        self.observer.subscribe(TFMessage, "/tf", Qos.EVENT, self.transforms.append)
+        self.navigation = self.observer.action(NavigateToPose, "navigate_to_pose")
+        self.setter = self.observer.service(SetParameters, "/lupin_sim/set_parameters")
+        self.until(lambda: self.navigation.ready() and self.setter.ready())
+
+    def until(self, condition: Callable[[], Any], what: str = "") -> None:
+        spin_until([self.robot, self.observer], condition, what=what)
+
+    def drive(self, x: float, y: float, frame: str = "map") -> Drive:
+        """Send a goal and wait until it is taken or refused."""
+        drive, request = Drive(), NavigateToPose.Goal()
+        request.pose.header.frame_id = frame
+        request.pose.pose.position.x, request.pose.pose.position.y = x, y
+        request.pose.pose.orientation.w = 1.0
+        drive.goal = self.navigation.send(
+            request,
+            accepted=lambda: setattr(drive, "accepted", True),
+            feedback=drive.feedback.append,
+            ended=lambda status, r: drive.ended.append((status, r.error_code, r.error_msg)),
+            rejected=lambda: setattr(drive, "rejected", True),
+        )
+        self.until(lambda: drive.accepted or drive.rejected)
+        return drive
+
+    def end_of(self, drive: Drive) -> int:
+        """Wait for the end of a drive; returns its status, 0 when it was rejected."""
+        self.until(lambda: drive.over)
+        return drive.ended[0][0] if drive.ended else 0
+
+    def set(self, **values: Any) -> list[Any]:
+        """Set parameters over the plain parameter service; returns the results."""
+        kinds = {
+            bool: (ParameterType.PARAMETER_BOOL, "bool_value"),
+            int: (ParameterType.PARAMETER_INTEGER, "integer_value"),
+            float: (ParameterType.PARAMETER_DOUBLE, "double_value"),
+            str: (ParameterType.PARAMETER_STRING, "string_value"),
+        }
+        request, answers = SetParameters.Request(), []
+        for name, value in values.items():
+            kind, slot = kinds[type(value)]
+            request.parameters.append(Parameter(name=name, value=ParameterValue(type=kind, **{slot: value})))
+        self.setter.call(request, 5.0, answers.append)
+        self.until(lambda: answers)
+        return list(answers[0].results)
+
+    @property
+    def place(self) -> tuple[float, float]:
+        position = self.poses[-1].pose.pose.position
+        return position.x, position.y
+
+
+def test_a_standing_robot_tells_where_and_how_it_is(make_node: MakeNode) -> None:
+    scene = Scene(make_node, "-p", "battery:=0.75")
+    scene.until(lambda: scene.poses and scene.batteries and scene.estops and scene.transforms)
+    pose = scene.poses[-1]
+    assert scene.place == (0.5, 0.5)
+    assert pose.header.frame_id == "map"
+    variances = [pose.pose.covariance[axis * 7] for axis in range(6)]
+    assert [variances[axis] for axis in (0, 1, 5)] == [0.01] * 3
+    assert min(variances[2:5]) > 100.0
+    assert scene.batteries[-1].percentage == 0.75
+    assert scene.estops[-1] is False
+    frames = [(t.header.frame_id, t.child_frame_id) for t in scene.transforms[-1].transforms]
+    assert frames == [("map", "odom"), ("odom", "base_link")]
+    assert scene.node._moving is None
+
+
+def test_the_robot_drives_to_a_goal_and_knows_where_it_is(make_node: MakeNode) -> None:
+    scene = Scene(make_node)
+    drive = scene.drive(0.6, 7.5)
+    assert scene.end_of(drive) == 4
+    scene.until(lambda: scene.place == (0.6, 7.5))
+    remaining = [f.distance_remaining for f in drive.feedback]
+    assert remaining == sorted(remaining, reverse=True)
+    assert drive.feedback[-1].navigation_time.nanosec > 0
+    assert scene.node._moving is None
+
+
+def test_a_new_goal_aborts_the_old_one(make_node: MakeNode) -> None:
+    scene = Scene(make_node, "-p", "speed:=0.5")
+    old = scene.drive(0.6, 7.5)
+    scene.set(speed=10)  # an integer for a number
+    new = scene.drive(0.5, 3.0)
+    assert scene.end_of(old) == 6
+    assert scene.end_of(new) == 4
+
+
+def test_a_cancelled_goal_ends_and_the_robot_stands(make_node: MakeNode) -> None:
+    scene = Scene(make_node, "-p", "speed:=0.2")
+    drive = scene.drive(0.6, 7.5)
+    scene.until(lambda: scene.node._robot.pose.y > 0.6)
+    assert drive.goal is not None
+    drive.goal.cancel()
+    assert scene.end_of(drive) == 5
+    assert scene.node._robot.arrived
+    assert 0.5 < scene.node._robot.pose.y < 3.0
+
+
+def test_a_place_without_a_path_is_aborted(make_node: MakeNode) -> None:
+    scene = Scene(make_node)
+    drive = scene.drive(-3.0, 0.0)
+    assert scene.end_of(drive) == 6
+    assert drive.ended[0][1:] == (208, "no path")
+
+
+@pytest.mark.parametrize(("x", "frame"), [(math.nan, "map"), (1.0, "odom")])
+def test_a_goal_that_is_no_pose_in_map_is_rejected(make_node: MakeNode, x: float, frame: str) -> None:
+    assert Scene(make_node).drive(x, 1.0, frame).rejected
+
+
+def test_counted_faults_hit_the_next_goals_only(make_node: MakeNode) -> None:
+    scene = Scene(make_node)
+    scene.set(fault_count=1, fault="reject")
+    assert scene.drive(0.5, 1.0).rejected
+    scene.until(lambda: scene.robot.parameters()["fault"] == "none")
+    assert scene.end_of(scene.drive(0.5, 1.0)) == 4
+    scene.set(fault="abort")
+    assert scene.end_of(scene.drive(0.5, 1.5)) == 6
+    assert scene.end_of(scene.drive(0.5, 1.5)) == 4
+
+
+def test_a_running_goal_can_be_aborted(make_node: MakeNode) -> None:
+    scene = Scene(make_node, "-p", "speed:=0.2")
+    drive = scene.drive(0.6, 7.5)
+    scene.set(fault="abort")
+    assert scene.end_of(drive) == 6
+    assert scene.end_of(scene.drive(0.6, 7.5)) == 6
+
+
+def test_a_stalled_robot_keeps_its_goal_until_the_fault_is_lifted(make_node: MakeNode) -> None:
+    scene = Scene(make_node, "-p", "fault:=stall")
+    drive = scene.drive(0.6, 7.5)
+    scene.until(lambda: len(drive.feedback) >= 3)
+    assert {f.distance_remaining for f in drive.feedback} == {drive.feedback[0].distance_remaining}
+    scene.set(fault="none")
+    assert scene.end_of(drive) == 4
+
+
+def test_lost_localization_freezes_the_pose_and_its_variance_grows(make_node: MakeNode) -> None:
+    scene = Scene(make_node)
+    scene.until(lambda: scene.poses)
+    scene.set(fault="lose_localization")
+    assert scene.end_of(scene.drive(0.5, 2.0)) == 4
+    scene.until(lambda: scene.poses[-1].pose.covariance[0] == 4.0)
+    assert scene.place == (0.5, 0.5)
+    assert [t.child_frame_id for t in scene.transforms[-1].transforms] == ["base_link"]
+    scene.set(fault="none")
+    scene.until(lambda: scene.poses[-1].pose.covariance[0] == 0.01)
+    assert scene.place == (0.5, 2.0)
+
+
+def test_both_emergency_stops_hold_the_robot(make_node: MakeNode) -> None:
+    scene = Scene(make_node)
+    hmi = scene.observer.publisher(Bool, "/lupin/hmi/estop", Qos.EVENT)
+    scene.until(lambda: hmi.get_subscription_count() == 1)
+    hmi.publish(Bool(data=True))
+    scene.until(lambda: scene.estops and scene.estops[-1])
+    scene.set(estop=True)
+    hmi.publish(Bool(data=False))
+    scene.until(lambda: not scene.node._estop_hmi)
+    drive = scene.drive(0.5, 1.0)
+    scene.until(lambda: len(drive.feedback) >= 2)
+    assert not drive.over
+    assert scene.place == (0.5, 0.5)
+    scene.set(estop=False)
+    assert scene.end_of(drive) == 4
+    scene.until(lambda: not scene.estops[-1])
+
+
+def test_the_battery_drains_and_can_be_set(make_node: MakeNode) -> None:
+    scene = Scene(make_node, "-p", "drain_per_s:=0.1")
+    scene.until(lambda: scene.batteries and scene.batteries[-1].percentage < 1.0)
+    scene.set(battery=0.1)
+    scene.until(lambda: scene.batteries[-1].percentage <= 0.1)
+
+
+def test_bad_settings_are_refused(make_node: MakeNode) -> None:
+    scene = Scene(make_node)
+    assert "expected one of none, reject, abort" in scene.set(fault="explode")[0].reason
+    assert "out of range" in scene.set(battery=2.0)[0].reason
+    assert "read at the start" in scene.set(tag_locations_file="x")[0].reason
+    with pytest.raises(LupinError, match="fault: expected one of"):
+        SimNode(make_node("other", ["--ros-args", "-p", "fault:=explode"], PARAMETERS))
