@@ -25,6 +25,7 @@ _BROKEN_WAYS = (
     "too-large",
     "bad-name",
     "not-supported",
+    "unknown-key",
 )
 #: After one of these it is not known what is read.
 _BROKEN_READS = ("bad-expression", "partial-expression", "unknown-parameter", *_BROKEN_WAYS)
@@ -206,6 +207,6 @@ def _declared_parameters(composed: Composed) -> Iterator[tuple[str, Place]]:
 
 
 #: Rules that look at one state at a time.
-LOCAL: tuple[Rule, ...] = (never_wins, unhandled_outcome, never_happens)
-#: Rules that follow transitions through the chart.
-GLOBAL: tuple[Rule, ...] = (waits_for_ever, dead_end, unreachable_state)
+LOCAL: tuple[Rule, ...] = (never_wins, unhandled_outcome)
+#: Rules that follow transitions through the chart, or ask what a state contains.
+GLOBAL: tuple[Rule, ...] = (never_happens, waits_for_ever, dead_end, unreachable_state)

@@ -31,6 +31,7 @@ from lupin_engine.chart.expressions import Scope, Usage, check_expression, fragm
 from lupin_engine.chart.findings import Findings
 from lupin_engine.chart.model import (
     Chart,
+    Expression,
     Field,
     Invoke,
     Itinerary,
@@ -301,7 +302,8 @@ class _Composer:
 
     def _fill(self, state: State, draft: Draft, node: StateNode) -> State:
         scope = self._any_event(draft)
-        invoke = self._invoke(draft, node.invoke, scope) if node.invoke else None
+        works = draft.kind not in (Kind.FINAL, Kind.HISTORY)
+        invoke = self._invoke(draft, node.invoke, scope) if node.invoke and works else None
         return replace(
             state,
             summary=node.summary,
@@ -563,7 +565,7 @@ class _Composer:
             source=source.name,
             place=node.place,
             target=target,
-            guard=read_guard(node.guard, node.at("guard"), scope, self._findings, f"{path}.guard"),
+            guard=self._guard(node, scope, path),
             actions=self._actions.read(node.do, scope, f"{path}.do"),
             refuse=node.refuse,
             during=self._hold_names(node, "during", path),
@@ -571,6 +573,14 @@ class _Composer:
             code=node.code,
             internal=node.internal,
         )
+
+    def _guard(self, node: TransitionNode, scope: Scope, path: str) -> Expression | None:
+        """Read a guard; one with mistakes still counts as a guard for the rules that follow."""
+        if node.guard is None:
+            return None
+        place = node.at("guard")
+        found = read_guard(node.guard, place, scope, self._findings, f"{path}.guard")
+        return found or Expression(str(node.guard), place, BOOL, lambda _: False)
 
     def _check_sense(self, node: TransitionNode, event: str, path: str) -> None:
         """Refuse combinations that contradict themselves."""
@@ -614,7 +624,7 @@ class _Composer:
                 self._findings.add(written.place, "missing-key", path, "'resume_at' names a child", hint)
                 continue
             target = self._forest.resolve_child(written.target, draft, written.at("target"), path)
-            guard = read_guard(written.guard, written.at("guard"), scope, self._findings, f"{path}.guard")
+            guard = self._guard(written, scope, path)
             found.append(
                 Transition(f"{path}.{index}", "resume", draft.name, written.place, target=target, guard=guard)
             )

@@ -93,7 +93,7 @@ class Declarer:
     def _name(self, what: str, name: str, place: Place, path: str) -> bool:
         if NAME.fullmatch(name) and not (what == "variable" and (name in ROOTS or name in BUILTIN_CALLS)):
             return True
-        problem = f"{name!r} cannot be the name of a {what}"
+        problem = f"{name!r} cannot be used as the name of {'an' if what[0] in 'aeiou' else 'a'} {what}"
         hint = (
             "it is a word of expressions" if NAME.fullmatch(name) else "use letters, digits and underscores"
         )

@@ -10,6 +10,7 @@ Every model keeps the mapping it was read from, and can say where each of its ke
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping
 from typing import Annotated, Any, Literal, TypeVar
 
@@ -30,9 +31,12 @@ from pydantic_core import ErrorDetails, PydanticCustomError
 
 from lupin_engine.chart.findings import Findings
 from lupin_engine.chart.source import Map, Seq, Text
-from lupin_engine.errors import Place
+from lupin_engine.errors import Place, nearest
 
 _M = TypeVar("_M", bound="Node")
+
+#: How often a file is read again without the unknown keys that were found.
+MAX_PRUNINGS = 3
 
 #: Words that are settled for the language but that this engine does not carry out yet.
 FUTURE = frozenset({"budget", "for_each", "invariants", "order", "sweeps", "on_abort"})
@@ -103,6 +107,10 @@ class Node(BaseModel):
         return found
 
 
+def _wrong_shape(text: str) -> PydanticCustomError:
+    return PydanticCustomError("wrong-shape", "{text}", {"text": text})
+
+
 def _to_list(value: Any) -> Any:
     return value if isinstance(value, list) else [value]
 
@@ -126,13 +134,11 @@ class ActionNode(Node):
         if isinstance(data, str):
             return {"name": data}
         if not isinstance(data, Map) or len(data) != 1:
-            text = "expected an action: a name, or a mapping of one name to its arguments"
-            raise PydanticCustomError("wrong-shape", "{text}", {"text": text})
+            raise _wrong_shape("expected an action: a name, or a mapping of one name to its arguments")
         ((name, arguments),) = data.items()
         data.model = None
         if arguments is not None and not isinstance(arguments, Map):
-            text = f"expected the arguments of {name} as a mapping, got {arguments!r}"
-            raise PydanticCustomError("wrong-shape", "{text}", {"text": text, "key": name})
+            raise _wrong_shape(f"expected the arguments of {name} as a mapping, got {show(arguments)}")
         return {"name": name, "arguments": arguments}
 
 
@@ -174,6 +180,12 @@ Transitions = Annotated[
 class LimitNode(Node):
     """How long an attempt may take, and the code it ends in then."""
 
+    @classmethod
+    def _long_form(cls, data: Any) -> Any:
+        if not isinstance(data, Map):
+            raise _wrong_shape(f"expected {{after: DURATION, code: CODE}} or never, got {show(data)}")
+        return data
+
     after: Written = Field(description="duration")
     code: str = Field(description="code of an attempt that took longer")
 
@@ -198,6 +210,12 @@ class RetryNode(Node):
 
 class InvokeNode(Node):
     """An operation of a plugin that lives as long as its state."""
+
+    @classmethod
+    def _long_form(cls, data: Any) -> Any:
+        if isinstance(data, str):
+            raise _wrong_shape(f"expected a mapping, got {show(data)}; write {{do: {data}, timeout: ...}}")
+        return data
 
     do: str = Field(description="operation, as plugin.name")
     with_: dict[str, Written] = Field({}, alias="with", description="arguments")
@@ -383,12 +401,31 @@ def read_document(raw: Map, model: type[_D], findings: Findings) -> _D | None:
         place = raw.key_place(other) if other else raw.place
         findings.add(place, "wrong-shape", "", f"expected a {kind}, but {what}", f"begin with '{kind}: NAME'")
         return None
-    try:
-        return model.model_validate(raw)
-    except ValidationError as error:
-        for details in error.errors(include_url=False):
+    for _ in range(MAX_PRUNINGS):
+        try:
+            return model.model_validate(raw)
+        except ValidationError as error:
+            found = error.errors(include_url=False)
+        for details in found:
             _report(raw, details, findings)
-        return None
+        if any(details["type"] != "extra_forbidden" for details in found):
+            return None
+        for details in found:
+            _prune(raw, details)
+    return None
+
+
+def _prune(raw: Map, details: ErrorDetails) -> None:
+    """Drop an unknown key that has been told, so that the rest of the file can still be read."""
+    *steps, key = (str(step) for step in details["loc"])
+    holder: Any = raw
+    for step in steps:
+        if isinstance(holder, Map) and step in holder:
+            holder = holder[step]
+        elif isinstance(holder, Seq) and step.isdigit() and int(step) < len(holder):
+            holder = holder[int(step)]
+    if isinstance(holder, Map):
+        holder.pop(key, None)
 
 
 def _report(raw: Map, details: ErrorDetails, findings: Findings) -> None:
@@ -414,10 +451,11 @@ def _report(raw: Map, details: ErrorDetails, findings: Findings) -> None:
     elif kind == "missing":
         hint = f"write '{missing}: ...'"
         findings.add(place, "missing-key", path, f"the key {missing!r} is missing", hint)
-    elif kind in ("default_type", "wrong-shape"):
-        findings.add(place, "wrong-shape", path, details["msg"])
+    elif kind == "wrong-shape":
+        problem, _, hint = details["msg"].partition("; ")
+        findings.add(place, "wrong-shape", path, problem, hint)
     else:
-        findings.add(place, "wrong-shape", path, _expected(details, found))
+        findings.add(place, "wrong-shape", path, *_expected(details, found))
 
 
 def _unknown_key(raw: Map, trail: list[str], place: Place, findings: Findings) -> None:
@@ -452,11 +490,14 @@ _SHAPES: Mapping[str, str] = {
 }
 
 
-def _expected(details: ErrorDetails, found: Any) -> str:
+def _expected(details: ErrorDetails, found: Any) -> tuple[str, str]:
+    """Return problem and hint for a value of the wrong shape."""
     kind = details["type"]
     if kind == "literal_error":
-        return f"expected {details['ctx']['expected']}, got {show(found)}"
-    return f"expected {_SHAPES.get(kind) or details['msg']}, got {show(found)}"
+        allowed = str(details["ctx"]["expected"])
+        hint = nearest(found, re.findall(r"'([^']+)'", allowed)) if isinstance(found, str) else ""
+        return f"expected {allowed}, got {show(found)}", hint if hint.startswith("did") else ""
+    return f"expected {_SHAPES.get(kind) or details['msg']}, got {show(found)}", ""
 
 
 def show(value: Any) -> str:

@@ -428,8 +428,8 @@ class _Checker:
         for element, typed in zip(node.elts[1:], found[1:], strict=True):
             joined = q.join(item, typed.type)
             if joined is None:
-                first = self._text_of(node.elts[0])
-                problem = f"a list holds one type: {first!r} is {q.describe(item)}, this is {q.describe(typed.type)}"
+                kinds = f"the first is {q.describe(item)}, this is {q.describe(typed.type)}"
+                problem = f"a list holds one type: {kinds}"
                 return self._wrong(element, "wrong-type", problem)
             item = joined
         return Typed(list_of(item), ast.List([typed.tree for typed in found], ast.Load()))
@@ -456,8 +456,10 @@ class _Checker:
         return Typed(kind, ast.UnaryOp(node.op, operand.tree))
 
     def _no_number(self, node: ast.expr, got: Type) -> Typed:
-        problem = f"expected a number, but {self._text_of(node)!r} is {q.describe(got)}"
-        return self._wrong(node, "wrong-type", problem)
+        shown = self._text_of(node)
+        hint = f"write '{shown}.value'" if "value" in got.fields else ""
+        problem = f"expected a number, but {shown!r} is {q.describe(got)}"
+        return self._wrong(node, "wrong-type", problem, hint)
 
     def _binary(self, node: ast.BinOp) -> Typed:
         sign = _OPERATORS.get(type(node.op))
@@ -496,6 +498,8 @@ class _Checker:
     def _check_comparison(
         self, operator: ast.cmpop, left: ast.expr, right: ast.expr, first: Type, second: Type
     ) -> None:
+        if self._failed and "any" in (first.kind, second.kind):
+            return  # what is compared has been told to be wrong already
         if isinstance(operator, (ast.In, ast.NotIn)):
             self._check_membership(left, right, first, second)
         elif isinstance(operator, _ORDERINGS) and not (_orderable(first) and _orderable(second)):

@@ -103,5 +103,5 @@ class Findings:
         return tuple(d for d in self.all if d.severity is Severity.ERROR)
 
     def has(self, *rules: str) -> bool:
-        """Tell whether an error of one of `rules` was found; a later rule may then have nothing to stand on."""
+        """Tell whether an error of one of `rules` was found: a later rule may have nothing to stand on."""
         return any(d.rule in rules and d.severity is Severity.ERROR for d in self._found)

@@ -28,6 +28,8 @@ _QUOTIENTS: Mapping[tuple[str, str], str] = {
     ("", "s"): "Hz",
     ("", "Hz"): "s",
 }
+#: Records that are not called by a type's name.
+_ROOTS = frozenset({"param", "request", "input", "event", "error", "itinerary"})
 _EXAMPLES: Mapping[str, str] = {
     "s": "'5 s'",
     "m": "'0.5 m'",
@@ -56,6 +58,8 @@ def plain(kind: Type) -> Type:
 
 def describe(kind: Type) -> str:
     """Return a type as messages call it, with its unit."""
+    if kind.kind == "record" and (not kind.name.isidentifier() or kind.name in _ROOTS):
+        return f"a record of {', '.join(kind.fields) or 'nothing'}"
     if not is_number(kind) or kind.unit in ("", "*"):
         return {
             "": "unknown",

@@ -152,7 +152,7 @@ def read(path: Path, findings: Findings) -> Map | None:
 
 
 def head(path: Path) -> tuple[str, str] | None:
-    """Return the kind and name that a file gives itself (`mission`, `InspectionMission`); reads no further."""
+    """Return the kind and name that a file gives itself (`mission`, `InspectionMission`)."""
     try:
         found = _HEAD.search(path.read_bytes()[:MAX_BYTES].decode("utf-8-sig", "replace"))
     except OSError:

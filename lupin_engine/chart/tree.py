@@ -255,8 +255,7 @@ class Forest:
         found = self.find(name, start)
         if not found:
             visible = {child for scope in start.up() for child in scope.children if not scope.slot}
-            last = name.rpartition(".")[2]
-            hint = self._hint(last, visible)
+            hint = self._hint(name, start, visible)
             self._findings.add(place, "unknown-state", path, f"no state is called {name!r} here", hint)
             return None
         for hidden in found[1:]:
@@ -275,8 +274,13 @@ class Forest:
             return None
         return draft.name
 
-    def _hint(self, name: str, visible: set[str]) -> str:
+    def _hint(self, name: str, start: Draft, visible: set[str]) -> str:
         """Offer the nearest name in scope, or say where a state of that name stands."""
+        if name.count("."):
+            first, _, last = name.rpartition(".")
+            holders = self.find(first, start)
+            if holders:
+                return nearest(last, holders[0].children)
         elsewhere = sorted(draft.name for draft in self.drafts.values() if draft.name and draft.local == name)
         if elsewhere:
             return f"{elsewhere[0]!r} is out of scope from here"

@@ -18,7 +18,7 @@ from lupin_engine.chart.quantities import describe
 from lupin_engine.chart.source import Map, Seq, Text, text_at
 from lupin_engine.errors import Place, nearest
 from lupin_engine.plugin.contract import Argument
-from lupin_engine.plugin.types import BOOL, Type, convert, parse_quantity
+from lupin_engine.plugin.types import BOOL, UNITS, Type, convert, parse_quantity
 
 
 def read_value(
@@ -148,10 +148,9 @@ def _fits_quantity(raw: str, place: Place, wanted: Type, findings: Findings, pat
         findings.add(place, rule, path, f"expected {describe(wanted)}, got {show(raw)}", hint)
         return False
     if quantity[1] != wanted.unit:
-        needs = f"a unit of {wanted.unit}" if wanted.unit else "a number without a unit, or in %"
-        findings.add(
-            place, "wrong-unit", path, f"expected {describe(wanted)}, got {show(raw)}", f"write {needs}"
-        )
+        units = ", ".join(repr(unit) for unit, (base, _) in UNITS.items() if base == wanted.unit)
+        hint = f"its units are {units}" if wanted.unit else "write a number without a unit, or in %"
+        findings.add(place, "wrong-unit", path, f"expected {describe(wanted)}, got {show(raw)}", hint)
         return False
     return True
 

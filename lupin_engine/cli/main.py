@@ -108,7 +108,8 @@ def _run(arguments: Sequence[str] | None) -> int:
 
         path = write_crash_log(defect)
         kind = type(defect).__name__
-        print(f"lupin: a defect of the engine: {kind}: {defect}\nlupin: please report {path}", file=sys.stderr)
+        print(f"lupin: a defect of the engine: {kind}: {defect}", file=sys.stderr)
+        print(f"lupin: please report {path}", file=sys.stderr)
         return DEFECT
     return result if isinstance(result, int) else 0
 

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import io
 import json
+import re
 import sys
 import time
 from collections.abc import Callable, Mapping
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -48,7 +51,7 @@ class PlainObserver:
         self.show(story)
         if kind == "state" and (key := view.changed_key(data)) != self._last:
             self._last = key
-            self._write(f"{view.clock(story.heard - story.began)}  {view.plain_state(data)}")
+            self._write(f"{view.clock(story.elapsed(story.heard))}  {view.plain_state(data)}")
 
     def show(self, story: Story) -> None:
         """Write the events that are new."""
@@ -115,7 +118,7 @@ def _finish(console: Console, story: Story) -> None:
     symbols = view.ASCII if console.options.ascii_only else view.UNICODE
     if story.readings:
         console.print(view.readings_table(story.readings.values(), symbols))
-    console.print(view.summary(story, time.monotonic() - story.began))
+    console.print(view.summary(story, time.monotonic()))
 
 
 class JsonObserver:
@@ -159,7 +162,7 @@ class JsonObserver:
             exit_code=code,
             mission_id=story.mission_id,
             lifecycle=story.lifecycle,
-            seconds=round(time.monotonic() - story.began, 3),
+            seconds=round(story.elapsed(time.monotonic()), 3),
             total=story.total,
             counts={status: story.count(status) for status in STATUSES},
             last_error=story.state.get("last_error", ""),
@@ -168,7 +171,7 @@ class JsonObserver:
 
 
 def _reading(reading: Reading) -> dict[str, Any]:
-    return {"tag": reading.tag, "status": reading.status, "reason": reading.reason, "values": dict(reading.values)}
+    return asdict(reading)
 
 
 class SavingPicture:
@@ -197,25 +200,15 @@ class SavingPicture:
 
     def save(self, story: Story, now: float) -> None:
         """Write the picture as SVG."""
-        console = Console(record=True, width=SAVED_WIDTH, file=_Nowhere(), force_terminal=True, legacy_windows=False)
+        console = Console(record=True, width=SAVED_WIDTH, file=io.StringIO(), force_terminal=True)
         console.print(view.picture(story, self._chart, now))
         self._path.parent.mkdir(parents=True, exist_ok=True)
-        console.save_svg(str(self._path), title="lupin run")
+        svg = console.export_svg(title="lupin run")
+        # rich names a font on the web; a picture in a repository should not fetch anything.
+        self._path.write_text(re.sub(r"@font-face \{.*?\}\s*", "", svg, flags=re.DOTALL), encoding="utf-8")
 
     def close(self, story: Story | None, code: int) -> None:
         """Pass on; a mission that was too short for a middle is saved at its end."""
         if not self._saved and story is not None:
             self.save(story, time.monotonic())
         self._inner.close(story, code)
-
-
-class _Nowhere:
-    """A file for a console that only records."""
-
-    encoding = "utf-8"
-
-    def write(self, text: str) -> int:
-        return len(text)
-
-    def flush(self) -> None:
-        pass

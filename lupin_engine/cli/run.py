@@ -1,4 +1,4 @@
-"""`lupin run`: a mission over ROS 2 with everything that it needs, watched, and everything stopped after it."""
+"""`lupin run`: a mission over ROS 2 with everything that it needs, watched, and everything stopped again."""
 
 from __future__ import annotations
 
@@ -54,17 +54,50 @@ def _tags(_: click.Context, __: click.Parameter, text: str | None) -> tuple[str,
 
 @click.command(short_help="Run a mission over ROS 2 and watch it.")
 @click.argument("mission")
-@click.option("--set", "settings", metavar="NAME=VALUE", multiple=True, help="A parameter, such as nav_timeout_s='90 s'.")
-@click.option("--tags", metavar="1,5,12", callback=_tags, help="The tags to visit; default: the mission's own.")
+@click.option(
+    "--set",
+    "settings",
+    metavar="NAME=VALUE",
+    multiple=True,
+    help="A parameter, such as nav_timeout_s='90 s'.",
+)
+@click.option(
+    "--tags", metavar="1,5,12", callback=_tags, help="The tags to visit; default: the mission's own."
+)
 @click.option("--goal", type=click.IntRange(min=0, max=65535), default=0, help="How many tags to discover.")
-@click.option("--speed", type=click.FloatRange(min=0.02, max=20.0), default=1.0, help="Times as fast as the simulated robot drives.")  # noqa: E501
-@click.option("--sim", metavar="NAME=VALUE", multiple=True, help="A parameter of the simulated robot, such as battery=0.1.")  # noqa: E501
+@click.option(
+    "--speed",
+    type=click.FloatRange(min=0.02, max=20.0),
+    default=1.0,
+    help="Times as fast as the simulated robot drives.",
+)
+@click.option(
+    "--sim",
+    metavar="NAME=VALUE",
+    multiple=True,
+    help="A parameter of the simulated robot, such as battery=0.1.",
+)
 @click.option("--no-sim", is_flag=True, help="Start no simulated robot: wait for the real one.")
-@click.option("--domain", type=click.IntRange(min=0, max=HIGHEST_DOMAIN), help="ROS domain; default: ROS_DOMAIN_ID, else 0.")  # noqa: E501
+@click.option(
+    "--domain",
+    type=click.IntRange(min=0, max=HIGHEST_DOMAIN),
+    help="ROS domain; default: ROS_DOMAIN_ID, else 0.",
+)
 @click.option("--json", "as_json", is_flag=True, help="Write one JSON object a line.")
-@click.option("--log-dir", type=click.Path(file_okay=False, path_type=Path), help="Folder for the nodes' logs.")
-@click.option("--patience", type=click.FloatRange(min=0.0), metavar="SECONDS", help="Give up when the mission waits for an operator so long; default: 60 off a terminal, else never.")  # noqa: E501
-@click.option("--save-svg", type=click.Path(dir_okay=False, path_type=Path), help="Save a picture from the middle of the run.")  # noqa: E501
+@click.option(
+    "--log-dir", type=click.Path(file_okay=False, path_type=Path), help="Folder for the nodes' logs."
+)
+@click.option(
+    "--patience",
+    type=click.FloatRange(min=0.0),
+    metavar="SECONDS",
+    help="Give up when the mission waits for an operator so long; default: 60 off a terminal, else never.",
+)
+@click.option(
+    "--save-svg",
+    type=click.Path(dir_okay=False, path_type=Path),
+    help="Save a picture from the middle of the run.",
+)
 def run(as_json: bool, **given: Any) -> int:
     """Run a mission over ROS 2 and watch it.
 
@@ -123,7 +156,7 @@ def _carry_out(session: Session, options: Options, loaded: Loaded, catalog: Cata
 def _parameters(
     options: Options, loaded: Loaded, catalog: Catalog, values: Mapping[str, Any]
 ) -> dict[str, Values]:
-    """Return the parameters of the nodes: the mission's to the orchestrator, the robot's to its simulation."""
+    """Return the parameters of the nodes: the mission's for the orchestrator, --sim for the robot."""
     found: dict[str, Values] = {ORCHESTRATOR: {**loaded.parameters(), **values}}
     for name, node in simulators(catalog).items():
         declared = node.parameters()
@@ -143,7 +176,7 @@ def _insisted(options: Options, catalog: Catalog) -> dict[str, str]:
     """Name the nodes that must be ours, because an option sets something of theirs, with that option."""
     found = {ORCHESTRATOR: "--set"} if options.settings else {}
     if options.sim or options.speed != 1.0:
-        found.update({name: "--sim" if options.sim else "--speed" for name in simulators(catalog)})
+        found.update(dict.fromkeys(simulators(catalog), "--sim" if options.sim else "--speed"))
     return found
 
 

@@ -9,7 +9,7 @@ import yaml
 
 from lupin_engine.errors import UsageError
 from lupin_engine.plugin.contract import Parameter
-from lupin_engine.plugin.types import Type
+from lupin_engine.plugin.types import TEXT, Type
 from lupin_engine.runtime.setup import check_parameters
 
 _BOOLEANS = {"true": True, "yes": True, "on": True, "false": False, "no": False, "off": False}
@@ -30,7 +30,8 @@ def read_settings(option: str, given: Iterable[str], declared: Mapping[str, Para
             texts[name.strip()] = text.strip()
         else:
             problems.append(f"{item!r} has no '='; write {option} NAME=VALUE")
-    values = {name: _value(text, declared[name].type) if name in declared else text for name, text in texts.items()}
+    types = {name: declared[name].type if name in declared else TEXT for name in texts}
+    values = {name: _value(text, types[name]) for name, text in texts.items()}
     try:
         checked = check_parameters(declared, values)
     except UsageError as problem:
@@ -42,7 +43,7 @@ def read_settings(option: str, given: Iterable[str], declared: Mapping[str, Para
 
 
 def _value(text: str, kind: Type) -> Any:
-    """Return the text as the data that it stands for; as it is where it does not fit, for the check to tell."""
+    """Return the text as data; unchanged where it does not fit, which the check then tells."""
     return _READERS.get(kind.kind, _as_yaml)(text, kind)
 
 

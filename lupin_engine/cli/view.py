@@ -19,9 +19,24 @@ from rich.text import Text
 
 from lupin_engine.chart.model import Chart, Kind
 from lupin_engine.errors import Severity
-from lupin_engine.launch.story import STATUSES, Happening, Reading, Running, Story
+from lupin_engine.launch.story import (
+    ALL_VISITED,
+    COUNTERS,
+    NOT_DONE,
+    SOME_MISSED,
+    STATUSES,
+    Happening,
+    Reading,
+    Running,
+    Story,
+)
 
 STYLES: Mapping[Severity, str] = {Severity.INFO: "cyan", Severity.WARN: "yellow", Severity.ERROR: "bold red"}
+_VERDICT_STYLES: Mapping[int, str] = {
+    ALL_VISITED: "bold green",
+    SOME_MISSED: "bold yellow",
+    NOT_DONE: "bold red",
+}
 STATUS_STYLES: Mapping[str, str] = {
     "OK": "green",
     "UNREACHABLE": "red",
@@ -29,7 +44,15 @@ STATUS_STYLES: Mapping[str, str] = {
     "SKIPPED": "yellow",
 }
 #: The order and units of the sensors that are known here; others follow, without.
-UNITS: Mapping[str, str] = {"temperature": "°C", "humidity": "%", "co2": "ppm", "light": "lx", "soil_moisture": ""}
+UNITS: Mapping[str, str] = {
+    "temperature": "°C",
+    "humidity": "%",
+    "co2": "ppm",
+    "light": "lx",
+    "soil_moisture": "",
+}
+#: What the outcomes are called in sentences.
+WORDS: Mapping[str, str] = dict(zip(STATUSES, ("visited", "unreachable", "failed", "skipped"), strict=True))
 
 #: Events that the live view shows.
 SHOWN_EVENTS = 6
@@ -121,8 +144,8 @@ class _Fitting:
 def _title(story: Story, now: float) -> Text:
     mission = str(story.state.get("mission_type", "")) or "mission"
     phase = " · ".join(filter(None, (story.lifecycle, str(story.state.get("mission_phase", "")))))
-    title = Text.assemble((mission, "bold"), (f" {story.mission_id}", "dim"), "  ", (phase, "bold green"), "  ")
-    title.append(clock(now - story.began), "dim")
+    title = Text.assemble((mission, "bold"), (f" {story.mission_id}", "dim"), "  ", (phase, "bold green"))
+    title.append(f"  {clock(story.elapsed(now))}", "dim")
     for name, style in pills(story):
         title.append("  ")
         title.append(f" {name} ", style)
@@ -146,11 +169,16 @@ def _border(story: Story) -> str:
 
 
 def _tree(chart: Chart, story: Story, symbols: Symbols) -> RenderableType:
-    marks = {"active": (symbols.active, "bold green"), "path": (symbols.path, "green"), "idle": (symbols.idle, "dim")}
+    marks = {
+        "active": (symbols.active, "bold green"),
+        "path": (symbols.path, "green"),
+        "idle": (symbols.idle, "dim"),
+    }
     lines = []
     for line in tree_lines(chart, story.view.get("configuration", ())):
         mark, style = marks[line.role]
-        lines.append(Text(f"{'  ' * line.depth}{mark} {line.name}", style=style, no_wrap=True, overflow="ellipsis"))
+        text = f"{'  ' * line.depth}{mark} {line.name}"
+        lines.append(Text(text, style=style, no_wrap=True, overflow="ellipsis"))
     return Group(*lines)
 
 
@@ -159,10 +187,12 @@ def _details(story: Story, now: float, symbols: Symbols) -> RenderableType:
     grid.add_column(style="dim", width=10)
     grid.add_column(ratio=1)
     grid.add_row("target", _target(story))
-    grid.add_row("progress", _measure(story.closed, story.total, "green", f"{story.closed}/{story.total} targets"))
+    done = f"{story.closed}/{story.total} targets"
+    grid.add_row("progress", _measure(story.closed, story.total, "green", done))
     grid.add_row("", _counts(story, symbols))
     grid.add_row("", "")
-    for running in story.running(now) or [None]:
+    under_way: list[Running | None] = [*story.running(now)]
+    for running in under_way or [None]:
         grid.add_row("operation", _operation(running))
         grid.add_row("", _deadline(running))
         grid.add_row("", _running_detail(running))
@@ -177,11 +207,10 @@ def _target(story: Story) -> Text:
 
 def _counts(story: Story, symbols: Symbols) -> Text:
     marks = (symbols.ok, symbols.missed, symbols.missed, symbols.skipped)
-    words = ("visited", "unreachable", "failed", "skipped")
     text = Text()
-    for status, mark, word in zip(STATUSES, marks, words, strict=True):
+    for status, mark in zip(STATUSES, marks, strict=True):
         count = story.count(status)
-        text.append(f"{mark} {count} {word}  ", STATUS_STYLES[status] if count else "dim")
+        text.append(f"{mark} {count} {WORDS[status]}  ", STATUS_STYLES[status] if count else "dim")
     return text
 
 
@@ -191,7 +220,8 @@ def _operation(running: Running | None) -> Text:
     text = Text(running.operation, "bold")
     if running.tries > 1:
         text.append(f"  try {running.tries}", "yellow")
-    text.append(f"  {running.phase}", "dim")
+    if running.phase in ("waiting", "cancelling"):
+        text.append(f"  {running.phase}", "dim")
     return text
 
 
@@ -282,13 +312,14 @@ def _value(value: float | None, symbols: Symbols) -> Text:
     return Text(symbols.hollow, "dim") if value is None else Text(f"{value:.4g}")
 
 
-def summary(story: Story, seconds: float) -> Text:
+def summary(story: Story, now: float) -> Text:
     """Return the last line of a run."""
-    words = dict(zip(STATUSES, ("visited", "unreachable", "failed", "skipped"), strict=True))
-    counts = ", ".join(f"{story.count(status)} {words[status]}" for status in STATUSES if story.count(status))
-    style = "bold green" if story.verdict == 0 else "bold yellow" if story.ended and not story.faulted else "bold red"
-    text = Text(f"{story.lifecycle or 'not ended'}", style)
-    text.append(f": {counts or 'nothing visited'} of {story.total} targets in {seconds:.1f} s", "")
+    counted = ((story.count(status), WORDS[status]) for status in STATUSES)
+    counts = ", ".join(f"{count} {word}" for count, word in counted if count)
+    text = Text(story.lifecycle or "not ended", _VERDICT_STYLES[story.verdict])
+    text.append(
+        f": {counts or 'none visited'} of {story.total} targets in {story.elapsed(now):.1f} s", "not bold"
+    )
     error = story.state.get("last_error")
     if error and story.verdict:
         text.append(f"; last: {error}", "yellow")
@@ -300,10 +331,13 @@ def summary(story: Story, seconds: float) -> Text:
 
 def plain_state(state: Mapping[str, Any]) -> str:
     """Return what a published state says, in one line."""
-    phase = " ".join(filter(None, (str(state.get("lifecycle_state", "")), str(state.get("mission_phase", "")))))
     target = state.get("current_target")
-    counted = sum(int(state.get(f"targets_{name}", 0)) for name in ("completed", "unreachable", "failed", "skipped"))
-    parts = [phase, f"tag {target}" if target else "", f"{counted}/{state.get('targets_total', 0)}"]
+    closed = sum(int(state.get(name, 0)) for name in COUNTERS.values())
+    parts = (
+        f"{state.get('lifecycle_state', '')} {state.get('mission_phase', '')}".strip(),
+        f"tag {target}" if target else "",
+        f"{closed}/{state.get('targets_total', 0)}",
+    )
     return "  ".join(part for part in parts if part)
 
 

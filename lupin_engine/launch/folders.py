@@ -1,4 +1,4 @@
-"""Where runs and crashes leave their files: the user's state folder, or a temporary one where that is closed."""
+"""Where runs and crashes leave their files: the user's state folder, or a temporary one."""
 
 from __future__ import annotations
 

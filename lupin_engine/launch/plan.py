@@ -44,7 +44,7 @@ class Launch:
 
 @dataclass(frozen=True)
 class Plan:
-    """What to start, and what is there already: node names, or the servers that a simulation would replace."""
+    """What to start, and what is there already: nodes, or servers that a simulation would replace."""
 
     launches: tuple[Launch, ...]
     joined: tuple[str, ...] = ()

@@ -27,6 +27,8 @@ TICK_S = 0.05
 QUIET_S, LOOK_S, LOOK_LIMIT_S = 0.5, 1.0, 3.0
 #: How long nodes may take to appear and serve, in seconds.
 APPEAR_LIMIT_S = 30.0
+#: A wait as short as this is not worth telling, in seconds.
+UNTOLD_S = 4.0
 #: How long the orchestrator may wait in BOOT. It has a limit of its own, a parameter, and ends in FAULT.
 BOOT_LIMIT_S = 600.0
 #: What an operator may have set (e-stop, battery) reaches the orchestrator within this time, in seconds.
@@ -65,8 +67,8 @@ class Settings:
     """How the nodes are to be started.
 
     `parameters` are by node name. `insisted` names nodes that must be started here, with the option that
-    wants it: using one that runs already would ignore the option. `patience` is how long a mission may wait for an operator, in seconds;
-    None is for ever.
+    wants it: using one that runs already would ignore the option. `patience` is how long a mission may wait
+    for an operator, in seconds; None is for ever.
     """
 
     folder: Path
@@ -109,7 +111,8 @@ class Session:
         self.plan = make_plan(plugins, catalog, present, settings.parameters, simulate=settings.simulate)
         for name, option in settings.insisted.items():
             if name not in self.plan.starts:
-                raise RunFailed(f"{option} is for {name}, but one runs already; stop it or choose another --domain")
+                text = f"{option} is for {name}, which runs already; stop it or choose another --domain"
+                raise RunFailed(text)
         if self.plan.joined:
             self._observer.note(f"using what is there: {', '.join(self.plan.joined)}")
         if self.plan.starts:
@@ -146,9 +149,9 @@ class Session:
         told: Sequence[str] = ()
         while waiting := missing():
             if time.monotonic() - begin > limit:
-                text = f"still missing after {limit:g} s: {', '.join(waiting)}; logs in {self._settings.folder}"
-                raise RunFailed(text)
-            if waiting != told and time.monotonic() - begin > 1.0:
+                logs = self._settings.folder
+                raise RunFailed(f"still missing after {limit:g} s: {', '.join(waiting)}; logs in {logs}")
+            if waiting != told and time.monotonic() - begin > UNTOLD_S:
                 self._observer.note(f"waiting for {', '.join(waiting)}")
                 told = waiting
             self._tick()
@@ -230,7 +233,8 @@ class Session:
         still = lambda: (story.ended and not story.busy) or self._interrupts.insisted  # noqa: E731
         if not self._wait_until(still, ABORT_LIMIT_S):
             self._observer.note(f"the mission still runs after {ABORT_LIMIT_S:g} s", Severity.ERROR)
-        self._wait_until(lambda: len(story.readings) >= story.closed or self._interrupts.insisted, STRAGGLER_S)
+        all_told = lambda: len(story.readings) >= story.closed or self._interrupts.insisted  # noqa: E731
+        self._wait_until(all_told, STRAGGLER_S)
 
     def _ask(self, name: str) -> Answer:
         answer = self._operator.ask(name, ANSWER_S)

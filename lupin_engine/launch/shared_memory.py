@@ -66,5 +66,6 @@ def _mapped(maps: Path) -> set[str] | None:
     except OSError:
         return None
     marker = f"{FOLDER}/"
-    names = (line.partition(marker)[2].removesuffix(" (deleted)") for line in text.splitlines() if marker in line)
-    return {_segment(name) for name in names if _segment(name).startswith(PREFIX)}
+    files = (line.partition(marker)[2] for line in text.splitlines() if marker in line)
+    names = {_segment(file.removesuffix(" (deleted)")) for file in files}
+    return {name for name in names if name.startswith(PREFIX)}

@@ -14,6 +14,13 @@ from lupin_engine.errors import Severity
 
 #: Values of `Observation.status`, by number.
 STATUSES = ("OK", "UNREACHABLE", "SCAN_FAILED", "SKIPPED")
+#: The published counter of each status.
+COUNTERS: Mapping[str, str] = {
+    "OK": "targets_completed",
+    "UNREACHABLE": "targets_unreachable",
+    "SCAN_FAILED": "targets_failed",
+    "SKIPPED": "targets_skipped",
+}
 
 #: Exit codes of a run.
 ALL_VISITED, SOME_MISSED, NOT_DONE, INTERRUPTED = 0, 1, 2, 130
@@ -76,6 +83,7 @@ class Story:
     _offset: float = 0.0
     _begun: dict[tuple[str, str, int], float] = field(default_factory=dict)
     _open: set[str] = field(default_factory=set)
+    _ended_at: float | None = None
 
     def take(self, kind: str, data: Mapping[str, Any], at: float) -> bool:
         """Take in one arrival; say whether it belongs to this mission."""
@@ -123,8 +131,7 @@ class Story:
 
     def count(self, status: str) -> int:
         """How many targets ended so; asked of the published counters."""
-        fields = dict(zip(STATUSES, ("completed", "unreachable", "failed", "skipped"), strict=True))
-        return int(self.state.get(f"targets_{fields[status]}", 0))
+        return int(self.state.get(COUNTERS[status], 0))
 
     @property
     def closed(self) -> int:
@@ -138,6 +145,10 @@ class Story:
             return NOT_DONE
         return ALL_VISITED if self.count("OK") >= self.total else SOME_MISSED
 
+    def elapsed(self, now: float) -> float:
+        """Return how long the mission has run at `now`; the clock stops at its end."""
+        return (self._ended_at or now) - self.began
+
     def running(self, now: float) -> list[Running]:
         """Return the operations under way at `now`."""
         return [self._running(attempt, now) for attempt in self.view.get("attempts", ())]
@@ -149,6 +160,8 @@ class Story:
             return False
         self.heard = at
         before, self.state = self.state, dict(data)
+        if self.ended and self._ended_at is None:
+            self._ended_at = at
         self._tell_changes(before, at)
         return True
 

@@ -34,7 +34,8 @@ class Death:
     last_lines: tuple[str, ...]
 
     def __str__(self) -> str:
-        how = f"was killed by {_signal_name(-self.code)}" if self.code < 0 else f"ended with exit code {self.code}"
+        killed = self.code < 0
+        how = f"was killed by {_signal_name(-self.code)}" if killed else f"ended with exit code {self.code}"
         return f"{self.name} {how}; its log is {self.log}"
 
     @property
@@ -117,7 +118,7 @@ class Supervisor:
             if child.process.poll() is None:
                 child.segments = shared_memory.segments_of(child.process.pid) or child.segments
 
-    def stop(self, patience: Patience | Callable[[], Patience] = Patience()) -> list[str]:  # noqa: B008
+    def stop(self, patience: Patience | Callable[[], Patience] = Patience()) -> list[str]:
         """Stop everything, last started first; return the names of what had to be killed.
 
         `patience` may be a function: it is asked again while waiting, so that it can run out.

@@ -216,7 +216,8 @@ class RosNode:
         except (RuntimeError, ValueError, NameValidationException) as error:
             # rcl has half a dozen exceptions for bad arguments and names, all derived from these.
             self._context.try_shutdown()
-            raise UsageError(f"ROS does not start with the arguments {list(arguments)}: {error}") from error
+            reason = str(error).split(", at /")[0]  # the rest is places in rcl's sources
+            raise UsageError(f"ROS does not start with the arguments {list(arguments)}: {reason}") from error
 
     def _start(self, parameters: Declared | Callable[[Mapping[str, Any]], Declared]) -> None:
         self.name: str = self.node.get_name()

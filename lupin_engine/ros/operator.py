@@ -11,15 +11,16 @@ import os
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, Literal
 
-from lupin_msgs.msg import MissionState, Observation
-from lupin_msgs.srv import StartMission
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
 from lupin_engine.machine.event import OPERATOR_REQUESTS
 from lupin_engine.ros.middleware import Failure, Qos, RosNode, ServiceCaller
+from lupin_msgs.msg import MissionState, Observation
+from lupin_msgs.srv import StartMission
 
 #: Topics of the orchestrator.
 STATE_TOPIC = "/mission/state"
@@ -58,11 +59,12 @@ class Operator:
         self._callers: dict[str, ServiceCaller] = {_START: self._ros.service(StartMission, "/mission/start")}
         for name in OPERATOR_REQUESTS:
             self._callers[name] = self._ros.service(Trigger, f"/mission/{name}")
-        self._ros.subscribe(MissionState, STATE_TOPIC, Qos.LATCHED, lambda m: self._keep("state", _plain(m)))
-        self._ros.subscribe(
-            Observation, OBSERVATIONS_TOPIC, Qos.BACKLOG, lambda m: self._keep("observation", _plain(m))
-        )
-        self._ros.subscribe(String, STEPS_TOPIC, Qos.BACKLOG, lambda m: self._keep("step", json.loads(m.data)))
+        # The state is latched with depth 1 by its publisher. A reader of that depth would lose all but the
+        # last of the short phases that come in one burst.
+        listen = partial(self._ros.subscribe, qos=Qos.BACKLOG)
+        listen(MissionState, STATE_TOPIC, callback=lambda m: self._keep("state", _plain(m)))
+        listen(Observation, OBSERVATIONS_TOPIC, callback=lambda m: self._keep("observation", _plain(m)))
+        listen(String, STEPS_TOPIC, callback=lambda m: self._keep("step", json.loads(m.data)))
 
     def _keep(self, kind: Literal["state", "observation", "step"], data: dict[str, Any]) -> None:
         self._arrived.append(Arrival(kind, data, time.monotonic()))
@@ -88,7 +90,7 @@ class Operator:
     def services(self) -> frozenset[str]:
         """Return the full names of all services that somebody serves."""
         mine = {self._ros.node.get_fully_qualified_name()}
-        found = set()
+        found: set[str] = set()
         for name, namespace in self._ros.node.get_node_names_and_namespaces():
             if f"{namespace.rstrip('/')}/{name}" not in mine:
                 served = self._ros.node.get_service_names_and_types_by_node(name, namespace)
@@ -118,7 +120,8 @@ class Operator:
     def _call(self, name: str, request: Any, timeout: float) -> Answer:
         answers: list[Any] = []
         call = self._callers[name].call(request, timeout, answers.append)
-        until = time.monotonic() + timeout + 0.5  # the call has its own deadline; this one is for a stuck spin
+        # The call has its own deadline; this one is for a spin that is stuck.
+        until = time.monotonic() + timeout + 0.5
         while not answers and time.monotonic() < until and self._ros.spin_once(0.1):
             pass
         call.cancel()

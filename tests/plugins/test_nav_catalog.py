@@ -88,7 +88,8 @@ def test_the_reader_refuses_what_is_no_id_of_the_layout(value: Any) -> None:
 
 def test_home_is_the_dock_or_the_start_when_the_dock_is_unset() -> None:
     start = {"x": 3.0, "y": 4.0, "yaw": 1.0}
-    assert bound("home_pose", dock_pose=DOCK)(start) == DOCK
+    for dock in (DOCK, {"x": 0.0, "y": 1.0, "yaw": 0.5}):
+        assert bound("home_pose", dock_pose=dock)(start) == dock
     assert bound("home_pose", dock_pose={"x": 0.0, "y": 0.0, "yaw": 0.5})(start) == {
         "x": 3.0,
         "y": 4.0,

@@ -1,0 +1,141 @@
+"""Steps as lines that people read: when, what happened, where that led, what was commanded."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from lupin_engine.chart.model import Chart, Kind
+from lupin_engine.machine.event import Act, Cancel, Command, Event, Publish, Report, Start
+from lupin_engine.machine.step import Step
+
+#: Longest text of one argument.
+_WIDTH = 48
+
+
+@dataclass(frozen=True)
+class Line:
+    """One step. `moved` is where it led (empty: nowhere), `commanded` what follows, `notes` the fine print."""
+
+    time: float
+    event: str
+    moved: str
+    commanded: tuple[str, ...]
+    notes: tuple[str, ...]
+    refused: bool = False
+
+    def __str__(self) -> str:
+        parts = (f"{self.time:8.1f} s  {self.event}", f"-> {self.moved}" if self.moved else "", *self.commanded)
+        return "   ".join(part for part in (*parts, *self.notes) if part)
+
+
+def tell(chart: Chart, steps: Iterable[Step]) -> Iterator[Line]:
+    """Tell the steps in which something happened, in order."""
+    narrator = _Narrator(chart)
+    for step in steps:
+        line = narrator.line(step)
+        if step.changed or step.notes or step.accepted is not None or step.event.name == "value":
+            yield line
+
+
+def short_name(chart: Chart, name: str) -> str:
+    """Return a state's name as it is published: without the slot and the mission that stands in it."""
+    parts = []
+    state = chart.states[name]
+    while state.name:
+        wraps = state.parent is not None and chart.states[state.parent].slot
+        if not (state.slot or wraps) or not parts:
+            parts.append(state.local_name)
+        state = chart.states[state.parent or ""]
+    return ".".join(reversed(parts))
+
+
+class _Narrator:
+    """Remembers which attempt was of which operation."""
+
+    def __init__(self, chart: Chart) -> None:
+        self._chart = chart
+        self._operations: dict[str, str] = {}
+
+    def line(self, step: Step) -> Line:
+        """Tell one step."""
+        for command in step.commands:
+            if isinstance(command, Start):
+                self._operations[command.attempt] = command.operation
+        return Line(
+            time=step.time,
+            event=self._event(step),
+            moved=self._moved(step),
+            commanded=tuple(_command(command) for command in step.commands),
+            notes=step.notes,
+            refused=step.accepted is False,
+        )
+
+    def _event(self, step: Step) -> str:
+        event = step.event
+        if step.accepted is not None:
+            answer = "accepted" if step.accepted else f"REFUSED: {step.refusal.text if step.refusal else ''}"
+            return f"{event.name} {answer}"
+        if event.name == "value":
+            return f"{event.data['name']} = {shorten(event.data['value'])}"
+        if event.name.startswith("attempt."):
+            return self._attempt(event)
+        if event.name.startswith("timer."):
+            return self._timer(event)
+        return event.name
+
+    def _attempt(self, event: Event) -> str:
+        operation = self._operations.get(event.data["attempt"], "an operation")
+        text = f"{operation} {event.name.removeprefix('attempt.')}"
+        why = " ".join(filter(None, (event.data.get("code", ""), event.data.get("detail", ""))))
+        return f"{text}: {why}" if why else text
+
+    def _timer(self, event: Event) -> str:
+        kind, owner = event.name.removeprefix("timer."), str(event.data["owner"])
+        if kind == "after":
+            return f"time is up in {short_name(self._chart, owner)}"
+        if kind == "retry":
+            return "next try"
+        what = {"timeout": "timed out", "cancel": "does not confirm its cancel"}.get(kind, kind)
+        return f"{self._operations.get(owner, owner)} {what}"
+
+    def _moved(self, step: Step) -> str:
+        """Name the innermost states entered, also those that the step only passed through."""
+        stays = [name for name in step.entered if not self._chart.states[name].children]
+        final = [name for name in stays if self._chart.states[name].kind is not Kind.FINAL]
+        return " -> ".join(short_name(self._chart, name) for name in final or stays)
+
+
+def _command(command: Command) -> str:
+    if isinstance(command, Start):
+        return f"start {command.operation}{_arguments(command.arguments)}"
+    if isinstance(command, Cancel):
+        return f"cancel {command.operation}"
+    if isinstance(command, Act):
+        return f"do {command.action}{_arguments(command.arguments)}"
+    if isinstance(command, Publish):
+        why = command.detail or command.code
+        return f"publish {command.target} {command.status}" + (f" ({why})" if why else "")
+    if isinstance(command, Report):
+        return f"report {len(command.visits)} visits"
+    return str(command)
+
+
+def _arguments(arguments: Mapping[str, Any]) -> str:
+    return f"({', '.join(f'{name}: {shorten(value)}' for name, value in arguments.items())})" if arguments else ""
+
+
+def shorten(value: Any) -> str:
+    """Return a value in few characters."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, float):
+        return f"{value:.4g}"
+    if isinstance(value, Mapping):
+        text = "{" + ", ".join(f"{name} {shorten(inner)}" for name, inner in value.items()) + "}"
+    elif isinstance(value, (list, tuple)):
+        text = "[" + ", ".join(shorten(inner) for inner in value) + "]"
+    else:
+        text = str(value)
+    return text if len(text) <= _WIDTH else text[: _WIDTH - 3] + "..."

@@ -1,0 +1,75 @@
+"""Every broken chart in tests/charts/broken is answered with exactly the text that stands beside it."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+
+from lupin_engine.chart.findings import RULES
+from lupin_engine.chart.load import LIFECYCLE, check_chart, mission_files
+from lupin_engine.chart.source import head
+from lupin_engine.errors import Severity
+from lupin_engine.plugin.registry import Catalog
+
+CHARTS = Path(__file__).parents[1] / "charts"
+BROKEN = CHARTS / "broken"
+MINI = CHARTS / "mini"
+
+CASES = sorted(
+    [path for path in BROKEN.glob("*.yaml")]
+    + [path for path in BROKEN.iterdir() if path.is_dir() and path.name != "parts"]
+)
+
+
+def findings_of(case: Path, catalog: Catalog) -> str:
+    """Check a case and return its findings, with files named as from the folder of the charts.
+
+    A folder is checked whole; a mission stands in the slot of the mini lifecycle; a lifecycle gets the mini
+    mission.
+    """
+    if case.is_dir():
+        _, found = check_chart(case / LIFECYCLE, mission_files(case), catalog)
+    elif (head(case) or ("", ""))[0] == "lifecycle":
+        _, found = check_chart(case, [MINI / "idle.yaml"], catalog)
+    else:
+        _, found = check_chart(MINI / LIFECYCLE, [case], catalog)
+    return "".join(f"{diagnostic}\n" for diagnostic in found).replace(f"{CHARTS}/", "")
+
+
+@pytest.mark.parametrize("case", CASES, ids=lambda case: case.stem)
+def test_a_broken_chart_is_answered_with_the_text_beside_it(case: Path, catalog: Catalog) -> None:
+    """Place, problem, and what to do are part of the product; ACCEPT=1 writes the texts anew."""
+    expected = case.with_suffix(".txt")
+    found = findings_of(case, catalog)
+    if os.environ.get("ACCEPT"):
+        expected.write_text(found, encoding="utf-8")
+    assert found == expected.read_text(encoding="utf-8")
+    assert found
+
+
+def test_every_rule_has_a_broken_chart() -> None:
+    """A rule that no file breaks is a rule that nobody has seen working."""
+    texts = "".join(path.read_text(encoding="utf-8") for path in BROKEN.glob("*.txt"))
+    assert {rule for rule in RULES if f"[{rule}]" not in texts} == set()
+
+
+def test_every_text_has_its_broken_chart() -> None:
+    """A text whose chart was renamed would never be compared."""
+    assert {path.stem for path in BROKEN.glob("*.txt")} == {case.stem for case in CASES}
+
+
+@pytest.mark.parametrize("mission", [MINI / "idle.yaml"], ids=lambda path: path.stem)
+def test_the_charts_that_the_broken_ones_lean_on_are_right(mission: Path, catalog: Catalog) -> None:
+    """Otherwise their mistakes would stand in every text."""
+    chart, found = check_chart(MINI / LIFECYCLE, [mission], catalog)
+    assert found == ()
+    assert chart is not None
+
+
+def test_warnings_do_not_keep_a_chart_from_loading(catalog: Catalog) -> None:
+    """What is probably a mistake is told, and the chart is there all the same."""
+    chart, found = check_chart(MINI / LIFECYCLE, [BROKEN / "shadowed_state.yaml"], catalog)
+    assert [d.severity for d in found] == [Severity.WARN]
+    assert chart is not None
