@@ -401,6 +401,11 @@ def read_document(raw: Map, model: type[_D], findings: Findings) -> _D | None:
         place = raw.key_place(other) if other else raw.place
         findings.add(place, "wrong-shape", "", f"expected a {kind}, but {what}", f"begin with '{kind}: NAME'")
         return None
+    return validate(raw, model, findings)
+
+
+def validate(raw: Map, model: type[_M], findings: Findings) -> _M | None:
+    """Read the mapping of a whole file as `model`; None after findings that leave nothing to go on with."""
     for _ in range(MAX_PRUNINGS):
         try:
             return model.model_validate(raw)
@@ -544,4 +549,5 @@ __all__ = [
     "keys_of",
     "read_document",
     "show",
+    "validate",
 ]

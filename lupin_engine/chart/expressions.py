@@ -257,7 +257,10 @@ class _Checker:
         try:
             root = ast.parse(source, mode="eval").body
         except SyntaxError as error:
-            self._stop(max((error.offset or 1) - 1, 0), f"not an expression: {error.msg}")
+            if error.offset:
+                self._stop(error.offset - 1, f"not an expression: {error.msg}")
+            else:
+                self._stop(len(source), "not an expression: it ends too early")
             return None
         except (ValueError, MemoryError, RecursionError):
             self._stop(0, "not an expression: too deeply nested, or not a text")

@@ -56,11 +56,12 @@ class Text(str):
         value is the n-th of the file; blanks may have been folded.
         """
         wanted = sum(1 for char in self[:offset] if not char.isspace())
+        after = self.place
         for line, column in _inked(self):
             if wanted == 0:
                 return Place(self.place.file, line + 1, column + 1)
-            wanted -= 1
-        return self.place
+            wanted, after = wanted - 1, Place(self.place.file, line + 1, column + 2)
+        return after
 
 
 def text_at(value: str, place: Place) -> Text:

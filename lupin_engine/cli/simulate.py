@@ -42,11 +42,26 @@ def _duration(_: click.Context, __: click.Parameter, text: str | None) -> float:
 
 @click.command(short_help="Run a mission in virtual time, without ROS.")
 @click.argument("mission")
-@click.option("--tags", metavar="1,5,12", callback=_tags, help="The tags to visit; default: the mission's own.")
+@click.option(
+    "--tags", metavar="1,5,12", callback=_tags, help="The tags to visit; default: the mission's own."
+)
 @click.option("--goal", type=click.IntRange(min=0), default=0, help="How many tags to discover.")
-@click.option("--set", "settings", metavar="NAME=VALUE", multiple=True, help="A parameter, such as nav_timeout_s='90 s'.")  # noqa: E501
-@click.option("--until", metavar="DURATION", callback=_duration, help="Stop after so much virtual time, such as '20 min'.")  # noqa: E501
-@click.option("--json", "as_json", is_flag=True, help="Print the steps and the final view as one JSON object.")
+@click.option(
+    "--set",
+    "settings",
+    metavar="NAME=VALUE",
+    multiple=True,
+    help="A parameter, such as nav_timeout_s='90 s'.",
+)
+@click.option(
+    "--until",
+    metavar="DURATION",
+    callback=_duration,
+    help="Stop after so much virtual time, such as '20 min'.",
+)
+@click.option(
+    "--json", "as_json", is_flag=True, help="Print the steps and the final view as one JSON object."
+)
 @click.option("--quiet", "-q", is_flag=True, help="Print the summary only.")
 def simulate(
     mission: str,
@@ -59,8 +74,8 @@ def simulate(
 ) -> int:
     """Run a mission in virtual time, without ROS, and tell what happens.
 
-    MISSION is the name of a mission (inspection, InspectionMission), a mission file, or a scenario file, whose
-    mocks and happenings are then used. The plugins answer as their mocks say: everything succeeds.
+    MISSION is the name of a mission (inspection, InspectionMission), a mission file, or a scenario file,
+    whose mocks and happenings are then used. The plugins answer as their mocks say: everything succeeds.
 
     Exit code: 0 all targets visited, 1 some missed, 2 fault, start refused or not ended.
     """
@@ -79,7 +94,9 @@ def _run(mission: str, tags: tuple[str, ...], goal: int, settings: tuple[str, ..
     catalog = load_catalog()
     if is_scenario(mission):
         if tags or goal or settings:
-            raise UsageError("a scenario names its own request and parameters; --tags, --goal and --set are for missions")
+            raise UsageError(
+                "a scenario names its own request and parameters; --tags, --goal and --set are for missions"
+            )
         return load_scenario(mission, catalog).run()
     loaded = load_missions([mission], catalog)
     given = read_settings("--set", settings, loaded.chart.parameters)
@@ -148,7 +165,8 @@ def summary(run: Run) -> Text:
     text = Text(run.view.lifecycle or "not started", ("bold green", "bold yellow", "bold red")[code])
     counts = {status: sum(1 for visit in run.visits if visit.status == status) for status in STATUSES}
     counted = ", ".join(f"{count} {WORDS[status]}" for status, count in counts.items() if count)
-    text.append(f": {counted or 'nothing visited'} of {len(run.visits)} targets in {run.seconds:.1f} s of virtual time", "")
+    text.append(f": {counted or 'nothing visited'} of {len(run.visits)} targets", "")
+    text.append(f" in {run.seconds:.1f} s of virtual time", "")
     if run.cut_off:
         text.append("; stopped at the time limit", "yellow")
     elif code == NOT_DONE and run.view.paused:

@@ -173,6 +173,8 @@ class Session:
             raise RunFailed(f"the orchestrator is in FAULT: {_last_event(self._state)}")
         if lifecycle != "BOOT":
             return []
+        if self._state.get("paused"):  # a hold keeps it in BOOT, and only a person ends a hold
+            raise RunFailed(f"the orchestrator cannot start up: {_last_event(self._state)}")
         details = [str(attempt["detail"]) for attempt in self._view.get("attempts", ()) if attempt["detail"]]
         return details or ["the orchestrator, which is in BOOT"]
 
@@ -189,7 +191,7 @@ class Session:
         if not answer.reached:
             raise RunFailed(f"the mission could not be started: {answer.text}")
         if not answer.accepted:
-            raise RunFailed(f"start refused: {answer.text}")
+            raise RunFailed(f"{mission} was not started: {answer.text}")
         story = Story(answer.mission_id, began, heard=time.monotonic())
         self.story = story
         self._observer.note(f"{mission} {answer.mission_id} started")

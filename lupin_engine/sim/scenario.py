@@ -8,7 +8,7 @@ what happened around it.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +23,7 @@ from lupin_engine.chart.load import (
 )
 from lupin_engine.chart.model import Chart
 from lupin_engine.chart.source import Map, read
-from lupin_engine.errors import ChartError, Place, UsageError, nearest
+from lupin_engine.errors import ChartError, Place, UsageError
 from lupin_engine.machine.event import OPERATOR_REQUESTS, Act, Publish, Start
 from lupin_engine.machine.memory import Visit
 from lupin_engine.machine.step import Step
@@ -74,7 +74,11 @@ class Failure:
     story: tuple[Line, ...] = ()
 
     def __str__(self) -> str:
-        lines = [f"{self.place}: {self.what}", f"    expected: {self.expected}", f"    actual:   {self.actual}"]
+        lines = [
+            f"{self.place}: {self.what}",
+            f"    expected: {self.expected}",
+            f"    actual:   {self.actual}",
+        ]
         return "\n".join([*lines, *(f"    | {line}" for line in self.story)])
 
 
@@ -209,23 +213,31 @@ class _Reader:
         for name in mock.with_:
             if name not in operation.arguments:
                 place = mock.value_at("with", name)
-                self._findings.unknown(place, "unknown-argument", mock.do, "argument", name, operation.arguments)
+                self._findings.unknown(
+                    place, "unknown-argument", mock.do, "argument", name, operation.arguments
+                )
         outcomes = tuple(self._outcome(outcome, mock.do, operation) for outcome in mock.then)
-        once = mock.written_as_list("then")
+        once = mock.in_turn
         yield Rule(mock.do, outcomes, mock.with_, mock.target, once)
 
     def _operation(self, place: Place, name: str) -> Operation | None:
         if name not in self._catalog.operations:
-            self._findings.unknown(place, "unknown-operation", "", "operation", name, self._catalog.operations)
+            self._findings.unknown(
+                place, "unknown-operation", "", "operation", name, self._catalog.operations
+            )
         return self._catalog.operations.get(name)
 
     def _outcome(self, node: OutcomeNode, name: str, operation: Operation) -> Outcome:
         ends = [word for word in ("done", "fail") if getattr(node, word) is not None] + ["never"] * node.never
         if len(ends) > 1:
-            self._findings.add(node.place, "wrong-shape", name, f"an attempt ends once, not in {' and '.join(ends)}")
+            self._findings.add(
+                node.place, "wrong-shape", name, f"an attempt ends once, not in {' and '.join(ends)}"
+            )
         if node.fail is not None:
             self._check_code(node.at("fail"), node.fail, name, operation)
-        accepted = None if node.accepted == "never" else self._duration(node, "accepted", node.accepted) or 0.0
+        accepted = (
+            None if node.accepted == "never" else self._duration(node, "accepted", node.accepted) or 0.0
+        )
         return Outcome(
             after=self._duration(node, "after", node.after),
             code=node.fail or "",
@@ -259,9 +271,15 @@ class _Reader:
 
     def _happenings(self, node: WhenNode) -> Iterator[Happening]:
         if (node.at_ is None) == (node.on is None):
-            self._findings.add(node.place, "wrong-shape", "when", "say either `at` (a duration) or `on` (a state)")
+            self._findings.add(
+                node.place, "wrong-shape", "when", "say either `at` (a duration) or `on` (a state)"
+            )
             return
-        wait = self._duration(node, "at", node.at_) if node.on is None else self._duration(node, "after", node.after)
+        wait = (
+            self._duration(node, "at", node.at_)
+            if node.on is None
+            else self._duration(node, "after", node.after)
+        )
         if node.on is not None:
             self._check_state(node.at("on"), node.on)
         for effect in self._effects(node):
@@ -279,7 +297,9 @@ class _Reader:
         if node.finish is not None:
             found.append(self._end(node.finish, needs_code=False))
         if not found:
-            self._findings.add(node.place, "wrong-shape", "when", "nothing happens", "say request, value, fail or finish")
+            self._findings.add(
+                node.place, "wrong-shape", "when", "nothing happens", "say request, value, fail or finish"
+            )
         return found
 
     def _check_request(self, place: Place, name: str) -> None:
@@ -317,7 +337,9 @@ class _Reader:
         for name in expect.counts:
             if name not in known:
                 place = expect.value_at("counts", name)
-                self._findings.unknown(place, "unknown-operation", "expect.counts", "operation or action", name, known)
+                self._findings.unknown(
+                    place, "unknown-operation", "expect.counts", "operation or action", name, known
+                )
 
     def _check_state(self, place: Place, name: str) -> None:
         names = [state for state in self._chart.states if state]
@@ -335,7 +357,9 @@ class _Reader:
         try:
             return float(convert(value, DURATION))
         except ValueError as problem:
-            self._findings.add(node.at(key), "wrong-type", key, f"{problem}", "write a duration such as '5 s'")
+            self._findings.add(
+                node.at(key), "wrong-type", key, f"{problem}", "write a duration such as '5 s'"
+            )
             return None
 
 
@@ -388,11 +412,15 @@ class _Comparison:
                     yield self._failure(place, what, f"{unwanted} is not entered", actual, step)
                     break
 
-    def _visits(self, word: str, expected: list[str] | None, visits: Sequence[Visit | Publish]) -> Iterator[Failure]:
+    def _visits(
+        self, word: str, expected: list[str] | None, visits: Sequence[Visit | Publish]
+    ) -> Iterator[Failure]:
         if expected is None:
             return
         actual = [f"{visit.target} {visit.status or 'open'} {visit.code}".rstrip() for visit in visits]
-        shown = [text if _codes(wanted) else _without_code(text) for wanted, text in _paired(expected, actual)]
+        shown = [
+            text if _codes(wanted) else _without_code(text) for wanted, text in _paired(expected, actual)
+        ]
         if expected != shown:
             first = next((i for i, pair in enumerate(_paired(expected, shown)) if pair[0] != pair[1]), 0)
             place = self._expect.at(word, first if first < len(expected) else None)
@@ -418,11 +446,16 @@ class _Comparison:
             steps = [step for step in self._run.steps for command in step.commands if _is_of(command, name)]
             if len(steps) != expected:
                 place = self._expect.value_at("counts", name)
-                yield self._failure(place, f"counts: {name}", expected, len(steps), steps[-1] if steps else None)
+                yield self._failure(
+                    place, f"counts: {name}", expected, len(steps), steps[-1] if steps else None
+                )
 
     def _lasted(self) -> Iterator[Failure]:
         seconds = self._run.seconds
-        for word, misses in (("within", lambda limit: seconds > limit), ("at_least", lambda limit: seconds < limit)):
+        for word, misses in (
+            ("within", lambda limit: seconds > limit),
+            ("at_least", lambda limit: seconds < limit),
+        ):
             given = getattr(self._expect, word)
             if given is not None and misses(float(convert(given, DURATION))):
                 yield self._failure(self._expect.at(word), word, given, f"{seconds:.1f} s")
@@ -435,7 +468,9 @@ class _Comparison:
             entered = sum(1 for _, name in self._entered if is_named(name, happening.state or ""))
             yield self._failure(self._expect.place, "when", expected, f"entered {entered} times")
 
-    def _failure(self, place: Place, what: str, expected: Any, actual: Any, around: Step | None = None) -> Failure:
+    def _failure(
+        self, place: Place, what: str, expected: Any, actual: Any, around: Step | None = None
+    ) -> Failure:
         return Failure(place, what, _text(expected), _text(actual), self._story(around))
 
     def _story(self, around: Step | None) -> tuple[Line, ...]:

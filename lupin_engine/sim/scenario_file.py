@@ -47,12 +47,17 @@ class MockNode(Node):
     target: str | None = Field(None, description="the current target that an attempt must be for")
     then: Outcomes = Field(description="what happens")
 
+    @property
+    def in_turn(self) -> bool:
+        """Whether the outcomes are a list: one for each attempt, and then the plugin's mock again."""
+        return isinstance(self._raw["then"], list)
+
 
 class RequestNode(Node):
     """A request, with what it carries. Short: its name."""
 
-    name: str
-    data: dict[str, Any] = {}
+    name: str = Field(description="mission.start or operator.NAME")
+    data: dict[str, Any] = Field({}, description="what it carries")
 
     @classmethod
     def _long_form(cls, data: Any) -> Any:
@@ -81,7 +86,7 @@ class EndNode(Node):
 class WhenNode(Node):
     """Something that happens: at a time, or when a state is entered."""
 
-    at: Written = Field(None, description="duration from the start")
+    at_: Written = Field(None, alias="at", description="duration from the start")
     on: str | None = Field(None, description="state that is entered")
     nth: int = Field(1, ge=1, description="which of its entries")
     after: Written = Field(None, description="duration from that entry")
@@ -109,7 +114,9 @@ class ExpectNode(Node):
     lifecycle: list[str] | None = Field(None, description="published states, all of them, in order")
     passes: list[str] = Field([], description="states entered in this order, others between them")
     never: list[str] = Field([], description="states that are not entered")
-    visits: list[str] | None = Field(None, description="'TARGET STATUS' or 'TARGET STATUS CODE' of every target")
+    visits: list[str] | None = Field(
+        None, description="'TARGET STATUS' or 'TARGET STATUS CODE' of every target"
+    )
     published: list[str] | None = Field(None, description="the same, in the order of publication")
     refused: list[RefusedNode] = Field([], description="refused requests, all of them, in order")
     final: str | None = Field(None, description="published state at the end")
@@ -128,7 +135,9 @@ class ScenarioNode(Node):
     mission: str = Field(description="mission, by name or file")
     request: dict[str, Any] = Field({}, description="what the request carries")
     parameters: dict[str, Written] = Field({}, description="settings")
-    start: Literal["ready", "never"] = Field("ready", description="whether the mission is started when possible")
+    start: Literal["ready", "never"] = Field(
+        "ready", description="whether the mission is started when possible"
+    )
     limit: Written = Field(None, description="virtual time after which the simulation stops")
     mocks: list[MockNode] = Field([], description="what operations come to")
     when: list[WhenNode] = Field([], description="what happens meanwhile")

@@ -16,7 +16,7 @@ _WIDTH = 48
 
 @dataclass(frozen=True)
 class Line:
-    """One step. `moved` is where it led (empty: nowhere), `commanded` what follows, `notes` the fine print."""
+    """One step: `moved` is where it led (empty: nowhere), `commanded` what follows, `notes` why (not)."""
 
     time: float
     event: str
@@ -26,7 +26,11 @@ class Line:
     refused: bool = False
 
     def __str__(self) -> str:
-        parts = (f"{self.time:8.1f} s  {self.event}", f"-> {self.moved}" if self.moved else "", *self.commanded)
+        parts = (
+            f"{self.time:8.1f} s  {self.event}",
+            f"-> {self.moved}" if self.moved else "",
+            *self.commanded,
+        )
         return "   ".join(part for part in (*parts, *self.notes) if part)
 
 
@@ -41,7 +45,7 @@ def tell(chart: Chart, steps: Iterable[Step]) -> Iterator[Line]:
 
 def short_name(chart: Chart, name: str) -> str:
     """Return a state's name as it is published: without the slot and the mission that stands in it."""
-    parts = []
+    parts: list[str] = []
     state = chart.states[name]
     while state.name:
         wraps = state.parent is not None and chart.states[state.parent].slot
@@ -123,7 +127,11 @@ def _command(command: Command) -> str:
 
 
 def _arguments(arguments: Mapping[str, Any]) -> str:
-    return f"({', '.join(f'{name}: {shorten(value)}' for name, value in arguments.items())})" if arguments else ""
+    return (
+        f"({', '.join(f'{name}: {shorten(value)}' for name, value in arguments.items())})"
+        if arguments
+        else ""
+    )
 
 
 def shorten(value: Any) -> str:

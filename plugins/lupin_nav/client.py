@@ -17,7 +17,7 @@ from sensor_msgs.msg import BatteryState
 from std_msgs.msg import Bool
 
 from lupin_engine.plugin.contract import Outlet
-from lupin_engine.ros.middleware import Goal, Qos, RosNode
+from lupin_engine.ros.middleware import Goal, Qos, RosNode, Timer
 from lupin_nav import goal_status, localization
 from lupin_nav.battery import charge
 
@@ -64,7 +64,7 @@ class NavClient:
         ros.subscribe(PoseWithCovarianceStamped, parameters["amcl_pose_topic"], Qos.LATCHED, self._on_pose)
         ros.subscribe(BatteryState, parameters["battery_topic"], Qos.EVENT, self._on_battery)
         ros.subscribe(Bool, parameters["estop_topic"], Qos.EVENT, self._on_estop)
-        self._timer = ros.steady_timer(WATCH_PERIOD_S, self._watch)
+        self._timer: Timer | None = None
 
     def missing(self) -> list[str]:
         """Name the action server while it cannot be reached."""
@@ -97,8 +97,8 @@ class NavClient:
     def close(self) -> None:
         """Stop the robot as far as it can still be told, and report no more."""
         self._closed = True
-        self._timer.cancel()
         self._localizing.clear()
+        self._stop_watching()
         for attempt in list(self._drives):
             self._abandon(attempt)
 
@@ -106,6 +106,7 @@ class NavClient:
 
     def _start_localizing(self, attempt: str, limit: float) -> None:
         self._localizing[attempt] = _Localizing(limit)
+        self._start_watching()
         self._outlet.accepted(attempt)
         self._look_at_localization()
 
@@ -165,6 +166,7 @@ class NavClient:
             self._outlet.failed(attempt, "nav_unavailable", self._server_is("not there"))
             return
         drive = self._drives[attempt] = _Drive()
+        self._start_watching()
         drive.goal = self._server.send(
             self._goal(pose),
             accepted=partial(self._on_accepted, attempt),
@@ -216,10 +218,21 @@ class NavClient:
 
     # --- the server's life
 
+    def _start_watching(self) -> None:
+        """Look at pose and server from time to time; only while an attempt runs, for the sake of idling."""
+        if self._timer is None:
+            self._timer = self._ros.steady_timer(WATCH_PERIOD_S, self._watch)
+
+    def _stop_watching(self) -> None:
+        if self._timer is not None:
+            self._timer.cancel()
+            self._timer = None
+
     def _watch(self) -> None:
-        self._look_at_localization()
-        if not self._drives:
+        if not self._drives and not self._localizing:
+            self._stop_watching()
             return
+        self._look_at_localization()
         in_sight = self._server.ready()
         for attempt, drive in list(self._drives.items()):
             drive.out_of_sight = 0.0 if in_sight else drive.out_of_sight + WATCH_PERIOD_S
