@@ -607,14 +607,26 @@ def build_tools(python: Python, mode: str, work: Path, runner: Runner) -> Path:
         work,
         "Making a folder for build tools",
     )
-    requirements = [*build_requirements(ROOT / "lupin_msgs" / "pyproject.toml"), "cmake>=3.24"]
+    requirements = build_requirements(ROOT / "lupin_msgs" / "pyproject.toml")
+    if not new_enough_cmake():
+        requirements.append("cmake>=3.24")
     if mode == "apt":
         requirements = [one for one in requirements if not one.startswith(("ros-", "catkin"))]
     tools = work / "tools" / "bin" / "python"
-    runner.run(
-        [str(tools), "-m", "pip", "install", *requirements], environment, work, "Installing the build tools"
-    )
+    # They run once: compiling all of them to bytecode would take longer than it saves.
+    command = [str(tools), "-m", "pip", "install", "--no-compile", *requirements]
+    runner.run(command, environment, work, "Installing the build tools")
     return tools
+
+
+def new_enough_cmake() -> bool:
+    """Whether the machine has a CMake that can defer calls, which the hook for wheels needs."""
+    try:
+        answer = subprocess.check_output(["cmake", "--version"], stderr=subprocess.DEVNULL).decode("utf-8")
+    except (OSError, subprocess.SubprocessError):
+        return False
+    found = re.search(r"version (\d+)\.(\d+)", answer)
+    return found is not None and (int(found.group(1)), int(found.group(2))) >= (3, 24)
 
 
 def keep_wheels(built: Path, target: Path) -> None:

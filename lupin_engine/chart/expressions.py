@@ -231,7 +231,7 @@ class _Checker:
         root = self._parse()
         if root is None:
             return None
-        found = self._visit(root)
+        found = _as_quantity(self._visit(root), wanted)
         if not self._failed and not q.accepts(wanted, found.type):
             self._mismatch(root, wanted, found.type)
         if self._failed:
@@ -706,13 +706,22 @@ def _orderable(kind: Type) -> bool:
 
 def _as_quantity(typed: Typed, other: Type) -> Typed:
     """Read a text such as '5 s' as a number when it meets a number with a unit."""
-    tree = typed.tree
-    if not (
-        q.is_number(other) and other.unit and isinstance(tree, ast.Constant) and isinstance(tree.value, str)
-    ):
+    if typed.type.kind != "text" or not q.is_number(other) or not other.unit:
         return typed
-    quantity = parse_quantity(tree.value)
-    return typed if quantity is None else Typed(q.number(quantity[1]), ast.Constant(quantity[0]))
+    return _quantity(typed.tree) or typed
+
+
+def _quantity(tree: ast.expr) -> Typed | None:
+    """Return a written text as the quantity that it is, or None; also where a condition chooses the text."""
+    if isinstance(tree, ast.IfExp):
+        body, other = _quantity(tree.body), _quantity(tree.orelse)
+        if body is None or other is None or body.type != other.type:
+            return None
+        return Typed(body.type, ast.IfExp(tree.test, body.tree, other.tree))
+    if not isinstance(tree, ast.Constant) or not isinstance(tree.value, str):
+        return None
+    found = parse_quantity(tree.value)
+    return None if found is None else Typed(q.number(found[1]), ast.Constant(found[0]))
 
 
 def _dotted(node: ast.expr) -> str | None:

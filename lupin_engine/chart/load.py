@@ -68,7 +68,9 @@ def check_chart(
 
 def mission_files(folder: Path) -> list[Path]:
     """Return the missions of a folder, sorted by name."""
-    found = sorted(path for path in folder.glob("*.yaml") if path.name != LIFECYCLE)
+    found = sorted(
+        path for path in folder.glob("*.yaml") if path.name != LIFECYCLE and path.suffixes == [".yaml"]
+    )
     return [path for path in found if (head(path) or ("mission", ""))[0] == "mission"]
 
 

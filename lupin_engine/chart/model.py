@@ -17,8 +17,9 @@ from lupin_engine.errors import Place
 from lupin_engine.plugin.contract import Code, Operation, Parameter
 from lupin_engine.plugin.types import Type
 
-#: What an expression sees: root names (param, request, input, event, error, target, itinerary, context
-#: variables, `function:NAME`, `held`, `in_state`) to plain values and callables.
+#: What an expression sees: the records param, request, input, event, error, target and itinerary; `context`
+#: (variables by name); and the callables `known(input)`, `held(hold)`, `in_state(full_names)` and, in
+#: `functions`, those of the plugins by full name.
 Environment = Mapping[str, Any]
 
 
@@ -251,7 +252,7 @@ class Level:
 
 @dataclass(frozen=True)
 class Input:
-    """A live value of a plugin under the name that the chart reads it by; unknown when older than freshness."""
+    """A live value of a plugin under the chart's own name for it; unknown when older than freshness."""
 
     name: str
     value: str

@@ -295,7 +295,7 @@ class Session:
             if self.story is None or death.name == ORCHESTRATOR:
                 raise RunFailed(death.told)
             self._observer.note(death.told, Severity.ERROR)
-            self.story.note(time.monotonic(), Severity.ERROR, str(death))
+            self.story.note(time.monotonic(), Severity.ERROR, f"{death.name} {death.how}")
 
     # -- the end ----------------------------------------------------------------------------------------
 

@@ -33,10 +33,14 @@ class Death:
     log: Path
     last_lines: tuple[str, ...]
 
-    def __str__(self) -> str:
+    @property
+    def how(self) -> str:
+        """What happened to it."""
         killed = self.code < 0
-        how = f"was killed by {_signal_name(-self.code)}" if killed else f"ended with exit code {self.code}"
-        return f"{self.name} {how}; its log is {self.log}"
+        return f"was killed by {_signal_name(-self.code)}" if killed else f"ended with exit code {self.code}"
+
+    def __str__(self) -> str:
+        return f"{self.name} {self.how}; its log is {self.log}"
 
     @property
     def told(self) -> str:

@@ -56,7 +56,9 @@ class Machine:
         self._structure = structure or Structure(world.chart)
         self._timers = Timers(self.memory)
         self._content = Content(world, self.memory)
-        self._operations = Operations(world, self.memory, self._timers, self._report)
+        self._operations = Operations(
+            world, self.memory, self._timers, self._report, self._listens_while_held
+        )
         self._turn = Turn(Event("start"), 0.0)
 
     # -- the interface ----------------------------------------------------------------------------------
@@ -195,6 +197,9 @@ class Machine:
         """Say whether the engaged holds let a transition through."""
         held = self.memory.held if staying is None else staying
         return all(hold in rule.during or hold in rule.releases for hold in held)
+
+    def _listens_while_held(self, state: str, event: str) -> bool:
+        return any(self._passes(rule) for rule in self._structure.rules_of(state, event))
 
     def _holds(self, rule: Transition, cause: Cause) -> bool:
         """Evaluate a transition's guard; an unknown input is false, any other failure an error as well."""

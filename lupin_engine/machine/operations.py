@@ -26,6 +26,8 @@ from lupin_engine.plugin.contract import OnHold
 
 #: How long a cancelled attempt may keep its resource, in seconds (the reference's grace before docking).
 CANCEL_DEADLINE = 3.0
+#: What a state's transitions call the end that a server reports.
+_ENDS = {"done": "done", "failed": "error", "cancelled": "error"}
 CANCELLED_CODE = "operation_cancelled"
 
 
@@ -33,12 +35,24 @@ class Operations:
     """The invocations and attempts of one memory."""
 
     def __init__(
-        self, world: World, memory: Memory, timers: Timers, report: Callable[[str, str], None]
+        self,
+        world: World,
+        memory: Memory,
+        timers: Timers,
+        report: Callable[[str, str], None],
+        passes_holds: Callable[[str, str], bool],
     ) -> None:
+        """Make the operations of `memory`.
+
+        Args:
+            report: takes a code and its detail for `last_error`.
+            passes_holds: says whether a state has a transition for an event that the engaged holds let through.
+        """
         self._world = world
         self._memory = memory
         self._timers = timers
         self._report = report
+        self._passes_holds = passes_holds
 
     # -- invocations ------------------------------------------------------------------------------------
 
@@ -171,7 +185,7 @@ class Operations:
             attempt.phase = Phase.ACCEPTED
         elif kind == "progress":
             attempt.detail = event.data["detail"]
-        elif self._memory.held:
+        elif self._memory.held and not self._passes_holds(attempt.invocation, _ENDS[kind]):
             self._timers.disarm("timeout", attempt.id)
             self._memory.deferred.append(event)
             turn.notes.append(f"the answer of {attempt.operation} waits for the release")

@@ -164,19 +164,21 @@ class Orchestrator:
 
     def _stepped(self, step: Step) -> None:
         """Tell the world what a step did."""
-        if not (step.changed or step.notes or step.accepted is not None):
+        # Live values come all the time. The reports of attempts are told even when they change nothing: who
+        # watches sees what is waited for, and when the last goal has ended.
+        if step.event.name == "value" and not (step.changed or step.notes):
             self._publish_if_changed(self._machine.view)
             return
         view = self._machine.view
-        for moment in step.trail[:-1]:
-            self._publish_if_changed(view, moment)
-        self._publish_if_changed(view)
         for command in step.commands:
             if isinstance(command, Publish):
                 pose = self._machine.input_value("pose", self._clock.now())
                 self._observations.publish(messages.observation(command, pose, self._ros.stamp()))
             elif isinstance(command, Report):
                 self._report(command)
+        for moment in step.trail[:-1]:
+            self._publish_if_changed(view, moment)
+        self._publish_if_changed(view)
         self._log(step)
         record = {"time": self._clock.now(), "step": step_record(step), "view": view_record(view)}
         self._steps.publish(String(data=json.dumps(record, default=str)))

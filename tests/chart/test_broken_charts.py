@@ -18,7 +18,7 @@ BROKEN = CHARTS / "broken"
 MINI = CHARTS / "mini"
 
 CASES = sorted(
-    [path for path in BROKEN.glob("*.yaml")]
+    list(BROKEN.glob("*.yaml"))
     + [path for path in BROKEN.iterdir() if path.is_dir() and path.name != "parts"]
 )
 

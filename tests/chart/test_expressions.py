@@ -9,7 +9,14 @@ from typing import Any
 import pytest
 
 from lupin_engine.chart.compose import ITINERARY
-from lupin_engine.chart.expressions import MAX_CHARACTERS, Fragment, Scope, Usage, compile_expression, fragment_of
+from lupin_engine.chart.expressions import (
+    MAX_CHARACTERS,
+    Fragment,
+    Scope,
+    Usage,
+    compile_expression,
+    fragment_of,
+)
 from lupin_engine.chart.findings import Findings
 from lupin_engine.chart.model import Expression, UnknownInput
 from lupin_engine.chart.source import text_at
@@ -29,7 +36,9 @@ def record(name: str, **fields: Type) -> Type:
 def scope(catalog: Catalog) -> Scope:
     """A scope with one of everything."""
     names = {
-        "param": record("param", patience=DURATION, far=LENGTH, ratio=NUMBER, goal=COUNT, names=list_of(TEXT)),
+        "param": record(
+            "param", patience=DURATION, far=LENGTH, ratio=NUMBER, goal=COUNT, names=list_of(TEXT)
+        ),
         "request": record("request", goal=COUNT),
         "input": record(
             "input", estop=BOOL, pose=POSE, battery=record("input.battery", value=NUMBER, low=BOOL)
@@ -66,7 +75,10 @@ def environment(**changes: Any) -> Mapping[str, Any]:
         "context": {"reason": "battery", "visits": 4, "done": True},
         "held": lambda name: name == "pause",
         "in_state": lambda names: names,
-        "functions": {"approach": lambda target: {"x": target["x"], "y": 0.0, "yaw": 0.0}, "tags.named": list},
+        "functions": {
+            "approach": lambda target: {"x": target["x"], "y": 0.0, "yaw": 0.0},
+            "tags.named": list,
+        },
         **changes,
     }
 
@@ -180,7 +192,11 @@ def test_an_expression_notes_what_it_reads(catalog: Catalog) -> None:
         ("   reson", ANY, ["3: unknown name 'reson' [unknown-name]"]),
         ("reason == 3", BOOL, ["10: cannot compare text with a plain number [wrong-type]"]),
         ("visits", BOOL, ["0: expected bool, but 'visits' is a plain number [wrong-type]"]),
-        ("param.ratio", COUNT, ["0: expected a plain number, but 'param.ratio' is a plain number [wrong-type]"]),
+        (
+            "param.ratio",
+            COUNT,
+            ["0: expected a plain number, but 'param.ratio' is a plain number [wrong-type]"],
+        ),
         ("param.far", DURATION, ["0: expected duration (s), but 'param.far' is length (m) [wrong-unit]"]),
         ("5", DURATION, ["0: expected duration (s), but '5' is a plain number [wrong-unit]"]),
         ("param.far + param.patience", ANY, ["0: cannot compute length (m) + duration (s) [wrong-unit]"]),
@@ -192,7 +208,11 @@ def test_an_expression_notes_what_it_reads(catalog: Catalog) -> None:
         ("target.name", ANY, ["7: 'target' has no 'name' [unknown-name]"]),
         ("visits.x", ANY, ["7: 'visits' is a plain number, no record [unknown-name]"]),
         ("visits[0]", ANY, ["0: 'visits' is a plain number, only a list can be indexed [wrong-type]"]),
-        ("[1, 'a']", ANY, ["4: a list holds one type: the first is a plain number, this is text [wrong-type]"]),
+        (
+            "[1, 'a']",
+            ANY,
+            ["4: a list holds one type: the first is a plain number, this is text [wrong-type]"],
+        ),
         ("len(3)", ANY, ["4: '3' is a plain number, which has no length [wrong-type]"]),
         ("len()", ANY, ["0: len takes one argument, got 0 [missing-argument]"]),
         ("1 if visits else 2", ANY, ["5: expected bool, but 'visits' is a plain number [wrong-type]"]),
@@ -210,7 +230,9 @@ def test_an_expression_notes_what_it_reads(catalog: Catalog) -> None:
         ("a and b", BOOL, ["0: unknown name 'a' [unknown-name]", "6: unknown name 'b' [unknown-name]"]),
     ],
 )
-def test_a_mistake_is_told_at_its_column(source: str, wanted: Type, problems: list[str], scope: Scope) -> None:
+def test_a_mistake_is_told_at_its_column(
+    source: str, wanted: Type, problems: list[str], scope: Scope
+) -> None:
     """Every mistake of an expression at once, each where it stands."""
     assert refusals(source, scope, wanted) == problems
 
@@ -329,7 +351,7 @@ def test_a_product_of_integers_is_bounded_when_it_is_computed(scope: Scope) -> N
 def test_compiled_code_has_no_builtins(scope: Scope) -> None:
     """What the checker would let slip could still not reach Python's own functions."""
     code = compiled("len(param.names)", scope).evaluate
-    assert code.__globals__["__builtins__"] == {}  # type: ignore[attr-defined]
+    assert code.__globals__["__builtins__"] == {}
 
 
 @pytest.mark.parametrize(

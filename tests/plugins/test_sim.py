@@ -106,7 +106,7 @@ def test_the_robot_drives_turns_and_arrives() -> None:
     assert robot.remaining == 0.5
     robot.advance(102.0)
     assert (robot.pose.x, robot.arrived) == (1.0, False)
-    robot.advance(102.0 + math.pi / 2 / TURN_RATE)
+    robot.advance(102.0 + math.pi / 2 / (TURN_RATE * robot.speed))
     assert robot.arrived
     assert robot.pose == Pose(1.0, 0.0, math.pi / 2)
 
