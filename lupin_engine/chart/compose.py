@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import ast
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 from lupin_engine.chart.actions import ActionReader, raised_events
@@ -69,7 +69,6 @@ class Composed:
     drafts: Mapping[str, Draft]
     usage: Usage
     declared: Declared
-    copies: set[str] = field(default_factory=set)
 
 
 def compose(
@@ -340,6 +339,9 @@ class _Composer:
         proper = proper or [child for child in draft.children.values() if child.kind is not Kind.HISTORY]
         if len(proper) == 1:
             return proper[0].name
+        if not proper and not draft.slot and draft.part is None:
+            problem = "nothing inside this state can be entered"
+            self._findings.add(draft.place, "no-initial", draft.name, problem, "add a state inside")
         if proper and not draft.slot:
             names = ", ".join(repr(child.local) for child in proper)
             problem = f"it is not said which of {names} is entered first"
@@ -412,7 +414,7 @@ class _Composer:
             known = self._catalog.operations
             self._findings.unknown(node.at("do"), "unknown-operation", path, "operation", node.do, known)
             return None
-        given = node._raw.get("with")
+        given = node.mapping("with")
         arguments = read_arguments(
             node.do, operation.arguments, given, node.at("do"), scope, self._findings, f"{path}.with"
         )

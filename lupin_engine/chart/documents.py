@@ -97,6 +97,11 @@ class Node(BaseModel):
         text: Text = self._raw[key].keys_as_text[inner]
         return text
 
+    def mapping(self, key: str) -> Map | None:
+        """Return the mapping under `key` as it was read, with its places."""
+        found = self._raw.get(key) if isinstance(self._raw, Map) else None
+        return found if isinstance(found, Map) else None
+
     def value_at(self, key: str, *inner: str) -> Place:
         """Return where a value in nested mappings stands, as deep as there is one."""
         raw, found = self._raw, self.place

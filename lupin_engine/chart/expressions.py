@@ -257,10 +257,7 @@ class _Checker:
         try:
             root = ast.parse(source, mode="eval").body
         except SyntaxError as error:
-            if error.offset:
-                self._stop(error.offset - 1, f"not an expression: {error.msg}")
-            else:
-                self._stop(len(source), "not an expression: it ends too early")
+            self._stop(*_syntax(error, len(source)))
             return None
         except (ValueError, MemoryError, RecursionError):
             self._stop(0, "not an expression: too deeply nested, or not a text")
@@ -698,6 +695,15 @@ class _Checker:
                 argument, "wrong-type", f"{function} takes the name of {what}", f"write {function}('NAME')"
             )
         return name
+
+
+def _syntax(error: SyntaxError, length: int) -> tuple[int, str]:
+    """Return where and how Python stopped reading; in our words, for Python's change with every version."""
+    offset = (error.offset or length + 1) - 1
+    if offset >= length:
+        return length, "not an expression: it ends too early"
+    closed = "never closed" in error.msg
+    return offset, f"not an expression: {error.msg}" if closed else "not an expression from here on"
 
 
 def _orderable(kind: Type) -> bool:

@@ -141,6 +141,7 @@ class Forest:
             self._use(draft, node, node.use)
         else:
             self._children(draft, node.states, file, missions)
+        self._check_filled(draft, node)
         if node.history is not None:
             self._add_history(draft, node)
         if draft.children and draft.kind is Kind.ATOMIC:
@@ -216,6 +217,15 @@ class Forest:
             shown = key.rstrip("_")
             problem = f"a {draft.kind.value} state has no {shown!r}"
             self._findings.add(node.key_at(shown), "wrong-shape", draft.name, problem)
+
+    def _check_filled(self, draft: Draft, node: StateNode) -> None:
+        """Refuse what only a state with states inside can have, once it is known what is inside."""
+        if draft.children or draft.slot or node.use is not None:
+            return
+        for key, written in (("type", node.type == "parallel"), ("history", node.history is not None)):
+            if written:
+                problem = f"a state with '{key}: {getattr(node, key)}' has states inside, this has none"
+                self._findings.add(node.key_at(key), "wrong-shape", draft.name, problem, f"drop {key!r}")
 
     def _check_ordinary(self, draft: Draft, node: StateNode) -> None:
         if node.depth is not None:

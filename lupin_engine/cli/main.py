@@ -25,7 +25,7 @@ from lupin_engine.errors import ChartError, LupinError, nearest
 VERBS: Mapping[str, str] = MappingProxyType(
     {
         "run": "Run a mission over ROS 2 and watch it.",
-        "up": "Start the nodes of missions and leave the starting to the operator.",
+        "up": "Start the nodes of missions; an operator starts the missions.",
         "check": "Check missions and tell everything that is wrong with them.",
         "simulate": "Run a mission in virtual time, without ROS.",
         "test": "Run scenarios against missions, without ROS.",

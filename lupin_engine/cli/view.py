@@ -316,7 +316,8 @@ def summary(story: Story, now: float) -> Text:
     """Return the last line of a run."""
     counted = ((story.count(status), WORDS[status]) for status in STATUSES)
     counts = ", ".join(f"{count} {word}" for count, word in counted if count)
-    text = Text(story.lifecycle or "not ended", _VERDICT_STYLES[story.verdict])
+    stage = story.lifecycle if story.ended else f"given up in {story.lifecycle or 'its beginning'}"
+    text = Text(stage, _VERDICT_STYLES[story.verdict])
     text.append(
         f": {counts or 'none visited'} of {story.total} targets in {story.elapsed(now):.1f} s", "not bold"
     )

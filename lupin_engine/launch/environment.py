@@ -20,6 +20,17 @@ def close_the_doors(domain: int | None = None) -> None:
         os.environ[DOMAIN] = str(domain)
 
 
+def current_domain() -> int:
+    """Return the ROS domain of this process."""
+    text = os.environ.get(DOMAIN, "").strip()
+    return int(text) if text.isdecimal() else 0
+
+
+def is_local_only() -> bool:
+    """Say whether nobody outside this machine can be discovered."""
+    return os.environ.get(RANGE) == "LOCALHOST"
+
+
 def for_children(folder: Path) -> dict[str, str]:
     """Return the environment for the nodes of a run; ROS writes its own logs into `folder` too."""
     complete = environment.child_environment()

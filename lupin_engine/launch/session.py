@@ -13,7 +13,9 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from lupin_engine.errors import LupinError, Severity
+from lupin_engine.launch.environment import current_domain, is_local_only
 from lupin_engine.launch.interrupts import Interrupted, Interrupts
+from lupin_engine.launch.neighbours import participants
 from lupin_engine.launch.nodes import ORCHESTRATOR
 from lupin_engine.launch.plan import Plan, Present, Values, command, make_plan
 from lupin_engine.launch.story import Story
@@ -23,8 +25,9 @@ from lupin_engine.ros.operator import Answer, Operator
 
 #: Seconds between two looks at everything.
 TICK_S = 0.05
-#: The network is looked at until nothing new has appeared for this long, and at least (at most) this long.
-QUIET_S, LOOK_S, LOOK_LIMIT_S = 0.5, 1.0, 3.0
+#: The network is looked at until nothing new has appeared for this long; other machines get this long to
+#: appear; and no look takes longer than this.
+QUIET_S, LOOK_S, LOOK_LIMIT_S = 0.3, 2.0, 6.0
 #: How long nodes may take to appear and serve, in seconds.
 APPEAR_LIMIT_S = 30.0
 #: A wait as short as this is not worth telling, in seconds.
@@ -94,6 +97,7 @@ class Session:
         self._view: dict[str, Any] = {}
         #: The mission, once it was started.
         self.story: Story | None = None
+        self._is_up = False
         self._pending: list[tuple[str, dict[str, Any], float]] = []
 
     # -- bringing up ------------------------------------------------------------------------------------
@@ -124,6 +128,7 @@ class Session:
         self.supervisor.note_segments()
         if settings.settle or self.plan.joined:
             self._tick_for(SETTLE_S)
+        self._is_up = True
 
     @property
     def owns_orchestrator(self) -> bool:
@@ -131,17 +136,26 @@ class Session:
         return ORCHESTRATOR in self.plan.starts
 
     def _look_around(self) -> Present:
+        """Look until everybody on this machine is known, and nothing new has appeared for a moment."""
         begin = changed = time.monotonic()
-        seen: frozenset[str] = frozenset()
+        seen = Present()
         while (now := time.monotonic()) - begin < LOOK_LIMIT_S:
-            if now - begin >= LOOK_S and now - changed >= QUIET_S:
+            if now - changed >= QUIET_S and self._all_known(seen, now - begin):
                 break
             self._operator.spin(TICK_S)
             self._interrupts.check()
-            nodes = self._operator.nodes()
-            if nodes != seen:
-                seen, changed = nodes, now
-        return Present(seen, self._operator.services(), self._operator.actions())
+            found = Present(self._operator.nodes(), self._operator.services(), self._operator.actions())
+            if found != seen:
+                seen, changed = found, now
+        return seen
+
+    def _all_known(self, seen: Present, looked: float) -> bool:
+        """Say whether discovery has had its time, and found as many as there are on this machine."""
+        neighbours = participants(current_domain())
+        if neighbours is None:
+            return looked >= LOOK_S
+        # Our own participant is among them.
+        return len(seen.nodes) >= neighbours - 1 and (is_local_only() or looked >= LOOK_S)
 
     def _wait_for(self, missing: Callable[[], Sequence[str]], limit: float) -> None:
         """Wait until nothing is missing, telling what is whenever that changes."""
@@ -158,6 +172,10 @@ class Session:
             self._interrupts.check()
 
     def _missing_nodes(self) -> list[str]:
+        for name in self.plan.starts:
+            if self._operator.count(name) > 1:
+                text = f"a second {name} has appeared in this ROS domain; stop it or choose another --domain"
+                raise RunFailed(text)
         there = self._operator.nodes()
         missing = [f"node {name}" for name in self.plan.starts if name not in there]
         if missing:
@@ -226,10 +244,15 @@ class Session:
 
     def abort(self, story: Story) -> None:
         """Abort the mission and stop where the robot is, as far as that can be done in a short time."""
+        if self.owns_orchestrator and ORCHESTRATOR not in self.supervisor.names:
+            return  # nobody is left to ask
         self._observer.note("aborting the mission; once more to force", Severity.WARN)
         # The first sends the robot home, the second stops it on the way.
         for _ in range(2):
             answer = self._ask("abort")
+            if not answer.reached:
+                self._observer.note(f"the mission could not be aborted: {answer.text}", Severity.ERROR)
+                return
             if not answer.accepted or story.ended:
                 break
         still = lambda: (story.ended and not story.busy) or self._interrupts.insisted  # noqa: E731
@@ -245,9 +268,15 @@ class Session:
 
     # -- the loop ---------------------------------------------------------------------------------------
 
-    def watch(self) -> None:
-        """Keep the nodes running until the user stops or the orchestrator dies."""
+    def watch(self, told: Callable[[Mapping[str, Any]], None]) -> None:
+        """Keep the nodes running, telling the published state again and again.
+
+        Raises:
+            RunFailed: the orchestrator died.
+            Interrupted: the user wants to stop.
+        """
         while True:
+            told(self._state)
             self._tick()
             self._interrupts.check()
 
@@ -290,12 +319,13 @@ class Session:
 
     def _look_at_processes(self) -> None:
         for death in self.supervisor.deaths():
-            # Before the mission runs everything is needed. Later the mission has its own answer to a dead
-            # plugin: a declared error. Only without the orchestrator there is no mission.
-            if self.story is None or death.name == ORCHESTRATOR:
+            # At the start everything is needed. Later the mission has its own answer to a dead plugin: a
+            # declared error. Only without the orchestrator there is no mission.
+            if not self._is_up or death.name == ORCHESTRATOR:
                 raise RunFailed(death.told)
             self._observer.note(death.told, Severity.ERROR)
-            self.story.note(time.monotonic(), Severity.ERROR, f"{death.name} {death.how}")
+            if self.story is not None:
+                self.story.note(time.monotonic(), Severity.ERROR, f"{death.name} {death.how}")
 
     # -- the end ----------------------------------------------------------------------------------------
 

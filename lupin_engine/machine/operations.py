@@ -46,7 +46,7 @@ class Operations:
 
         Args:
             report: takes a code and its detail for `last_error`.
-            passes_holds: says whether a state has a transition for an event that the engaged holds let through.
+            passes_holds: says whether a state has a transition for an event that engaged holds let through.
         """
         self._world = world
         self._memory = memory

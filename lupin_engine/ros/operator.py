@@ -6,6 +6,7 @@ owner calls `spin` from its own loop; there is no thread.
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import time
@@ -87,14 +88,19 @@ class Operator:
         found = self._ros.node.get_node_names_and_namespaces()
         return frozenset(name for name, _ in found if name != self._ros.name)
 
+    def count(self, name: str) -> int:
+        """Return how many nodes have that name, namespaces aside."""
+        return sum(1 for found, _ in self._ros.node.get_node_names_and_namespaces() if found == name)
+
     def services(self) -> frozenset[str]:
         """Return the full names of all services that somebody serves."""
         mine = {self._ros.node.get_fully_qualified_name()}
         found: set[str] = set()
         for name, namespace in self._ros.node.get_node_names_and_namespaces():
             if f"{namespace.rstrip('/')}/{name}" not in mine:
-                served = self._ros.node.get_service_names_and_types_by_node(name, namespace)
-                found.update(service for service, _ in served)
+                with contextlib.suppress(RuntimeError):  # it left between the two questions
+                    served = self._ros.node.get_service_names_and_types_by_node(name, namespace)
+                    found.update(service for service, _ in served)
         return frozenset(found)
 
     def actions(self) -> frozenset[str]:

@@ -139,7 +139,7 @@ def load_scenario(file: str | Path, catalog: Catalog, charts: Charts | None = No
 
 
 def _folders(scenario: Path) -> list[Path]:
-    """Return where a scenario's mission is looked for: around the scenario, nearest first, then the shipped ones."""
+    """Return where a mission is looked for: around the scenario, nearest first, else the shipped ones."""
     around = [folder for parent in scenario.absolute().parents for folder in (parent, parent / "missions")]
     near = [folder for folder in around if (folder / LIFECYCLE).is_file()]
     return near or [default_missions_folder()]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import random
+import shutil
 import time
 from pathlib import Path
 
@@ -16,7 +18,7 @@ from lupin_engine.chart.load import (
     mission_files,
 )
 from lupin_engine.chart.model import Chart, Constant, Expression, Kind
-from lupin_engine.errors import ChartError, UsageError
+from lupin_engine.errors import ChartError, Severity, UsageError
 from lupin_engine.plugin.registry import Catalog
 
 CHARTS = Path(__file__).parents[1] / "charts"
@@ -33,6 +35,35 @@ def good(name: str, catalog: Catalog) -> Chart:
 def shipped(catalog: Catalog) -> Chart:
     """The shipped inspection mission."""
     return load_chart(MISSIONS / LIFECYCLE, [MISSIONS / "inspection.yaml"], catalog)
+
+
+def damaged(text: str, chance: random.Random) -> str:
+    """Break a file as an editor's user would: lines lost, doubled, moved; letters mistyped."""
+    lines = text.split("\n")
+    for _ in range(chance.choice([1, 1, 2, 4])):
+        at, other = chance.randrange(len(lines)), chance.randrange(len(lines))
+        line = lines[at]
+        column = chance.randrange(len(line) + 1)
+        changes = [
+            line[:column] + chance.choice("{}[]:'\"#&*!%@, x$-") + line[column + 1 :],
+            line[:column],
+            "  " + line,
+            line[2:],
+            lines[other],
+        ]
+        lines[at] = chance.choice(changes)
+    return "\n".join(lines)
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_no_damage_to_a_file_becomes_a_traceback(seed: int, tmp_path: Path, catalog: Catalog) -> None:
+    """Whatever is in the files: a chart, or findings that say where."""
+    chance = random.Random(seed)
+    shutil.copytree(MISSIONS, tmp_path, dirs_exist_ok=True)
+    path = chance.choice(sorted(tmp_path.rglob("*.yaml")))
+    path.write_text(damaged(path.read_text(), chance))
+    chart, found = check_chart(tmp_path / LIFECYCLE, [tmp_path / "inspection.yaml"], catalog)
+    assert chart is not None or any(d.severity is Severity.ERROR for d in found)
 
 
 @pytest.mark.parametrize("mission", sorted(GOOD.glob("*.yaml")), ids=lambda path: path.stem)

@@ -261,7 +261,7 @@ class Bench:
         self.now = 0.0
         self.steps: list[Step] = [self.machine.start(0.0)]
 
-    def send(self, name: str | Event, **data: Any) -> Step:
+    def send(self, name: str | Event, /, **data: Any) -> Step:
         """Let an event happen now."""
         event = name if isinstance(name, Event) else Event(name, data)
         step = self.machine.handle(event, self.now)
@@ -307,9 +307,6 @@ def said(step: Step) -> list[str]:
     """Return a step's commands as `start a1`, `cancel a1`, `act arm.preset`, `publish 7 OK`, `report`."""
     found = []
     for command in step.commands:
-        words = [type(command).__name__.lower()]
-        for name in ("attempt", "action", "target", "status"):
-            if hasattr(command, name):
-                words.append(getattr(command, name))
-        found.append(" ".join(words))
+        fields = (getattr(command, name, "") for name in ("attempt", "action", "target", "status"))
+        found.append(" ".join(filter(None, (type(command).__name__.lower(), *fields))))
     return found

@@ -1,0 +1,38 @@
+"""The options that several verbs share."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from lupin_engine.launch.environment import HIGHEST_DOMAIN
+
+settings = click.option(
+    "--set",
+    "settings",
+    metavar="NAME=VALUE",
+    multiple=True,
+    help="A parameter of the mission, such as nav_timeout_s='90 s'.",
+)
+sim = click.option(
+    "--sim",
+    metavar="NAME=VALUE",
+    multiple=True,
+    help="A parameter of the simulated robot, such as battery=0.1.",
+)
+speed = click.option(
+    "--speed",
+    type=click.FloatRange(min=0.02, max=20.0),
+    default=1.0,
+    help="How many times as fast the simulated robot drives.",
+)
+no_sim = click.option("--no-sim", is_flag=True, help="Start no simulated robot: wait for the real one.")
+domain = click.option(
+    "--domain",
+    type=click.IntRange(min=0, max=HIGHEST_DOMAIN),
+    help="ROS domain; default: ROS_DOMAIN_ID, else 0.",
+)
+log_dir = click.option(
+    "--log-dir", type=click.Path(file_okay=False, path_type=Path), help="Folder for the nodes' logs."
+)

@@ -1,0 +1,235 @@
+"""Actions, inputs, itineraries, and what becomes of an error in them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from lupin_engine.machine.event import Publish, Report
+from tests.machine.charts import PAUSE, Bench, chart, said
+
+BROKEN = ("arm.preset", {"name": lambda env: env["absent"]})
+
+
+# -- errors -----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("where", ["entry", "exit", "action", "guard"])
+def test_an_error_leads_to_fault_with_its_place(where: str) -> None:
+    """An exception in an action or a guard is the chart's FAULT, never a traceback."""
+    first: dict[str, Any] = {"on": {"go": {"target": "B"}}}
+    second: dict[str, Any] = {}
+    if where == "entry":
+        second["entry"] = [BROKEN, "never.done"]
+    elif where == "exit":
+        first["exit"] = BROKEN
+    elif where == "action":
+        first["on"]["go"]["do"] = BROKEN
+    else:
+        first["on"]["go"]["guard"] = lambda env: env["absent"]
+    bench = Bench(chart({"A": first, "B": second, "FAULT": {}}))
+    step = bench.send("go")
+    assert bench.leaves == ["FAULT"]
+    assert bench.machine.view.code == "execution_error"
+    assert bench.machine.view.detail.startswith("test.yaml:1:1: ")
+    assert "never.done" not in str(step.commands)
+
+
+def test_the_states_own_error_handler_goes_first() -> None:
+    """A state that handles errors hears of its own."""
+    state = {
+        "entry": BROKEN,
+        "on_error": {"target": "C", "do": ("set", {"seen": lambda env: env["error"]["code"]})},
+    }
+    bench = Bench(chart({"A": state, "C": {}, "FAULT": {}}, context={"seen": ""}))
+    assert bench.leaves == ["C"]
+    assert bench.context["seen"] == "execution_error"
+
+
+def test_an_error_in_the_error_handler_leads_to_fault() -> None:
+    """A guard that fails in `on_error` does not send the engine round in circles."""
+    handler = {"target": "C", "guard": lambda env: env["absent"]}
+    bench = Bench(chart({"A": {"entry": BROKEN, "on_error": handler}, "C": {}, "FAULT": {}}))
+    assert bench.leaves == ["FAULT"]
+
+
+def test_an_error_without_fault_is_told() -> None:
+    """A chart without FAULT stays where it is; the step says what nobody handled."""
+    bench = Bench(chart({"A": {"on": {"go": {"do": BROKEN}}}}))
+    step = bench.send("go")
+    assert step.notes == (
+        "test.yaml:1:1: arm.preset: 'absent'",
+        "nobody handles the error test.yaml:1:1: arm.preset: 'absent'",
+    )
+
+
+def test_an_error_in_fault_does_not_repeat() -> None:
+    """An entry action of FAULT that fails leads nowhere."""
+    bench = Bench(chart({"A": {"on": {"go": "FAULT"}}, "FAULT": {"entry": BROKEN}}))
+    bench.send("go")
+    assert bench.leaves == ["FAULT"]
+
+
+def test_a_failing_guard_of_an_eventless_transition_is_one_error() -> None:
+    """It is asked again in every microstep and reported once."""
+    state = {
+        "always": {"target": "B", "guard": lambda env: env["absent"]},
+        "on": {"error.execution": {"do": "told"}},
+    }
+    bench = Bench(chart({"A": state, "B": {}}))
+    assert bench.commands == ["act told"]
+
+
+def test_a_timer_that_cannot_be_computed_is_an_error() -> None:
+    """No state waits for a time that nobody knows."""
+    bench = Bench(chart({"A": {"after": {(lambda env: 1 / 0): "B"}}, "B": {}, "FAULT": {}}))
+    assert bench.leaves == ["FAULT"]
+
+
+def test_an_itinerary_that_cannot_be_computed_is_an_error() -> None:
+    """A mission without a list of targets is over before it begins."""
+    bench = Bench(chart({"A": {"itinerary": lambda env: env["absent"]}, "FAULT": {}}))
+    assert bench.leaves == ["FAULT"]
+
+
+# -- inputs -----------------------------------------------------------------------------------------------
+
+BATTERY = {"battery": {"value": "robot.battery", "levels": {"low": (0.2, 0.05)}}}
+
+
+def charge(bench: Bench, value: float) -> None:
+    """Let the battery have a charge."""
+    bench.send("value", name="robot.battery", value=value, stamp=bench.now)
+
+
+def test_a_guard_on_an_unknown_input_is_false_and_says_so() -> None:
+    """Nothing is assumed of a value that was never reported."""
+    rule = {"target": "B", "guard": lambda env: env["input"]["battery"]["low"]}
+    bench = Bench(chart({"A": {"on": {"go": rule}}, "B": {}}, inputs=BATTERY))
+    step = bench.send("go")
+    assert bench.leaves == ["A"]
+    assert step.notes[0] == "test.yaml:1:1: guard: input.battery is unknown"
+
+
+def test_a_value_older_than_its_freshness_is_unknown() -> None:
+    """What was true once need not be true now."""
+    inputs = {"pose": {"freshness": 2.0}}
+    rule = {"target": "B", "guard": lambda env: env["known"]("pose")}
+    for waited, expected in ((2.0, "B"), (2.1, "A")):
+        bench = Bench(chart({"A": {"on": {"go": rule}}, "B": {}}, inputs=inputs))
+        bench.send("value", name="pose", value=1, stamp=0.0)
+        bench.wait(waited)
+        bench.send("go")
+        assert bench.leaves == [expected]
+
+
+def test_a_level_is_a_state_of_the_world_not_an_edge() -> None:
+    """A transition on a level is taken whenever the level is true, also when it rose before."""
+    states = {"A": {"on": {"go": "B"}}, "B": {"on": {"input.battery.low": "C"}}, "C": {}}
+    bench = Bench(chart(states, inputs=BATTERY))
+    charge(bench, 0.1)
+    assert bench.leaves == ["A"]
+    bench.send("go")
+    assert bench.leaves == ["C"]
+
+
+def test_a_level_has_hysteresis() -> None:
+    """A low battery is low until it is clearly charged."""
+    bench = Bench(chart({"A": {}}, inputs=BATTERY))
+    found = []
+    for value in (0.5, 0.19, 0.2, 0.24, 0.25, 0.21):
+        charge(bench, value)
+        found.append(bench.machine.memory.levels["battery", "low"])
+    assert found == [False, True, True, True, False, False]
+
+
+def test_levels_wait_while_held() -> None:
+    """A level does not move a held chart, unless its transition says so."""
+    for during, expected in (((), "A"), (("pause",), "B")):
+        states = {"A": {"on": {"input.battery.low": {"target": "B", "during": during}}}, "B": {}}
+        bench = Bench(chart(states, inputs=BATTERY, holds={"pause": PAUSE}))
+        bench.send("operator.pause")
+        charge(bench, 0.1)
+        assert bench.leaves == [expected]
+        bench.send("operator.resume")
+        assert bench.leaves == ["B"]
+
+
+# -- itineraries ------------------------------------------------------------------------------------------
+
+
+def walking(**on: Any) -> Bench:
+    """Return a bench that walks the targets 1, 2 and 3."""
+    items = [{"id": name} for name in ("1", "2", "3")]
+    walk = {"itinerary": items, "states": {"VISIT": {"on": {name: {"do": do} for name, do in on.items()}}}}
+    out = {"W": {**walk, "on": {"out": "Z"}}, "Z": {"on": {"back": "W"}}}
+    return Bench(chart(out))
+
+
+CLOSE = ("itinerary.close", {"status": "OK", "reading": {"t": 21}})
+FAIL = ("itinerary.close", {"status": "SCAN_FAILED", "code": "scan_timeout", "detail": "5 s"})
+REST = ("itinerary.close_rest", {"status": "SKIPPED", "code": "mission_aborted"})
+
+
+def test_closing_publishes_once() -> None:
+    """A visit is closed exactly once; the second time changes nothing and says so."""
+    bench = walking(close=CLOSE, fail=FAIL)
+    step = bench.send("close")
+    assert step.commands == (Publish("", "", "1", "OK", "", "", {"t": 21}),)
+    again = bench.send("fail")
+    assert again.commands == ()
+    assert again.notes == ("itinerary.close refused: the current visit is closed already",)
+
+
+def test_an_open_visit_cannot_be_left_behind() -> None:
+    """`advance` is refused while the current visit has no outcome."""
+    bench = walking(next="itinerary.advance", close=CLOSE)
+    step = bench.send("next")
+    assert step.notes == ("itinerary.advance refused: the current visit is open",)
+    bench.send("close")
+    bench.send("next")
+    assert bench.machine.view.target == "2"
+
+
+def test_close_rest_closes_what_is_open() -> None:
+    """Every open visit gets its outcome, in order, and only those."""
+    bench = walking(close=CLOSE, rest=REST)
+    bench.send("close")
+    step = bench.send("rest")
+    assert said(step) == ["publish 2 SKIPPED", "publish 3 SKIPPED"]
+    assert bench.send("rest").commands == ()
+    view = bench.machine.view
+    assert (view.total, view.completed, view.skipped) == (3, 1, 2)
+
+
+def test_an_itinerary_survives_its_state() -> None:
+    """Who comes back goes on with the same list at the same place."""
+    bench = walking(close=CLOSE, next="itinerary.advance")
+    for event in ("close", "next", "out"):
+        bench.send(event)
+    assert bench.machine.view.target == ""
+    bench.send("back")
+    assert bench.machine.view.target == "2"
+
+
+def test_a_summary_tells_every_visit() -> None:
+    """The last word holds closed and open visits."""
+    bench = walking(fail=FAIL, sum="report.summary")
+    bench.send("fail")
+    (report,) = bench.send("sum").commands
+    assert isinstance(report, Report)
+    assert [(visit["target"], visit["status"], visit["code"]) for visit in report.visits] == [
+        ("1", "SCAN_FAILED", "scan_timeout"),
+        ("2", "", ""),
+        ("3", "", ""),
+    ]
+
+
+def test_context_is_written_by_set() -> None:
+    """`set` evaluates against what was before it."""
+    rule = {"do": ("set", {"n": lambda env: env["context"]["n"] + 1})}
+    bench = Bench(chart({"A": {"on": {"go": rule}}}, context={"n": 1}))
+    bench.send("go")
+    bench.send("go")
+    assert bench.context["n"] == 3

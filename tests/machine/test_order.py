@@ -1,0 +1,381 @@
+"""What is left, done and entered, and in which order: SCXML's answers."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from lupin_engine.machine.machine import CycleError
+from tests.machine.charts import Bench, chart
+
+
+def loud(name: str, **described: Any) -> dict[str, Any]:
+    """Return a state that says when it is entered and left."""
+    return {"entry": f"enter.{name}", "exit": f"exit.{name}", **described}
+
+
+NESTED = {
+    "A": loud(
+        "A",
+        states={
+            "B": loud(
+                "B", states={"C": loud("C", on={"go": {"target": "Z", "do": "transition"}}), "D": loud("D")}
+            ),
+            "E": loud("E"),
+        },
+        on={"up": "A", "side": "E", "down": "B.D", "inside": {"target": "E", "internal": True}},
+    ),
+    "Z": loud("Z", states={"Y": loud("Y"), "X": loud("X")}, initial="X"),
+}
+
+
+def done(bench: Bench) -> list[str]:
+    """Return the actions that the last step carried out, in order."""
+    return [word.removeprefix("act ") for word in bench.commands]
+
+
+def test_exits_go_outwards_entries_inwards() -> None:
+    """Children are left before parents, then the transition acts, then parents are entered before children."""
+    bench = Bench(chart(NESTED))
+    assert done(bench) == ["enter.A", "enter.B", "enter.C"]
+    step = bench.send("go")
+    assert done(bench) == ["exit.C", "exit.B", "exit.A", "transition", "enter.Z", "enter.X"]
+    assert step.exited == ("A.B.C", "A.B", "A")
+    assert step.entered == ("Z", "Z.X")
+    assert bench.leaves == ["Z.X"]
+
+
+@pytest.mark.parametrize(
+    ("event", "expected"),
+    [
+        ("up", ["exit.C", "exit.B", "exit.A", "enter.A", "enter.B", "enter.C"]),
+        ("side", ["exit.C", "exit.B", "exit.A", "enter.A", "enter.E"]),
+        ("down", ["exit.C", "exit.B", "exit.A", "enter.A", "enter.B", "enter.D"]),
+        ("inside", ["exit.C", "exit.B", "enter.E"]),
+    ],
+)
+def test_an_external_transition_leaves_its_source(event: str, expected: list[str]) -> None:
+    """A transition leaves and re-enters its source state unless it says that it is internal."""
+    bench = Bench(chart(NESTED))
+    bench.send(event)
+    assert done(bench) == expected
+
+
+def test_inner_states_answer_first() -> None:
+    """An event is offered to the innermost state, then outwards."""
+    bench = Bench(chart({"A": {"states": {"B": {"on": {"go": "C"}}, "C": {}}, "on": {"go": "Z"}}, "Z": {}}))
+    bench.send("go")
+    assert bench.leaves == ["A.C"]
+    bench.send("go")
+    assert bench.leaves == ["Z"]
+
+
+def test_the_first_written_wins() -> None:
+    """Of several transitions of a state the first one whose guard holds is taken."""
+    rules = [
+        {"target": "B", "guard": lambda env: env["event"].get("b")},
+        {"target": "C", "guard": lambda env: env["event"].get("c")},
+        "D",
+    ]
+    states = {"A": {"on": {"go": rules}}, "B": {}, "C": {}, "D": {}}
+    for data, expected in (({"b": 1, "c": 1}, "B"), ({"c": 1}, "C"), ({}, "D")):
+        bench = Bench(chart(states))
+        bench.send("go", **data)
+        assert bench.leaves == [expected]
+
+
+def test_a_false_guard_lets_the_parent_answer() -> None:
+    """A transition whose guard is false leaves the event to the outer states."""
+    inner = {"B": {"on": {"go": {"target": "C", "guard": lambda env: False}}}, "C": {}}
+    bench = Bench(chart({"A": {"states": inner, "on": {"go": "Z"}}, "Z": {}}))
+    bench.send("go")
+    assert bench.leaves == ["Z"]
+
+
+def test_names_and_wildcards_compete_in_the_order_written() -> None:
+    """A wildcard written first is taken before an exact name."""
+    bench = Bench(chart({"A": {"on": {"nav.*": "B", "nav.gone": "C", "*": "D"}}, "B": {}, "C": {}, "D": {}}))
+    bench.send("nav.gone")
+    assert bench.leaves == ["B"]
+
+
+def test_a_transition_without_target_acts_and_stays() -> None:
+    """Without a target nothing is left or entered."""
+    bench = Bench(chart({"A": {"on": {"go": {"do": "wave"}}}}))
+    step = bench.send("go")
+    assert done(bench) == ["wave"]
+    assert (step.exited, step.entered) == ((), ())
+
+
+def test_the_engine_says_that_nobody_listens() -> None:
+    """An event that nothing listens to changes nothing, and the step says why."""
+    bench = Bench(chart({"A": {}}))
+    step = bench.send("greenhouse.flooded")
+    assert not step.changed
+    assert step.notes == ("nobody listens to greenhouse.flooded",)
+
+
+# -- eventless transitions and internal events ------------------------------------------------------------
+
+
+def test_eventless_transitions_go_before_internal_events() -> None:
+    """What needs no event is taken first, then what was raised, then the next event from outside."""
+    states = {
+        "A": {"on": {"go": {"target": "B", "do": ("raise", {"event": "ping"})}}},
+        "B": {"always": "C", "on": {"ping": "WRONG"}},
+        "C": {"on": {"ping": "D"}},
+        "D": {},
+        "WRONG": {},
+    }
+    bench = Bench(chart(states))
+    step = bench.send("go")
+    assert bench.leaves == ["D"]
+    assert step.entered == ("B", "C", "D")
+
+
+def test_internal_events_keep_their_order() -> None:
+    """Raised events are processed in the order in which they were raised."""
+    raising = [("raise", {"event": "one"}), ("raise", {"event": "two"})]
+    states = {"A": {"entry": raising, "on": {"one": {"do": "first"}, "two": {"do": "second"}}}}
+    assert done(Bench(chart(states))) == ["first", "second"]
+
+
+def test_a_cycle_of_eventless_transitions_is_told() -> None:
+    """A chart that never comes to rest is an error that names the transitions that repeat."""
+    states = {
+        "A": {"on": {"go": "B"}},
+        "B": {"always": {"target": "C", "id": "b-to-c"}},
+        "C": {"always": "B"},
+    }
+    bench = Bench(chart(states))
+    with pytest.raises(CycleError, match=r"does not come to rest after go: it repeats .*b-to-c"):
+        bench.send("go")
+
+
+# -- done -------------------------------------------------------------------------------------------------
+
+
+def test_a_final_child_ends_its_parent() -> None:
+    """Reaching a final state raises `done` for its parent, and only for that."""
+    inner = {"B": {"on": {"go": "end"}}, "end": {"kind": "final"}}
+    outer = {"M": {"states": inner, "on_done": "N"}, "N": {}}
+    bench = Bench(chart({"A": {"states": outer, "on_done": "WRONG"}, "WRONG": {}}))
+    bench.send("go")
+    assert bench.leaves == ["A.N"]
+
+
+def test_a_parallel_state_is_done_when_all_regions_are() -> None:
+    """`done` of a parallel state comes with the last of its regions, whatever their order."""
+    regions = {
+        "R": {"states": {"r": {"on": {"r.end": "f"}}, "f": {"kind": "final"}}},
+        "S": {"states": {"s": {"on": {"s.end": "f"}}, "f": {"kind": "final"}}},
+    }
+    for first, second in (("r.end", "s.end"), ("s.end", "r.end")):
+        bench = Bench(chart({"P": {"kind": "parallel", "states": regions, "on_done": "Z"}, "Z": {}}))
+        bench.send(first)
+        assert "P" in bench.machine.memory.configuration
+        bench.send(second)
+        assert bench.leaves == ["Z"]
+
+
+def test_a_history_child_does_not_keep_a_parallel_state_from_its_end() -> None:
+    """A history state is no region."""
+    region = {"states": {"r": {"on": {"end": "f"}}, "f": {"kind": "final"}}}
+    states = {"R": region, "H": {"kind": "history", "depth": 1}}
+    bench = Bench(chart({"P": {"kind": "parallel", "states": states, "on_done": "Z"}, "Z": {}}))
+    bench.send("end")
+    assert bench.leaves == ["Z"]
+
+
+def test_a_parallel_region_ends_when_its_own_regions_do() -> None:
+    """A region that is parallel itself has ended when all of its regions have."""
+    region = {"states": {"r": {"on": {"end": "f"}}, "f": {"kind": "final"}}}
+    inner = {"kind": "parallel", "states": {"I": region, "J": region}}
+    bench = Bench(
+        chart({"P": {"kind": "parallel", "states": {"Q": inner, "R": region}, "on_done": "Z"}, "Z": {}})
+    )
+    bench.send("end")
+    assert bench.leaves == ["Z"]
+
+
+# -- parallel ---------------------------------------------------------------------------------------------
+
+PARALLEL = {
+    "P": {
+        "kind": "parallel",
+        "states": {
+            "R": loud("R", states={"r1": loud("r1", on={"both": "r2", "mix": "Z"}), "r2": loud("r2")}),
+            "S": loud("S", states={"s1": loud("s1", on={"both": "s2", "mix": "s2"}), "s2": loud("s2")}),
+        },
+        "on": {"out": "Z", "into": "S.s2"},
+    },
+    "Z": loud("Z"),
+}
+
+
+def test_every_region_answers() -> None:
+    """One event moves every region that listens, in document order: all exits, then all entries."""
+    bench = Bench(chart(PARALLEL))
+    bench.send("both")
+    assert bench.leaves == ["P.R.r2", "P.S.s2"]
+    assert done(bench) == ["exit.s1", "exit.r1", "enter.r2", "enter.s2"]
+
+
+def test_leaving_a_parallel_state_leaves_all_regions() -> None:
+    """The later region is left first, children before parents."""
+    bench = Bench(chart(PARALLEL))
+    bench.send("out")
+    assert done(bench) == ["exit.s1", "exit.S", "exit.r1", "exit.R", "enter.Z"]
+
+
+def test_conflicting_transitions_the_first_region_wins() -> None:
+    """A region that leaves the parallel state wins over what a later region wants to do in it."""
+    bench = Bench(chart(PARALLEL))
+    bench.send("mix")
+    assert bench.leaves == ["Z"]
+
+
+def test_an_inner_transition_wins_over_an_outer_one() -> None:
+    """A transition of the parallel state gives way to one of a region, although it was found first."""
+    regions = {"R": {"states": {"r": {}}}, "S": {"states": {"s1": {"on": {"go": "s2"}}, "s2": {}}}}
+    bench = Bench(chart({"P": {"kind": "parallel", "states": regions, "on": {"go": "Z"}}, "Z": {}}))
+    bench.send("go")
+    assert bench.leaves == ["P.R.r", "P.S.s2"]
+
+
+def test_a_target_in_one_region_enters_the_others_anew() -> None:
+    """Entering a region by name enters its neighbours with their first states."""
+    bench = Bench(chart(PARALLEL))
+    bench.send("both")
+    bench.send("into")
+    assert bench.leaves == ["P.R.r1", "P.S.s2"]
+
+
+def test_guards_see_the_state_before_the_step() -> None:
+    """No region's guard sees what another region does in the same step."""
+    regions = {
+        "R": {"states": {"r1": {"on": {"go": "r2"}}, "r2": {}}},
+        "S": {"states": {"s1": {"on": {"go": {"target": "s2", "guard": _in("P.R.r1")}}}, "s2": {}}},
+    }
+    bench = Bench(chart({"P": {"kind": "parallel", "states": regions}}))
+    bench.send("go")
+    assert bench.leaves == ["P.R.r2", "P.S.s2"]
+
+
+def _in(state: str) -> Any:
+    return lambda env: env["in_state"]((state,))
+
+
+# -- history ----------------------------------------------------------------------------------------------
+
+
+def remembering(depth: int | None) -> dict[str, Any]:
+    """Return states with a history in M, `depth` levels deep."""
+    inner = {"B": {"states": {"b1": {"on": {"next": "b2"}}, "b2": {}}}, "C": {}}
+    return {
+        "M": {
+            "states": {"A": {"on": {"next": "B"}}, **inner, "H": {"kind": "history", "depth": depth}},
+            "on": {"out": "Z"},
+        },
+        "Z": {"on": {"back": "M.H"}},
+    }
+
+
+@pytest.mark.parametrize(("depth", "expected"), [(1, "M.B.b1"), (2, "M.B.b2"), (None, "M.B.b2")])
+def test_history(depth: int | None, expected: str) -> None:
+    """Shallow history comes back to the child, deep history to the leaf."""
+    bench = Bench(chart(remembering(depth)))
+    for event in ("next", "next", "out", "back"):
+        bench.send(event)
+    assert bench.leaves == [expected]
+
+
+def test_history_without_a_past_enters_the_parent() -> None:
+    """Who comes back to where nobody was begins there."""
+    bench = Bench(chart(remembering(1), initial="Z"))
+    bench.send("back")
+    assert bench.leaves == ["M.A"]
+
+
+def test_deep_history_remembers_every_region() -> None:
+    """Deep history of a parallel state restores all of its regions."""
+    regions = {
+        "R": {"states": {"r1": {"on": {"r": "r2"}}, "r2": {}}},
+        "S": {"states": {"s1": {"on": {"s": "s2"}}, "s2": {}}},
+        "H": {"kind": "history", "depth": None},
+    }
+    bench = Bench(
+        chart(
+            {"P": {"kind": "parallel", "states": regions, "on": {"out": "Z"}}, "Z": {"on": {"back": "P.H"}}}
+        )
+    )
+    for event in ("s", "out", "back"):
+        bench.send(event)
+    assert bench.leaves == ["P.R.r1", "P.S.s2"]
+
+
+def test_history_from_within_keeps_the_parent_active() -> None:
+    """A transition to the history of a state that is active stays inside it."""
+    inner = {"A": {"on": {"again": "M.H"}}, "B": {}, "H": {"kind": "history", "depth": 1}}
+    bench = Bench(chart({"M": {"states": inner, "entry": "enter.M"}}))
+    step = bench.send("again")
+    assert step.exited == ("M.A",)
+    assert step.entered == ("M.A",)
+    assert bench.machine.memory.configuration == ("", "M", "M.A")
+
+
+def test_resume_at_chooses_the_child() -> None:
+    """A state that comes back by history goes on where `resume_at` says, and begins normally otherwise."""
+    walk = {
+        "states": {"DRIVE": {"on": {"next": "SCAN"}}, "SCAN": {}, "SHOW": {}},
+        "resume_at": [{"target": "SHOW", "guard": lambda env: env["context"]["closed"]}, {"target": "DRIVE"}],
+    }
+    history = {"kind": "history", "depth": 1}
+    states = {
+        "M": {"states": {"W": walk, "H": history}, "on": {"out": "Z"}},
+        "Z": {"on": {"back": "M.H", "anew": "M"}},
+    }
+    for closed, expected in ((True, "M.W.SHOW"), (False, "M.W.DRIVE")):
+        bench = Bench(chart(states, context={"closed": closed}))
+        for event in ("next", "out", "back"):
+            bench.send(event)
+        assert bench.leaves == [expected]
+        bench.send("out")
+        bench.send("anew")
+        assert bench.leaves == ["M.W.DRIVE"]
+
+
+# -- timers -----------------------------------------------------------------------------------------------
+
+
+def test_a_timer_belongs_to_its_state() -> None:
+    """`after` counts from the entry and is gone when the state is left."""
+    states = {"A": {"after": {5.0: "B"}, "on": {"again": "A", "away": "C"}}, "B": {}, "C": {}}
+    bench = Bench(chart(states))
+    bench.wait(4.0)
+    bench.send("again")
+    assert bench.wait(4.9) == []
+    assert [step.time for step in bench.wait(1.0)] == [9.0]
+    assert bench.leaves == ["B"]
+    other = Bench(chart(states))
+    other.send("away")
+    assert other.machine.next_deadline is None
+
+
+def test_timers_fire_in_the_order_of_time_then_of_arming() -> None:
+    """Of two timers that are due together the one that was armed first fires first."""
+    acts = {2.0: {"do": "late"}, 1.0: {"do": "early"}, 1.0 + 1e-12: {"do": "next"}}
+    bench = Bench(chart({"A": {"after": acts}}))
+    bench.wait(1.0 + 1e-9)
+    bench.wait(1.0)
+    found = [word for step in bench.steps for command in step.commands for word in [command.action]]
+    assert found == ["early", "next", "late"]
+
+
+def test_a_timer_of_no_time_still_lets_the_step_end() -> None:
+    """`after: 0 s` is due at once, in a step of its own."""
+    bench = Bench(chart({"A": {"after": {0.0: "B"}}, "B": {}}))
+    assert bench.leaves == ["A"]
+    bench.wait(0.0)
+    assert bench.leaves == ["B"]
