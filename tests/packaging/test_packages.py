@@ -21,8 +21,10 @@ def test_nothing_at_the_root_hides_lupin_msgs_from_colcon(name: str) -> None:
     assert not (ROOT / name).exists()
 
 
-def test_colcon_leaves_the_subsets_alone() -> None:
-    assert (ROOT / "interfaces" / "COLCON_IGNORE").exists()
+@pytest.mark.parametrize("folder", ["interfaces", "lupin_engine", "plugins"])
+def test_colcon_leaves_all_but_lupin_msgs_alone(folder: str) -> None:
+    # It takes any module that is called setup.py for a package's.
+    assert (ROOT / folder / "COLCON_IGNORE").exists()
 
 
 def build_requirements(folder: Path) -> list[str]:

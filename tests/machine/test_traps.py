@@ -1,0 +1,267 @@
+"""Where the state-machine library and SCXML differ: what the stock machine does, and that we follow SCXML.
+
+Each test shows both. If a new version of the library changes its answer, the test says so.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from transitions import MachineError
+from transitions.extensions.nesting import HierarchicalMachine
+
+from lupin_engine.machine.structure import build_machine
+from tests.machine.charts import Bench, chart
+
+
+class Model:
+    """What the stock machine moves; it notes the callbacks that it gets."""
+
+    def __init__(self) -> None:
+        self.state: Any = None
+        self.heard: list[str] = []
+
+    def note(self, text: str) -> Any:
+        """Return a callback that notes `text`."""
+        return lambda *_: self.heard.append(text)
+
+
+def stock(model: Model, states: list[Any], transitions: list[Any], **more: Any) -> HierarchicalMachine:
+    """Return a stock machine as its documentation builds one."""
+    return HierarchicalMachine(
+        model=model, states=states, transitions=transitions, auto_transitions=False, queued=True, **more
+    )
+
+
+def both(states: dict[str, Any], *events: str) -> tuple[Any, list[str]]:
+    """Send `events` to the stock machine of our layout and to ours; return both states at the end."""
+    given = chart(states)
+    model = Model()
+    machine = build_machine(given)
+    machine.add_model(model)
+    bench = Bench(given)
+    for event in events:
+        live = {"in_state": lambda names: any(_active(model.state, f"chart.{name}") for name in names)}
+        model.trigger(event, environment=live)  # type: ignore[attr-defined]
+        bench.send(event)
+    return model.state, bench.leaves
+
+
+def _active(state: Any, name: str) -> bool:
+    if isinstance(state, list):
+        return any(_active(inner, name) for inner in state)
+    return bool(state == name or str(state).startswith(f"{name}."))
+
+
+def region(name: str, **on: Any) -> dict[str, Any]:
+    """Return a region with the states x1, x2 and x3 for region x."""
+    return {"states": {f"{name}1": {"on": on}, f"{name}2": {}, f"{name}3": {}}}
+
+
+# 1 -------------------------------------------------------------------------------------------------------
+
+
+def test_1_a_transition_of_a_parallel_state_is_taken_once() -> None:
+    """Stock: declared inside the parallel state, one event moves a region once per active region."""
+    moves = [["go", "a_1", "a_2"], ["go", "a_2", "a_3"]]
+    regions = [
+        {"name": "a", "children": ["1", "2", "3"], "initial": "1"},
+        {"name": "b", "children": ["1", "2"], "initial": "1"},
+    ]
+    model = Model()
+    machine = stock(model, [{"name": "P", "parallel": regions, "transitions": moves}], [], initial="P")
+    model.go()  # type: ignore[attr-defined]
+    assert model.state == ["P_a_3", "P_b_1"]
+    assert machine is not None
+
+    inner = {"a": {"states": {"1": {}, "2": {}, "3": {}}}, "b": {"states": {"1": {}, "2": {}}}}
+    inner["a"]["states"] = {"1": {"on": {"go": "2"}}, "2": {"on": {"go": "3"}}, "3": {}}
+    bench = Bench(chart({"P": {"kind": "parallel", "states": inner}}))
+    bench.send("go")
+    assert bench.leaves == ["P.a.2", "P.b.1"]
+
+
+# 2 -------------------------------------------------------------------------------------------------------
+
+
+def test_2_a_transition_of_the_root_is_taken_once() -> None:
+    """Stock: with several active root states, one event moves the first once per root state."""
+    model = Model()
+    states = [{"name": "a", "children": ["1", "2", "3"], "initial": "1"}, "b"]
+    stock(model, states, [["go", "a_1", "a_2"], ["go", "a_2", "a_3"]], initial=["a", "b"])
+    model.go()  # type: ignore[attr-defined]
+    assert model.state == ["a_3", "b"]
+
+    inner = {"1": {"on": {"go": "2"}}, "2": {"on": {"go": "3"}}, "3": {}}
+    bench = Bench(chart({"a": {"states": inner}, "b": {}}, kind="parallel"))
+    bench.send("go")
+    assert bench.leaves == ["a.2", "b"]
+
+
+# 3 -------------------------------------------------------------------------------------------------------
+
+
+def test_3_who_leaves_the_parallel_state_leaves_it_whole() -> None:
+    """Stock: one region leaves, another stays and moves on, and the first is gone."""
+    regions = {"A": region("a", go="X"), "B": region("b", go="b2")}
+    state, leaves = both({"P": {"kind": "parallel", "states": regions}, "X": {}}, "go")
+    assert state == "chart.P.B.b2"
+    assert leaves == ["X"]
+
+
+# 4 -------------------------------------------------------------------------------------------------------
+
+
+def test_4_every_child_of_a_parallel_state_is_active() -> None:
+    """Stock: a child that is not among the initial ones can be entered beside its siblings; here there is none."""
+    model = Model()
+    idle = {"name": "c", "on_exit": model.note("exit c")}
+    states = [{"name": "P", "children": ["a", "b", idle], "initial": ["a", "b"]}]
+    stock(model, states, [["go", "P_a", "P_c"]], initial="P")
+    model.go()  # type: ignore[attr-defined]
+    assert model.state == ["P_a", "P_b", "P_c"]
+    assert model.heard == ["exit c"]
+
+    bench = Bench(chart({"P": {"kind": "parallel", "states": {"a": {}, "b": {}, "c": {}}}}))
+    assert bench.leaves == ["P.a", "P.b", "P.c"]
+
+
+# 5 -------------------------------------------------------------------------------------------------------
+
+
+def test_5_the_inner_state_answers_first() -> None:
+    """Stock: what a parent declares inside its scope beats what its child has outside."""
+    model = Model()
+    parent = {"name": "P", "children": ["a", "b", "c"], "initial": "a", "transitions": [["go", "a", "b"]]}
+    inside = {"name": "O", "children": [parent, "z"], "initial": "P", "transitions": [["go", "P", "z"]]}
+    stock(model, [inside], [["go", "O_P_a", "O_P_c"]], initial="O")
+    model.go()  # type: ignore[attr-defined]
+    assert model.state == "O_P_b"
+
+    inner = {"a": {"on": {"go": "c"}}, "b": {}, "c": {}}
+    bench = Bench(chart({"O": {"states": {"P": {"states": inner, "on": {"go": "z"}}, "z": {}}}}))
+    bench.send("go")
+    assert bench.leaves == ["O.P.c"]
+
+
+# 6 -------------------------------------------------------------------------------------------------------
+
+
+def test_6_guards_see_the_state_before_the_step() -> None:
+    """Stock: a region's guard sees what an earlier region has just done."""
+    still = {"target": "b2", "guard": lambda env: env["in_state"](("P.A.a1",))}
+    regions = {"A": region("a", go="a2"), "B": region("b", go=still)}
+    state, leaves = both({"P": {"kind": "parallel", "states": regions}}, "go")
+    assert state == ["chart.P.A.a2", "chart.P.B.b1"]
+    assert leaves == ["P.A.a2", "P.B.b2"]
+
+
+# 7 -------------------------------------------------------------------------------------------------------
+
+
+def test_7_a_region_that_goes_to_another_leaves_and_enters_all() -> None:
+    """Stock: the source region stays as it is; SCXML leaves the parallel state and enters it anew."""
+    regions = {
+        "A": {"states": {"a1": {"on": {"move": "a2"}}, "a2": {"on": {"go": "B.b2"}}}},
+        "B": region("b"),
+    }
+    state, leaves = both({"P": {"kind": "parallel", "states": regions}}, "move", "go")
+    assert state == ["chart.P.A.a2", "chart.P.B.b2"]
+    assert leaves == ["P.A.a1", "P.B.b2"]
+
+
+# 8 -------------------------------------------------------------------------------------------------------
+
+
+def test_8_a_parallel_state_ends_with_its_last_region() -> None:
+    """Stock (issue 715): the machine is told to be final although a region is not."""
+    model = Model()
+    regions = [
+        {"name": "a", "children": ["1", {"name": "f", "final": True}], "initial": "1"},
+        {"name": "b", "children": ["1", {"name": "f", "final": True}], "initial": "1"},
+    ]
+    stock(
+        model,
+        [{"name": "P", "parallel": regions}],
+        [["go", "P_b_1", "P_b_f"]],
+        initial="P",
+        on_final=model.note("final"),
+    )
+    model.go()  # type: ignore[attr-defined]
+    assert model.state == ["P_a_1", "P_b_f"]
+    assert model.heard == ["final"]
+
+    ending = {"states": {"1": {"on": {"go": "f"}}, "f": {"kind": "final"}}}
+    staying = {"states": {"1": {}, "f": {"kind": "final"}}}
+    given = {"P": {"kind": "parallel", "states": {"a": staying, "b": ending}, "on_done": "Z"}, "Z": {}}
+    bench = Bench(chart(given))
+    bench.send("go")
+    assert bench.leaves == ["P.a.1", "P.b.f"]
+
+
+# 9 -------------------------------------------------------------------------------------------------------
+
+
+def test_9_the_first_state_is_entered() -> None:
+    """Stock: the entry action of the initial state never runs."""
+    model = Model()
+    stock(model, [{"name": "A", "on_enter": model.note("enter A")}], [], initial="A")
+    assert model.heard == []
+
+    bench = Bench(chart({"A": {"entry": "enter.A"}}))
+    assert bench.commands == ["act enter.A"]
+
+
+# 12 ------------------------------------------------------------------------------------------------------
+
+
+def test_12_exits_then_actions_then_entries() -> None:
+    """Stock: what a transition does `before` comes before the exits, what it does `after` after the entries."""
+    model = Model()
+    states = [
+        {"name": "A", "on_exit": model.note("exit A")},
+        {"name": "B", "on_enter": model.note("enter B")},
+    ]
+    rule = {
+        "trigger": "go",
+        "source": "A",
+        "dest": "B",
+        "before": model.note("before"),
+        "after": model.note("after"),
+    }
+    stock(model, states, [rule], initial="A")
+    model.go()  # type: ignore[attr-defined]
+    assert model.heard == ["before", "exit A", "enter B", "after"]
+
+    bench = Bench(
+        chart(
+            {"A": {"exit": "exit.A", "on": {"go": {"target": "B", "do": "act"}}}, "B": {"entry": "enter.B"}}
+        )
+    )
+    bench.send("go")
+    assert bench.commands == ["act exit.A", "act act", "act enter.B"]
+
+
+# our layout ----------------------------------------------------------------------------------------------
+
+
+def test_names_with_underscores_are_no_hierarchy() -> None:
+    """The library's default separator would make three levels of NAV_TO_TAG; ours is a dot."""
+    state, leaves = both({"NAV_TO_TAG": {"on": {"go": "AT_TAG"}}, "AT_TAG": {}}, "go")
+    assert (state, leaves) == ("chart.AT_TAG", ["AT_TAG"])
+
+
+def test_the_stock_machine_refuses_what_it_does_not_know() -> None:
+    """Stock: a known event without a transition is an exception; ours is a step without effect."""
+    given = chart({"A": {"on": {"go": "B"}}, "B": {}})
+    model = Model()
+    build_machine(given).add_model(model)
+    model.trigger("go", environment={})  # type: ignore[attr-defined]
+    try:
+        model.trigger("go", environment={})  # type: ignore[attr-defined]
+    except MachineError:
+        refused = True
+    assert refused
+    bench = Bench(given)
+    bench.send("go")
+    assert not bench.send("go").changed
