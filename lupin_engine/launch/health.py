@@ -22,8 +22,7 @@ from lupin_engine.launch.environment import DOMAIN, HIGHEST_DOMAIN, RANGE
 from lupin_engine.launch.mission import folders
 from lupin_engine.launch.requirements import INSTALL_ROS
 from lupin_engine.launch.shared_memory import stale_segments
-from lupin_engine.plugin.builtin import BUILTIN
-from lupin_engine.plugin.registry import GROUP, Catalog, build_catalog, import_plugin
+from lupin_engine.plugin.registry import GROUP, build_catalog, import_plugin, load_catalog
 from lupin_engine.ros import environment
 from lupin_engine.ros.type_hashes import local_hash
 
@@ -92,7 +91,9 @@ def look_at_ros() -> Iterator[Finding]:
         yield Finding("rclpy", "two installations", "problem", str(problem))
         return
     if source == "apt":
-        yield Finding("rclpy", f"{_version('rclpy')} from apt, ROS_DISTRO={os.environ.get('ROS_DISTRO', '?')}")
+        yield Finding(
+            "rclpy", f"{_version('rclpy')} from apt, ROS_DISTRO={os.environ.get('ROS_DISTRO', '?')}"
+        )
         yield Finding("middleware", os.environ.get("RMW_IMPLEMENTATION", "rmw_fastrtps_cpp, the default"))
         return
     yield Finding("rclpy", f"{_version('ros-rclpy')} from wheels")
@@ -121,7 +122,9 @@ def look_at_interfaces() -> Iterator[Finding]:
         if found == expected:
             yield Finding(name, f"{RIHS}{found[:12]}…")
         else:
-            advice = f"expected {RIHS}{expected[:12]}…: another version of the package is in the way; rebuild it"
+            advice = (
+                f"expected {RIHS}{expected[:12]}…: another version of the package is in the way; rebuild it"
+            )
             yield Finding(name, f"{RIHS}{found[:12]}…", "problem", advice)
 
 
@@ -229,7 +232,7 @@ def look_at_plugins() -> Iterator[Finding]:
 def look_at_missions() -> Iterator[Finding]:
     """The missions of the nearest folder, checked."""
     try:
-        catalog = _whole_catalog()
+        catalog = load_catalog()
         folder = folders()[0]
     except LupinError as problem:
         yield Finding("missions", "cannot be checked", "problem", str(problem))
@@ -242,12 +245,6 @@ def look_at_missions() -> Iterator[Finding]:
             yield Finding(f"mission {file.stem}", f"{len(errors)} errors", "problem", advice)
         else:
             yield Finding(f"mission {file.stem}", f"no errors, in {folder}")
-
-
-def _whole_catalog() -> Catalog:
-    return build_catalog(
-        [import_plugin(point) for point in metadata.entry_points(group=GROUP) if point.name != BUILTIN]
-    )
 
 
 def _version(distribution: str) -> str:

@@ -76,10 +76,15 @@ def load_catalog() -> Catalog:
         PluginError: a plugin cannot be imported, breaks the contract, or contradicts another one.
     """
     found = sorted(metadata.entry_points(group=GROUP), key=lambda point: (point.name, point.value))
-    return build_catalog([builtin.PLUGIN, *(_import(point) for point in found)])
+    return build_catalog([builtin.PLUGIN, *(import_plugin(point) for point in found)])
 
 
-def _import(point: metadata.EntryPoint) -> Plugin:
+def import_plugin(point: metadata.EntryPoint) -> Plugin:
+    """Return the plugin that an entry point names.
+
+    Raises:
+        PluginError: it cannot be imported, or is something else.
+    """
     try:
         plugin = point.load()
     except (

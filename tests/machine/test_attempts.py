@@ -152,7 +152,7 @@ def test_the_next_drive_waits_for_the_cancel() -> None:
 
 
 def test_the_next_drive_waits_at_most_three_seconds() -> None:
-    """A cancel that is never confirmed holds the resource for 3 s, and a late acceptance is still cancelled."""
+    """A cancel that nobody confirms holds the resource for 3 s; a late acceptance is still cancelled."""
     bench = plain()
     first = bench.attempt
     bench.send("dock")

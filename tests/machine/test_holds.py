@@ -87,7 +87,7 @@ def test_a_quick_resume_waits_for_the_cancel() -> None:
 
 
 def test_success_that_crosses_the_pause_is_not_success() -> None:
-    """A drive that ended while it was being cancelled is driven again: the robot may have been moved since."""
+    """A drive that ended while it was cancelled is driven again: the robot may have been moved since."""
     bench = held()
     first = bench.attempt
     bench.send("operator.pause")

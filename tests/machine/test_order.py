@@ -36,7 +36,7 @@ def done(bench: Bench) -> list[str]:
 
 
 def test_exits_go_outwards_entries_inwards() -> None:
-    """Children are left before parents, then the transition acts, then parents are entered before children."""
+    """Children are left before parents; the transition acts; parents are entered before children."""
     bench = Bench(chart(NESTED))
     assert done(bench) == ["enter.A", "enter.B", "enter.C"]
     step = bench.send("go")

@@ -88,14 +88,14 @@ def test_2_a_transition_of_the_root_is_taken_once() -> None:
     """Stock: with several active root states, one event moves the first once per root state."""
     model = Model()
     states = [{"name": "a", "children": ["1", "2", "3"], "initial": "1"}, "b"]
-    stock(model, states, [["go", "a_1", "a_2"], ["go", "a_2", "a_3"]], initial=["a", "b"])
+    stock(model, states, [["go", "a_1", "a_2"], ["go", "a_2", "a_3"]], initial=["a_1", "b"])
     model.go()  # type: ignore[attr-defined]
     assert model.state == ["a_3", "b"]
 
     inner = {"1": {"on": {"go": "2"}}, "2": {"on": {"go": "3"}}, "3": {}}
-    bench = Bench(chart({"a": {"states": inner}, "b": {}}, kind="parallel"))
+    bench = Bench(chart({"P": {"kind": "parallel", "states": {"a": {"states": inner}, "b": {}}}}))
     bench.send("go")
-    assert bench.leaves == ["a.2", "b"]
+    assert bench.leaves == ["P.a.2", "P.b"]
 
 
 # 3 -------------------------------------------------------------------------------------------------------
@@ -113,7 +113,7 @@ def test_3_who_leaves_the_parallel_state_leaves_it_whole() -> None:
 
 
 def test_4_every_child_of_a_parallel_state_is_active() -> None:
-    """Stock: a child that is not among the initial ones can be entered beside its siblings; here there is none."""
+    """Stock: a child that is not among the initial ones can be entered beside its siblings."""
     model = Model()
     idle = {"name": "c", "on_exit": model.note("exit c")}
     states = [{"name": "P", "children": ["a", "b", idle], "initial": ["a", "b"]}]

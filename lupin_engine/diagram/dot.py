@@ -1,0 +1,88 @@
+"""A picture as Graphviz text: states are boxes, composite states are clusters, regions are dashed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from lupin_engine.chart.model import Kind
+from lupin_engine.diagram.outline import Arrow, Box, Outline
+
+_FONT = 'fontname="Helvetica"'
+_HEAD = f"""digraph chart {{{{
+  graph [label={{title}}, labelloc=t, {_FONT}, compound=true, rankdir=TB, nodesep=0.35, ranksep=0.45]
+  node [shape=box, style="rounded,filled", fillcolor="#f5f7fa", color="#52606d", {_FONT}, fontsize=11]
+  edge [color="#52606d", {_FONT}, fontsize=9, arrowsize=0.7]"""
+_POINT = 'shape=point, width=0.12, label="", style=filled, fillcolor=black'
+
+
+def dot(picture: Outline) -> str:
+    """Return the text of a picture."""
+    boxes = {box.name: box for top in picture.boxes for box in top.below()}
+    lines = [_HEAD.format(title=_quoted(picture.title))]
+    lines += [f"  {line}" for line in _within("", picture.boxes, picture.initial)]
+    lines += [f"  {_arrow(arrow, boxes)}" for arrow in picture.arrows]
+    return "\n".join([*lines, "}"]) + "\n"
+
+
+def _within(name: str, boxes: tuple[Box, ...], initial: str | None) -> Iterator[str]:
+    if initial is not None:
+        yield f"{_start(name)} [{_POINT}]"
+    for box in boxes:
+        yield from _box(box)
+    if initial is not None:
+        within = {box.name: box for top in boxes for box in top.below()}
+        yield f"{_start(name)} -> {_anchor(within[initial])}{_clusters({'lhead': within[initial]})}"
+
+
+def _box(box: Box) -> Iterator[str]:
+    if box.children:
+        yield f"subgraph {_cluster(box)} {{"
+        yield f'  label={_quoted(*_text(box))}; labeljust=l; style={_style(box)}; color="#9aa5b1"'
+        yield from (f"  {line}" for line in _within(box.name, box.children, box.initial))
+        yield "}"
+    elif box.kind is Kind.HISTORY:
+        yield f"{_quoted(box.name)} [label={_quoted(box.title)}, shape=circle, width=0.3, fixedsize=true]"
+    elif box.kind is Kind.FINAL:
+        yield f"{_quoted(box.name)} [label={_quoted(*_text(box))}, peripheries=2]"
+    else:
+        yield f"{_quoted(box.name)} [label={_quoted(*_text(box))}]"
+
+
+def _style(box: Box) -> str:
+    return '"rounded,dashed"' if box.kind is Kind.PARALLEL else "rounded"
+
+
+def _text(box: Box) -> tuple[str, ...]:
+    return (box.title, *box.lines)
+
+
+def _arrow(arrow: Arrow, boxes: dict[str, Box]) -> str:
+    source, target = boxes[arrow.source], boxes[arrow.target]
+    ends = _clusters({"ltail": source, "lhead": target}, f"label={_quoted(*arrow.labels)}")
+    return f"{_anchor(source)} -> {_anchor(target)}{ends}"
+
+
+def _clusters(ends: dict[str, Box], *more: str) -> str:
+    """Return the attributes of an arrow that begins or ends at the border of a composite state."""
+    found = [*more, *(f"{word}={_cluster(box)}" for word, box in ends.items() if box.children)]
+    return f" [{', '.join(found)}]" if found else ""
+
+
+def _anchor(box: Box) -> str:
+    """Return the node that stands for a state; an arrow cannot end at a cluster itself."""
+    if not box.children:
+        return _quoted(box.name)
+    return _start(box.name) if box.initial is not None else _anchor(box.children[0])
+
+
+def _start(name: str) -> str:
+    return _quoted(f"{name}#start")
+
+
+def _cluster(box: Box) -> str:
+    return _quoted(f"cluster_{box.name}")
+
+
+def _quoted(*lines: str) -> str:
+    escaped = (line.replace("\\", "\\\\").replace('"', '\\"') for line in lines)
+    return '"' + "\\n".join(escaped) + '"'

@@ -1,0 +1,68 @@
+"""Messages as plain data, in the form in which they arrive."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+MISSION_ID = "lupin-1"
+
+
+def state(**fields: Any) -> tuple[str, dict[str, Any]]:
+    """A MissionState of a mission in its middle, with changes."""
+    data = {
+        "mission_id": MISSION_ID,
+        "mission_type": "InspectionMission",
+        "lifecycle_state": "INSPECTING",
+        "mission_phase": "NAVIGATING",
+        "current_target": "5",
+        "targets_total": 3,
+        "targets_completed": 1,
+        "targets_failed": 0,
+        "targets_unreachable": 0,
+        "targets_skipped": 0,
+        "last_error": "",
+        "last_event": "",
+        "last_event_severity": 0,
+        "battery_percentage": 0.83,
+        "battery_low": False,
+        "paused": False,
+        "estop_engaged": False,
+    }
+    return "state", {**data, **fields}
+
+
+def observation(
+    tag: str,
+    values: dict[str, float] | None = None,
+    status: int = 0,
+    detail: str = "",
+    mission_id: str = MISSION_ID,
+) -> tuple[str, dict[str, Any]]:
+    """An Observation."""
+    readings = [{"name": name, "value": value} for name, value in (values or {}).items()]
+    return "observation", {
+        "mission_id": mission_id,
+        "status": status,
+        "status_detail": detail,
+        "tag_reading": {"tag_id": tag, "readings": readings},
+    }
+
+
+def step(
+    attempts: Sequence[tuple[str, int, float | None]],
+    configuration: Sequence[str] = (),
+    time: float = 0.0,
+    mission_id: str = MISSION_ID,
+    event: str = "x",
+    attempt: str = "",
+    commands: Sequence[dict[str, Any]] = (),
+) -> tuple[str, dict[str, Any]]:
+    """A step with its view; `attempts` are operation, tries, deadline."""
+    shown = [
+        {"state": "S", "operation": o, "tries": n, "phase": "accepted", "detail": "", "deadline": d}
+        for o, n, d in attempts
+    ]
+    view = {"mission_id": mission_id, "configuration": list(configuration), "attempts": shown}
+    record = {"event": event, "data": {"attempt": attempt}, "commands": list(commands)}
+    return "step", {"time": time, "step": record, "view": view}

@@ -1,0 +1,77 @@
+"""Which nodes are started, and with what."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from lupin_engine.launch.nodes import Node
+from lupin_engine.launch.plan import Launch, Present, command, make_plan, parameter_file
+from lupin_engine.plugin.contract import Operation, Plugin
+from lupin_engine.plugin.registry import Catalog, build_catalog
+
+CATALOG: Catalog = build_catalog(
+    [
+        Plugin("drive", "Driving.", operations={"go": Operation("Go.")}),
+        Plugin("read", "Reading.", operations={"scan": Operation("Scan.")}, nodes={"reader": "r:main"}),
+        Plugin("other", "Not used.", operations={"op": Operation("Op.")}, nodes={"unused": "o:main"}),
+        Plugin("twin", "Watches.", nodes={"twin": "t:main"}),
+        Plugin("fake", "A robot.", nodes={"fake_robot": "f:main"}, stands_in={"fake_robot": ("navigate",)}),
+    ]
+)
+EVERYTHING = ("fake_robot", "reader", "mission_orchestrator")
+
+
+def plan(present: Present = Present(), simulate: bool = True) -> tuple[tuple[str, ...], tuple[str, ...]]:  # noqa: B008
+    found = make_plan(["drive", "read"], CATALOG, present, {}, simulate=simulate)
+    return found.starts, found.joined
+
+
+def test_an_empty_network_needs_everything_that_is_used() -> None:
+    """The simulated robot first, the orchestrator last; nodes of other plugins and consumers stay out."""
+    assert plan() == (EVERYTHING, ())
+
+
+@pytest.mark.parametrize(
+    ("present", "starts", "joined"),
+    [
+        (Present(nodes=frozenset({"reader"})), ("fake_robot", "mission_orchestrator"), ("reader",)),
+        (Present(actions=frozenset({"/navigate"})), ("reader", "mission_orchestrator"), ("navigate",)),
+        (Present(services=frozenset({"/navigate"})), ("reader", "mission_orchestrator"), ("navigate",)),
+        (Present(actions=frozenset({"/robot/navigate"})), EVERYTHING, ()),
+        (Present(nodes=frozenset(EVERYTHING)), (), EVERYTHING),
+    ],
+    ids=["a node", "a real robot", "a service", "another robot's action", "all"],
+)
+def test_what_is_there_is_used(present: Present, starts: tuple[str, ...], joined: tuple[str, ...]) -> None:
+    """A node by its name, a simulated robot by what it stands in for."""
+    assert plan(present) == (starts, joined)
+
+
+def test_no_robot_is_simulated_when_that_is_not_wanted() -> None:
+    """`--no-sim` waits for the real one."""
+    assert plan(simulate=False) == (("reader", "mission_orchestrator"), ())
+
+
+def test_parameters_reach_their_node(tmp_path: Path) -> None:
+    """As a file, because arguments carry neither lists nor the difference between 5 and '5'."""
+    launch = Launch(Node("reader", "r:main", "read"), {"tags": ["1", "5"]})
+    line = command(launch, tmp_path)
+    assert line[-6:] == ["lupin_engine.cli.main", "node", "reader", "--ros-args", "--params-file", line[-1]]
+    assert Path(line[-1]).read_text() == 'reader:\n  ros__parameters:\n    tags: ["1", "5"]\n'
+    assert command(Launch(launch.node), tmp_path)[-2:] == ["node", "reader"]
+
+
+def test_values_keep_their_type_in_the_file() -> None:
+    """Numbers as numbers, text quoted, a pose as the list of its fields."""
+    values = {"a": 60.0, "b": "60", "c": True, "d": {"x": 1.0, "y": 2.0, "yaw": 0.0}, "e": 3}
+    assert parameter_file("n", values).splitlines() == [
+        "n:",
+        "  ros__parameters:",
+        "    a: 60.0",
+        '    b: "60"',
+        "    c: true",
+        "    d: [1.0, 2.0, 0.0]",
+        "    e: 3",
+    ]

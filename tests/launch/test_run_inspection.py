@@ -1,0 +1,151 @@
+"""`lupin run` over real ROS 2: what it shows, how it ends, and that nothing is left."""
+
+from __future__ import annotations
+
+import os
+import signal
+from collections.abc import Callable
+
+import pytest
+
+pytest.importorskip("rclpy", reason="ROS 2 is not installed here")
+
+from tests.launch.processes import Lupin, until
+
+pytestmark = [pytest.mark.ros, pytest.mark.timeout(240)]
+
+Start = Callable[..., Lupin]
+
+#: The sensors that the greenhouse has at these tags.
+SENSORS = {
+    "1": {"temperature", "co2"},
+    "5": {"temperature", "co2", "soil_moisture"},
+    "12": {"temperature", "humidity", "co2"},
+}
+THREE = ("run", "inspection", "--tags", "1,5,12")
+
+
+def test_three_tags_are_visited(lupin: Start) -> None:
+    """The whole mission: states in order, a reading for every sensor of every tag, exit code 0."""
+    run = lupin(*THREE, "--speed", "20", "--json")
+    assert run.end() == 0, run.output
+
+    phases = [(s["lifecycle_state"], s["mission_phase"]) for s in run.records("state")]
+    seen = [phase for i, phase in enumerate(phases) if phase != phases[i - 1] or i == 0]
+    leg = [("INSPECTING", "NAVIGATING"), ("INSPECTING", "SCANNING"), ("INSPECTING", "PUBLISHING")]
+    assert seen == [("PREPARE", "LOCALIZING"), *(leg * 3), ("RETURNING", ""), ("DONE", "")]
+
+    (result,) = run.records("result")
+    assert (result["exit_code"], result["lifecycle"], result["total"]) == (0, "DONE", 3)
+    assert result["counts"] == {"OK": 3, "UNREACHABLE": 0, "SCAN_FAILED": 0, "SKIPPED": 0}
+    assert {r["tag"]: set(r["values"]) for r in result["readings"]} == SENSORS
+    assert [r["status"] for r in result["readings"]] == ["OK", "OK", "OK"]
+    assert run.processes() == {}
+
+
+def test_the_output_for_people_ends_with_the_readings(lupin: Start) -> None:
+    """Without a terminal: a line for every change, then the table, then one sentence."""
+    run = lupin("run", "inspection", "--tags", "3,20", "--speed", "20")
+    assert run.end() == 0, run.output
+    assert "INSPECTING NAVIGATING  tag 3  0/2" in run.output
+    assert run.errors == []
+    *_, last = [line for line in run.lines if line]
+    assert last.startswith("DONE: 2 visited of 2 targets in ")
+    row = next(line for line in run.lines if line.strip().startswith("20"))
+    assert row.split()[:4] == ["20", "OK", "·", "·"]  # tag 20 has no co2 and no light
+
+
+def test_an_interrupt_stops_the_robot_and_everything_else(lupin: Start) -> None:
+    """Ctrl-C: the mission is aborted, the goal ends, the rest counts as skipped, exit code 130."""
+    run = lupin(*THREE, "--json")
+    run.until_line('"current_target": "5"')
+    run.process.send_signal(signal.SIGINT)
+    assert run.end() == 130, run.output
+    (result,) = run.records("result")
+    assert result["lifecycle"] == "DONE"
+    assert [r["status"] for r in result["readings"]] == ["OK", "SKIPPED", "SKIPPED"]
+    assert run.records("step")[-1]["step"]["event"] == "attempt.cancelled", "the goal's end was not awaited"
+    assert run.processes() == {}
+
+
+def test_being_killed_leaves_no_process(lupin: Start) -> None:
+    """`kill -9`: the nodes notice by themselves."""
+    run = lupin(*THREE)
+    run.until_line("NAVIGATING")
+    run.process.kill()
+    run.end()
+    until(lambda: not run.processes(), "the nodes ended after their supervisor was killed", 20.0)
+
+
+def test_a_bridge_that_dies_fails_its_scan_and_nothing_else(lupin: Start) -> None:
+    """The mission has a declared error for that; the run tells which process died and how."""
+    run = lupin("run", "inspection", "--tags", "1,5", "--speed", "10", "--set", "scan_timeout_s=1 s")
+    run.until_line("NAVIGATING  tag 5")
+    os.kill(run.pid_of("greenhouse_bridge"), signal.SIGKILL)
+    assert run.end() == 1, run.output
+    assert any("greenhouse_bridge was killed by SIGKILL; its log is" in line for line in run.errors)
+    assert "DONE: 1 visited, 1 failed of 2 targets" in run.lines[-1]
+
+
+def test_without_its_orchestrator_a_run_is_over(lupin: Start) -> None:
+    """The last lines of its log are told; exit code 2."""
+    run = lupin(*THREE)
+    run.until_line("NAVIGATING  tag 1")
+    os.kill(run.pid_of("mission_orchestrator"), signal.SIGKILL)
+    assert run.end() == 2, run.output
+    assert "mission_orchestrator was killed by SIGKILL" in run.errors[0]
+    assert any(line.startswith("  | ") for line in run.errors)
+
+
+def test_an_absent_action_server_is_named(lupin: Start) -> None:
+    """Nobody drives: BOOT gives up after its time, and says what it waited for."""
+    run = lupin("run", "inspection", "--no-sim", "--set", "dependency_timeout_s=2 s")
+    assert run.end() == 2, run.output
+    assert run.errors == [
+        "lupin: the orchestrator is in FAULT: dependency_timeout: action server navigate_to_pose"
+    ]
+
+
+def test_a_low_battery_refuses_the_start(lupin: Start) -> None:
+    """The service's reason reaches the terminal."""
+    run = lupin("run", "inspection", "--tags", "1", "--sim", "battery=0.1")
+    assert run.end() == 2, run.output
+    assert run.errors == ["lupin: InspectionMission was not started: start refused: battery low"]
+
+
+def test_an_engaged_emergency_stop_refuses_the_start(lupin: Start) -> None:
+    """Nothing starts while the e-stop is engaged; the text says so."""
+    run = lupin("run", "inspection", "--tags", "1", "--sim", "estop=true")
+    assert run.end() == 2, run.output
+    assert "estop_engaged" in run.errors[0] or "e-stop engaged" in run.errors[0]
+
+
+def test_nodes_that_run_are_used_and_left_alone(lupin: Start) -> None:
+    """`lupin up` serves; a run joins, a second run is refused, an option for somebody else's node too."""
+    up = lupin("up", "inspection")
+    up.until_line("Ctrl-C stops everything")
+    serving = set(up.processes())
+
+    first = lupin(*THREE)
+    first.until_line("NAVIGATING  tag 1")
+    assert "using what is there: lupin_sim, greenhouse_bridge, mission_orchestrator" in first.output
+
+    second = lupin("run", "inspection", "--tags", "3")
+    assert second.end() == 2, second.output
+    assert second.errors == [
+        "lupin: InspectionMission was not started: start refused: a mission is already running"
+    ]
+    third = lupin("run", "inspection", "--set", "nav_timeout_s=5 s")
+    assert third.end() == 2, third.output
+    assert third.errors == [
+        "lupin: --set is for mission_orchestrator, which runs already; stop it or choose another --domain"
+    ]
+
+    first.process.send_signal(signal.SIGTERM)
+    assert first.end() == 130, first.output
+    assert first.processes() == {}
+    assert set(up.processes()) == serving
+    up.until_line("DONE")
+    up.process.send_signal(signal.SIGINT)
+    assert up.end() == 0, up.output
+    assert up.processes() == {}
