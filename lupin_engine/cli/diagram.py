@@ -33,7 +33,7 @@ def diagram(mission: str, wanted: str | None, output: Path | None) -> int:
     """Draw a mission with the lifecycle around it.
 
     MISSION is the name of a mission (inspection, InspectionMission) or a file. Mermaid is drawn by many
-    documentation sites; SVG needs the program dot.
+    documentation sites; SVG needs graphviz or the package graphviz-pure.
     """
     text = draw(mission, wanted or (_ENDINGS.get(output.suffix, "mermaid") if output else "mermaid"))
     if output is None:

@@ -32,12 +32,11 @@ class _Writer:
     def _new_id(self, box: Box) -> str:
         """Return a short name that no other state has: the last parts of its own, as many as are needed."""
         parts = box.name.split(".")
-        taken = set(self._ids.values()) | _RESERVED
+        taken = set(self._ids.values())
         names = ["_".join(parts[start:]) for start in range(len(parts) - 1, -1, -1)]
         numbered = (f"{names[-1]}_{number}" for number in itertools.count(2))
-        return next(
-            name for name in itertools.chain(names, numbered) if name.lower() not in taken | _lower(taken)
-        )
+        free = (name for name in itertools.chain(names, numbered) if name not in taken)
+        return next(name for name in free if name.lower() not in _RESERVED)
 
     def text(self) -> str:
         picture = self._picture
@@ -76,10 +75,6 @@ class _Writer:
     def _arrow(self, arrow: Arrow) -> str:
         label = "<br/>".join(_escaped(label) for label in arrow.labels)
         return f"{self._ids[arrow.source]} --> {self._ids[arrow.target]} : {label}"
-
-
-def _lower(names: set[str]) -> set[str]:
-    return {name.lower() for name in names}
 
 
 def _escaped(text: str) -> str:

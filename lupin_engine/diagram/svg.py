@@ -1,4 +1,4 @@
-"""Graphviz text to SVG, by the program `dot` where one is installed."""
+"""Graphviz text to SVG, by the program `dot` or its port `graphviz-pure`, where one is installed."""
 
 from __future__ import annotations
 
@@ -9,10 +9,11 @@ from pathlib import Path
 
 from lupin_engine.errors import LupinError
 
+_PROGRAMS = ("dot", "graphviz-pure")
 #: How long drawing may take, in seconds.
 _PATIENCE_S = 60.0
 _MISSING = (
-    "SVG needs the program 'dot', which is not installed: 'pip install graphviz-pure', or install graphviz;"
+    "SVG needs a program that is not installed: 'pip install graphviz-pure', or install graphviz;"
     " '--format mermaid' and '--format dot' need nothing"
 )
 
@@ -39,4 +40,6 @@ def svg(text: str) -> str:
 
 def _find() -> str | None:
     """Return the program, also where it was installed beside this Python."""
-    return shutil.which("dot") or shutil.which("dot", path=str(Path(sys.executable).parent))
+    beside = str(Path(sys.executable).parent)
+    found = (shutil.which(name, path=path) for name in _PROGRAMS for path in (None, beside))
+    return next(filter(None, found), None)
