@@ -10,6 +10,7 @@ defect of the engine (see the crash log that is named); 130 interrupted; 141 the
 from __future__ import annotations
 
 import importlib
+import io
 import os
 import sys
 from collections.abc import Mapping, Sequence
@@ -77,6 +78,9 @@ def lupin() -> None:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit code (the console entry point)."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")  # a terminal without a sign must not end a run
     try:
         code = _run(arguments)
         sys.stdout.flush()
@@ -101,6 +105,10 @@ def _run(arguments: Sequence[str] | None) -> int:
         # Findings begin with the place in the file, which editors and terminals turn into a link.
         print(problem if isinstance(problem, ChartError) else f"lupin: {problem}", file=sys.stderr)
         return problem.exit_code
+    except SystemExit as end:
+        if isinstance(end.__context__, BrokenPipeError):  # click's way to leave quietly
+            raise end.__context__ from None
+        raise
     except BrokenPipeError:
         raise
     except Exception as defect:

@@ -70,12 +70,17 @@ class Symbols:
     ok: str
     missed: str
     skipped: str
-    open: str
-    hollow: str
+    dot: str
+    more: str
+    degree: str
 
 
-UNICODE = Symbols(active="●", path="▾", idle="○", ok="✔", missed="✘", skipped="↷", open="·", hollow="·")
-ASCII = Symbols(active="*", path="v", idle="o", ok="+", missed="x", skipped=">", open=".", hollow="-")
+UNICODE = Symbols(
+    active="●", path="▾", idle="○", ok="✔", missed="✘", skipped="↷", dot="·", more="…", degree="°"
+)
+ASCII = Symbols(
+    active="*", path="v", idle="o", ok="+", missed="x", skipped=">", dot="-", more="...", degree=""
+)
 
 
 @dataclass(frozen=True)
@@ -132,7 +137,7 @@ class _Fitting:
         body.add_row(_tree(self._chart, story, symbols), _details(story, self._now, symbols))
         yield Panel(
             Group(body, Text(), *_events(story.happenings)),
-            title=_title(story, self._now),
+            title=_title(story, self._now, symbols),
             title_align="left",
             subtitle=_strip(story, symbols),
             subtitle_align="left",
@@ -141,9 +146,11 @@ class _Fitting:
         )
 
 
-def _title(story: Story, now: float) -> Text:
+def _title(story: Story, now: float, symbols: Symbols) -> Text:
     mission = str(story.state.get("mission_type", "")) or "mission"
-    phase = " · ".join(filter(None, (story.lifecycle, str(story.state.get("mission_phase", "")))))
+    phase = f" {symbols.dot} ".join(
+        filter(None, (story.lifecycle, str(story.state.get("mission_phase", ""))))
+    )
     title = Text.assemble((mission, "bold"), (f" {story.mission_id}", "dim"), "  ", (phase, "bold green"))
     title.append(f"  {clock(story.elapsed(now))}", "dim")
     for name, style in pills(story):
@@ -178,7 +185,7 @@ def _tree(chart: Chart, story: Story, symbols: Symbols) -> RenderableType:
     for line in tree_lines(chart, story.view.get("configuration", ())):
         mark, style = marks[line.role]
         text = f"{'  ' * line.depth}{mark} {line.name}"
-        lines.append(Text(text, style=style, no_wrap=True, overflow="ellipsis"))
+        lines.append(Text(text, style=style, no_wrap=True, overflow="crop"))
     return Group(*lines)
 
 
@@ -236,7 +243,7 @@ def _deadline(running: Running | None) -> RenderableType:
 
 
 def _running_detail(running: Running | None) -> Text:
-    return Text(running.detail if running else "", "dim", no_wrap=True, overflow="ellipsis")
+    return Text(running.detail if running else "", "dim", no_wrap=True, overflow="crop")
 
 
 def _battery(story: Story) -> RenderableType:
@@ -263,7 +270,7 @@ def _events(happenings: Sequence[Happening]) -> Iterator[Text]:
 
 def event_line(happening: Happening) -> Text:
     """Return one event as a line, in the colour of its severity."""
-    line = Text(f"{clock(happening.elapsed)}  ", "dim", no_wrap=True, overflow="ellipsis")
+    line = Text(f"{clock(happening.elapsed)}  ", "dim", no_wrap=True, overflow="crop")
     line.append(happening.text, STYLES[happening.severity])
     return line
 
@@ -271,13 +278,13 @@ def event_line(happening: Happening) -> Text:
 def _strip(story: Story, symbols: Symbols) -> Text:
     """Return the targets so far in one line, each with the mark of its outcome."""
     marks = {"OK": symbols.ok, "SKIPPED": symbols.skipped}
-    strip = Text(no_wrap=True, overflow="ellipsis")
+    strip = Text(no_wrap=True, overflow="crop")
     for reading in story.readings.values():
         mark = marks.get(reading.status, symbols.missed)
         strip.append(f" {reading.tag}{mark} ", STATUS_STYLES.get(reading.status, ""))
     target = story.state.get("current_target")
     if target and target not in story.readings:
-        strip.append(f" {target}… ", "bold")
+        strip.append(f" {target}{symbols.more} ", "bold")
     return strip
 
 
@@ -292,7 +299,7 @@ def readings_table(readings: Iterable[Reading], symbols: Symbols = UNICODE) -> T
     table.add_column("tag", justify="right")
     table.add_column("status")
     for sensor in sensors:
-        unit = UNITS.get(sensor, "")
+        unit = UNITS.get(sensor, "").replace("°", symbols.degree)
         table.add_column(f"{sensor}\n[dim]{unit}[/]" if unit else sensor, justify="right")
     table.add_column("reason")
     for row in rows:
@@ -309,7 +316,7 @@ def sensor_columns(readings: Iterable[Reading]) -> list[str]:
 
 
 def _value(value: float | None, symbols: Symbols) -> Text:
-    return Text(symbols.hollow, "dim") if value is None else Text(f"{value:.4g}")
+    return Text(symbols.dot, "dim") if value is None else Text(f"{value:.4g}")
 
 
 def summary(story: Story, now: float) -> Text:

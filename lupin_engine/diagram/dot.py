@@ -37,7 +37,7 @@ def _within(name: str, boxes: tuple[Box, ...], initial: str | None) -> Iterator[
 def _box(box: Box) -> Iterator[str]:
     if box.children:
         yield f"subgraph {_cluster(box)} {{"
-        yield f'  label={_quoted(*_text(box))}; labeljust=l; style={_style(box)}; color="#9aa5b1"'
+        yield f'  label={_left(*_text(box))}; labeljust=l; fontsize=11; style={_style(box)}; color="#9aa5b1"'
         yield from (f"  {line}" for line in _within(box.name, box.children, box.initial))
         yield "}"
     elif box.kind is Kind.HISTORY:
@@ -81,6 +81,11 @@ def _start(name: str) -> str:
 
 def _cluster(box: Box) -> str:
     return _quoted(f"cluster_{box.name}")
+
+
+def _left(*lines: str) -> str:
+    """Return lines that begin at the left; centred ones would be, under the name of a composite state."""
+    return _quoted(*lines, "").replace("\\n", "\\l")
 
 
 def _quoted(*lines: str) -> str:

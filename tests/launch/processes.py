@@ -1,4 +1,4 @@
-"""`lupin run` as a separate process, watched from outside; every wait has a deadline and no wait sleeps blindly."""
+"""`lupin run` as a separate process, watched from outside; every wait has a deadline."""
 
 from __future__ import annotations
 
@@ -64,8 +64,8 @@ class Lupin:
 
     def _read(self, stream: Any, into: list[str]) -> None:
         with stream:
-            for line in stream:
-                into.append(line.rstrip("\n"))
+            # Line by line, so that what has come can be read while more is to come.
+            into.extend(line.rstrip("\n") for line in stream)
 
     @property
     def output(self) -> str:

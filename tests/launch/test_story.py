@@ -62,7 +62,13 @@ def test_readings_and_failures_become_events() -> None:
 
 def test_flags_and_errors_become_events_once() -> None:
     """Five messages a second repeat them."""
-    paused = state(paused=True, estop_engaged=True, last_error="estop_engaged", last_event="e-stop engaged", last_event_severity=1)  # noqa: E501
+    paused = state(
+        paused=True,
+        estop_engaged=True,
+        last_error="estop_engaged",
+        last_event="e-stop engaged",
+        last_event_severity=1,
+    )
     story = told(state(), paused, paused, state(last_error="estop_engaged"))
     assert texts(story) == [
         (1.0, "e-stop engaged (estop_engaged)"),

@@ -18,7 +18,9 @@ from tests.launch.processes import until
 #: A child that tells when it is there, and lives until it is told to end.
 LIVES = "import signal; print('up', flush=True); signal.pause()"
 #: One that ignores what it is told.
-IGNORES = "import signal\nfor n in (2, 15): signal.signal(n, signal.SIG_IGN)\nprint('up', flush=True)\nsignal.pause()"
+IGNORES = (
+    "import signal\nfor n in (2, 15): signal.signal(n, signal.SIG_IGN)\nprint('up', flush=True)\nsignal.pause()"
+)
 #: One that ends at SIGINT and leaves a child of its own in the group, which does not.
 LEAVES_ONE = (
     "import signal, subprocess, sys\n"
@@ -81,7 +83,9 @@ def test_the_patience_is_asked_again_while_waiting(supervisor: Supervisor) -> No
 
 def test_a_death_is_told_once_with_the_last_lines(supervisor: Supervisor) -> None:
     """The exit code, the log, and what the program said before."""
-    supervisor.start("bad", [sys.executable, "-c", "print('first'); print('no such map'); raise SystemExit(3)"])
+    supervisor.start(
+        "bad", [sys.executable, "-c", "print('first'); print('no such map'); raise SystemExit(3)"]
+    )
     deaths = []
     until(lambda: deaths.extend(supervisor.deaths()) or deaths, "the death is noticed", 20.0)
     (death,) = deaths

@@ -1,0 +1,110 @@
+"""What is wrong is told before any process is started, without ROS, with the right exit code."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import pytest
+
+from lupin_engine.chart.load import default_missions_folder
+from lupin_engine.cli.main import main
+
+SHIPPED = default_missions_folder()
+
+
+@pytest.fixture(autouse=True)
+def nothing_starts(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """Fail should a run get as far as ROS, and look for missions in the shipped folder only."""
+
+    def reached() -> None:
+        raise AssertionError("this should have been refused before ROS was touched")
+
+    monkeypatch.setattr("lupin_engine.cli.bring_up.prepare_ros", reached)
+    monkeypatch.setattr("lupin_engine.cli.node.prepare_ros", reached)
+    monkeypatch.chdir(tmp_path)
+
+
+@pytest.mark.parametrize("verb", ["run", "up"])
+@pytest.mark.parametrize(
+    ("arguments", "text"),
+    [
+        (["inspecton"], f"no mission 'inspecton' in {SHIPPED}; did you mean 'inspection'?"),
+        (["absent.yaml"], "no mission file 'absent.yaml'"),
+        (
+            ["inspection", "--set", "nav_timeout=5"],
+            "--set: unknown parameter 'nav_timeout'; did you mean 'nav_timeout_s'?",
+        ),
+        (
+            ["inspection", "--set", "nav_timeout_s=soon"],
+            "--set: parameter nav_timeout_s: expected duration, got 'soon'",
+        ),
+        (
+            ["inspection", "--set", "nav_timeout_s"],
+            "--set: 'nav_timeout_s' has no '='; write --set NAME=VALUE",
+        ),
+    ],
+    ids=["mission", "file", "parameter name", "parameter type", "no value"],
+)
+def test_wrong_words_are_usage_errors(
+    capsys: pytest.CaptureFixture[str], verb: str, arguments: list[str], text: str
+) -> None:
+    """Exit code 2 and the nearest spelling."""
+    assert main([verb, *arguments]) == 2
+    assert capsys.readouterr().err == f"lupin: {text}\n"
+
+
+def test_an_unknown_tag_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    """With the tags that there are."""
+    assert main(["run", "inspection", "--tags", "1,99"]) == 2
+    assert capsys.readouterr().err.startswith("lupin: unknown tag '99'; the layout has 29 tags: 1, 2, 3, 4,")
+
+
+def test_a_layout_that_is_not_there_is_named(capsys: pytest.CaptureFixture[str]) -> None:
+    """A parameter that leads nowhere is told here, not by a node that dies."""
+    assert main(["run", "inspection", "--set", "tag_locations_file=absent.json"]) == 1
+    assert capsys.readouterr().err.startswith("lupin: tag_locations_file 'absent.json' cannot be used: ")
+
+
+def test_a_mission_with_errors_is_told_in_full(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    """Every finding, exit code 1."""
+    shutil.copytree(SHIPPED, tmp_path / "m")
+    file = tmp_path / "m" / "inspection.yaml"
+    file.write_text(
+        file.read_text().replace("phase: LOC", "phaze: LOC").replace("on_error: FAULT", "on_error: FALT")
+    )
+    assert main(["run", str(file)]) == 1
+    first, second = capsys.readouterr().err.splitlines()
+    assert first.startswith(f"{file}:")
+    assert first.endswith("unknown key 'phaze'; did you mean 'phase'? [unknown-key]")
+    assert "no state is called 'FALT' here; did you mean 'FAULT'?" in second
+
+
+def test_an_unknown_node_gets_the_nearest(capsys: pytest.CaptureFixture[str]) -> None:
+    """Exit code 2."""
+    assert main(["node", "greenhous_bridge", "--ros-args", "-p", "debug_seed:=1"]) == 2
+    assert (
+        capsys.readouterr().err
+        == "lupin: unknown node 'greenhous_bridge'; did you mean 'greenhouse_bridge'?\n"
+    )
+
+
+def test_nodes_are_listed_with_what_they_are(capsys: pytest.CaptureFixture[str]) -> None:
+    """Without importing them: their modules need ROS."""
+    assert main(["node"]) == 0
+    names = [line.split()[0] for line in capsys.readouterr().out.splitlines()]
+    assert names[0] == "mission_orchestrator"
+    assert {"greenhouse_bridge", "lupin_sim"} <= set(names)
+
+
+def test_without_ros_the_way_to_get_it_is_told(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Everything else works without; a run does not."""
+    from lupin_engine.launch.requirements import prepare_ros
+
+    monkeypatch.setattr("lupin_engine.cli.bring_up.prepare_ros", prepare_ros)
+    monkeypatch.setattr("lupin_engine.ros.environment.rclpy_source", lambda: None)
+    assert main(["run", "inspection"]) == 2
+    told = capsys.readouterr().err
+    assert told.startswith("lupin: ROS 2 is not installed for this Python; install it with `pip install ")

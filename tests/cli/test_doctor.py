@@ -1,0 +1,117 @@
+"""`lupin doctor`: every problem with what to do about it, with and without ROS."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from lupin_engine.cli.main import main
+from lupin_engine.launch import health
+from lupin_engine.launch.health import RIHS, WIRE, Finding
+
+TABLE = json.loads((Path(__file__).parents[1] / "msgs" / "wire.json").read_text(encoding="utf-8"))
+
+
+def findings(capsys: pytest.CaptureFixture[str]) -> dict[str, dict[str, str]]:
+    return {finding["topic"]: finding for finding in json.loads(capsys.readouterr().out)["findings"]}
+
+
+def test_the_expected_hashes_are_those_of_the_wire_table() -> None:
+    """Two tables, one truth."""
+    assert {name: f"{RIHS}{value}" for name, value in WIRE.items()} == {
+        name: TABLE[name]["hash"] for name in WIRE
+    }
+
+
+def test_a_machine_without_ros_is_told_how_to_get_it(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The rest is looked at all the same; exit code 1."""
+    monkeypatch.setattr("lupin_engine.ros.environment.rclpy_source", lambda: None)
+    assert main(["doctor", "--json"]) == 1
+    found = findings(capsys)
+    assert found["rclpy"]["state"] == "problem"
+    assert "pip install 'lupin-engine[ros]'" in found["rclpy"]["advice"]
+    assert found["mission inspection"]["state"] == "ok"
+
+
+@pytest.mark.parametrize(
+    ("variable", "value", "topic", "advice"),
+    [
+        ("ROS_DOMAIN_ID", "200", "ROS_DOMAIN_ID", "use a number from 0 to 101"),
+        ("ROS_DOMAIN_ID", "lab", "ROS_DOMAIN_ID", "use a number from 0 to 101"),
+        (
+            "ROS_AUTOMATIC_DISCOVERY_RANGE",
+            "OFF",
+            "ROS_AUTOMATIC_DISCOVERY_RANGE",
+            "nodes do not find each other",
+        ),
+        (
+            "ROS_AUTOMATIC_DISCOVERY_RANGE",
+            "HOME",
+            "ROS_AUTOMATIC_DISCOVERY_RANGE",
+            "use one of SUBNET, LOCALHOST",
+        ),
+        ("FASTRTPS_DEFAULT_PROFILES_FILE", "/absent.xml", "discovery profile", "there is no such file"),
+    ],
+)
+def test_the_network_settings_are_judged(
+    monkeypatch: pytest.MonkeyPatch, variable: str, value: str, topic: str, advice: str
+) -> None:
+    """A wrong one is a problem, because nodes would silently not meet."""
+    monkeypatch.setenv(variable, value)
+    found = {finding.topic: finding for finding in health.look_at_network()}[topic]
+    assert found.state == "problem"
+    assert found.advice.startswith(advice)
+
+
+def test_another_definition_of_a_message_is_a_problem(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Both hashes are shown; the silent alternative is a robot that hears nothing."""
+    monkeypatch.setattr(health, "local_hash", lambda name: f"{RIHS}{'0' * 64}")
+    found = list(health.look_at_interfaces())
+    assert {f.state for f in found} == {"problem"}
+    assert found[0].advice.startswith(f"expected {RIHS}{WIRE['lupin_msgs/srv/StartMission'][:12]}…")
+
+
+def test_left_overs_are_told_with_the_way_to_remove_them(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """They cost memory, not the run: a note."""
+    segment = tmp_path / "fastrtps_1"
+    segment.write_bytes(b"x" * 500_000)
+    monkeypatch.setattr(health, "stale_segments", lambda: [segment])
+    monkeypatch.setattr(health, "running_nodes", lambda: iter([(7, "lupin_sim")]))
+    memory, nodes = health.look_at_left_overs()
+    assert (memory.state, memory.found) == ("note", "1 stale files, 0.5 MB")
+    assert "shm clean" in memory.advice
+    assert (nodes.state, nodes.found) == ("note", "lupin_sim (7)")
+
+
+def test_a_refused_plugin_is_told_with_the_reason(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The others are still listed."""
+    from importlib.metadata import EntryPoint
+
+    broken = EntryPoint("broken", "lupin_no_such_module:PLUGIN", "lupin.plugins")
+    good = EntryPoint("nav", "lupin_nav.catalog:PLUGIN", "lupin.plugins")
+    monkeypatch.setattr("importlib.metadata.entry_points", lambda group: [broken, good])
+    refused, accepted = health.look_at_plugins()
+    assert (refused.topic, refused.found, refused.state) == ("plugin broken", "refused", "problem")
+    assert "No module named 'lupin_no_such_module'" in refused.advice
+    assert (accepted.topic, accepted.state) == ("plugin nav", "ok")
+
+
+def test_the_table_ends_with_a_verdict(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Advice stands under what it is about; notes do not keep anybody from running."""
+    fine = [Finding("Python", "3.11"), Finding("memory", "left", "note", "clean it")]
+    monkeypatch.setattr("lupin_engine.cli.doctor.examine", lambda: fine)
+    assert main(["doctor"]) == 0
+    lines = [line.strip() for line in capsys.readouterr().out.splitlines()]
+    assert lines[-1] == "missions can be run here"
+    assert "clean it" in lines
+    monkeypatch.setattr("lupin_engine.cli.doctor.examine", lambda: [Finding("a", "b", "problem", "do")])
+    assert main(["doctor"]) == 1
+    assert capsys.readouterr().out.splitlines()[-1] == "1 problem to mend before missions can be run"

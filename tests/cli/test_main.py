@@ -1,0 +1,126 @@
+"""The command itself: help, unknown verbs, exit codes, crash logs."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import click
+import pytest
+
+from lupin_engine.cli import main as entry
+from lupin_engine.cli.main import VERBS, lupin, main
+from lupin_engine.errors import ChartError, Diagnostic, LupinError, Place, UsageError
+
+HEAVY = ("numpy", "pydantic", "rich", "structlog", "transitions", "yaml", "rclpy", "lupin_engine.chart")
+
+
+def test_help_imports_nothing_heavy() -> None:
+    """It must answer at once; each of these would cost more than all the rest."""
+    program = (
+        "import sys; from lupin_engine.cli.main import main; main(['--help']); "
+        f"print('HEAVY', sorted(set({HEAVY!r}) & set(sys.modules)))"
+    )
+    output = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=True
+    ).stdout
+    assert output.splitlines()[-1] == "HEAVY []"
+    assert all(f"  {verb} " in output for verb in VERBS)
+
+
+@pytest.mark.parametrize("verb", VERBS)
+def test_the_table_says_what_the_verb_says(verb: str) -> None:
+    """The one-line help stands in two places, so that the list needs no import."""
+    command = lupin.get_command(click.Context(lupin), verb)
+    assert command is not None
+    assert VERBS[verb].removesuffix(".") == command.get_short_help_str(limit=200).removesuffix(".")
+
+
+def test_an_unknown_verb_gets_the_nearest(capsys: pytest.CaptureFixture[str]) -> None:
+    """Exit code 2, on standard error."""
+    assert main(["chek"]) == 2
+    assert capsys.readouterr().err.splitlines()[-1] == "Error: unknown command 'chek'; did you mean 'check'?"
+
+
+def test_the_version(capsys: pytest.CaptureFixture[str]) -> None:
+    """What a report needs first."""
+    assert main(["--version"]) == 0
+    assert capsys.readouterr().out.startswith("lupin, version ")
+
+
+@pytest.fixture
+def verb(monkeypatch: pytest.MonkeyPatch) -> pytest.MonkeyPatch:
+    """Let `lupin fails` raise what `failing` holds."""
+    monkeypatch.setitem(dict(VERBS), "fails", "")  # the real table is read-only
+    monkeypatch.setattr(entry, "VERBS", {**VERBS, "fails": "Fails."})
+    return monkeypatch
+
+
+def fail_with(patch: pytest.MonkeyPatch, problem: BaseException) -> None:
+    @click.command()
+    def fails() -> None:
+        raise problem
+
+    patch.setattr(entry.Verbs, "get_command", lambda self, ctx, name: fails)
+
+
+PLACE = Place("a.yaml", 3, 5)
+
+
+@pytest.mark.parametrize(
+    ("problem", "code", "text"),
+    [
+        (LupinError("no map"), 1, "lupin: no map\n"),
+        (UsageError("no mission 'x'"), 2, "lupin: no mission 'x'\n"),
+        (ChartError([Diagnostic(PLACE, "r", "p", "bad")]), 1, "a.yaml:3:5: error: p: bad [r]\n"),
+        (KeyboardInterrupt(), 130, "\n"),
+    ],
+    ids=["failure", "usage", "findings", "interrupt"],
+)
+def test_failures_become_text_and_exit_code(
+    verb: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    problem: BaseException,
+    code: int,
+    text: str,
+) -> None:
+    """Never a traceback; findings begin with their place, so that editors can jump there."""
+    fail_with(verb, problem)
+    assert main(["fails"]) == code
+    captured = capsys.readouterr()
+    assert (captured.out, captured.err) == ("", text)
+
+
+def test_a_defect_is_written_down(
+    verb: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    """One line for the user, the traceback and the versions in a file that can be sent."""
+    verb.setenv("XDG_STATE_HOME", str(tmp_path))
+    fail_with(verb, ZeroDivisionError("by zero"))
+    assert main(["fails"]) == 70
+    first, second = capsys.readouterr().err.splitlines()
+    assert first == "lupin: a defect of the engine: ZeroDivisionError: by zero"
+    log = Path(second.removeprefix("lupin: please report "))
+    assert log.is_relative_to(tmp_path)
+    text = log.read_text()
+    assert "Traceback (most recent call last)" in text
+    assert "lupin-engine " in text
+    assert "ZeroDivisionError: by zero" in text
+
+
+def test_a_reader_that_leaves_is_no_defect() -> None:
+    """`lupin node | head -1`: no traceback, no crash log."""
+    program = (
+        "import sys; from lupin_engine.cli.main import main; sys.stdin.read(); sys.exit(main(['--help']))"
+    )
+    with subprocess.Popen(
+        [sys.executable, "-c", program], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE
+    ) as process:
+        assert process.stdin
+        assert process.stdout
+        assert process.stderr
+        process.stdout.close()
+        process.stdin.close()
+        assert process.stderr.read() == b""
+        assert process.wait(30) == 141

@@ -1,0 +1,67 @@
+"""`name=value`: read as the declared type, every problem told at once."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from lupin_engine.cli.settings import read_settings
+from lupin_engine.errors import UsageError
+from lupin_engine.plugin.contract import Parameter
+from lupin_engine.plugin.types import BOOL, COUNT, DURATION, POSE, TEXT, list_of, number_in
+
+DECLARED = {
+    "timeout_s": Parameter(DURATION, 60.0, "a time", minimum=1.0),
+    "share": Parameter(number_in(""), 0.2, "a share", maximum=1.0),
+    "tries": Parameter(COUNT, 2, "a count"),
+    "look": Parameter(BOOL, False, "a flag"),
+    "preset": Parameter(TEXT, "home", "a text"),
+    "tags": Parameter(list_of(TEXT), [], "a list"),
+    "dock": Parameter(POSE, {"x": 0.0, "y": 0.0, "yaw": 0.0}, "a pose"),
+}
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [
+        ("timeout_s=90", 90.0),
+        ("timeout_s=1.5 min", 90.0),
+        ("share=35 %", pytest.approx(0.35)),
+        ("tries=3", 3),
+        ("look=true", True),
+        ("look=no", False),
+        ("preset=5", "5"),
+        ("preset=a=b", "a=b"),
+        ("tags=1,5, 12", ["1", "5", "12"]),
+        ("tags=[1, '5']", ["1", "5"]),
+        ("tags=", []),
+        ("dock={x: 1, y: 2, yaw: 90 deg}", {"x": 1.0, "y": 2.0, "yaw": pytest.approx(1.5707963)}),
+        ("dock=[1, 2, 0]", {"x": 1.0, "y": 2.0, "yaw": 0.0}),
+    ],
+)
+def test_a_value_is_read_as_its_type(text: str, value: Any) -> None:
+    """Text stays text also when it looks like a number; units may be written."""
+    assert read_settings("--set", [text], DECLARED) == {text.partition("=")[0]: value}
+
+
+def test_only_what_was_given_is_returned() -> None:
+    """The node has its own defaults; the last of two wins."""
+    assert read_settings("--set", ["tries=3", "tries=4"], DECLARED) == {"tries": 4}
+    assert read_settings("--set", [], DECLARED) == {}
+
+
+def test_every_problem_is_told() -> None:
+    """In one run, each with what is allowed."""
+    given = ["tries", "timeout=5", "timeout_s=0.1", "look=maybe", "tries=1.5", "share=5 s", "dock=[1, 2]"]
+    with pytest.raises(UsageError) as found:
+        read_settings("--set", given, DECLARED)
+    assert str(found.value).splitlines() == [
+        "--set: 'tries' has no '='; write --set NAME=VALUE",
+        "--set: unknown parameter 'timeout'; did you mean 'timeout_s'?",
+        "--set: parameter timeout_s: must be at least 1 s, got 0.1",
+        "--set: parameter look: expected bool, got 'maybe'",
+        "--set: parameter tries: expected count, got 1.5",
+        "--set: parameter share: expected number, got '5 s'",
+        "--set: parameter dock: expected pose with the fields x, y, yaw, got [1, 2]",
+    ]

@@ -1,0 +1,149 @@
+"""The pictures of a run, compared as text."""
+
+from __future__ import annotations
+
+import io
+
+import pytest
+from rich.console import Console
+
+from lupin_engine.chart.model import Chart
+from lupin_engine.cli import view
+from lupin_engine.launch.mission import load_missions
+from lupin_engine.launch.story import Reading, Story
+from lupin_engine.plugin.registry import load_catalog
+from tests.launch.messages import MISSION_ID, observation, state, step
+
+MISSION = "MISSION.InspectionMission"
+NAVIGATING = ("", "MISSION", MISSION, f"{MISSION}.INSPECTING", f"{MISSION}.INSPECTING.NAVIGATING")
+
+
+@pytest.fixture(scope="module")
+def chart() -> Chart:
+    """The inspection mission."""
+    return load_missions(["inspection"], load_catalog()).chart
+
+
+@pytest.fixture
+def story() -> Story:
+    """A mission on its way to the second of three tags, twelve seconds into the second try."""
+    story = Story(MISSION_ID, 100.0)
+    story.take(*state(current_target="1", targets_completed=0), at=100.0)
+    story.take(*observation("1", {"temperature": 21.5, "co2": 412.0}), at=103.0)
+    story.take(*state(), at=103.0)
+    story.take(*step([("nav.go_to", 2, 165.0)], NAVIGATING, time=105.0), at=105.0)
+    return story
+
+
+def drawn(thing: object, width: int = 100, encoding: str = "utf-8") -> str:
+    file = io.TextIOWrapper(io.BytesIO(), encoding=encoding)
+    console = Console(file=file, width=width, color_system=None, force_terminal=False)
+    console.print(thing)
+    file.flush()
+    buffer = file.buffer
+    assert isinstance(buffer, io.BytesIO)
+    return buffer.getvalue().decode(encoding)
+
+
+def test_the_tree_shows_the_outer_states_and_opens_the_active_path(chart: Chart) -> None:
+    """The slot is left out; helper end states and history as well."""
+    lines = [("  " * line.depth + line.name, line.role) for line in view.tree_lines(chart, NAVIGATING)]
+    assert lines == [
+        ("BOOT", "idle"),
+        ("READY", "idle"),
+        ("InspectionMission", "path"),
+        ("  PREPARE", "idle"),
+        ("  INSPECTING", "path"),
+        ("    NAVIGATING", "active"),
+        ("    SCANNING", "idle"),
+        ("    PUBLISHING", "idle"),
+        ("RETURNING", "idle"),
+        ("DONE", "idle"),
+        ("FAULT", "idle"),
+    ]
+
+
+def test_the_picture_tells_where_the_mission_stands(story: Story, chart: Chart) -> None:
+    """State, target, counts, time against the deadline, battery, events, targets so far."""
+    text = drawn(view.picture(story, chart, 117.0))
+    for part in (
+        "InspectionMission lupin-1  INSPECTING · NAVIGATING  00:17.0",
+        "● NAVIGATING",
+        "tag 5",
+        "1/3 targets",
+        "✔ 1 visited",
+        "nav.go_to  try 2",
+        "12.0 s of 60 s",
+        "83%",
+        "00:03.0  tag 1 OK: temperature 21.5, co2 412",
+        "1✔  5…",
+    ):
+        assert part in text
+    assert "PAUSED" not in text
+
+
+def test_flags_are_in_the_title(story: Story, chart: Chart) -> None:
+    """They are what an operator must not miss."""
+    story.take(*state(paused=True, estop_engaged=True, battery_low=True), at=118.0)
+    first = drawn(view.picture(story, chart, 118.0), width=120).splitlines()[0]
+    assert all(pill in first for pill in (" E-STOP ", " PAUSED ", " BATTERY LOW "))
+
+
+@pytest.mark.parametrize("width", [60, 80, 100, 200])
+def test_the_picture_keeps_its_size(story: Story, chart: Chart, width: int) -> None:
+    """It is redrawn in place: no line may be longer than the terminal, and none may come and go."""
+    heights = set()
+    for moment in (105.0, 150.0, 170.0):
+        lines = drawn(view.picture(story, chart, moment), width=width).splitlines()
+        assert max(map(len, lines)) <= width
+        heights.add(len(lines))
+    assert len(heights) == 1
+
+
+def test_a_terminal_without_unicode_gets_ascii(story: Story, chart: Chart) -> None:
+    """Over a serial line as well."""
+    text = drawn(view.picture(story, chart, 117.0), encoding="ascii")
+    assert "* NAVIGATING" in text
+    assert "+ 1 visited" in text
+
+
+def test_the_table_is_hollow_where_a_tag_lacks_the_sensor() -> None:
+    """Known sensors in their order with their unit, then others; failures with their reason."""
+    readings = [
+        Reading("1", "OK", "", {"co2": 412.0, "temperature": 21.5}),
+        Reading("5", "SCAN_FAILED", "scan_timeout", {}),
+        Reading("12", "OK", "", {"wind": 3.0, "humidity": 55.123}),
+    ]
+    rows = [line.split() for line in drawn(view.readings_table(readings)).splitlines()]
+    assert ["tag", "status", "°C", "%", "ppm", "wind", "reason"] in rows
+    assert ["1", "OK", "21.5", "·", "412", "·"] in rows
+    assert ["5", "SCAN_FAILED", "·", "·", "·", "·", "scan_timeout"] in rows
+    assert ["12", "OK", "·", "55.12", "·", "3"] in rows
+    assert view.sensor_columns(readings) == ["temperature", "humidity", "co2", "wind"]
+
+
+def test_the_summary_is_one_sentence(story: Story) -> None:
+    """How it ended, what was visited, how long it took, and for a failure what was said last."""
+    assert view.summary(story, 117.0).plain == "given up in INSPECTING: 1 visited of 3 targets in 17.0 s"
+    failed = state(lifecycle_state="DONE", targets_completed=2, targets_failed=1, last_error="scan_timeout")
+    story.take(*failed, at=120.0)
+    assert view.summary(story, 140.0).plain == (
+        "DONE: 2 visited, 1 failed of 3 targets in 20.0 s; last: scan_timeout"
+    )
+
+
+def test_a_state_is_one_plain_line() -> None:
+    """For logs and pipes."""
+    assert view.plain_state(state()[1]) == "INSPECTING NAVIGATING  tag 5  1/3"
+    done = state(lifecycle_state="DONE", mission_phase="", current_target="", targets_completed=3)
+    assert view.plain_state(done[1]) == "DONE  3/3"
+
+
+def test_durations() -> None:
+    """Minutes and seconds; never negative."""
+    assert [view.clock(s) for s in (0.04, 61.25, 3600.0, -1.0)] == [
+        "00:00.0",
+        "01:01.2",
+        "60:00.0",
+        "00:00.0",
+    ]

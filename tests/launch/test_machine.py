@@ -1,0 +1,115 @@
+"""What is read off this machine, with made-up tables of the kernel: shared memory, ports, processes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from lupin_engine.launch import folders, shared_memory
+from lupin_engine.launch.environment import close_the_doors, current_domain, is_local_only
+from lupin_engine.launch.health import running_nodes
+from lupin_engine.launch.neighbours import participants
+
+
+@pytest.fixture
+def machine(tmp_path: Path) -> tuple[Path, Path]:
+    """Shared memory with two segments and their companions, and a process that maps the first."""
+    memory, processes = tmp_path / "shm", tmp_path / "proc"
+    memory.mkdir()
+    for name in ("fastrtps_aa", "fastrtps_aa_el", "fastrtps_bb", "sem.fastrtps_bb_mutex", "other"):
+        (memory / name).touch()
+    (processes / "7").mkdir(parents=True)
+    (processes / "7" / "maps").write_text(
+        "7f00-7f01 rw-s 0 00:19 5   /dev/shm/fastrtps_aa\n7f02 r-xp /lib/x.so\n"
+    )
+    (processes / "self").mkdir()
+    return memory, processes
+
+
+def test_a_segment_that_nobody_maps_is_stale(machine: tuple[Path, Path]) -> None:
+    """With what belongs to it; other programs' memory is not looked at."""
+    memory, processes = machine
+    stale = [file.name for file in shared_memory.stale_segments(memory, processes)]
+    assert stale == ["fastrtps_bb", "sem.fastrtps_bb_mutex"]
+    assert shared_memory.segments_of(7, processes) == {"fastrtps_aa"}
+    assert shared_memory.segments_of(8, processes) == set()
+
+
+def test_only_what_is_stale_is_removed(machine: tuple[Path, Path]) -> None:
+    """A port that a dead process shared with a living one stays."""
+    memory, processes = machine
+    gone = shared_memory.remove({"fastrtps_aa", "fastrtps_bb"}, memory, processes)
+    assert gone == ["fastrtps_bb", "sem.fastrtps_bb_mutex"]
+    assert (memory / "fastrtps_aa_el").exists()
+
+
+def table(path: Path, *ports: int) -> Path:
+    head = "  sl  local_address rem_address   st tx_queue\n"
+    rows = [f"   {n}: 00000000:{port:04X} 00000000:0000 07\n" for n, port in enumerate(ports)]
+    path.write_text(head + "".join(rows))
+    return path
+
+
+def test_participants_are_counted_by_their_ports(tmp_path: Path) -> None:
+    """Two ports each; those of other domains and the shared multicast port do not count."""
+    domain = 3
+    base = 7400 + 250 * domain
+    found = table(tmp_path / "udp", base, base + 1, base + 10, base + 11, base + 12, base + 13, 7410, 5353)
+    assert participants(domain, [found, tmp_path / "absent"]) == 2
+    assert participants(0, [found]) == 1
+    assert participants(9, [found]) is None
+
+
+def test_running_nodes_are_known_by_their_command(tmp_path: Path) -> None:
+    """However they were started; `lupin` with another verb is none."""
+    commands = {
+        "12": "/v/bin/python\0-m\0lupin_engine.cli.main\0node\0lupin_sim\0--ros-args\0",
+        "13": "/v/bin/python\0/v/bin/lupin\0node\0greenhouse_bridge\0",
+        "14": "/v/bin/python\0/v/bin/lupin\0run\0inspection\0",
+        "15": "node\0server.js\0now\0",
+    }
+    for pid, line in commands.items():
+        (tmp_path / pid).mkdir()
+        (tmp_path / pid / "cmdline").write_text(line)
+    (tmp_path / "16").mkdir()
+    assert list(running_nodes(tmp_path)) == [(12, "lupin_sim"), (13, "greenhouse_bridge")]
+
+
+def test_the_network_is_closed_unless_it_was_opened(monkeypatch: pytest.MonkeyPatch) -> None:
+    """LOCALHOST where nobody said otherwise; the domain only where it was asked for."""
+    monkeypatch.setenv("ROS_DOMAIN_ID", "5")
+    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "")
+    monkeypatch.delenv("ROS_AUTOMATIC_DISCOVERY_RANGE")
+    close_the_doors()
+    assert (current_domain(), is_local_only()) == (5, True)
+    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "SUBNET")
+    close_the_doors(7)
+    assert (current_domain(), is_local_only()) == (7, False)
+
+
+def test_logs_go_to_the_users_state_folder(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """One folder a run, of which the newest are kept; a given folder is taken as it is."""
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+    runs = tmp_path / "lupin" / "runs"
+    runs.mkdir(parents=True)
+    for number in range(folders.KEPT_RUNS + 3):
+        (runs / f"2000-01-01_00-00-{number:02d}_1").mkdir()
+    newest = folders.new_run_folder()
+    assert newest.parent == runs
+    left = sorted(folder.name for folder in runs.iterdir())
+    assert len(left) == folders.KEPT_RUNS
+    assert left[0] == "2000-01-01_00-00-04_1"
+    assert folders.new_run_folder(tmp_path / "mine") == tmp_path / "mine"
+
+
+def test_without_a_writable_home_there_is_a_temporary_folder(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """A robot's read-only system must not keep a run from starting."""
+    blocked = tmp_path / "file"
+    blocked.touch()
+    monkeypatch.setenv("XDG_STATE_HOME", str(blocked))
+    monkeypatch.setenv("HOME", str(blocked))
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    assert folders.state_folder("runs").parent == tmp_path

@@ -1,0 +1,58 @@
+"""What is to be run, looked at before anything is started."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import pytest
+
+from lupin_engine.chart.load import default_missions_folder
+from lupin_engine.errors import ChartError, UsageError
+from lupin_engine.launch.mission import check_request, load_missions
+from lupin_engine.plugin.registry import load_catalog
+
+CATALOG = load_catalog()
+SHIPPED = default_missions_folder()
+
+
+@pytest.mark.parametrize("name", ["inspection", "InspectionMission", str(SHIPPED / "inspection.yaml")])
+def test_a_mission_has_three_names(name: str) -> None:
+    """Its file's, its own, and its path."""
+    loaded = load_missions([name], CATALOG)
+    assert loaded.names == ("InspectionMission",)
+    assert loaded.parameters() == {
+        "missions": [str(SHIPPED / "inspection.yaml")],
+        "missions_path": str(SHIPPED),
+    }
+
+
+def test_the_nearest_folder_goes_before_the_shipped_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """An author's checkout wins over what is installed."""
+    shutil.copytree(SHIPPED, tmp_path / "missions")
+    monkeypatch.chdir(tmp_path)
+    assert load_missions(["inspection"], CATALOG).parameters()["missions_path"] == str(tmp_path / "missions")
+    assert "InspectionMission" in load_missions([], CATALOG).names
+
+
+def test_every_error_of_a_mission_is_told(tmp_path: Path) -> None:
+    """Two mistakes, two findings, each with its place."""
+    folder = tmp_path / "m"
+    shutil.copytree(SHIPPED, folder)
+    file = folder / "inspection.yaml"
+    broken = file.read_text().replace("phase: LOC", "phaze: LOC").replace("on_error: FAULT", "on_error: FALT")
+    file.write_text(broken)
+    with pytest.raises(ChartError) as found:
+        load_missions([str(file)], CATALOG)
+    assert [d.rule for d in found.value.diagnostics] == ["unknown-key", "unknown-state"]
+    assert all(str(d).startswith(f"{file}:") for d in found.value.diagnostics)
+
+
+def test_a_request_is_checked_with_the_words_of_the_service() -> None:
+    """Unknown tags are found before anything is started; known ones pass."""
+    loaded = load_missions(["inspection"], CATALOG)
+    check_request(loaded, CATALOG, {}, ["1", "5"], 0)
+    with pytest.raises(UsageError, match=r"^unknown tag '99'; the layout has 29 tags: 1, 2, 3,"):
+        check_request(loaded, CATALOG, {}, ["1", "99"], 0)

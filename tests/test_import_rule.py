@@ -1,0 +1,182 @@
+"""Who may import whom: the rule of docs/design.md, read off the source of every module.
+
+A room is a folder of the engine. `A <- B` there means that B may import A and all that A may; what is not
+listed here is forbidden. Imports inside functions count as well.
+"""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterator
+from functools import cache
+from graphlib import CycleError, TopologicalSorter
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+ENGINE = ROOT / "lupin_engine"
+PLUGINS = ROOT / "plugins"
+
+#: Room -> the rooms right below it.
+RULE = {
+    "errors": (),
+    "plugin": ("errors",),
+    "chart": ("plugin",),
+    "machine": ("chart",),
+    "runtime": ("machine",),
+    "sim": ("runtime",),
+    "ros": ("runtime",),
+    "diagram": ("chart",),
+    "verify": ("machine",),
+    "editor": ("chart",),
+    "launch": ("sim", "ros"),
+    "pytest_plugin": ("sim",),
+    "cli": ("launch", "diagram", "verify", "editor"),
+}
+#: Outside packages that belong to certain rooms only.
+OWNED = {
+    "rclpy": {"ros"},
+    "transitions": {"machine"},
+    "click": {"cli"},
+    "rich": {"cli"},
+    "yaml": {"chart", "cli"},
+    "structlog": {"ros", "launch", "cli"},
+}
+#: What would make a chart or a machine depend on more than its inputs.
+IMPURE = {"asyncio", "datetime", "logging", "multiprocessing", "os", "queue", "random", "secrets", "socket"}
+IMPURE |= {"subprocess", "sys", "threading", "time", "uuid"}
+#: Modules of a plugin that may know ROS.
+ROS_SIDE = ("client", "node")
+
+
+def module_name(file: Path) -> str:
+    """Return what Python calls a file."""
+    base = PLUGINS if PLUGINS in file.parents else ROOT
+    return ".".join(file.relative_to(base).with_suffix("").parts).removesuffix(".__init__")
+
+
+@cache
+def modules() -> dict[str, Path]:
+    """Return every module of the engine and its plugins."""
+    files = sorted([*ENGINE.rglob("*.py"), *PLUGINS.rglob("*.py")])
+    return {module_name(file): file for file in files if "__pycache__" not in file.parts}
+
+
+@cache
+def imports(name: str) -> dict[str, int]:
+    """Return what a module imports, as full module names, with the line; `from a import b` as `a.b` too."""
+    found: dict[str, int] = {}
+    for node in ast.walk(ast.parse(modules()[name].read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            found.update({alias.name: node.lineno for alias in node.names})
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{name}:{node.lineno}: relative import"
+            source = node.module or ""
+            found[source] = node.lineno
+            found.update(
+                {f"{source}.{a.name}": node.lineno for a in node.names if f"{source}.{a.name}" in modules()}
+            )
+    return found
+
+
+def room_of(module: str) -> str:
+    """Return the room of a module of the engine; '' for the package itself."""
+    return module.split(".")[1] if module.startswith("lupin_engine.") else ""
+
+
+@cache
+def allowed(room: str) -> frozenset[str]:
+    """Return the rooms that a room may import."""
+    below = [allowed(lower) | {lower} for lower in RULE[room]]
+    return frozenset({room}).union(*below)
+
+
+def engine_modules() -> list[str]:
+    """Return the modules in the rooms of the engine."""
+    return [name for name in modules() if room_of(name)]
+
+
+def plugin_modules() -> list[str]:
+    """Return the modules of the plugins."""
+    return [name for name in modules() if not name.startswith("lupin_engine")]
+
+
+def breaches(name: str) -> Iterator[str]:
+    """Yield what a module of the engine imports against the rule."""
+    room = room_of(name)
+    plugins = {path.name for path in PLUGINS.iterdir() if path.is_dir()}
+    for imported, line in imports(name).items():
+        where = f"{name}:{line} imports {imported}"
+        top = imported.partition(".")[0]
+        if room_of(imported) and room_of(imported) not in allowed(room):
+            yield f"{where}: {room} may not know {room_of(imported)}"
+        if top in plugins:
+            yield f"{where}: the engine names no plugin"
+        if room not in OWNED.get(top, {room}):
+            yield f"{where}: that is for {', '.join(sorted(OWNED[top]))}"
+        if room in ("chart", "machine") and top in IMPURE:
+            yield f"{where}: {room} depends on nothing but its inputs"
+
+
+@pytest.mark.parametrize("name", engine_modules())
+def test_the_engine_keeps_the_rule(name: str) -> None:
+    """A room imports only what lies below it."""
+    assert room_of(name) in RULE, f"{name} is in no room"
+    assert list(breaches(name)) == []
+
+
+def plugin_breaches(name: str) -> Iterator[str]:
+    """Yield what a module of a plugin imports against the rule."""
+    own, _, rest = name.partition(".")
+    knows_ros = rest.split(".")[0] in ROS_SIDE
+    rooms = {"errors", "plugin"} | (allowed("ros") if knows_ros else set())
+    for imported, line in imports(name).items():
+        where = f"{name}:{line} imports {imported}"
+        top = imported.partition(".")[0]
+        if room_of(imported) and room_of(imported) not in rooms:
+            yield f"{where}: a plugin may know {', '.join(sorted(rooms))} there"
+        if top != own and (PLUGINS / top).is_dir():
+            yield f"{where}: plugins do not know each other"
+        if top == "rclpy" and not knows_ros:
+            yield f"{where}: only {' and '.join(ROS_SIDE)} may"
+
+
+@pytest.mark.parametrize("name", plugin_modules())
+def test_plugins_keep_the_rule(name: str) -> None:
+    """A plugin knows the contract and nobody else; its client and node know ROS too."""
+    assert list(plugin_breaches(name)) == []
+
+
+def test_modules_do_not_go_in_circles() -> None:
+    """No module imports itself by way of others."""
+    graph = {
+        name: {other for other in imports(name) if other in modules() and other != name} for name in modules()
+    }
+    packages = {name for name, file in modules().items() if file.name == "__init__.py"}
+    sorter = TopologicalSorter({name: others - packages for name, others in graph.items()})
+    try:
+        sorter.prepare()
+    except CycleError as circle:
+        pytest.fail(" -> ".join(circle.args[1]), pytrace=False)
+
+
+@pytest.mark.parametrize("name", engine_modules())
+def test_the_engine_names_no_plugin(name: str) -> None:
+    """No module of the engine holds the name of a plugin's package, not even as text."""
+    plugins = [path.name for path in PLUGINS.iterdir() if path.is_dir()]
+    text = modules()[name].read_text(encoding="utf-8")
+    code = {
+        node.value
+        for node in ast.walk(ast.parse(text))
+        if isinstance(node, ast.Constant) and isinstance(node.value, str)
+    }
+    documents = {
+        ast.get_docstring(node, clean=False) for node in ast.walk(ast.parse(text)) if _has_docstring(node)
+    }
+    for constant in code - documents:
+        assert not any(plugin in constant for plugin in plugins), constant
+
+
+def _has_docstring(node: ast.AST) -> bool:
+    return isinstance(node, (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef))
