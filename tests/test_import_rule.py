@@ -64,20 +64,30 @@ def modules() -> dict[str, Path]:
 
 
 @cache
-def imports(name: str) -> dict[str, int]:
-    """Return what a module imports, as full module names, with the line; `from a import b` as `a.b` too."""
+def imports(name: str, when_running: bool = False) -> dict[str, int]:
+    """Return what a module imports, as full module names, with the line; `from a import b` as `a.b` too.
+
+    With `when_running` without what only the type checker sees.
+    """
     found: dict[str, int] = {}
-    for node in ast.walk(ast.parse(modules()[name].read_text(encoding="utf-8"))):
+    for node in _nodes(ast.parse(modules()[name].read_text(encoding="utf-8")), when_running):
         if isinstance(node, ast.Import):
             found.update({alias.name: node.lineno for alias in node.names})
         elif isinstance(node, ast.ImportFrom):
             assert node.level == 0, f"{name}:{node.lineno}: relative import"
             source = node.module or ""
             found[source] = node.lineno
-            found.update(
-                {f"{source}.{a.name}": node.lineno for a in node.names if f"{source}.{a.name}" in modules()}
-            )
+            names = (f"{source}.{alias.name}" for alias in node.names)
+            found.update({full: node.lineno for full in names if full in modules()})
     return found
+
+
+def _nodes(node: ast.AST, when_running: bool) -> Iterator[ast.AST]:
+    yield node
+    checks_types = isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING"
+    if not (when_running and checks_types):
+        for child in ast.iter_child_nodes(node):
+            yield from _nodes(child, when_running)
 
 
 def room_of(module: str) -> str:
@@ -150,9 +160,7 @@ def test_plugins_keep_the_rule(name: str) -> None:
 
 def test_modules_do_not_go_in_circles() -> None:
     """No module imports itself by way of others."""
-    graph = {
-        name: {other for other in imports(name) if other in modules() and other != name} for name in modules()
-    }
+    graph = {name: set(imports(name, when_running=True)) & set(modules()) - {name} for name in modules()}
     packages = {name for name, file in modules().items() if file.name == "__init__.py"}
     sorter = TopologicalSorter({name: others - packages for name, others in graph.items()})
     try:

@@ -92,6 +92,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _run(arguments: Sequence[str] | None) -> int:
+    stdout = sys.stdout
     try:
         result: Any = lupin.main(args=arguments and list(arguments), prog_name="lupin", standalone_mode=False)
     except click.exceptions.Exit as end:
@@ -105,10 +106,10 @@ def _run(arguments: Sequence[str] | None) -> int:
         # Findings begin with the place in the file, which editors and terminals turn into a link.
         print(problem if isinstance(problem, ChartError) else f"lupin: {problem}", file=sys.stderr)
         return problem.exit_code
-    except SystemExit as end:
-        if isinstance(end.__context__, BrokenPipeError):  # click's way to leave quietly
-            raise end.__context__ from None
-        raise
+    except SystemExit:
+        if sys.stdout is stdout:
+            raise
+        return READER_GONE  # click has put a stream in its place that does not mind
     except BrokenPipeError:
         raise
     except Exception as defect:

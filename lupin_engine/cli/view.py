@@ -31,7 +31,7 @@ from lupin_engine.launch.story import (
     Story,
 )
 
-STYLES: Mapping[Severity, str] = {Severity.INFO: "cyan", Severity.WARN: "yellow", Severity.ERROR: "bold red"}
+STYLES: Mapping[Severity, str] = {Severity.INFO: "bright_cyan", Severity.WARN: "yellow", Severity.ERROR: "bold red"}
 _VERDICT_STYLES: Mapping[int, str] = {
     ALL_VISITED: "bold green",
     SOME_MISSED: "bold yellow",

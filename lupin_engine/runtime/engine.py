@@ -20,6 +20,8 @@ from lupin_engine.runtime.clock import Clock
 
 #: A driver raised, or the mission names a plugin that has no driver here.
 DRIVER_CODE = "driver_error"
+#: The event of a driver that raised on what nobody waits for; it is there to be found in the record.
+DRIVER_FAILED = "driver.failed"
 
 
 class Engine:
@@ -111,8 +113,12 @@ class Engine:
         try:
             self._deliver(command)
         except Exception as problem:
+            detail = f"{type(problem).__name__}: {problem}"
             if isinstance(command, Start):
-                self.post(events.failed(command.attempt, DRIVER_CODE, f"{type(problem).__name__}: {problem}"))
+                self.post(events.failed(command.attempt, DRIVER_CODE, detail))
+            elif isinstance(command, (Cancel, Act)):
+                name = command.action if isinstance(command, Act) else command.operation
+                self.post(Event(DRIVER_FAILED, {"command": name, "detail": detail}))
 
     def _deliver(self, command: Command) -> None:
         if isinstance(command, Start):

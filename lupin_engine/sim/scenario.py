@@ -176,7 +176,8 @@ class _Reader:
         for name, value in self._node.parameters.items():
             place = self._node.value_at("parameters", name)
             if name not in declared:
-                self._findings.unknown(place, "unknown-parameter", "parameters", "parameter", name, declared)
+                key = self._node.key_at("parameters", name)
+                self._findings.unknown(key, "unknown-parameter", "parameters", "parameter", name, declared)
                 continue
             try:
                 found[name] = check_value(declared[name], value)
@@ -192,7 +193,7 @@ class _Reader:
             return
         for name in mock.with_:
             if name not in operation.arguments:
-                place = mock.value_at("with", name)
+                place = mock.key_at("with", name)
                 self._findings.unknown(
                     place, "unknown-argument", mock.do, "argument", name, operation.arguments
                 )
@@ -238,7 +239,8 @@ class _Reader:
         for field, value in (node.done or {}).items():
             place = node.value_at("done", field)
             if field not in operation.result:
-                self._findings.unknown(place, "unknown-argument", name, "field", field, operation.result)
+                key = node.key_at("done", field)
+                self._findings.unknown(key, "unknown-argument", name, "field", field, operation.result)
                 continue
             try:
                 found[field] = convert(value, operation.result[field])
@@ -269,12 +271,12 @@ class _Reader:
             self._check_request(node.at("request"), node.request.name)
             found.append(Ask(node.request.name, node.request.data))
         for name, value in (node.value or {}).items():
-            found.extend(self._tell(node.value_at("value", name), name, value))
+            found.extend(self._tell(node, name, value))
         if node.fail is not None:
             found.append(self._end(node.fail, needs_code=True))
         if node.finish is not None:
             found.append(self._end(node.finish, needs_code=False))
-        if not found:
+        if not (node.request or node.value or node.fail or node.finish):
             hint = "say request, value, fail or finish"
             self._findings.add(node.place, "wrong-shape", "when", "nothing happens", hint)
         return found
@@ -284,16 +286,18 @@ class _Reader:
         if name not in allowed:
             self._findings.unknown(place, "unknown-event", "when", "request", name, allowed)
 
-    def _tell(self, place: Place, name: str, value: Any) -> Iterator[Tell]:
+    def _tell(self, node: WhenNode, name: str, value: Any) -> Iterator[Tell]:
         """Yield the change of a live value, which may be named as the plugin or as the chart names it."""
         known = {spec.value: spec.value for spec in self._chart.inputs.values()}
         known |= {spec.name: spec.value for spec in self._chart.inputs.values()}
         if name not in known:
-            self._findings.unknown(place, "unknown-value", "when.value", "value", name, known)
+            key = node.key_at("value", name)
+            self._findings.unknown(key, "unknown-value", "when.value", "value", name, known)
             return
         try:
             yield Tell(known[name], convert(value, self._catalog.values[known[name]].type))
         except ValueError as problem:
+            place = node.value_at("value", name)
             self._findings.add(place, "wrong-type", f"when.value.{name}", str(problem))
 
     def _end(self, node: EndNode, needs_code: bool) -> End:
@@ -313,7 +317,7 @@ class _Reader:
         known = (*self._catalog.operations, *self._catalog.actions)
         for name in expect.counts:
             if name not in known:
-                place = expect.value_at("counts", name)
+                place = expect.key_at("counts", name)
                 self._findings.unknown(
                     place, "unknown-operation", "expect.counts", "operation or action", name, known
                 )

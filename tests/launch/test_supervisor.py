@@ -18,9 +18,13 @@ from tests.launch.processes import until
 #: A child that tells when it is there, and lives until it is told to end.
 LIVES = "import signal; print('up', flush=True); signal.pause()"
 #: One that ignores what it is told.
-IGNORES = (
-    "import signal\nfor n in (2, 15): signal.signal(n, signal.SIG_IGN)\nprint('up', flush=True)\nsignal.pause()"
-)
+IGNORES = """
+import signal
+for number in (2, 15):
+    signal.signal(number, signal.SIG_IGN)
+print('up', flush=True)
+signal.pause()
+"""
 #: One that ends at SIGINT and leaves a child of its own in the group, which does not.
 LEAVES_ONE = (
     "import signal, subprocess, sys\n"

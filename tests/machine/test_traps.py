@@ -216,7 +216,7 @@ def test_9_the_first_state_is_entered() -> None:
 
 
 def test_12_exits_then_actions_then_entries() -> None:
-    """Stock: what a transition does `before` comes before the exits, what it does `after` after the entries."""
+    """Stock: what a transition does `before` precedes the exits, what it does `after` the entries."""
     model = Model()
     states = [
         {"name": "A", "on_exit": model.note("exit A")},

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 import signal
+import subprocess
+import sys
 import threading
 from collections.abc import Callable
 from types import SimpleNamespace
@@ -233,6 +235,21 @@ def test_a_signal_ends_the_spin_cleanly(make_node: MakeNode, number: signal.Sign
     assert not ros.node.context.ok()
     ros.close()
     ros.post(lambda: None)
+
+
+def test_a_node_that_cannot_be_released_does_not_keep_the_process() -> None:
+    program = (
+        "import threading\n"
+        "from lupin_engine.ros import middleware\n"
+        "middleware.TEARDOWN_LIMIT = 0.2\n"
+        "ros = middleware.RosNode('stuck')\n"
+        "ros.node.destroy_node = threading.Event().wait\n"
+        "ros.stop()\n"
+        "ros.spin()\n"
+    )
+    ended = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=30.0)
+    assert ended.returncode == 1
+    assert "in close" in ended.stderr
 
 
 def test_a_context_shut_down_from_elsewhere_ends_the_spin(make_node: MakeNode) -> None:

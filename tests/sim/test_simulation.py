@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from itertools import pairwise
 
 import pytest
 
@@ -78,7 +79,7 @@ def test_rules_are_tried_in_order() -> None:
         for c in step.commands
         if isinstance(c, Start) and "go_to" in c.operation
     ]
-    assert [round(second - first, 3) for first, second in zip(drives, drives[1:], strict=False)] == [
+    assert [round(second - first, 3) for first, second in pairwise(drives)] == [
         3.2,
         2.0,
         3.2,
