@@ -111,12 +111,15 @@ def main() -> None:
         for number in range(arguments.rounds):
             ours.append(measure([LUPIN, "node", "mission_orchestrator"], arguments.seconds))
             bare.append(measure([sys.executable, "-c", BARE], arguments.seconds))
-            print(f"round {number + 1}: orchestrator {ours[-1]:.2f} %, bare node {bare[-1]:.2f} %", flush=True)
+            print(
+                f"round {number + 1}: orchestrator {ours[-1]:.2f} %, bare node {bare[-1]:.2f} %", flush=True
+            )
     finally:
         for process in world:
             stop(process)
     first, second = statistics.median(ours), statistics.median(bare)
-    print(f"median: orchestrator {first:.2f} %, bare node {second:.2f} % of one core; ratio {first / second:.2f}")
+    ratio = first / second
+    print(f"median: orchestrator {first:.2f} %, bare node {second:.2f} % of one core; ratio {ratio:.2f}")
 
 
 if __name__ == "__main__":

@@ -13,6 +13,7 @@ from lupin_engine.cli import options
 from lupin_engine.cli.bring_up import Wanted, session_settings
 from lupin_engine.cli.observers import JsonObserver, LiveObserver, PlainObserver, SavingPicture
 from lupin_engine.cli.settings import read_settings
+from lupin_engine.cli.terminal import quiet_terminal
 from lupin_engine.errors import LupinError, Severity
 from lupin_engine.launch.interrupts import Interrupted, Interrupts
 from lupin_engine.launch.mission import Loaded, check_request, load_missions
@@ -82,7 +83,7 @@ def run(
     observer = _observer(as_json, save_svg, loaded)
     from lupin_engine.launch.session import Session  # needs rclpy
 
-    with Interrupts() as interrupts, Session(settings, observer, interrupts) as session:
+    with quiet_terminal(), Interrupts() as interrupts, Session(settings, observer, interrupts) as session:
         code = _carry_out(session, observer, loaded, catalog, tags, goal)
     observer.close(session.story, code)
     return code

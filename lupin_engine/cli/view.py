@@ -31,7 +31,11 @@ from lupin_engine.launch.story import (
     Story,
 )
 
-STYLES: Mapping[Severity, str] = {Severity.INFO: "bright_cyan", Severity.WARN: "yellow", Severity.ERROR: "bold red"}
+STYLES: Mapping[Severity, str] = {
+    Severity.INFO: "cyan",
+    Severity.WARN: "yellow",
+    Severity.ERROR: "bold red",
+}
 _VERDICT_STYLES: Mapping[int, str] = {
     ALL_VISITED: "bold green",
     SOME_MISSED: "bold yellow",
@@ -54,10 +58,13 @@ UNITS: Mapping[str, str] = {
 #: What the outcomes are called in sentences.
 WORDS: Mapping[str, str] = dict(zip(STATUSES, ("visited", "unreachable", "failed", "skipped"), strict=True))
 
+#: What an operator can do about a mission that waits.
+WAITS = "for /mission/resume, or Ctrl-C"
+
 #: Events that the live view shows.
 SHOWN_EVENTS = 6
 #: Width of the state tree, and of bars, in cells.
-TREE_WIDTH, BAR_WIDTH = 30, 24
+TREE_WIDTH, BAR_WIDTH = 28, 24
 
 
 @dataclass(frozen=True)
@@ -197,7 +204,8 @@ def _details(story: Story, now: float, symbols: Symbols) -> RenderableType:
     done = f"{story.closed}/{story.total} targets"
     grid.add_row("progress", _measure(story.closed, story.total, "green", done))
     grid.add_row("", _counts(story, symbols))
-    grid.add_row("", "")
+    # This row is there even when it is empty, so that the picture does not jump.
+    grid.add_row("waits" if story.waits else "", Text(WAITS if story.waits else "", "yellow"))
     under_way: list[Running | None] = [*story.running(now)]
     for running in under_way or [None]:
         grid.add_row("operation", _operation(running))
@@ -214,10 +222,11 @@ def _target(story: Story) -> Text:
 
 def _counts(story: Story, symbols: Symbols) -> Text:
     marks = (symbols.ok, symbols.missed, symbols.missed, symbols.skipped)
-    text = Text()
+    text = Text(no_wrap=True, overflow="crop")
     for status, mark in zip(STATUSES, marks, strict=True):
         count = story.count(status)
-        text.append(f"{mark} {count} {WORDS[status]}  ", STATUS_STYLES[status] if count else "dim")
+        if count or status == "OK":
+            text.append(f"{mark} {count} {WORDS[status]}  ", STATUS_STYLES[status] if count else "dim")
     return text
 
 
@@ -270,9 +279,9 @@ def _events(happenings: Sequence[Happening]) -> Iterator[Text]:
 
 def event_line(happening: Happening) -> Text:
     """Return one event as a line, in the colour of its severity."""
-    line = Text(f"{clock(happening.elapsed)}  ", "dim", no_wrap=True, overflow="crop")
-    line.append(happening.text, STYLES[happening.severity])
-    return line
+    line = Text(no_wrap=True, overflow="crop")
+    line.append(f"{clock(happening.elapsed)}  ", "dim")
+    return line.append(happening.text, STYLES[happening.severity])
 
 
 def _strip(story: Story, symbols: Symbols) -> Text:

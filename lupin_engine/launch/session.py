@@ -331,13 +331,14 @@ class Session:
 
     def close(self) -> None:
         """Stop every process that this session started; a second interrupt shortens the patience."""
+        # First ourselves: Fast DDS can deadlock in a node that leaves while others do.
+        self._operator.close()
         names = self.supervisor.names
         if names:
             self._observer.note(f"stopping {', '.join(names)}")
         killed = self.supervisor.stop(lambda: IMPATIENT if self._interrupts.insisted else Patience())
         if killed:
             self._observer.note(f"had to be killed: {', '.join(killed)}", Severity.WARN)
-        self._operator.close()
 
     def __enter__(self) -> Session:
         return self

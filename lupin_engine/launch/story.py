@@ -167,14 +167,16 @@ class Story:
 
     def _tell_changes(self, before: Mapping[str, Any], at: float) -> None:
         new = self.state
+        told = ""
         if new.get("last_error") and new["last_error"] != before.get("last_error"):
+            told = str(new.get("last_event", ""))
             self.note(at, Severity(new.get("last_event_severity", 0)), _event_text(new))
         for flag, on, off in (
             ("estop_engaged", "e-stop engaged", "e-stop released"),
             ("paused", "paused", "resumed"),
             ("battery_low", "battery low", "battery charged"),
         ):
-            if bool(new.get(flag)) != bool(before.get(flag)):
+            if bool(new.get(flag)) != bool(before.get(flag)) and told != on:
                 severity = Severity.WARN if new.get(flag) else Severity.INFO
                 self.note(at, severity, on if new.get(flag) else off)
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import uuid
 from collections.abc import Callable
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from action_msgs.msg import GoalStatus
 from action_msgs.srv import CancelGoal
@@ -19,23 +19,19 @@ from rclpy.action.server import ServerGoalHandle
 from rclpy.task import Future
 from unique_identifier_msgs.msg import UUID
 
+from lupin_engine.ros.host import Host, Timer
 from lupin_engine.ros.qos import Qos
-
-if TYPE_CHECKING:
-    from lupin_engine.ros.middleware import RosNode, Timer
 
 #: Seconds between two looks at the servers while a goal is under way; none otherwise.
 WATCH_PERIOD = 1.0
 
-_TERMINAL = frozenset(
-    (GoalStatus.STATUS_SUCCEEDED, GoalStatus.STATUS_CANCELED, GoalStatus.STATUS_ABORTED)
-)
+_TERMINAL = frozenset((GoalStatus.STATUS_SUCCEEDED, GoalStatus.STATUS_CANCELED, GoalStatus.STATUS_ABORTED))
 
 
 class ActionCaller:
     """The client of one action."""
 
-    def __init__(self, ros: RosNode, kind: Any, name: str) -> None:
+    def __init__(self, ros: Host, kind: Any, name: str) -> None:
         self.ros = ros
         self.kind = kind
         self.name = name
@@ -241,7 +237,7 @@ class ActionHost:
 
     def __init__(
         self,
-        ros: RosNode,
+        ros: Host,
         kind: Any,
         name: str,
         *,
@@ -306,9 +302,7 @@ class ActionHost:
 class ServedGoal:
     """A goal that this node works on; ends once, by succeed, abort or cancel."""
 
-    def __init__(
-        self, ros: RosNode, handle: ServerGoalHandle, forget: Callable[[ServedGoal], None]
-    ) -> None:
+    def __init__(self, ros: Host, handle: ServerGoalHandle, forget: Callable[[ServedGoal], None]) -> None:
         self._ros = ros
         self._handle = handle
         self._forget = forget

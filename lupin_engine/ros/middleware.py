@@ -471,8 +471,7 @@ class RosNode:
                 for callback in self._stop_callbacks:
                     self.guarded(callback)()
             finally:
-                with _ends_the_process_after(TEARDOWN_LIMIT):
-                    self.close()
+                self.leave()
 
     def spin_once(self, timeout: float | None = None) -> bool:
         """Do one piece of work, waiting at most `timeout` seconds for it; False when it is time to end."""
@@ -501,6 +500,11 @@ class RosNode:
         """End the spin; safe from every thread."""
         self._stopping = True
         self.post(lambda: None)
+
+    def leave(self) -> None:
+        """Close, as the last thing that this process does with ROS: a hanging teardown ends the process."""
+        with _ends_the_process_after(TEARDOWN_LIMIT):
+            self.close()
 
     def close(self) -> None:
         """Release executor, node and context. Closing twice does no harm."""

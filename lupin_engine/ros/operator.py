@@ -134,8 +134,8 @@ class Operator:
         return _answer(answers[0]) if answers else Answer(False, f"/mission/{name}: no answer", reached=False)
 
     def close(self) -> None:
-        """Leave the network."""
-        self._ros.close()
+        """Leave the network; nothing can be asked any more."""
+        self._ros.leave()
 
 
 def _answer(outcome: Any) -> Answer:

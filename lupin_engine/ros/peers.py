@@ -7,10 +7,9 @@ the other truncated objects, and nobody warns. The announced hashes are the only
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-if TYPE_CHECKING:
-    from lupin_engine.ros.middleware import RosNode
+from lupin_engine.ros.host import Host
 
 #: What rmw says for the node of an endpoint that has not been discovered itself.
 _NAMELESS = "_NODE_NAME_UNKNOWN_"
@@ -28,7 +27,7 @@ def action_channels(name: str) -> list[str]:
     return [*channels, f"rt{name}/_action/feedback", f"rt{name}/_action/status"]
 
 
-def peer_mismatches(ros: RosNode) -> list[str]:
+def peer_mismatches(ros: Host) -> list[str]:
     """Compare the type of everything this node publishes, subscribes, serves and calls with its peers'.
 
     Each finding names topic or service, peer node and both hashes. The local hash is the one this node's

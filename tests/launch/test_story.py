@@ -72,7 +72,6 @@ def test_flags_and_errors_become_events_once() -> None:
     story = told(state(), paused, paused, state(last_error="estop_engaged"))
     assert texts(story) == [
         (1.0, "e-stop engaged (estop_engaged)"),
-        (1.0, "e-stop engaged"),
         (1.0, "paused"),
         (3.0, "e-stop released"),
         (3.0, "resumed"),
