@@ -191,8 +191,6 @@ class Session:
             raise RunFailed(f"the orchestrator is in FAULT: {_last_event(self._state)}")
         if lifecycle != "BOOT":
             return []
-        if self._state.get("paused"):  # a hold keeps it in BOOT, and only a person ends a hold
-            raise RunFailed(f"the orchestrator cannot start up: {_last_event(self._state)}")
         details = [str(attempt["detail"]) for attempt in self._view.get("attempts", ()) if attempt["detail"]]
         return details or ["the orchestrator, which is in BOOT"]
 

@@ -80,8 +80,17 @@ def _read_list(world: World, item: Type, given: list[Any]) -> list[Any]:
         except ValueError as problem:
             problems.append(str(problem))
     if problems:
-        raise ValueError("; ".join(problems))
+        raise ValueError(_together(problems))
     return values
+
+
+def _together(problems: list[str]) -> str:
+    """Join problems; what is allowed ("...; what is allowed") is said once when it is the same for all."""
+    told = [problem.partition("; ") for problem in problems]
+    allowed = {tail for _, _, tail in told}
+    if len(allowed) > 1:
+        return "; ".join(problems)
+    return "; ".join(filter(None, (", ".join(head for head, _, _ in told), *allowed)))
 
 
 def _code_of(world: World, wanted: Type) -> str:

@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 
+from lupin_engine.machine.request import _together
 from lupin_engine.machine.step import Refusal, Step
 from lupin_engine.plugin.contract import Code
 from lupin_engine.plugin.types import COUNT, TEXT, Type, list_of
@@ -106,7 +107,7 @@ REFUSED = [
         "unknown_mission",
         "unknown mission_type ''; allowed: 'Exploration', 'Inspection'",
     ),
-    ({"tags": ["1", "8", "9"]}, "unknown_tag", "unknown tag '8'; unknown tag '9'"),
+    ({"tags": ["1", "8", "9"]}, "unknown_tag", "unknown tag '8', unknown tag '9'"),
     ({"goal": 1}, "bad_request", "goal must be at least 2, got 1"),
     ({"goal": "many"}, "bad_request", "expected count, got 'many'"),
     ({"tags": "1"}, "bad_request", None),
@@ -194,3 +195,10 @@ def test_a_code_keeps_its_label() -> None:
     assert Bench(chart(STATES, missions=MISSIONS, codes=CODES)).machine.chart.codes["busy"] == Code(
         "busy", "a mission is already running"
     )
+
+
+def test_what_is_allowed_is_said_once_for_all_wrong_elements() -> None:
+    """Two unknown tags do not print the list of all tags twice."""
+    told = ["unknown tag '8'; the layout has 1, 2", "unknown tag 'x'; the layout has 1, 2"]
+    assert _together(told) == "unknown tag '8', unknown tag 'x'; the layout has 1, 2"
+    assert _together([told[0], "unknown tag ''; give an id"]) == f"{told[0]}; unknown tag ''; give an id"
