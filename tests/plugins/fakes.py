@@ -95,6 +95,7 @@ class FakeService:
     """A service that is up until a test says otherwise."""
 
     def __init__(self) -> None:
+        self.name = ""
         self.up = True
         self.calls: list[FakeCall] = []
 
@@ -166,6 +167,7 @@ class FakeRos:
         return self.server
 
     def service(self, kind: Any, name: str) -> FakeService:
+        self.remote.name = name
         return self.remote
 
     def steady_timer(self, period: float, callback: Callable[[], None]) -> FakeTimer:
