@@ -39,15 +39,20 @@ class Content:
         if builtin is not None:
             builtin(self, arguments, walk_of(self._world.chart, self._memory, state), turn)
         elif call.moves and self._memory.held:
-            self._memory.waiting_actions.append((call.name, arguments))
+            self._memory.waiting_actions.append((state, call.name, arguments))
         else:
             turn.commands.append(Act(call.name, arguments))
 
     def release_actions(self, turn: Turn) -> None:
         """Carry out what a hold kept waiting."""
-        for name, arguments in self._memory.waiting_actions:
+        for _, name, arguments in self._memory.waiting_actions:
             turn.commands.append(Act(name, arguments))
         self._memory.waiting_actions.clear()
+
+    def forget_actions(self, state: str) -> None:
+        """Drop what waits for a release in a state that is left: it was meant for there."""
+        waiting = self._memory.waiting_actions
+        self._memory.waiting_actions = [action for action in waiting if action[0] != state]
 
     def set(self, arguments: Mapping[str, Any], _: Walk | None, __: Turn) -> None:
         """`set`: write context variables."""

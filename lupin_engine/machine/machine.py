@@ -121,12 +121,28 @@ class Machine:
     # -- the macrostep ----------------------------------------------------------------------------------
 
     def _finish(self) -> Step:
-        for _ in range(MICROSTEP_LIMIT):
-            if not self._progress():
-                self.memory.sequence += 1
-                return self._turn.step(self.memory)
+        if not self._comes_to_rest():
+            self._break_cycle()
+        self.memory.sequence += 1
+        return self._turn.step(self.memory)
+
+    def _comes_to_rest(self) -> bool:
+        return any(not self._progress() for _ in range(MICROSTEP_LIMIT))
+
+    def _break_cycle(self) -> None:
+        """Lead a chart that never comes to rest to FAULT; what it was doing is cancelled as it is left."""
         cycle = ", ".join(dict.fromkeys(self._turn.taken[-20:]))
-        raise CycleError(f"the chart does not come to rest after {self._turn.event.name}: it repeats {cycle}")
+        detail = f"the chart does not come to rest after {self._turn.event.name}: it repeats {cycle}"
+        error = {"code": EXECUTION_CODE, "detail": detail}
+        cause = Cause(event=error, error=error)
+        self._turn.note(detail)
+        self._turn.signals.clear()
+        rules = self._listeners(Signal(EXECUTION_ERROR, None, cause))
+        if rules:
+            self._report(EXECUTION_CODE, detail)
+            self._microstep(rules, cause)
+        if not rules or not self._comes_to_rest():
+            raise CycleError(detail)
 
     def _progress(self) -> bool:
         """Do the next thing of this macrostep; False when there is nothing left to do."""
@@ -199,7 +215,9 @@ class Machine:
         return all(hold in rule.during or hold in rule.releases for hold in held)
 
     def _listens_while_held(self, state: str, event: str) -> bool:
-        return any(self._passes(rule) for rule in self._structure.rules_of(state, event))
+        # All of them, for which one is taken is only known when the answer is looked at.
+        rules = self._structure.rules_of(state, event)
+        return bool(rules) and all(self._passes(rule) for rule in rules)
 
     def _holds(self, rule: Transition, cause: Cause) -> bool:
         """Evaluate a transition's guard; an unknown input is false, any other failure an error as well."""
@@ -299,18 +317,19 @@ class Machine:
     def _impossible(self, event: Event) -> Refusal:
         """Say where a request would be possible, from the chart."""
         verb = event.name.rpartition(".")[2]
-        where = [
-            state.label or state.local_name
+        view = self.view
+        where = {
+            "a running mission" if state.slot else state.label or state.local_name
             for state in self.chart.states.values()
             if any(rule.refuse is None for rule in self._structure.rules_of(state.name, event.name))
-        ]
-        here = self.view.lifecycle or "this state"
+        } - {view.lifecycle}
+        here = f"{view.lifecycle} {view.phase}".strip() or "this state"
         text = f"{verb} is not possible in {here}"
         resumes = any(event.name in hold.release for hold in self.chart.holds.values())
         if resumes and event.name != "mission.start":
             text += " because nothing is paused"
         elif where:
-            text += "; it is possible in " + ", ".join(dict.fromkeys(where))
+            text += "; it is possible in " + ", ".join(sorted(where))
         return Refusal("not_possible", text)
 
     def _begin_mission(self, event: Event, values: dict[str, Any]) -> None:
@@ -319,6 +338,7 @@ class Machine:
         memory.mission_id = str(event.data.get("mission_id", ""))
         memory.started_at = self._turn.now
         memory.request = values
+        memory.waiting_actions = []
         memory.walks.clear()
         memory.history.clear()
         memory.current_walk = ""
@@ -404,6 +424,7 @@ class Machine:
 
     def _exit(self, state: State, cause: Cause) -> None:
         self._content.run(state.exit, state.name, cause, self._turn)
+        self._content.forget_actions(state.name)
         self._operations.end(state.name, self._turn)
         self._timers.disarm("after", state.name)
         self.memory.configuration = tuple(n for n in self.memory.configuration if n != state.name)

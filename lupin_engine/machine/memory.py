@@ -123,7 +123,7 @@ class Memory:
     attempts: dict[str, Attempt] = field(default_factory=dict)
     held: list[str] = field(default_factory=list)
     deferred: list[Event] = field(default_factory=list)
-    waiting_actions: list[tuple[str, Mapping[str, Any]]] = field(default_factory=list)
+    waiting_actions: list[tuple[str, str, Mapping[str, Any]]] = field(default_factory=list)
     inputs: dict[str, tuple[Any, float]] = field(default_factory=dict)
     levels: dict[tuple[str, str], bool] = field(default_factory=dict)
     code: str = ""

@@ -168,7 +168,7 @@ class Operations:
 
     def _start_waiting(self, turn: Turn) -> None:
         for waiting in list(self._memory.attempts.values()):
-            if waiting.phase is Phase.WAITING:
+            if waiting.phase is Phase.WAITING and not self._memory.held:
                 self._start_if_free(waiting, turn)
 
     # -- what servers and clocks say --------------------------------------------------------------------

@@ -30,8 +30,9 @@ import socket
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -53,7 +54,7 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future, Task
 from structlog.typing import EventDict, FilteringBoundLogger
 
-from lupin_engine.errors import UsageError, nearest
+from lupin_engine.errors import LupinError, UsageError, nearest
 from lupin_engine.plugin.contract import Parameter
 from lupin_engine.ros import parameters as ros_parameters
 from lupin_engine.ros.actions import ActionCaller, ActionHost, Goal, ServedGoal
@@ -206,6 +207,7 @@ class RosNode:
         self._context = Context()
         self._closed = False
         self._stopping = False
+        self._said = _parameters_said(arguments)
         self.node = self._make_node(name, arguments)
         try:
             self._start(parameters)
@@ -269,10 +271,7 @@ class RosNode:
 
     def _declare_parameters(self) -> None:
         given = self._given()
-        for name in given:
-            if name not in self._specs and not self._is_ros_own(name):
-                hint = nearest(name, self._specs)
-                self.log.warning(f"parameter {name!r} is not known to this node; {hint}")
+        self._tell_unknown(name for name in given if name not in self._specs and not self._is_ros_own(name))
         values = ros_parameters.starting_values(self._specs, given)
         for name, spec in self._specs.items():
             kind = ros_parameters.ros_type(name, spec.type)
@@ -283,6 +282,18 @@ class RosNode:
                 self.node.set_parameters([value])
         self.node.add_pre_set_parameters_callback(self._before_set)
         self.node.add_on_set_parameters_callback(self._on_set)
+
+    def _tell_unknown(self, names: Iterable[str]) -> None:
+        """Refuse unknown names of `-p`; one that a parameter file has may be meant for other nodes."""
+        problems = []
+        for name in names:
+            problem = f"parameter {name!r} is not known to this node; {nearest(name, self._specs)}"
+            if name in self._said:
+                problems.append(problem)
+            else:
+                self.log.warning(problem)
+        if problems:
+            raise LupinError("\n".join(problems))
 
     def _given(self) -> dict[str, Any]:
         return {name: override.value for name, override in self.node._parameter_overrides.items()}
@@ -386,17 +397,19 @@ class RosNode:
         callback: Callable[[Any, Any], Any],
         *,
         stale_after: float | None = None,
+        refuse: Callable[[Any, str], Any] | None = None,
     ) -> None:
         """Answer requests with `callback(request, response)`, which returns the response.
 
         A request that was sent more than `stale_after` seconds ago is not carried out: its caller has
-        given up. Both hosts' wall clocks must agree better than that. When the callback fails nothing is
-        answered, because an empty response may mean success; the caller's deadline tells it.
+        given up. It is answered with `refuse(response, reason)`, in case the caller waits all the same and
+        only the hosts' wall clocks disagree; without `refuse` not at all. When the callback fails nothing
+        is answered, because an empty response may mean success; the caller's deadline tells it.
         """
         service = self.node.create_service(
             kind, name, self.guarded(callback), qos_profile=Qos.SERVICES.profile()
         )
-        self._executor.serve(service, stale_after)
+        self._executor.serve(service, stale_after, refuse)
         self._watch_channels(service_channels(service.service_name))
 
     def service(self, kind: Any, name: str) -> ServiceCaller:
@@ -529,11 +542,13 @@ class _Executor(SingleThreadedExecutor):
     def __init__(self, context: Context, log: FilteringBoundLogger) -> None:
         super().__init__(context=context)
         self._log = log
-        self._served: dict[Service, float | None] = {}
+        self._served: dict[Service, tuple[float | None, Callable[[Any, str], Any] | None]] = {}
 
-    def serve(self, service: Service, stale_after: float | None) -> None:
+    def serve(
+        self, service: Service, stale_after: float | None, refuse: Callable[[Any, str], Any] | None = None
+    ) -> None:
         """Take the requests of `service` here, refusing those older than `stale_after` seconds."""
-        self._served[service] = stale_after
+        self._served[service] = stale_after, refuse
 
     def _make_handler(self, entity: Any, node: Node, take_from_wait_list: Callable[[Any], Any]) -> Task:
         """Do what rclpy does for one ready entity, but do not wake this thread afterwards.
@@ -570,27 +585,36 @@ class _Executor(SingleThreadedExecutor):
                 request, header = srv.handle.service_take_request(srv.srv_type.Request)
         except InvalidHandle:
             return None
-        if header is None or self._is_stale(srv, header):
+        if header is None:
             return None
+        reason = self._staleness(srv, header)
 
         async def answer() -> None:
-            response = srv.callback(request, srv.srv_type.Response())
+            if reason is None:
+                response = srv.callback(request, srv.srv_type.Response())
+            else:
+                response = self._refused(srv, reason)
             if response is not None:
                 srv.send_response(response, header)
 
         return answer
 
-    def _is_stale(self, srv: Service, header: Any) -> bool:
-        stale_after = self._served[srv]
+    def _staleness(self, srv: Service, header: Any) -> str | None:
+        """Say why a request is too old to be carried out; None when it is not."""
+        stale_after, _ = self._served[srv]
         if stale_after is None or header.source_timestamp <= 0:
-            return False
+            return None
         age = (time.time_ns() - header.source_timestamp) * 1e-9
         if age <= stale_after:
-            return False
+            return None
         self._log.warning(
             "request refused: it is stale", service=srv.srv_name, age=round(age, 3), allowed=stale_after
         )
-        return True
+        return f"refused: the request is {age:.1f} s old, or the clocks of the two computers disagree"
+
+    def _refused(self, srv: Service, reason: str) -> Any:
+        _, refuse = self._served[srv]
+        return None if refuse is None else refuse(srv.srv_type.Response(), reason)
 
 
 def guarded(callback: Callable[..., Any], log: FilteringBoundLogger) -> Callable[..., Any]:
@@ -604,6 +628,12 @@ def guarded(callback: Callable[..., Any], log: FilteringBoundLogger) -> Callable
             return None
 
     return guard
+
+
+def _parameters_said(arguments: Sequence[str]) -> frozenset[str]:
+    """Return the names of the parameters given by `-p [NODE:]NAME:=VALUE`."""
+    rules = [rule for flag, rule in pairwise(arguments) if flag in ("-p", "--param")]
+    return frozenset(rule.partition(":=")[0].rpartition(":")[2] for rule in rules)
 
 
 def _use_discovery_profile() -> None:

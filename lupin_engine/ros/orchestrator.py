@@ -12,9 +12,11 @@ import json
 import time
 import uuid
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
+from builtin_interfaces.msg import Time
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
@@ -95,19 +97,21 @@ class Orchestrator:
         machine = make_machine(chart, catalog, {name: given[name] for name in chart.parameters})
         self._machine = machine
         drivers: dict[str, Driver] = {}
-        self._engine = Engine(machine, self._clock, drivers, self._stepped)
+        self._engine = Engine(machine, self._clock, drivers, ros.guarded(self._stepped))
         outlet = Outlet(self._engine, self._clock, self._work)
         self._state = ros.publisher(MissionState, "/mission/state", Qos.LATCHED)
         self._observations = ros.publisher(Observation, "/floranova/observations", Qos.BACKLOG)
         self._steps = ros.publisher(String, "~/steps", Qos.BACKLOG)
         self._published: tuple[object, ...] = ()
+        self._started: Time | None = None
         self._deadline: tuple[float, Timer] | None = None
         drivers.update(_clients(ros, chart, catalog, outlet, machine.world.parameters))
         drivers["plugins"] = Readiness(drivers, outlet, ros.timer)
         self._drivers = drivers
         ros.on_stop(self._close)
         self._serve()
-        ros.timer(1.0 / float(given["state_publish_rate_hz"]), self._publish_state)
+        # Real time: the state is told five times a second also while simulated time stands still.
+        ros.steady_timer(1.0 / float(given["state_publish_rate_hz"]), self._publish_state)
         self._engine.start()
         self._work()
 
@@ -118,10 +122,12 @@ class Orchestrator:
     # -- requests ---------------------------------------------------------------------------------------
 
     def _serve(self) -> None:
-        self._ros.serve(StartMission, "/mission/start", self._start, stale_after=STALE_REQUEST)
+        serve = partial(self._ros.serve, refuse=_refuse)
+        serve(StartMission, "/mission/start", self._start, stale_after=STALE_REQUEST)
         for name in OPERATOR_REQUESTS:
-            answer = _answering(self._ask, f"operator.{name}")
-            self._ros.serve(Trigger, f"/mission/{name}", answer, stale_after=STALE_REQUEST)
+            # Stopping late is better than not at all.
+            limit = None if name == "pause" else STALE_REQUEST
+            serve(Trigger, f"/mission/{name}", _answering(self._ask, f"operator.{name}"), stale_after=limit)
 
     def _start(self, request: Any, response: Any) -> Any:
         mission_id = f"{self._prefix}-{uuid.uuid4().hex[:8]}"
@@ -131,7 +137,11 @@ class Orchestrator:
             "tag_sequence": list(request.tag_sequence),
             "discovery_goal": request.discovery_goal,
         }
+        stamp = self._ros.stamp()
         step = self._ask(Event("mission.start", data))
+        if step.accepted:
+            self._started = stamp
+            self._publish_state()
         response.accepted = bool(step.accepted)
         response.mission_id = mission_id if step.accepted else ""
         response.error_message = step.refusal.text if step.refusal else ""
@@ -148,8 +158,12 @@ class Orchestrator:
 
     def _work(self) -> None:
         """Step what is queued and due, then sleep until the next deadline or message."""
-        self._engine.drain()
-        due = self._engine.next_deadline
+        try:
+            self._engine.drain()
+        finally:
+            self._sleep_until(self._engine.next_deadline)
+
+    def _sleep_until(self, due: float | None) -> None:
         if self._deadline is not None:
             if self._deadline[0] == due:
                 return
@@ -217,8 +231,8 @@ class Orchestrator:
         if moment is not None:
             message.lifecycle_state, message.mission_phase = moment.lifecycle, moment.phase
             message.current_target = moment.target
-        if view.started_at is not None:
-            message.started_at = messages.to_time(self._clock.to_ros(view.started_at))
+        if self._started is not None:
+            message.started_at = self._started
         self._state.publish(message)
 
     def _inputs(self) -> messages.Inputs:
@@ -234,6 +248,15 @@ class Orchestrator:
 
     def _value(self, name: str, now: float) -> Any:
         return self._machine.input_value(name, now) if name in self._chart.inputs else None
+
+
+def _refuse(response: Any, reason: str) -> Any:
+    """Say no to a StartMission or a Trigger."""
+    if hasattr(response, "error_message"):
+        response.error_message = reason
+    else:
+        response.message = reason
+    return response
 
 
 def _answering(ask: Callable[[Event], Step], name: str) -> Callable[[Any, Any], Any]:

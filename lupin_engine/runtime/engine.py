@@ -45,7 +45,7 @@ class Engine:
         self.machine = machine
         self.clock = clock
         self.drivers = drivers
-        self._listener = listener
+        self.listener = listener
         self._queue: deque[Event] = deque()
         self._stepping = False
 
@@ -103,10 +103,13 @@ class Engine:
         return True
 
     def _carry_out(self, step: Step) -> None:
-        self._listener(step)
-        for command in step.commands:
-            if isinstance(command, (Start, Cancel, Act)):
-                self._send(command)
+        """Tell of a step, then do what it says; a listener that fails keeps no Cancel from being sent."""
+        try:
+            self.listener(step)
+        finally:
+            for command in step.commands:
+                if isinstance(command, (Start, Cancel, Act)):
+                    self._send(command)
 
     def _send(self, command: Command) -> None:
         """Hand a command to its driver; a driver that fails is an error of the attempt, not of the loop."""

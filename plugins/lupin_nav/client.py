@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
+from action_msgs.srv import CancelGoal
 from geometry_msgs.msg import PoseWithCovarianceStamped
 from nav2_msgs.action import NavigateToPose
 from sensor_msgs.msg import BatteryState
@@ -23,6 +24,8 @@ from lupin_nav.battery import charge
 
 #: How often the localizer and the action server are looked at, in seconds.
 WATCH_PERIOD_S = 0.2
+#: How long the answer to a cancel is waited for, in seconds. Nothing depends on it.
+CANCEL_DEADLINE_S = 3.0
 #: How long an action server may be out of sight before its goals count as lost, in seconds of real time:
 #: discovery that stumbles is back sooner, and the clock of a simulation stops when the simulation dies.
 SERVER_GRACE_S = 2.0
@@ -60,6 +63,8 @@ class NavClient:
         self._frames_refused: set[str] = set()
         self._closed = False
         self._server = ros.action(NavigateToPose, parameters["nav_action_name"])
+        self._cancel_all = ros.service(CancelGoal, f"{parameters['nav_action_name']}/_action/cancel_goal")
+        self._is_cleared = False
         self._pose_topic = ros.node.resolve_topic_name(parameters["amcl_pose_topic"])
         ros.subscribe(PoseWithCovarianceStamped, parameters["amcl_pose_topic"], Qos.LATCHED, self._on_pose)
         ros.subscribe(BatteryState, parameters["battery_topic"], Qos.EVENT, self._on_battery)
@@ -67,8 +72,20 @@ class NavClient:
         self._timer: Timer | None = None
 
     def missing(self) -> list[str]:
-        """Name the action server while it cannot be reached."""
-        return [] if self._server.ready() else [f"action server {self._parameters['nav_action_name']}"]
+        """Name the action server while it cannot be reached; the first time it can, it is cleared.
+
+        A goal of an orchestrator that crashed would otherwise drive on, with nobody who knows of it.
+        """
+        if not self._server.ready():
+            return [f"action server {self._parameters['nav_action_name']}"]
+        if not self._is_cleared and self._cancel_all.ready():
+            self._is_cleared = True
+            self._clear()
+        return []
+
+    def _clear(self) -> None:
+        """Ask the server to cancel every goal: to it, no id and no time mean all."""
+        self._cancel_all.call(CancelGoal.Request(), CANCEL_DEADLINE_S, lambda _: None)
 
     def start(self, attempt: str, operation: str, arguments: Mapping[str, Any]) -> None:
         """Begin `localize`, `go_to` or `dock`."""
@@ -101,6 +118,8 @@ class NavClient:
         self._stop_watching()
         for attempt in list(self._drives):
             self._abandon(attempt)
+        if self._lost:
+            self._clear()  # also what the server has taken and not yet said so
 
     # --- localization
 

@@ -34,7 +34,13 @@ STATES: dict[str, Any] = {
     "READ": {"invoke": {"do": "bridge.read", "timeout": 5.0}, "on_done": "DWELL", "on_error": "END"},
     "DWELL": {"after": {3.0: "END"}},
     "SKIPPED": {"always": "DRIVE"},
-    "HOME": {"entry": ["!arm.preset", "log.line"], "invoke": "nav.dock", "on_done": "END", "on_error": "END"},
+    "HOME": {
+        "entry": ["!arm.preset", "log.line"],
+        "invoke": "nav.dock",
+        "on_done": "END",
+        "on_error": "END",
+        "on": {"operator.reset": {"target": "DRIVE", "during": ["pause", "estop"]}},
+    },
     "END": {},
 }
 
@@ -320,3 +326,31 @@ def test_a_pause_is_no_error() -> None:
     assert bench.machine.view.code == "nav_status_6"
     press(bench, True)
     assert bench.machine.view.code == "estop_engaged"
+
+
+def test_an_answer_waits_unless_everything_that_may_follow_goes_through_the_hold() -> None:
+    """One transition with `during` does not take another one, without it, through an e-stop."""
+    read = {
+        "invoke": "bridge.read",
+        "on_done": [{"target": "END", "during": ["estop"], "guard": lambda env: False}, "DRIVE"],
+        "on_error": "END",
+    }
+    bench = held("READ", READ=read)
+    press(bench, True)
+    bench.send(events.done(bench.attempt, {}))
+    assert bench.leaves == ["READ"]
+    press(bench, False)
+    bench.send("operator.resume")
+    assert bench.leaves == ["DRIVE"]
+
+
+def test_an_action_that_waits_is_forgotten_with_its_state() -> None:
+    """What was meant for a state that is left does not move the arm later, or in the next mission."""
+    bench = held()
+    press(bench, True)
+    bench.send("operator.abort")
+    bench.send("operator.reset")
+    assert bench.leaves == ["DRIVE"]
+    press(bench, False)
+    bench.send("operator.resume")
+    assert "act arm.preset" not in bench.commands

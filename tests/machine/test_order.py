@@ -153,6 +153,24 @@ def test_a_cycle_of_eventless_transitions_is_told() -> None:
         bench.send("go")
 
 
+def test_a_cycle_leads_to_fault_where_there_is_one() -> None:
+    """The drive that was under way is cancelled, and the fault names the transitions that repeat."""
+    states = {
+        "A": {"invoke": "nav.go", "on_done": "B", "on_error": "B", "on": {"go": "B"}},
+        "B": {"always": {"target": "C", "id": "b-to-c"}},
+        "C": {"always": "B"},
+        "FAULT": {},
+    }
+    bench = Bench(chart(states, initial="A"))
+    first = bench.attempt
+    step = bench.send("go")
+    assert bench.leaves == ["FAULT"]
+    assert f"cancel {first}" in bench.commands
+    assert step.taken[-1] == "engine.fault"
+    assert "it repeats" in bench.machine.view.detail
+    assert "b-to-c" in bench.machine.view.detail
+
+
 # -- done -------------------------------------------------------------------------------------------------
 
 

@@ -158,7 +158,7 @@ def test_a_request_that_nothing_listens_to_says_where_it_would_be_possible() -> 
     """The text comes from the chart."""
     step = ready().send("operator.abort")
     assert step.refusal == Refusal(
-        "not_possible", "abort is not possible in READY; it is possible in MISSION"
+        "not_possible", "abort is not possible in READY; it is possible in a running mission"
     )
 
 

@@ -8,6 +8,7 @@ import subprocess
 import sys
 import threading
 from collections.abc import Callable
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -142,6 +143,25 @@ def test_a_stale_request_is_not_carried_out(
     spin_until([server, client], lambda: len(answers) == 2)
     assert taken == carried_out
     assert answers[1].success
+
+
+def test_a_stale_request_is_answered_with_the_reason(make_node: MakeNode) -> None:
+    """A caller whose clock is behind waits for an answer: it is told, and nothing is carried out."""
+    server, client, answers = make_node("server"), make_node("client"), []
+
+    def refuse(response: Trigger.Response, reason: str) -> Trigger.Response:
+        response.message = reason
+        return response
+
+    server.serve(Trigger, "/ask", ok, stale_after=0.2, refuse=refuse)
+    caller = client.service(Trigger, "/ask")
+    spin_until([server, client], caller.ready)
+    begun = client.elapsed()
+    caller.call(Trigger.Request(), 10.0, answers.append)
+    spin_until([client], lambda: client.elapsed() - begun > 0.4)  # the server does not look at it yet
+    spin_until([server, client], lambda: answers)
+    assert not answers[0].success
+    assert answers[0].message.startswith("refused: the request is 0.")
 
 
 def test_an_exception_in_a_callback_neither_answers_nor_ends_the_spin(
@@ -304,7 +324,7 @@ def test_all_bad_parameters_are_told_at_once() -> None:
     assert str(caught.value).splitlines() == [
         "parameter 'nav_timeout_s': expected duration of at least 0, got -1",
         "parameter 'sweeps': expected integer between 1 and 5, got 9",
-        "parameter 'tags': expected text, got 1; write [\"1\", \"2\"]",
+        'parameter \'tags\': expected text, got 1; write ["1", "2"]',
         "parameter 'dock_pose': expected pose with the fields x, y, yaw, got [1, 2]; give it as [x, y, yaw]",
         "parameter 'title': expected text, got 7; write \"7\"",
     ]
@@ -320,8 +340,21 @@ def test_a_bad_node_name_is_a_usage_error() -> None:
         RosNode("a b")
 
 
-def test_an_unknown_parameter_is_reported(make_node: MakeNode, capfd: pytest.CaptureFixture[str]) -> None:
-    make_node("mission", ["--ros-args", "-p", "nav_timout_s:=3", "-p", "use_sim_time:=false"], PARAMETERS)
+def test_an_unknown_parameter_that_was_said_is_refused(make_node: MakeNode) -> None:
+    with pytest.raises(LupinError) as refused:
+        make_node("mission", ["--ros-args", "-p", "nav_timout_s:=3", "-p", "use_sim_time:=false"], PARAMETERS)
+    assert str(refused.value) == (
+        "parameter 'nav_timout_s' is not known to this node; did you mean 'nav_timeout_s'?"
+    )
+
+
+def test_an_unknown_parameter_of_a_file_is_reported(
+    make_node: MakeNode, capfd: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    """A file with `/**` is for other nodes as well."""
+    file = tmp_path / "all.yaml"
+    file.write_text("/**:\n  ros__parameters: {nav_timout_s: 3, use_sim_time: false}\n")
+    make_node("mission", ["--ros-args", "--params-file", str(file)], PARAMETERS)
     shown = capfd.readouterr().err
     assert "'nav_timout_s' is not known to this node; did you mean 'nav_timeout_s'?" in shown
     assert "use_sim_time" not in shown

@@ -123,6 +123,22 @@ def test_an_action_that_fails_is_told() -> None:
     assert steps[-1].event.data == {"command": "nav.wave", "detail": "OSError: no network"}
 
 
+def test_a_listener_that_fails_keeps_no_cancel_from_being_sent() -> None:
+    """Whatever breaks in telling of a step: the robot is stopped."""
+    server = Server()
+    engine, _, steps = loop(DRIVING, nav=server)
+
+    def fail(step: Step) -> None:
+        steps.append(step)
+        raise OSError("cannot publish")
+
+    engine.listener = fail
+    engine.post(Event("away"))
+    with pytest.raises(OSError, match="cannot publish"):
+        engine.drain()
+    assert "cancel" in server.told
+
+
 def test_deadlines_go_before_what_is_queued() -> None:
     """What was due before an event arrived is done before it."""
     engine, clock, steps = loop(DRIVING, nav=Server())

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from itertools import pairwise
 
 import pytest
@@ -13,9 +12,6 @@ from lupin_engine.sim.simulation import Ask, Happening, Run, Script, Tell, simul
 from lupin_engine.sim.story import short_name, shorten, tell
 from tests import shipped
 
-#: How long a mission of 29 tags may take to simulate, in seconds of a slow machine.
-PATIENCE_S = 0.5
-
 
 def inspection(*tags: str, **more: object) -> Run:
     """Simulate an inspection of `tags`."""
@@ -24,11 +20,8 @@ def inspection(*tags: str, **more: object) -> Run:
 
 
 def test_a_whole_greenhouse_takes_no_time() -> None:
-    """All 29 tags in virtual time, well under half a second of ours."""
-    inspection("1")  # numpy and the layout are loaded once
-    began = time.perf_counter()
+    """All 29 tags in virtual time: a minute and a half of it, none of ours."""
     run = inspection()
-    assert time.perf_counter() - began < PATIENCE_S
     assert (run.ended, len(run.visits), {visit.status for visit in run.visits}) == (True, 29, {"OK"})
     assert run.seconds == pytest.approx(0.5 + 29 * 3.2 + 3.0)
 
