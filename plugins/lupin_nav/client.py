@@ -6,7 +6,7 @@ Every callback runs on the node's one thread, so nothing here is locked.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -18,7 +18,7 @@ from sensor_msgs.msg import BatteryState
 from std_msgs.msg import Bool
 
 from lupin_engine.plugin.contract import Outlet
-from lupin_engine.ros.middleware import Goal, Qos, RosNode, Timer
+from lupin_engine.ros.middleware import Call, Goal, Qos, RosNode, Timer
 from lupin_nav import goal_status, localization
 from lupin_nav.battery import charge
 
@@ -64,6 +64,7 @@ class NavClient:
         self._closed = False
         self._server = ros.action(NavigateToPose, parameters["nav_action_name"])
         self._cancel_all = ros.service(CancelGoal, f"{parameters['nav_action_name']}/_action/cancel_goal")
+        self._clearing: Call | None = None
         self._is_cleared = False
         self._pose_topic = ros.node.resolve_topic_name(parameters["amcl_pose_topic"])
         ros.subscribe(PoseWithCovarianceStamped, parameters["amcl_pose_topic"], Qos.LATCHED, self._on_pose)
@@ -72,20 +73,26 @@ class NavClient:
         self._timer: Timer | None = None
 
     def missing(self) -> list[str]:
-        """Name the action server while it cannot be reached; the first time it can, it is cleared.
+        """Name the action server while it cannot be reached, or its old goals are not yet cancelled.
 
         A goal of an orchestrator that crashed would otherwise drive on, with nobody who knows of it.
         """
-        if not self._server.ready():
-            return [f"action server {self._parameters['nav_action_name']}"]
-        if not self._is_cleared and self._cancel_all.ready():
-            self._is_cleared = True
-            self._clear()
-        return []
+        name = f"action server {self._parameters['nav_action_name']}"
+        if not (self._server.ready() and self._cancel_all.ready()):
+            return [name]
+        if self._is_cleared:
+            return []
+        if self._clearing is None:
+            self._clearing = self._clear(self._cleared)
+        return [f"{name} to cancel the goals it had"]
 
-    def _clear(self) -> None:
+    def _clear(self, done: Callable[[Any], None]) -> Call:
         """Ask the server to cancel every goal: to it, no id and no time mean all."""
-        self._cancel_all.call(CancelGoal.Request(), CANCEL_DEADLINE_S, lambda _: None)
+        return self._cancel_all.call(CancelGoal.Request(), CANCEL_DEADLINE_S, done)
+
+    def _cleared(self, _: Any) -> None:
+        # Also when there was no answer: a server that cannot say so is no reason not to boot.
+        self._is_cleared = True
 
     def start(self, attempt: str, operation: str, arguments: Mapping[str, Any]) -> None:
         """Begin `localize`, `go_to` or `dock`."""
@@ -119,7 +126,7 @@ class NavClient:
         for attempt in list(self._drives):
             self._abandon(attempt)
         if self._lost:
-            self._clear()  # also what the server has taken and not yet said so
+            self._clear(self._cleared)  # also what the server has taken and not yet said so
 
     # --- localization
 

@@ -132,7 +132,7 @@ def test_targets_are_found_in_the_nearest_scope(shipped: Chart) -> None:
     localizing = shipped.states["MISSION.InspectionMission.PREPARE.LOCALIZING"].transitions
     assert [t.target for t in localizing] == ["MISSION.InspectionMission.INSPECTING", "FAULT"]
     docked = shipped.states["RETURNING.DOCKED"].transitions
-    assert [t.target for t in docked] == [None, "MISSION.history", "DONE"]
+    assert [t.target for t in docked] == [None, None, "MISSION.history", "DONE"]
 
 
 def test_transitions_are_named_by_where_they_stand(shipped: Chart) -> None:

@@ -163,6 +163,12 @@ def test_the_server_is_missing_until_it_can_be_reached() -> None:
     bench.ros.server.up = False
     assert bench.client.missing() == ["action server navigate_to_pose"]
     bench.ros.server.up = True
+    clearing = ["action server navigate_to_pose to cancel the goals it had"]
+    assert bench.client.missing() == clearing
+    assert bench.client.missing() == clearing
+    (call,) = bench.ros.remote.calls  # all goals: no id, no time; asked once
+    assert not any(call.request.goal_info.goal_id.uuid)
+    call.done(None)
     assert bench.client.missing() == []
 
 
