@@ -10,6 +10,9 @@ import pytest
 
 pytest.importorskip("rclpy", reason="ROS 2 is not installed here")
 
+from action_msgs.msg import GoalStatus, GoalStatusArray
+
+from lupin_engine.ros.middleware import Qos
 from lupin_msgs.msg import MissionState, Observation
 from tests.ros.world import Operator, World
 
@@ -271,3 +274,24 @@ def test_a_mission_file_with_errors_ends_the_node_with_all_of_them(world: World,
         "inspection.yaml:28:18: error: MISSION.InspectionMission.PREPARE.LOCALIZING.on_done: "
         "no state is called 'INSPEKTING' here; did you mean 'INSPECTING'? [unknown-state]",
     ]
+
+
+def test_an_orchestrator_that_crashed_leaves_no_robot_driving(world: World, operator: Operator) -> None:
+    """The next one cancels the goals that its predecessor left behind before it is ready."""
+    statuses: list[int] = []
+    operator.ros.subscribe(
+        GoalStatusArray,
+        "/navigate_to_pose/_action/status",
+        Qos.LATCHED,
+        lambda message: statuses.extend(goal.status for goal in message.status_list[-1:]),
+    )
+    world.start_all(speed=1.0)
+    operator.in_state("READY")
+    assert operator.start("21").accepted
+    operator.until(lambda: GoalStatus.STATUS_EXECUTING in statuses, "the robot driving")
+    world.processes["mission_orchestrator"].kill()
+    world.processes["mission_orchestrator"].wait(10.0)
+    assert statuses[-1] == GoalStatus.STATUS_EXECUTING
+    world.start("mission_orchestrator")
+    operator.until(lambda: statuses[-1] == GoalStatus.STATUS_CANCELED, "the old goal cancelled")
+    operator.in_state("READY")
