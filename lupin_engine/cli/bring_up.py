@@ -11,7 +11,7 @@ from lupin_engine.cli.settings import read_settings
 from lupin_engine.launch.environment import close_the_doors, for_children
 from lupin_engine.launch.folders import new_run_folder
 from lupin_engine.launch.mission import Loaded
-from lupin_engine.launch.nodes import ORCHESTRATOR
+from lupin_engine.launch.nodes import ORCHESTRATOR, nodes_of
 from lupin_engine.launch.plan import Values, simulators
 from lupin_engine.launch.requirements import prepare_ros
 from lupin_engine.plugin.contract import Parameter
@@ -63,12 +63,16 @@ def _parameters(
 ) -> dict[str, Values]:
     """Return the parameters of the nodes: the mission's for the orchestrator, --sim for the robot."""
     found: dict[str, Values] = {ORCHESTRATOR: {**loaded.parameters(), **values}}
-    for name, node in simulators(catalog).items():
+    simulated = simulators(catalog)
+    for name, node in nodes_of(catalog).items():
+        if name == ORCHESTRATOR:
+            continue
         declared = node.parameters()
-        given = read_settings("--sim", wanted.sim, declared)
-        # What both know, such as the layout of the greenhouse, must be the same for both.
-        shared = {shared: value for shared, value in values.items() if shared in declared}
-        found[name] = {**shared, **_faster(wanted.speed, declared), **given}
+        # What several know, such as the layout of the greenhouse, must be the same for all.
+        found[name] = {shared: value for shared, value in values.items() if shared in declared}
+        if name in simulated:
+            given = read_settings("--sim", wanted.sim, declared)
+            found[name] = {**found[name], **_faster(wanted.speed, declared), **given}
     return found
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 from lupin_bridge.greenhouse import Greenhouse, ReadingFailed, Settings, UnknownTag
 from lupin_engine.plugin.contract import Parameter
@@ -19,6 +20,9 @@ STALE_AFTER_S = 10.0
 
 PARAMETERS = {
     "tag_file": Parameter(TEXT, "", "layout of the greenhouse, JSON; empty: the simulator's own"),
+    "tag_locations_file": Parameter(
+        TEXT, "", "the layout under the name that the other nodes know it by; read where tag_file is empty"
+    ),
     "sim_config_file": Parameter(TEXT, "", "climate of the greenhouse, YAML; empty: the simulator's own"),
     "debug_time_of_day": Parameter(
         NUMBER, -1.0, "hours; from 0 on the time of day stands still there", minimum=-1.0, maximum=24.0
@@ -32,12 +36,18 @@ PARAMETERS = {
 }
 
 
+def _settings(parameters: dict[str, Any]) -> Settings:
+    """Return what the greenhouse is made of: every node must load the same layout, whatever it is called."""
+    layout = parameters.pop("tag_locations_file")
+    return Settings(**{**parameters, "tag_file": parameters["tag_file"] or layout})
+
+
 class BridgeNode:
     """Answers requests for readings; a failing simulator is an answer too, never the end of the node."""
 
     def __init__(self, ros: RosNode) -> None:
         self._ros = ros
-        self._greenhouse = Greenhouse(Settings(**ros.parameters()))
+        self._greenhouse = Greenhouse(_settings(ros.parameters()))
         ros.serve(GetTagReading, "~/get_tag_reading", self._read, stale_after=STALE_AFTER_S)
         ros.log.info("greenhouse ready", tags=len(self._greenhouse.tags))
         for tag, sensors in self._greenhouse.unmeasurable().items():
