@@ -8,21 +8,22 @@ from typing import Any
 
 import pytest
 
-from tests.launch.processes import Lupin, free_domain
+from tests.domains import claimed_domain
+from tests.launch.processes import Lupin
 
 
 @pytest.fixture
 def lupin(tmp_path: Path) -> Iterator[Callable[..., Lupin]]:
     """Start `lupin` commands, all in the same domain of their own."""
-    domain = free_domain()
     started: list[Lupin] = []
+    with claimed_domain() as domain:
 
-    def start(*arguments: str, **named: Any) -> Lupin:
-        logs = tmp_path / f"run{len(started)}"
-        started.append(Lupin(*arguments, domain=domain, log_dir=logs, **named))
-        return started[-1]
+        def start(*arguments: str, **named: Any) -> Lupin:
+            logs = tmp_path / f"run{len(started)}"
+            started.append(Lupin(*arguments, domain=domain, log_dir=logs, **named))
+            return started[-1]
 
-    yield start
+        yield start
     left = {pid: line for command in started for pid, line in command.processes().items()}
     for command in started:
         command.kill()

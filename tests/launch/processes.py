@@ -13,20 +13,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from lupin_engine.launch.neighbours import participants
-
 #: Seconds that anything may take on a busy machine.
 PATIENCE = 60.0
-FIRST_DOMAIN, DOMAINS = 20, 80
-
-
-def free_domain() -> int:
-    """Return a ROS domain that nobody on this machine uses."""
-    for step in range(DOMAINS):
-        domain = FIRST_DOMAIN + (os.getpid() + step) % DOMAINS
-        if participants(domain) is None:
-            return domain
-    raise AssertionError("every ROS domain of this machine is taken")
 
 
 def until(condition: Callable[[], Any], what: str, limit: float = PATIENCE) -> None:

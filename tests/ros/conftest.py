@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import zlib
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -12,9 +10,7 @@ import pytest
 pytest.importorskip("rclpy", reason="ROS 2 is not installed here")
 
 from lupin_engine.ros.middleware import RosNode
-
-#: DDS derives ports from the domain; on Linux they are free for domains up to 101.
-FIRST_DOMAIN, DOMAINS = 20, 80
+from tests.domains import claimed_domain
 
 
 def pytest_configure(config: pytest.Config) -> None:
@@ -33,12 +29,7 @@ def pytest_configure(config: pytest.Config) -> None:
 @pytest.fixture(scope="session", autouse=True)
 def ros_domain() -> Iterator[int]:
     """Keep this worker, and the processes it starts, apart from everything else on the machine."""
-    run = os.environ.get("PYTEST_XDIST_TESTRUNUID", str(os.getpid()))
-    worker = int(os.environ.get("PYTEST_XDIST_WORKER", "gw0").removeprefix("gw"))
-    given = os.environ.get("ROS_DOMAIN_ID")
-    start = int(given) - FIRST_DOMAIN if given else zlib.crc32(run.encode())
-    domain = FIRST_DOMAIN + (start + worker) % DOMAINS
-    with pytest.MonkeyPatch.context() as patch:
+    with claimed_domain() as domain, pytest.MonkeyPatch.context() as patch:
         patch.setenv("ROS_DOMAIN_ID", str(domain))
         patch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
         yield domain
