@@ -84,11 +84,6 @@ class Supervisor:
         """The processes that are running, in the order of their start."""
         return [child.name for child in self._children if child.process.poll() is None]
 
-    @property
-    def pids(self) -> dict[str, int]:
-        """Process ids of what is running, by name."""
-        return {child.name: child.process.pid for child in self._children if child.process.poll() is None}
-
     def start(self, name: str, command: Sequence[str]) -> int:
         """Start a process and return its id; its output goes to `NAME.log`."""
         log = self.folder / f"{name}.log"

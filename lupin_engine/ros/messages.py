@@ -44,9 +44,18 @@ def to_time(seconds: float) -> Time:
 
 
 def mission_state(
-    view: View, inputs: Inputs, codes: Mapping[str, Code], request: Mapping[str, Any], stamp: Time
+    view: View,
+    inputs: Inputs,
+    codes: Mapping[str, Code],
+    request: Mapping[str, Any],
+    stamp: Time,
+    started: Time | None,
 ) -> MissionState:
-    """Return the published state. An empty mission leaves the mission's fields empty."""
+    """Return the published state. An empty mission leaves the mission's fields empty.
+
+    `started` is when the mission was accepted, of the same clock as `stamp`; the view's own time is the
+    loop's and means nothing to others.
+    """
     message = MissionState()
     message.header.stamp = stamp
     message.header.frame_id = "map"
@@ -68,8 +77,8 @@ def mission_state(
     message.paused = view.paused
     message.battery_percentage = math.nan if inputs.battery is None else inputs.battery
     message.battery_low = inputs.battery_low
-    if view.started_at is not None:
-        message.started_at = to_time(view.started_at)
+    if started is not None:
+        message.started_at = started
     return message
 
 

@@ -64,10 +64,6 @@ class NodeClock:
         """Return seconds of an origin of its own."""
         return self._ros.now() if self._simulated else time.monotonic()
 
-    def to_ros(self, moment: float) -> float:
-        """Return a moment of this clock in seconds of the node's clock."""
-        return moment if self._simulated else self._ros.now() - (self.now() - moment)
-
     def from_ros(self, stamp: float) -> float:
         """Return seconds of the node's clock as a moment of this clock."""
         return stamp if self._simulated else self.now() - (self._ros.now() - stamp)
@@ -137,11 +133,7 @@ class Orchestrator:
             "tag_sequence": list(request.tag_sequence),
             "discovery_goal": request.discovery_goal,
         }
-        stamp = self._ros.stamp()
         step = self._ask(Event("mission.start", data))
-        if step.accepted:
-            self._started = stamp
-            self._publish_state()
         response.accepted = bool(step.accepted)
         response.mission_id = mission_id if step.accepted else ""
         response.error_message = step.refusal.text if step.refusal else ""
@@ -178,6 +170,8 @@ class Orchestrator:
 
     def _stepped(self, step: Step) -> None:
         """Tell the world what a step did."""
+        if step.event.name == "mission.start" and step.accepted:
+            self._started = self._ros.stamp()
         # Live values come all the time. The reports of attempts are told even when they change nothing: who
         # watches sees what is waited for, and when the last goal has ended.
         if step.event.name == "value" and not (step.changed or step.notes):
@@ -227,12 +221,12 @@ class Orchestrator:
     def _publish_state(self, view: View | None = None, moment: Moment | None = None) -> None:
         view = view or self._machine.view
         request = self._machine.memory.request
-        message = messages.mission_state(view, self._inputs(), self._chart.codes, request, self._ros.stamp())
+        message = messages.mission_state(
+            view, self._inputs(), self._chart.codes, request, self._ros.stamp(), self._started
+        )
         if moment is not None:
             message.lifecycle_state, message.mission_phase = moment.lifecycle, moment.phase
             message.current_target = moment.target
-        if self._started is not None:
-            message.started_at = self._started
         self._state.publish(message)
 
     def _inputs(self) -> messages.Inputs:

@@ -96,7 +96,7 @@ def test_a_true_half_turn_is_never_taken_for_never_observed(yaw: float) -> None:
 
 def test_the_state_has_label_severity_and_counts_of_the_view() -> None:
     inputs = messages.Inputs(estop=True, battery=0.5, battery_low=False)
-    state = messages.mission_state(VIEW, inputs, CODES, {}, Time(sec=1))
+    state = messages.mission_state(VIEW, inputs, CODES, {}, Time(sec=1), Time(sec=5))
     assert (state.lifecycle_state, state.mission_phase, state.current_target) == (
         "INSPECTING",
         "NAVIGATING",
@@ -107,13 +107,15 @@ def test_the_state_has_label_severity_and_counts_of_the_view() -> None:
     assert (state.last_event, state.last_event_severity) == ("localization failed", 2)
     assert (state.estop_engaged, state.paused, state.battery_percentage) == (True, True, 0.5)
     assert (state.discovery_goal, state.tags_discovered) == (0, 0)
+    assert state.started_at.sec == 5
 
 
 def test_an_unknown_battery_is_not_a_number() -> None:
     inputs = messages.Inputs(estop=None, battery=None, battery_low=False)
-    state = messages.mission_state(VIEW, inputs, CODES, {}, Time())
+    state = messages.mission_state(VIEW, inputs, CODES, {}, Time(), None)
     assert math.isnan(state.battery_percentage)
     assert state.estop_engaged is False
+    assert state.started_at.sec == 0
 
 
 @pytest.mark.parametrize(
