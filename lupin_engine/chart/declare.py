@@ -268,7 +268,7 @@ class Declarer:
         if level.hysteresis is not None:
             place_of = level.at("hysteresis")
             hysteresis = read_value(level.hysteresis, place_of, kind, scope, findings, f"{path}.hysteresis")
-        return None if below is None else Level(name, below, hysteresis, place)
+        return None if below is None else Level(name, hysteresis, place, below)
 
     def _context(self, file: FileNode) -> None:
         scope = self.base_scope(file)

@@ -17,8 +17,8 @@ from lupin_engine.errors import Place
 from lupin_engine.plugin.contract import Code, Operation, Parameter
 from lupin_engine.plugin.types import Type
 
-#: What an expression sees: the records param, request, input, event, error, target and itinerary; `context`
-#: (variables by name); and the callables `known(input)`, `held(hold)`, `in_state(full_names)` and, in
+#: What an expression sees: the records param, request, input, event, error, target and itinerary; `item` (what
+#: a `for_each` is at); `context` (variables by name); and the callables `known(input)`, `held(hold)`, `in_state(full_names)` and, in
 #: `functions`, those of the plugins by full name.
 Environment = Mapping[str, Any]
 
@@ -78,9 +78,9 @@ class ActionCall:
 class Transition:
     """What an event does in a state.
 
-    `event` is a name (`operator.abort`), a prefix (`nav.*`), or one of the engine's own: `` (eventless,
-    written `always`), `done`, `error` (the end of the state's invocation, or for `done` of the state),
-    `after.N` (the state's N-th timer). Event names starting `input.` stand for a level: the transition is
+    `event` is a name (`operator.abort`), a prefix (`nav.*`), any (`*`), or one of the engine's own: ``
+    (eventless, written `always`), `done`, `error` (the end of the state's invocation, or for `done` of the
+    state), `after.N` (the state's N-th timer), `budget` (the state's time is used up). Event names starting `input.` stand for a level: the transition is
     taken whenever that live value is true. No target and no refusal: actions only. A `refuse` transition
     answers a request with that code and changes nothing.
     """
@@ -101,7 +101,7 @@ class Transition:
 
 @dataclass(frozen=True)
 class Timer:
-    """An `after` of a state: `event` is the `after.N` that its transitions listen to."""
+    """An `after` or the `budget` of a state: `event` is what its transitions listen to."""
 
     event: str
     after: Value
@@ -112,12 +112,15 @@ class Timer:
 class Retry:
     """How often and how patiently an operation is tried: `attempts` in all, `backoff` seconds between.
 
-    Codes in `unless` are not tried again.
+    Every further pause is `factor` times the one before, and then lengthened or shortened by a random share of
+    up to `jitter` (0.2 is a fifth) of itself. Codes in `unless` are not tried again.
     """
 
     attempts: Value
     backoff: Value | None = None
     unless: frozenset[str] = frozenset()
+    factor: Value | None = None
+    jitter: Value | None = None
 
 
 @dataclass(frozen=True)
@@ -134,11 +137,40 @@ class Invoke:
 
 
 @dataclass(frozen=True)
+class ForEach:
+    """One operation for every new element of a collection, while the state is active.
+
+    `items` is evaluated again after every step; an element is new when no other with its `key` was dealt with
+    in this mission, and taken up when `when` holds and fewer than `limit` operations run. Expressions about one
+    element see it as `item` of the environment, which the author calls `name`. The actions see `event` or
+    `error` like a transition's.
+    """
+
+    name: str
+    items: Value
+    key: Value
+    invoke: Invoke
+    place: Place
+    limit: Value | None = None
+    when: Expression | None = None
+    on_done: tuple[ActionCall, ...] = ()
+    on_error: tuple[ActionCall, ...] = ()
+
+
+@dataclass(frozen=True)
 class Itinerary:
-    """The list that a state walks; every item is visited and closed exactly once a sweep."""
+    """The list that a state walks; every item is visited and closed exactly once a sweep.
+
+    `order` is a number for each `target`: the open one with the smallest is next, the first among equals;
+    without it the list's order counts. `sweeps` is how often the list is walked, 0 without end; it is made
+    anew for every sweep. What `leaves_open` is not closed by `itinerary.close_rest`.
+    """
 
     items: Value
     place: Place
+    order: Value | None = None
+    sweeps: Value | None = None
+    leaves_open: bool = False
 
 
 class Kind(enum.Enum):
@@ -153,7 +185,9 @@ class Kind(enum.Enum):
 
 @dataclass(frozen=True)
 class State:
-    """One state. `label` is the lifecycle state that it is published as ('' for the root and the slot).
+    """One state. `budget` is like a timer, but counts the state's active time over all visits in one mission.
+
+    `label` is the lifecycle state that it is published as ('' for the root and the slot).
 
     `mission` names the mission whose states these are ('' outside the slot); `slot` marks the state whose
     children are the missions. A history state remembers the active descendants of its parent `depth` levels
@@ -175,7 +209,9 @@ class State:
     exit: tuple[ActionCall, ...] = ()
     transitions: tuple[Transition, ...] = ()
     timers: tuple[Timer, ...] = ()
+    budget: Timer | None = None
     invoke: Invoke | None = None
+    for_each: ForEach | None = None
     itinerary: Itinerary | None = None
     resume_at: tuple[Transition, ...] = ()
     depth: int | None = None
@@ -242,17 +278,26 @@ class Variable:
 
 @dataclass(frozen=True)
 class Level:
-    """A yes or no drawn from a number: true below `below` until it is above `below + hysteresis` again."""
+    """A yes or no drawn from a number, exactly one of `below` and `above`.
+
+    True below `below` until the number has risen to `below + hysteresis`; or above `above` until it has fallen
+    to `above - hysteresis`.
+    """
 
     name: str
-    below: Value
     hysteresis: Value | None
     place: Place
+    below: Value | None = None
+    above: Value | None = None
 
 
 @dataclass(frozen=True)
 class Input:
-    """A live value of a plugin under the chart's own name for it; unknown when older than freshness."""
+    """A live value of a plugin under the chart's own name for it; unknown when older than freshness.
+
+    A report outside `minimum` to `maximum` is dropped. With `of_mission` only what was reported since the
+    mission began counts.
+    """
 
     name: str
     value: str
@@ -261,6 +306,19 @@ class Input:
     freshness: float | None = None
     initial: Any = None
     levels: tuple[Level, ...] = ()
+    minimum: float | None = None
+    maximum: float | None = None
+    of_mission: bool = False
+
+
+@dataclass(frozen=True)
+class Invariant:
+    """A condition that holds whenever the machine is at rest; broken, it is an error that leads to FAULT."""
+
+    name: str
+    that: Expression
+    place: Place
+    summary: str = ""
 
 
 @dataclass(frozen=True)
@@ -276,6 +334,7 @@ class Chart:
     inputs: Mapping[str, Input] = field(default_factory=dict)
     parameters: Mapping[str, Parameter] = field(default_factory=dict)
     codes: Mapping[str, Code] = field(default_factory=dict)
+    invariants: Mapping[str, Invariant] = field(default_factory=dict)
     plugins: tuple[str, ...] = ()
     summary: str = ""
 

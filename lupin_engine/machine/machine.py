@@ -390,10 +390,13 @@ class Machine:
         self.memory.inputs[name] = (value, stamp)
         for level in self.chart.inputs[name].levels:
             env = self._env("", NO_CAUSE)
-            bound = float(level.below.evaluate(env))
             margin = float(level.hysteresis.evaluate(env)) if level.hysteresis else 0.0
-            was = self.memory.levels.get((name, level.name), False)
-            self.memory.levels[name, level.name] = value < bound or (was and value < bound + margin)
+            margin = margin if self.memory.levels.get((name, level.name), False) else 0.0
+            if level.below is not None:
+                reached = value < float(level.below.evaluate(env)) + margin
+            else:
+                reached = level.above is not None and value > float(level.above.evaluate(env)) - margin
+            self.memory.levels[name, level.name] = reached
 
     def _report(self, code: str, detail: str) -> None:
         """Remember a code for `last_error`; what is mere information does not replace a warning."""

@@ -246,7 +246,7 @@ def _hold(name: str, fields: Mapping[str, Any]) -> Hold:
 
 def _input(name: str, fields: Mapping[str, Any]) -> Input:
     levels = tuple(
-        Level(level, value(below), value(margin) if margin else None, PLACE)
+        Level(level, value(margin) if margin else None, PLACE, below=value(below))
         for level, (below, margin) in fields.get("levels", {}).items()
     )
     rest = {key: given for key, given in fields.items() if key != "levels"}
