@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
+from dataclasses import asdict
 from typing import Any
 
 import click
@@ -120,7 +121,7 @@ def record(run: Run) -> dict[str, Any]:
         "lifecycles": list(run.lifecycles),
         "exit_code": verdict(run),
         "view": view_record(run.view),
-        "visits": [dict(vars(visit)) for visit in run.visits],
+        "visits": [asdict(visit) for visit in run.visits],
         "steps": [step_record(step) for step in run.steps],
     }
 

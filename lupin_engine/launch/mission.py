@@ -17,7 +17,7 @@ from lupin_engine.chart.load import (
 )
 from lupin_engine.chart.model import Chart
 from lupin_engine.errors import UsageError
-from lupin_engine.machine.environment import NO_CAUSE, environment
+from lupin_engine.machine.environment import Surroundings
 from lupin_engine.machine.memory import Memory
 from lupin_engine.machine.request import read_request
 from lupin_engine.plugin.registry import Catalog
@@ -86,8 +86,7 @@ def check_request(
         LupinError: a parameter leads nowhere (for example: a layout file that is absent).
     """
     world = make_world(loaded.chart, catalog, given)
-    memory = Memory()
     data = {"mission_type": loaded.names[0], "tag_sequence": list(tags), "discovery_goal": goal}
-    _, refusal = read_request(world, data, environment(world, memory, "", 0.0, NO_CAUSE))
+    _, refusal = read_request(world, data, Surroundings(world, Memory()).at("", 0.0))
     if refusal is not None:
         raise UsageError(refusal.text)

@@ -10,18 +10,22 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from lupin_engine.chart.model import ActionCall
-from lupin_engine.machine.environment import Cause, World, environment, walk_of
-from lupin_engine.machine.event import Act, Publish, Report
-from lupin_engine.machine.memory import Memory, Visit, Walk
+from lupin_engine.machine.core import Core
+from lupin_engine.machine.environment import Cause
+from lupin_engine.machine.event import Act, Report
+from lupin_engine.machine.memory import Visit, Walk
 from lupin_engine.machine.turn import Signal, Turn
+from lupin_engine.machine.walks import Walks
 
 
 class Content:
-    """Runs actions for one memory."""
+    """Runs the actions of one machine."""
 
-    def __init__(self, world: World, memory: Memory) -> None:
-        self._world = world
-        self._memory = memory
+    __slots__ = ("_core", "walks")
+
+    def __init__(self, core: Core) -> None:
+        self._core = core
+        self.walks = Walks(core)
 
     def run(self, actions: Iterable[ActionCall], state: str, cause: Cause, turn: Turn) -> None:
         """Carry out a block of actions written in `state`."""
@@ -33,89 +37,60 @@ class Content:
                 return
 
     def _run(self, call: ActionCall, state: str, cause: Cause, turn: Turn) -> None:
-        env = environment(self._world, self._memory, state, turn.now, cause)
+        env = self._core.see(state, turn, cause)
         arguments = {name: value.evaluate(env) for name, value in call.arguments.items()}
         builtin = _BUILTINS.get(call.name)
         if builtin is not None:
-            builtin(self, arguments, walk_of(self._world.chart, self._memory, state), turn)
-        elif call.moves and self._memory.held:
-            self._memory.waiting_actions.append((state, call.name, arguments))
+            builtin(self, arguments, self.walks.of(state), turn)
+        elif call.moves and self._core.memory.held:
+            self._core.memory.waiting_actions.append((state, call.name, arguments))
         else:
             turn.commands.append(Act(call.name, arguments))
 
     def release_actions(self, turn: Turn) -> None:
         """Carry out what a hold kept waiting."""
-        for _, name, arguments in self._memory.waiting_actions:
-            turn.commands.append(Act(name, arguments))
-        self._memory.waiting_actions.clear()
+        waiting = self._core.memory.waiting_actions
+        turn.commands.extend(Act(name, arguments) for _, name, arguments in waiting)
+        waiting.clear()
 
     def forget_actions(self, state: str) -> None:
         """Drop what waits for a release in a state that is left: it was meant for there."""
-        waiting = self._memory.waiting_actions
-        self._memory.waiting_actions = [action for action in waiting if action[0] != state]
+        waiting = self._core.memory.waiting_actions
+        waiting[:] = [action for action in waiting if action[0] != state]
 
     def set(self, arguments: Mapping[str, Any], _: Walk | None, __: Turn) -> None:
         """`set`: write context variables."""
-        self._memory.context.update(arguments)
+        self._core.memory.context.update(arguments)
 
     def raise_event(self, arguments: Mapping[str, Any], _: Walk | None, turn: Turn) -> None:
         """`raise`: queue an internal event."""
         turn.signals.append(Signal(str(arguments["event"])))
 
     def advance(self, _: Mapping[str, Any], walk: Walk | None, turn: Turn) -> None:
-        """`itinerary.advance`: go on to the next target; refused while the current visit is open."""
-        visit = walk.visit if walk else None
-        if walk is None or visit is None or not visit.closed:
-            turn.notes.append("itinerary.advance refused: the current visit is open")
-        else:
-            walk.index += 1
+        """`itinerary.advance`: go on to the next target."""
+        self.walks.advance(walk, turn)
 
     def close(self, arguments: Mapping[str, Any], walk: Walk | None, turn: Turn) -> None:
-        """`itinerary.close`: give the current visit its outcome and publish it; refused the second time."""
-        visit = walk.visit if walk else None
-        if visit is None or visit.closed:
-            turn.notes.append("itinerary.close refused: the current visit is closed already")
-        else:
-            self._close(visit, arguments, turn)
+        """`itinerary.close`: give the current visit its outcome."""
+        self.walks.close(walk, arguments, turn)
 
     def close_rest(self, arguments: Mapping[str, Any], walk: Walk | None, turn: Turn) -> None:
-        """`itinerary.close_rest`: close every open visit of the itinerary, in order."""
-        for visit in walk.visits if walk else ():
-            if not visit.closed:
-                self._close(visit, arguments, turn)
-
-    def _close(self, visit: Visit, arguments: Mapping[str, Any], turn: Turn) -> None:
-        visit.status = arguments["status"]
-        visit.code = arguments.get("code", "")
-        visit.detail = arguments.get("detail", "")
-        visit.reading = arguments.get("reading")
-        self._publish(visit, turn)
-
-    def _publish(self, visit: Visit, turn: Turn) -> None:
-        turn.commands.append(
-            Publish(
-                self._memory.mission,
-                self._memory.mission_id,
-                visit.target,
-                visit.status,
-                visit.code,
-                visit.detail,
-                visit.reading,
-            )
-        )
+        """`itinerary.close_rest`: give every open visit its outcome."""
+        self.walks.close_rest(walk, arguments, turn)
 
     def publish_reading(self, arguments: Mapping[str, Any], _: Walk | None, turn: Turn) -> None:
         """`publish.reading`: publish a reading that belongs to no visit."""
-        self._publish(Visit(arguments["tag"], "OK", reading=arguments["reading"]), turn)
+        self.walks.publish(Visit(arguments["tag"], "OK", reading=arguments["reading"]), turn)
 
     def clear(self, _: Mapping[str, Any], __: Walk | None, ___: Turn) -> None:
         """`report.clear`: nothing is wrong any more; forget the code reported last."""
-        self._memory.code = self._memory.detail = ""
+        self._core.memory.code = self._core.memory.detail = ""
 
     def summary(self, _: Mapping[str, Any], walk: Walk | None, turn: Turn) -> None:
         """`report.summary`: say what became of every target."""
-        visits = tuple(dict(vars(visit)) for visit in walk.visits) if walk else ()
-        turn.commands.append(Report(self._memory.mission, self._memory.mission_id, visits))
+        told = ("target", "status", "code", "detail", "reading")
+        visits = tuple({name: getattr(v, name) for name in told} for v in walk.visits) if walk else ()
+        turn.commands.append(Report(self._core.memory.mission, self._core.memory.mission_id, visits))
 
 
 _BUILTINS = {

@@ -2,51 +2,60 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
 from lupin_engine.chart.model import Chart, Environment, UnknownInput
+from lupin_engine.machine.event import NOTHING
 from lupin_engine.machine.memory import Memory, Walk
 
 
 @dataclass(frozen=True)
 class World:
-    """What never changes while a machine lives: chart, checked parameters, bound functions and readers."""
+    """What never changes while a machine lives: chart, checked parameters, bound functions and readers.
+
+    `seed` is what the jitter of retries is drawn from.
+    """
 
     chart: Chart
     parameters: Mapping[str, Any]
     functions: Mapping[str, Callable[..., Any]] = field(default_factory=dict)
     readers: Mapping[str, Callable[[Any], Any]] = field(default_factory=dict)
+    seed: int = 0
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Cause:
-    """Why something is evaluated: the event's data, and the error when an attempt failed."""
+    """Why something is evaluated: the event's data, the error of an attempt, a `for_each`'s element."""
 
-    event: Mapping[str, Any] = field(default_factory=dict)
-    error: Mapping[str, str] = field(default_factory=dict)
+    event: Mapping[str, Any] = field(default_factory=lambda: NOTHING)
+    error: Mapping[str, str] = field(default_factory=lambda: NOTHING)
+    item: Any = None
 
 
 NO_CAUSE = Cause()
 
 
 class Inputs(Mapping[str, Any]):
-    """The live values at one moment; reading one that is not known raises `UnknownInput`."""
+    """The live values at the moment `now`; reading one that is not known raises `UnknownInput`."""
 
-    def __init__(self, chart: Chart, memory: Memory, now: float) -> None:
+    __slots__ = ("_chart", "_memory", "now")
+
+    def __init__(self, chart: Chart, memory: Memory) -> None:
         self._chart = chart
         self._memory = memory
-        self._now = now
+        self.now = 0.0
 
     def __getitem__(self, name: str) -> Any:
         if not self.known(name):
             raise UnknownInput(name)
-        value = self._memory.inputs[name][0]
+        value = self._memory.inputs[name].value
         levels = self._chart.inputs[name].levels
         if not levels:
             return value
-        return {"value": value, **{level.name: self._level(name, level.name) for level in levels}}
+        known = self._memory.levels
+        return {"value": value, **{v.name: known.get(f"input.{name}.{v.name}", False) for v in levels}}
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._chart.inputs)
@@ -55,45 +64,84 @@ class Inputs(Mapping[str, Any]):
         return len(self._chart.inputs)
 
     def known(self, name: str) -> bool:
-        """Say whether the input was reported and is not older than its freshness."""
-        if name not in self._memory.inputs:
+        """Say whether the input was reported, and neither too long ago nor before what it is about."""
+        found = self._memory.inputs.get(name)
+        if found is None:
             return False
-        freshness = self._chart.inputs[name].freshness
-        return freshness is None or self._now - self._memory.inputs[name][1] <= freshness
+        spec = self._chart.inputs[name]
+        if spec.of_mission and not self._since_start(found.stamp):
+            return False
+        return spec.freshness is None or self.now - found.stamp <= spec.freshness
+
+    def _since_start(self, stamp: float) -> bool:
+        started = self._memory.started_at
+        return started is not None and stamp >= started
 
     def holds(self, event: str) -> bool:
         """Say whether the level that an `input.NAME` or `input.NAME.LEVEL` event stands for is true."""
         name, _, level = event.removeprefix("input.").partition(".")
         if not self.known(name):
             return False
-        return self._level(name, level) if level else self._memory.inputs[name][0] is True
-
-    def _level(self, name: str, level: str) -> bool:
-        return self._memory.levels.get((name, level), False)
+        return self._memory.levels.get(event, False) if level else self._memory.inputs[name].value is True
 
 
-def environment(world: World, memory: Memory, state: str, now: float, cause: Cause) -> Environment:
-    """Return what an expression written in `state` sees."""
-    inputs = Inputs(world.chart, memory, now)
-    walk = walk_of(world.chart, memory, state)
-    return {
-        "param": world.parameters,
-        "request": memory.request,
-        "input": inputs,
-        "known": inputs.known,
-        "event": cause.event,
-        "error": cause.error,
-        "context": memory.context,
-        "target": walk.item if walk else None,
-        "itinerary": _itinerary(walk),
-        "held": memory.held.__contains__,
-        "in_state": lambda names: any(name in memory.configuration for name in names),
-        "functions": world.functions,
-    }
+class Surroundings(dict[str, Any]):
+    """What every expression of one machine sees; one object for the machine's whole life.
+
+    Making a mapping for each evaluation would cost more than most evaluations. What few expressions ask for is
+    looked up only when it is read: the itinerary depends on the state that the expression is written in.
+    """
+
+    __slots__ = ("_cause", "_chart", "_memory", "_state", "inputs")
+
+    def __init__(self, world: World, memory: Memory) -> None:
+        self._chart = world.chart
+        self._memory = memory
+        self._state = ""
+        self._cause = NO_CAUSE
+        self.inputs = Inputs(world.chart, memory)
+        super().__init__(
+            param=world.parameters,
+            request=memory.request,
+            input=self.inputs,
+            known=self.inputs.known,
+            context=memory.context,
+            held=memory.held.__contains__,
+            in_state=self._in_state,
+            functions=world.functions,
+        )
+
+    def at(self, state: str, now: float, cause: Cause = NO_CAUSE) -> Environment:
+        """Return what an expression written in `state` sees now; good until the next call."""
+        self._state = state
+        self.inputs.now = now
+        self._cause = cause
+        self["event"] = cause.event
+        return self
+
+    def __missing__(self, root: str) -> Any:
+        if root in ("error", "item"):
+            return getattr(self._cause, root)
+        walk = walk_of(self._chart, self._memory, self._state)
+        if root == "target":
+            return walk.item if walk else None
+        if root == "itinerary":
+            return _itinerary(walk)
+        raise KeyError(root)
+
+    def with_target(self, target: Any) -> Environment:
+        """Return a copy that sees `target` as the target."""
+        around = {root: self[root] for root in ("itinerary", "error", "item")}
+        return {**self, **around, "target": target}
+
+    def _in_state(self, names: Iterable[str]) -> bool:
+        return any(name in self._memory.configuration for name in names)
 
 
 def walk_of(chart: Chart, memory: Memory, state: str) -> Walk | None:
     """Return the itinerary that `state` works on: its own or its ancestors', else the mission's last one."""
+    if not memory.walks:
+        return None
     for name in (state, *chart.ancestors(state)):
         if name in memory.walks:
             return memory.walks[name]
@@ -102,11 +150,12 @@ def walk_of(chart: Chart, memory: Memory, state: str) -> Walk | None:
 
 def _itinerary(walk: Walk | None) -> Mapping[str, Any]:
     if walk is None:
-        return {"open": False, "remaining": 0, "total": 0, "closed": 0}
+        return {"open": False, "remaining": 0, "total": 0, "closed": 0, "sweep": 0}
     visit = walk.visit
     return {
         "open": visit is not None and not visit.closed,
         "remaining": walk.remaining,
         "total": len(walk.items),
         "closed": sum(1 for visit in walk.visits if visit.closed),
+        "sweep": walk.sweep,
     }

@@ -4,18 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from types import MappingProxyType
 from typing import Any
 
 #: The requests that an operator can make beside `mission.start`, as `operator.NAME`.
 OPERATOR_REQUESTS = ("abort", "dock", "pause", "reset", "resume", "skip_current")
 
 
-@dataclass(frozen=True)
+#: The data of an event that has none.
+NOTHING: Mapping[str, Any] = MappingProxyType({})
+
+
+@dataclass(frozen=True, slots=True)
 class Event:
     """Something that happened outside: a request, a report of an attempt, a live value."""
 
     name: str
-    data: Mapping[str, Any] = field(default_factory=dict)
+    data: Mapping[str, Any] = field(default_factory=lambda: NOTHING)
 
     @property
     def is_request(self) -> bool:

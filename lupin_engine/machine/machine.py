@@ -7,159 +7,256 @@ more happens; then the operations of the states that stayed are begun. What SCXM
 * while any hold is engaged, eventless transitions, levels, timers and the answers of operations wait, and
   what moves the robot is cancelled; a transition is taken all the same where it says `during` (the hold
   stays) or `releases` for every engaged hold;
-* a request is resolved as a whole before anything changes: the chart's refusals first, then the holds that
-  it engages or releases, then its transitions. Refused means that nothing changed.
+* a request is resolved as a whole before anything changes (see `answers`);
+* an invariant that does not hold when the machine has come to rest is an error, once.
 
-Time is an argument of every call and must not go backwards.
+What depends on the configuration alone is prepared (see `plan`), and what needs no more than that is taken by
+a shortcut (see `shortcut`). Time is an argument of every call and must not go backwards.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from typing import Any
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, cast
 
-from lupin_engine.chart.model import Expression, Hold, Itinerary, Kind, State, Transition, UnknownInput
-from lupin_engine.errors import LupinError, Severity
+from lupin_engine.chart.model import Chart, Hold, Kind, State, Transition
+from lupin_engine.machine.answers import Answer, Answers, consider, passes
 from lupin_engine.machine.content import Content
-from lupin_engine.machine.environment import NO_CAUSE, Cause, Inputs, World, environment
-from lupin_engine.machine.event import Event
-from lupin_engine.machine.memory import Memory, Visit, Walk
+from lupin_engine.machine.core import Core
+from lupin_engine.machine.environment import NO_CAUSE, Cause, Surroundings, World
+from lupin_engine.machine.event import NOTHING, Event
+from lupin_engine.machine.memory import Memory, Timer
 from lupin_engine.machine.operations import Operations
-from lupin_engine.machine.request import read_request
-from lupin_engine.machine.step import Refusal, Step
+from lupin_engine.machine.plan import MAX_PLANS, Plan, Planner, Row
+from lupin_engine.machine.shortcut import Shortcut, shortcut
+from lupin_engine.machine.step import Considered, Step
 from lupin_engine.machine.structure import EXECUTION_ERROR, FAULT, FAULT_RULE, Structure
-from lupin_engine.machine.timers import Timers
 from lupin_engine.machine.turn import EXECUTION_CODE, Signal, Turn
-from lupin_engine.machine.view import View, moment_of, view_of
+from lupin_engine.machine.values import Values
+from lupin_engine.machine.view import View, target_of, view_of
 
 #: More microsteps than this in one step is a cycle of the chart, not work.
 MICROSTEP_LIMIT = 1000
+#: The code of an invariant that does not hold.
+INVARIANT_CODE = "invariant_broken"
 
-
-class CycleError(LupinError):
-    """A chart never comes to rest; the text names the transitions that repeat."""
+_NO_ANSWERS: Mapping[str | tuple[str, str], Shortcut | None] = {}
 
 
 class Machine:
     """Runs one chart. Nothing here reads a clock, a file or a network."""
 
-    def __init__(self, world: World, structure: Structure | None = None) -> None:
+    __slots__ = (
+        "_answerer",
+        "_content",
+        "_core",
+        "_operations",
+        "_planner",
+        "_row",
+        "_turn",
+        "_values",
+        "answers",
+        "env",
+        "memory",
+    )
+
+    def __init__(self, world: World, planner: Planner | None = None, memory: Memory | None = None) -> None:
         """Make a machine that is not started.
 
         Args:
             world: the chart with checked parameters and bound functions.
-            structure: shared by machines of the same chart; built when absent.
+            planner: shared by machines of the same chart; made when absent.
+            memory: what another machine of this chart remembered; this one goes on from there.
         """
-        self.world = world
-        self.chart = world.chart
-        self.memory = Memory()
-        self._structure = structure or Structure(world.chart)
-        self._timers = Timers(self.memory)
-        self._content = Content(world, self.memory)
-        self._operations = Operations(
-            world, self.memory, self._timers, self._report, self._listens_while_held
-        )
-        self._turn = Turn(Event("start"), 0.0)
+        self.memory = memory or Memory()
+        self._planner = planner or Planner(Structure(world.chart))
+        self._core = core = Core(world, self.memory)
+        self.env: Surroundings = core.env
+        self._content = Content(core)
+        self._operations = Operations(core, self._content, self._listens_while_held)
+        self._values = Values(core)
+        self._answerer = Answers(core, self._planner.structure)
+        self._row = self._planner.row(self.memory.configuration)
+        self._turn = _NO_TURN
+        #: The shortcuts from here; none while the machine is not quiet.
+        self.answers: Mapping[str | tuple[str, str], Shortcut | None] = _NO_ANSWERS
 
     # -- the interface ----------------------------------------------------------------------------------
 
+    @property
+    def world(self) -> World:
+        """What never changes while the machine lives."""
+        return self._core.world
+
+    @property
+    def chart(self) -> Chart:
+        """The chart that it runs."""
+        return self._core.chart
+
+    @property
+    def planner(self) -> Planner:
+        """What is prepared of the chart; hand it to further machines of the same chart."""
+        return self._planner
+
     def start(self, now: float) -> Step:
         """Enter the chart's initial states at time `now`, in seconds of the caller's clock."""
-        self._turn = Turn(Event("start"), now)
-        for name, variable in self.chart.context.items():
-            self.memory.context[name] = variable.default.evaluate(self._env("", NO_CAUSE))
-        for name, spec in self.chart.inputs.items():
-            if spec.initial is not None:
-                self._set_input(name, spec.initial, now)
-        self._enter(self._structure_defaults(), NO_CAUSE)
+        turn = self._open(Event("start"), now)
+        for name, variable in self._core.chart.context.items():
+            try:
+                self.memory.context[name] = variable.default.evaluate(self._core.see("", turn))
+            except Exception as problem:
+                turn.fail("", f"{variable.place}: context {name}: {problem}")
+        self._values.begin(turn)
+        self._microstep(self._beginning(), NO_CAUSE)
         return self._finish()
 
     def handle(self, event: Event, now: float) -> Step:
         """Process one event from outside; deadlines before `now` must have been fired by `advance`."""
-        self._turn = Turn(event, now)
-        if event.is_request:
-            self._request(event)
-        elif event.name == "value":
-            self._observe(event)
-        elif event.name.startswith("attempt."):
-            self._operations.report(event, self._turn)
-        else:
-            self._turn.signals.append(Signal(event.name, None, Cause(event=event.data)))
-        return self._finish()
+        taken = self.answers.get(event.name)
+        return self.macrostep(event, now) if taken is None else taken(self, event, now)
 
     @property
     def next_deadline(self) -> float | None:
         """When `advance` must be called next, in seconds of the caller's clock; None when nothing is due."""
-        return self._timers.next_due()
+        timers = self.memory.timers
+        return timers[0][0] if timers else None
 
     def advance(self, now: float) -> Step | None:
         """Fire the earliest deadline that is due at `now`; None when there is none."""
-        timer = self._timers.pop_due(now)
-        if timer is None:
+        timers = self.memory.timers
+        if not timers or timers[0][0] > now:
             return None
-        self._turn = Turn(Event(f"timer.{timer.kind}", {"owner": timer.owner}), now)
-        if timer.kind == "after":
-            self._turn.signals.append(Signal(timer.event, timer.owner))
-        elif timer.kind == "timeout":
-            self._operations.timed_out(timer.owner, self._turn)
-        elif timer.kind == "retry":
-            self._operations.retry(timer.owner, self._turn)
-        else:
-            self._operations.abandon(timer.owner, self._turn)
-        return self._finish()
+        timer = timers.pop(0)
+        taken = self.answers.get(timer[3])
+        return self._fire(timer, now) if taken is None else taken(self, _NO_EVENT, now)
 
     @property
     def view(self) -> View:
         """What the machine shows of itself now."""
-        return view_of(self.chart, self.memory)
+        return view_of(self._core.chart, self.memory)
 
     def input_value(self, name: str, now: float) -> Any:
         """Return a live value as expressions see it, or None when it is unknown."""
-        inputs = Inputs(self.chart, self.memory, now)
+        inputs = self.env.inputs
+        inputs.now = now
         return inputs[name] if inputs.known(name) else None
 
-    # -- the macrostep ----------------------------------------------------------------------------------
+    def answer(self, event: Event, now: float) -> Answer:
+        """Return what a request would do now; nothing changes. A mission's request is not read."""
+        turn = Turn(event, now, self._now())
+        return self._answerer.answer(event, turn.row, turn, dry=True)
+
+    def considered(self, event: str, now: float) -> tuple[Considered, ...]:
+        """Return the transitions that listen to an event here, and what keeps each from being taken."""
+        row = self._now()
+        turn = Turn(Event(event), now, row)
+        rules = _distinct(row.candidates(self._planner.structure, event))
+        return tuple(consider(self._core, rule, turn) for rule in rules)
+
+    # -- one step ---------------------------------------------------------------------------------------
+
+    def _now(self) -> Row:
+        return self._planner.row(self.memory.configuration)
+
+    def _open(self, event: Event, now: float) -> Turn:
+        self._row = self._now()
+        self._turn = Turn(event, now, self._row)
+        return self._turn
+
+    def macrostep(self, event: Event, now: float) -> Step:
+        """Process one event by the general algorithm."""
+        turn = self._open(event, now)
+        if event.is_request:
+            self._request(event)
+        elif event.name == "value":
+            self._values.observe(event, turn)
+        elif event.name.startswith("attempt."):
+            self._operations.report(event, turn)
+        else:
+            turn.signals.append(Signal(event.name, None, Cause(event=event.data)))
+            self._learn(event.name, self._row.candidates(self._planner.structure, event.name))
+        return self._finish()
+
+    def _fire(self, timer: Timer, now: float) -> Step:
+        _, _, kind, (owner, name) = timer
+        event = Event(f"timer.{kind}", {"owner": owner})
+        turn = self._open(event, now)
+        if kind in ("after", "budget"):
+            turn.signals.append(Signal(name, owner))
+            self._learn(timer[3], (self._planner.structure.rules_of(owner, name),), event)
+        elif kind == "timeout":
+            self._operations.timed_out(owner, turn)
+        elif kind == "retry":
+            self._operations.retry(owner, turn)
+        elif kind == "fresh":
+            self._values.grew_old(owner, turn)
+        else:
+            self._operations.abandon(owner, turn)
+        return self._finish()
+
+    def _learn(
+        self,
+        key: str | tuple[str, str],
+        candidates: Sequence[Sequence[Transition]],
+        fixed: Event | None = None,
+    ) -> None:
+        """Prepare a shortcut for an event that came for the first time in this row."""
+        answers = self._row.answers
+        if key in answers or len(answers) >= MAX_PLANS:
+            return
+        row = self._row
+        answers[key] = shortcut(self._core.chart, candidates, lambda rules: self._plan(row, rules), fixed)
 
     def _finish(self) -> Step:
+        turn, memory = self._turn, self.memory
         if not self._comes_to_rest():
             self._break_cycle()
-        self.memory.sequence += 1
-        return self._turn.step(self.memory)
+        memory.sequence += 1
+        quiet = not (memory.held or memory.deferred or memory.walks)
+        self.answers = self._row.answers if quiet else _NO_ANSWERS
+        turn.row = self._row
+        self._turn = _NO_TURN
+        return Step(memory.sequence, turn.now, turn.event, tuple(turn.plans), turn)
 
     def _comes_to_rest(self) -> bool:
         return any(not self._progress() for _ in range(MICROSTEP_LIMIT))
 
     def _break_cycle(self) -> None:
         """Lead a chart that never comes to rest to FAULT; what it was doing is cancelled as it is left."""
-        cycle = ", ".join(dict.fromkeys(self._turn.taken[-20:]))
-        detail = f"the chart does not come to rest after {self._turn.event.name}: it repeats {cycle}"
+        turn = self._turn
+        last = [name for plan in turn.plans[-20:] for name in plan.taken]
+        cycle = ", ".join(dict.fromkeys(last))
+        detail = f"the chart does not come to rest after {turn.event.name}: it repeats {cycle}"
         error = {"code": EXECUTION_CODE, "detail": detail}
         cause = Cause(event=error, error=error)
-        self._turn.note(detail)
-        self._turn.signals.clear()
+        turn.note(detail)
+        turn.signals.clear()
+        self._core.report(EXECUTION_CODE, detail)
         rules = self._listeners(Signal(EXECUTION_ERROR, None, cause))
         if rules:
-            self._report(EXECUTION_CODE, detail)
-            self._microstep(rules, cause)
-        if not rules or not self._comes_to_rest():
-            raise CycleError(detail)
+            self._take(rules, cause)
+            if not self._comes_to_rest():
+                turn.note("nor does it after the error: it is left as it is")
+                turn.signals.clear()
 
     def _progress(self) -> bool:
         """Do the next thing of this macrostep; False when there is nothing left to do."""
-        turn = self._turn
-        if self._engage_levels():
+        turn, memory = self._turn, self.memory
+        if self._core.chart.holds and self._engage_levels():
             return True
-        rules = self._enabled_levels()
+        rules = self._enabled_levels() if self._row.levels else ()
         if rules:
-            self._microstep(rules, NO_CAUSE)
+            self._take(rules, NO_CAUSE)
             return True
         if turn.signals:
-            self._signal(turn.signals.popleft())
+            self._signal(turn.signals.pop(0))
             return True
-        if self.memory.deferred and not self.memory.held:
-            self._operations.report(self.memory.deferred.pop(0), turn)
+        if memory.deferred and not memory.held:
+            self._operations.report(memory.deferred.pop(0), turn)
             return True
-        return self._operations.begin_missing(turn)
+        if self._row.working and self._operations.begin_missing(self._row.working, turn):
+            return True
+        return bool(self._core.chart.invariants) and self._watch_invariants()
 
     def _signal(self, signal: Signal) -> None:
         """Offer an internal event to its state, or to all active ones."""
@@ -167,194 +264,111 @@ class Machine:
         rules = self._listeners(signal)
         if rules:
             if raised:
-                self._report(EXECUTION_CODE, signal.cause.error["detail"])
-            self._microstep(rules, signal.cause)
+                self._core.report(EXECUTION_CODE, signal.cause.error["detail"])
+            self._take(rules, signal.cause)
         elif signal.state is not None and signal.state not in self.memory.configuration and not raised:
             self._turn.note(f"dropped: {signal.name} of {signal.state}, which was left")
         elif signal.name == "error":
             self._turn.signals.append(Signal(EXECUTION_ERROR, None, signal.cause))
         elif signal.name == EXECUTION_ERROR:
             self._turn.note(f"nobody handles the error {signal.cause.error.get('detail', '')}")
-        elif signal.state is None:
-            self._turn.note(f"nobody listens to {signal.name}")
-
-    def _listeners(self, signal: Signal) -> tuple[Transition, ...]:
-        """Return the transitions that an internal event causes."""
-        active = self.memory.configuration
-        if signal.state is None:
-            rules = self._enabled(self._structure.candidates(active, signal.name), signal.cause)
-        elif signal.state in active:
-            rules = self._enabled((self._structure.rules_of(signal.state, signal.name),), signal.cause)
         else:
-            return ()
+            self._say_why(signal)
+
+    def _listeners(self, signal: Signal) -> list[Transition]:
+        """Return the transitions that an internal event causes, for each leaf one."""
+        rules = self._enabled(self._offered(signal), signal.cause)
         # An error within FAULT does not lead there again, or a failing entry action would repeat for ever.
-        return tuple(rule for rule in rules if not (rule.id == FAULT_RULE and FAULT in active))
+        in_fault = FAULT in self.memory.configuration
+        return [rule for rule in rules if not (rule.id == FAULT_RULE and in_fault)]
+
+    def _offered(self, signal: Signal) -> Sequence[Sequence[Transition]]:
+        structure = self._planner.structure
+        if signal.state is None:
+            return self._row.candidates(structure, signal.name)
+        if signal.state in self.memory.configuration:
+            return (structure.rules_of(signal.state, signal.name),)
+        return ()
+
+    def _say_why(self, signal: Signal) -> None:
+        """Tell why an event did nothing."""
+        rules = _distinct(self._offered(signal))
+        self._turn.why = tuple(consider(self._core, rule, self._turn, signal.cause) for rule in rules)
+        if not rules and signal.state is None:
+            self._turn.note(f"nobody listens to {signal.name}")
 
     # -- which transitions ------------------------------------------------------------------------------
 
-    def _enabled(self, candidates: Iterable[Sequence[Transition]], cause: Cause) -> tuple[Transition, ...]:
+    def _enabled(self, candidates: Iterable[Sequence[Transition]], cause: Cause) -> list[Transition]:
         chosen = []
         for offered in candidates:
-            first = next((rule for rule in offered if self._holds(rule, cause)), None)
-            if first is not None:
-                chosen.append(first)
-        return self._structure.without_conflicts(self.memory.configuration, chosen)
+            for rule in offered:
+                guard = rule.guard
+                if guard is None or self._core.check(guard, rule.source, self._turn, cause):
+                    chosen.append(rule)
+                    break
+        return chosen
 
-    def _enabled_levels(self) -> tuple[Transition, ...]:
+    def _enabled_levels(self) -> list[Transition]:
         """Return the eventless transitions and the ones on a level of an input that can be taken now."""
-        inputs = Inputs(self.chart, self.memory, self._turn.now)
+        held, inputs = self.memory.held, self.env.inputs
+        inputs.now = self._turn.now
         offered = [
-            [rule for rule in rules if self._passes(rule) and (not rule.event or inputs.holds(rule.event))]
-            for rules in self._structure.level_candidates(self.memory.configuration)
+            [r for r in rules if passes(r, held) and (not r.event or inputs.holds(r.event))]
+            for rules in self._row.levels
         ]
-        return self._enabled(offered, NO_CAUSE) if any(offered) else ()
-
-    def _passes(self, rule: Transition, staying: Iterable[str] | None = None) -> bool:
-        """Say whether the engaged holds let a transition through."""
-        held = self.memory.held if staying is None else staying
-        return all(hold in rule.during or hold in rule.releases for hold in held)
+        return self._enabled(offered, NO_CAUSE) if any(offered) else []
 
     def _listens_while_held(self, state: str, event: str) -> bool:
         # All of them, for which one is taken is only known when the answer is looked at.
-        rules = self._structure.rules_of(state, event)
-        return bool(rules) and all(self._passes(rule) for rule in rules)
+        rules = self._planner.structure.rules_of(state, event) if state in self._core.chart.states else ()
+        return bool(rules) and all(passes(rule, self.memory.held) for rule in rules)
 
-    def _holds(self, rule: Transition, cause: Cause) -> bool:
-        """Evaluate a transition's guard; an unknown input is false, any other failure an error as well."""
-        if rule.guard is None:
-            return True
-        return self._check(rule.guard, rule.source, cause)
-
-    def _check(self, guard: Expression, state: str, cause: Cause) -> bool:
-        try:
-            return bool(guard.evaluate(self._env(state, cause)))
-        except UnknownInput as unknown:
-            self._turn.note(f"{guard.place}: {guard.source}: {unknown}")
-        except Exception as problem:
-            detail = f"{guard.place}: {guard.source}: {problem}"
-            # Guards are asked again in every microstep; the error is one.
-            if detail not in self._turn.failed_guards:
-                self._turn.failed_guards.add(detail)
-                self._turn.fail(state, detail)
-        return False
-
-    def _env(self, state: str, cause: Cause) -> Any:
-        return environment(self.world, self.memory, state, self._turn.now, cause)
-
-    # -- requests ---------------------------------------------------------------------------------------
+    # -- requests, holds --------------------------------------------------------------------------------
 
     def _request(self, event: Event) -> None:
-        cause = Cause(event=event.data)
-        engaging, releasing, refusal = self._hold_changes(event)
-        staying = [hold for hold in self.memory.held if hold not in releasing]
-        rules, chart_refusal = self._requested(event, staying, cause)
-        values: dict[str, Any] = {}
-        starts = any(rule.target is not None and self.chart.states[rule.target].slot for rule in rules)
-        refusal = chart_refusal or refusal
-        if refusal is None and starts:
-            values, refusal = read_request(self.world, event.data, self._env("", cause))
-        if refusal is None and not (rules or engaging or releasing):
-            refusal = self._impossible(event)
-        self._turn.accepted = refusal is None
-        if refusal is not None:
-            self._turn.refusal = refusal
+        turn = self._turn
+        answer = self._answerer.answer(event, self._row, turn)
+        turn.accepted = answer.refusal is None
+        if answer.refusal is not None:
+            turn.refusal = answer.refusal
+            turn.why = self.considered(event.name, turn.now)
             return
-        if starts:
-            self._begin_mission(event, values)
-        if rules:
-            self._microstep(rules, cause)
-        for name in releasing:
+        if answer.starts:
+            self._begin_mission(event, answer.values)
+        if answer.rules:
+            self._take(answer.rules, Cause(event=event.data))
+        for name in answer.releases:
             self._release(name)
-        for name in engaging:
-            self._engage(self.chart.holds[name])
-
-    def _hold_changes(self, event: Event) -> tuple[list[str], list[str], Refusal | None]:
-        """Return the holds that a request engages and releases, or why it may not."""
-        engaging, releasing = [], []
-        refusal: Refusal | None = None
-        for hold in self.chart.holds.values():
-            engaged = hold.name in self.memory.held
-            if event.name in hold.release and engaged:
-                if self._allows(hold.release_guard):
-                    releasing.append(hold.name)
-                else:
-                    refusal = refusal or self._refusal(event, hold.code)
-            elif event.name == hold.engage:
-                if not engaged and self._allows(hold.engage_guard):
-                    engaging.append(hold.name)
-                else:
-                    refusal = refusal or self._refusal(
-                        event, hold.code if engaged else hold.engage_code or hold.code
-                    )
-        return engaging, releasing, refusal
-
-    def _allows(self, guard: Expression | None) -> bool:
-        return guard is None or self._check(guard, "", NO_CAUSE)
-
-    def _requested(
-        self, event: Event, staying: list[str], cause: Cause
-    ) -> tuple[tuple[Transition, ...], Refusal | None]:
-        """Return the transitions that answer a request, or the first refusal among them."""
-        chosen = []
-        for offered in self._structure.candidates(self.memory.configuration, event.name):
-            for rule in offered:
-                if not self._holds(rule, cause):
-                    continue
-                if rule.refuse is not None:
-                    return (), self._refusal(event, rule.refuse)
-                if not self._passes(rule, staying):
-                    blocking = next(h for h in staying if h not in rule.during and h not in rule.releases)
-                    return (), self._refusal(event, self.chart.holds[blocking].code)
-                chosen.append(rule)
-                break
-        return self._structure.without_conflicts(self.memory.configuration, chosen), None
-
-    def _refusal(self, event: Event, code: str) -> Refusal:
-        verb = event.name.rpartition(".")[2]
-        label = self.chart.codes[code].label if code in self.chart.codes else code
-        return Refusal(code, f"{verb} refused: {label}")
-
-    def _impossible(self, event: Event) -> Refusal:
-        """Say where a request would be possible, from the chart."""
-        verb = event.name.rpartition(".")[2]
-        view = self.view
-        where = {
-            "a running mission" if state.slot else state.label or state.local_name
-            for state in self.chart.states.values()
-            if any(rule.refuse is None for rule in self._structure.rules_of(state.name, event.name))
-        } - {view.lifecycle}
-        here = f"{view.lifecycle} {view.phase}".strip() or "this state"
-        text = f"{verb} is not possible in {here}"
-        resumes = any(event.name in hold.release for hold in self.chart.holds.values())
-        if resumes and event.name != "mission.start":
-            text += " because nothing is paused"
-        elif where:
-            text += "; it is possible in " + ", ".join(sorted(where))
-        return Refusal("not_possible", text)
+        for name in answer.engages:
+            self._engage(self._core.chart.holds[name])
 
     def _begin_mission(self, event: Event, values: dict[str, Any]) -> None:
         memory = self.memory
         memory.mission = str(event.data["mission_type"])
         memory.mission_id = str(event.data.get("mission_id", ""))
         memory.started_at = self._turn.now
-        memory.request = values
-        memory.waiting_actions = []
-        memory.walks.clear()
-        memory.history.clear()
+        memory.request.clear()
+        memory.request.update(values)
+        for of_mission in (
+            memory.waiting_actions,
+            memory.walks,
+            memory.history,
+            memory.budgets,
+            memory.handled,
+        ):
+            of_mission.clear()
         memory.current_walk = ""
         memory.code = memory.detail = ""
 
-    # -- holds ------------------------------------------------------------------------------------------
-
     def _engage_levels(self) -> bool:
         """Engage the holds whose level is true; say whether there were any."""
-        inputs = Inputs(self.chart, self.memory, self._turn.now)
+        inputs, held = self.env.inputs, self.memory.held
+        inputs.now = self._turn.now
         rising = [
             hold
-            for hold in self.chart.holds.values()
-            if hold.engage.startswith("input.")
-            and hold.name not in self.memory.held
-            and inputs.holds(hold.engage)
+            for hold in self._core.chart.holds.values()
+            if hold.engage.startswith("input.") and hold.name not in held and inputs.holds(hold.engage)
         ]
         for hold in rising:
             self._engage(hold)
@@ -363,202 +377,155 @@ class Machine:
     def _engage(self, hold: Hold) -> None:
         first = not self.memory.held
         self.memory.held.append(hold.name)
-        self._turn.notes.append(f"hold {hold.name} engaged")
-        self._report(hold.code, "")
+        self._turn.note(f"hold {hold.name} engaged")
+        self._core.report(hold.code, "")
         if first:
-            self._timers.freeze(self._turn.now)
+            self._core.timers.freeze(self._turn.now)
             self._operations.suspend(self._turn)
 
     def _release(self, name: str) -> None:
         if name not in self.memory.held:
             return
         self.memory.held.remove(name)
-        self._turn.notes.append(f"hold {name} released")
+        self._turn.note(f"hold {name} released")
         if not self.memory.held:
-            self._timers.thaw(self._turn.now)
+            self._core.timers.thaw(self._turn.now)
             self._content.release_actions(self._turn)
             self._operations.resume(self._turn)
 
-    # -- inputs -----------------------------------------------------------------------------------------
+    # -- invariants -------------------------------------------------------------------------------------
 
-    def _observe(self, event: Event) -> None:
-        for name, spec in self.chart.inputs.items():
-            if spec.value == event.data["name"]:
-                self._set_input(name, event.data["value"], event.data["stamp"])
-
-    def _set_input(self, name: str, value: Any, stamp: float) -> None:
-        self.memory.inputs[name] = (value, stamp)
-        for level in self.chart.inputs[name].levels:
-            env = self._env("", NO_CAUSE)
-            margin = float(level.hysteresis.evaluate(env)) if level.hysteresis else 0.0
-            margin = margin if self.memory.levels.get((name, level.name), False) else 0.0
-            if level.below is not None:
-                reached = value < float(level.below.evaluate(env)) + margin
-            else:
-                reached = level.above is not None and value > float(level.above.evaluate(env)) - margin
-            self.memory.levels[name, level.name] = reached
-
-    def _report(self, code: str, detail: str) -> None:
-        """Remember a code for `last_error`; what is mere information does not replace a warning."""
-        declared = self.chart.codes.get(code)
-        if declared is None or declared.severity > Severity.INFO:
-            self.memory.code, self.memory.detail = code, detail
+    def _watch_invariants(self) -> bool:
+        """Make an error of each invariant that holds no more; say whether there was one."""
+        turn, broken = self._turn, self.memory.broken
+        fresh = False
+        for name, invariant in self._core.chart.invariants.items():
+            holds = self._core.check(invariant.that, "", turn)
+            if holds and name in broken:
+                broken.remove(name)
+            elif not holds and name not in broken:
+                broken.append(name)
+                detail = f"{invariant.place}: invariant {name} does not hold: {invariant.that.source}"
+                turn.note(detail)
+                self._core.report(INVARIANT_CODE, detail)
+                error = {"code": INVARIANT_CODE, "detail": detail}
+                turn.signals.append(Signal(EXECUTION_ERROR, None, Cause(event=error, error=error)))
+                fresh = True
+        return fresh or bool(turn.signals)
 
     # -- the microstep ----------------------------------------------------------------------------------
 
-    def _microstep(self, rules: tuple[Transition, ...], cause: Cause) -> None:
-        """Take transitions: exits, their actions, entries; then the holds that they release."""
-        turn = self._turn
-        exits = self._structure.exits(self.memory.configuration, rules)
-        self._remember_history(exits)
-        for name in exits:
-            self._exit(self.chart.states[name], cause)
+    def _plan(self, row: Row, chosen: Sequence[Transition]) -> Plan:
+        return self._planner.plan(row, chosen, self.memory.mission, self._remembered, self._resume_child)
+
+    def _remembered(self, history: State) -> tuple[str, ...]:
+        return self.memory.history.get(history.name, ())
+
+    def _resume_child(self, state: State) -> str | None:
+        """Choose where a state goes on that comes back by history."""
+        for rule in state.resume_at:
+            if rule.guard is None or self._core.check(rule.guard, rule.source, self._turn):
+                return rule.target
+        return None
+
+    def _beginning(self) -> Plan:
+        """Return the plan that enters the states in which the chart starts."""
+        root = self._core.chart.states[""]
+        start = Transition(
+            "", "start", "", root.place, target=self._planner.structure.default_child(root, "")
+        )
+        plan = self._plan(self._row, [start])
+        entries = ((root, ("",)), *((state, ("", *active)) for state, active in plan.entries))
+        return Plan((start,), (), entries, self._planner.row(("", *plan.row.configuration)))
+
+    def _take(self, chosen: Sequence[Transition], cause: Cause) -> None:
+        self._microstep(self._plan(self._row, chosen), cause)
+
+    def _microstep(self, plan: Plan, cause: Cause) -> None:
+        """Carry out a plan: exits, the transitions' actions, entries; then the holds that they release."""
+        turn, memory, rules = self._turn, self.memory, plan.rules
+        memory.history.update(plan.remembers)
+        for state, configuration in plan.exits:
+            self._exit(state, configuration, cause)
         for rule in rules:
-            turn.taken.append(rule.id)
-            self._content.run(rule.actions, rule.source, cause, turn)
+            if rule.actions:
+                self._content.run(rule.actions, rule.source, cause, turn)
             if rule.code is not None:
-                self._report(rule.code, cause.error.get("detail", ""))
-        for rule in rules:
-            self._enter(self._entries(rule), cause)
+                self._core.report(rule.code, cause.error.get("detail", ""))
+        for state, configuration in plan.entries:
+            self._enter(state, configuration, cause, state.name in plan.back)
+        self._row = plan.row
+        turn.plans.append(plan)
         for name in dict.fromkeys(hold for rule in rules for hold in rule.releases):
             self._release(name)
-        if not any(map(self._is_ended, self.memory.configuration)):
-            turn.trail.append(moment_of(self.chart, self.memory))
+        if not plan.row.passing:
+            turn.trail.append((plan.row, target_of(memory)))
 
-    def _exit(self, state: State, cause: Cause) -> None:
-        self._content.run(state.exit, state.name, cause, self._turn)
+    def _exit(self, state: State, configuration: tuple[str, ...], cause: Cause) -> None:
+        turn = self._turn
+        if state.exit:
+            self._content.run(state.exit, state.name, cause, turn)
         self._content.forget_actions(state.name)
-        self._operations.end(state.name, self._turn)
-        self._timers.disarm("after", state.name)
-        self.memory.configuration = tuple(n for n in self.memory.configuration if n != state.name)
-        self._turn.exited.append(state.name)
+        self._operations.end(state, turn)
+        if state.timers:
+            self._core.timers.disarm("after", state.name)
+        if state.budget is not None:
+            self.memory.budgets[state.name] = self._core.timers.left("budget", state.name, turn.now) or 0.0
+            self._core.timers.disarm("budget", state.name)
+        self.memory.configuration = configuration
 
-    def _entries(self, rule: Transition) -> tuple[str, ...]:
-        entered = self._structure.entries(rule, self._remembered, self._default_child, self._resume_child)
-        return tuple(name for name in entered if name not in self.memory.configuration)
-
-    def _enter(self, names: Iterable[str], cause: Cause) -> None:
-        for name in names:
-            state = self.chart.states[name]
-            order = self._structure.order
-            self.memory.configuration = tuple(
-                sorted((*self.memory.configuration, name), key=order.__getitem__)
-            )
-            self._turn.entered.append(name)
-            self._begin_walk(state, cause)
-            self._content.run(state.entry, name, cause, self._turn)
-            self._arm_timers(state, cause)
-            if state.kind is Kind.FINAL:
-                self._completed(state)
+    def _enter(self, state: State, configuration: tuple[str, ...], cause: Cause, comes_back: bool) -> None:
+        self.memory.configuration = configuration
+        self._content.walks.begin(state, cause, self._turn, comes_back)
+        if state.entry:
+            self._content.run(state.entry, state.name, cause, self._turn)
+        self._arm_timers(state, cause)
+        if state.kind is Kind.FINAL:
+            self._completed(state)
 
     def _arm_timers(self, state: State, cause: Cause) -> None:
-        for timer in state.timers:
+        turn, known = self._turn, self.memory.budgets
+        for timer in (*state.timers, *((state.budget,) if state.budget else ())):
+            kind = "budget" if timer is state.budget else "after"
             try:
-                delay = float(timer.after.evaluate(self._env(state.name, cause)))
+                delay = known.get(state.name) if kind == "budget" else None
+                if delay is None:
+                    delay = float(timer.after.evaluate(self._core.see(state.name, turn, cause)))
             except Exception as problem:
-                self._turn.fail(state.name, f"{timer.place}: after: {problem}")
+                turn.fail(state.name, f"{timer.place}: {kind}: {problem}")
             else:
-                self._timers.arm("after", state.name, self._turn.now, delay, timer.event)
+                self._core.timers.arm(kind, state.name, turn.now, delay, timer.event)
 
     def _completed(self, final: State) -> None:
         """Raise `done` for the state that a final state ends, and for a parallel one with it."""
-        parent = self.chart.states[final.parent or ""]
-        if parent.parent is not None and self.chart.states[parent.parent].slot:
-            parent = self.chart.states[parent.parent]  # a mission's end is the slot's end
+        states = self._core.chart.states
+        parent = states[final.parent or ""]
+        if parent.parent is not None and states[parent.parent].slot:
+            parent = states[parent.parent]  # a mission's end is the slot's end
         self._turn.signals.append(Signal("done", parent.name))
-        above = self.chart.states.get(parent.parent or "")
+        above = states.get(parent.parent or "")
         if above is not None and above.kind is Kind.PARALLEL and all(map(self._is_final, above.children)):
             self._turn.signals.append(Signal("done", above.name))
 
-    def _is_ended(self, name: str) -> bool:
-        """A final state is a passage to what comes next: nobody should see it."""
-        return self.chart.states[name].kind is Kind.FINAL
-
     def _is_final(self, region: str) -> bool:
         """Say whether a region of a parallel state has come to its end (SCXML: isInFinalState)."""
-        state = self.chart.states[region]
+        state = self._core.chart.states[region]
         if state.kind is Kind.HISTORY:
             return True
         if state.kind is Kind.PARALLEL:
             return all(map(self._is_final, state.children))
         return any(
-            self.chart.states[child].kind is Kind.FINAL and child in self.memory.configuration
+            self._core.chart.states[child].kind is Kind.FINAL and child in self.memory.configuration
             for child in state.children
         )
 
-    # -- itineraries, history ---------------------------------------------------------------------------
 
-    def _begin_walk(self, state: State, cause: Cause) -> None:
-        """Lay out the itinerary of a state that is entered for the first time in this mission."""
-        if state.itinerary is None:
-            return
-        if state.name not in self.memory.walks:
-            items = self._items(state, state.itinerary, cause)
-            self.memory.walks[state.name] = Walk(
-                state.name, items, [Visit(_identity(item)) for item in items]
-            )
-        self.memory.current_walk = state.name
-
-    def _items(self, state: State, itinerary: Itinerary, cause: Cause) -> list[Any]:
-        try:
-            return list(itinerary.items.evaluate(self._env(state.name, cause)))
-        except Exception as problem:
-            self._turn.fail(state.name, f"{itinerary.place}: itinerary: {problem}")
-            return []
-
-    def _remember_history(self, exits: Sequence[str]) -> None:
-        leaving = set(exits)
-        for name in exits:
-            for child in self.chart.states[name].children:
-                state = self.chart.states[child]
-                if state.kind is Kind.HISTORY:
-                    self.memory.history[child] = self._descendants(name, state.depth, leaving)
-
-    def _descendants(self, name: str, depth: int | None, among: set[str]) -> tuple[str, ...]:
-        """Return the active descendants `depth` levels down (None: the leaves), or leaves above that."""
-        leaves = set(self._structure.leaves(among))
-        base = len(self.chart.ancestors(name))
-        found = [
-            state
-            for state in self.memory.configuration
-            if state in among
-            and self._structure.is_below(state, name)
-            and (state in leaves if depth is None else self._at_depth(state, base + depth, leaves))
-        ]
-        return tuple(found)
-
-    def _at_depth(self, state: str, depth: int, leaves: set[str]) -> bool:
-        level = len(self.chart.ancestors(state))
-        return level == depth or (level < depth and state in leaves)
-
-    def _remembered(self, history: State) -> tuple[str, ...]:
-        return self.memory.history.get(history.name, ())
-
-    def _default_child(self, state: State) -> str | None:
-        if state.slot and self.memory.mission:
-            return self.chart.missions[self.memory.mission].state
-        return state.initial or next(iter(state.children), None)
-
-    def _resume_child(self, state: State) -> str | None:
-        """Choose where a state goes on that comes back by history."""
-        rule = next((rule for rule in state.resume_at if self._holds(rule, NO_CAUSE)), None)
-        return rule.target if rule else None
-
-    def _structure_defaults(self) -> tuple[str, ...]:
-        """Return the states that the chart starts in."""
-        start = Transition(
-            "start",
-            "start",
-            "",
-            self.chart.states[""].place,
-            target=self._default_child(self.chart.states[""]),
-        )
-        return (
-            "",
-            *self._structure.entries(start, self._remembered, self._default_child, self._resume_child),
-        )
+def _distinct(candidates: Iterable[Sequence[Transition]]) -> list[Transition]:
+    """Return the transitions offered to any leaf, each once."""
+    return list({rule.id: rule for offered in candidates for rule in offered}.values())
 
 
-def _identity(item: Any) -> str:
-    """Return what a target is called in messages: its `id`, or itself."""
-    return str(item["id"]) if isinstance(item, dict) and "id" in item else str(item)
+#: What a timer's shortcut is called with; it knows its own event.
+_NO_EVENT = Event("", NOTHING)
+#: Between two steps nothing is collected.
+_NO_TURN = cast(Turn, None)

@@ -1,16 +1,16 @@
-"""Everything that a machine remembers between steps, as plain data."""
+"""Everything that a machine remembers between steps, as plain data that goes through JSON (`snapshot`)."""
 
 from __future__ import annotations
 
 import enum
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 from lupin_engine.machine.event import Event
 
 
-@dataclass
+@dataclass(slots=True)
 class Visit:
     """What became of one target. Closed exactly once; then nothing about it changes."""
 
@@ -26,14 +26,22 @@ class Visit:
         return bool(self.status)
 
 
-@dataclass
+@dataclass(slots=True)
 class Walk:
-    """An itinerary under way: the items, one visit for each, and where we are."""
+    """An itinerary under way: the items, one visit for each, and where we are.
+
+    `sweep` counts from 1, `sweeps` is how many there will be (0: no end). `past` counts the visits of earlier
+    sweeps by status. With `leaves_open` nobody closes what was not visited.
+    """
 
     state: str
     items: list[Any]
     visits: list[Visit]
     index: int = 0
+    sweep: int = 1
+    sweeps: int = 1
+    past: dict[str, int] = field(default_factory=dict)
+    leaves_open: bool = False
 
     @property
     def item(self) -> Any:
@@ -46,25 +54,32 @@ class Walk:
         return self.visits[self.index] if self.index < len(self.visits) else None
 
     @property
+    def is_last_sweep(self) -> bool:
+        """Whether no other sweep follows."""
+        return 0 < self.sweeps <= self.sweep
+
+    @property
     def remaining(self) -> int:
-        """How many targets come after the current one."""
-        return max(0, len(self.items) - self.index - 1)
+        """How many targets come after the current one; at the end of a sweep, those of the next one."""
+        after = max(0, len(self.items) - self.index - 1)
+        return after if after or self.is_last_sweep else len(self.items)
 
     def count(self, status: str) -> int:
-        """How many visits were closed with `status`."""
-        return sum(1 for visit in self.visits if visit.status == status)
+        """How many visits were closed with `status`, over all sweeps."""
+        return self.past.get(status, 0) + sum(1 for visit in self.visits if visit.status == status)
 
 
-class Phase(enum.Enum):
-    """The life of an attempt, as far as the engine must know it."""
+class Phase(str, enum.Enum):
+    """The life of an attempt, as far as the engine must know it; `operations.LIFE` says what leads where."""
 
     WAITING = "waiting"  #: for the resource that an earlier attempt still uses
     REQUESTED = "requested"  #: the server was asked
     ACCEPTED = "accepted"  #: the server took it
     CANCELLING = "cancelling"  #: nobody wants it any more; the server may not know yet
+    LOST = "lost"  #: the server did not confirm the cancel in time
 
 
-@dataclass
+@dataclass(slots=True)
 class Attempt:
     """One request to a server. Only the current attempt of an invocation can speak."""
 
@@ -78,36 +93,49 @@ class Attempt:
     timeout: float | None = None
 
 
-@dataclass
+@dataclass(slots=True)
 class Invocation:
-    """One activation of a state's `invoke`: its tries, its current attempt, whether a hold suspended it."""
+    """One activation of an `invoke`: its tries, its current attempt, whether a hold suspended it.
+
+    `item` is the element that a `for_each` started it for, `key` what that is called.
+    """
 
     id: str
     state: str
     tries: int = 0
     attempt: str | None = None
     suspended: bool = False
+    key: str | None = None
+    item: Any = None
+
+    @property
+    def name(self) -> str:
+        """What it is kept under: its state, for an element of a `for_each` with the element's key."""
+        return self.state if self.key is None else f"{self.state}[{self.key}]"
 
 
-@dataclass
-class Timer:
-    """A deadline of the chart (frozen while held) or of the engine (`cancel`, never frozen).
-
-    `kind` is after, timeout, retry or cancel; `owner` is the state, attempt or invocation it belongs to.
-    While frozen, `due` is the time that is left.
-    """
-
-    token: int
-    kind: str
-    owner: str
-    due: float
-    event: str = ""
-    frozen: bool = False
+#: A deadline: when it is due, its number, its kind, and what it is about: the state, attempt, invocation or
+#: input that it belongs to, with the event that it makes there. `due` is a time of the caller's clock; of a
+#: frozen timer the time that is left. A plain tuple, because thousands of them a second may be made.
+Timer = tuple[float, int, str, tuple[str, str]]
 
 
-@dataclass
+class Reported(NamedTuple):
+    """A live value, when it was true, and whether it was reported at all or is what the chart starts with."""
+
+    value: Any
+    stamp: float
+    reported: bool = True
+
+
+@dataclass(slots=True)
 class Memory:
-    """The whole state of a machine. `reason` is the code last reported, with its detail."""
+    """The whole state of a machine. `code` is the reason last reported, with its detail.
+
+    `timers` are in the order in which they fire. `budgets` is the time that each state with a budget has
+    left, `handled` the keys that each `for_each` has dealt with, both in this mission. `levels` is by
+    `input.NAME.LEVEL`. `broken` names the invariants that do not hold.
+    """
 
     configuration: tuple[str, ...] = ()
     history: dict[str, tuple[str, ...]] = field(default_factory=dict)
@@ -119,13 +147,17 @@ class Memory:
     walks: dict[str, Walk] = field(default_factory=dict)
     current_walk: str = ""
     timers: list[Timer] = field(default_factory=list)
+    frozen: list[Timer] = field(default_factory=list)
+    budgets: dict[str, float] = field(default_factory=dict)
     invocations: dict[str, Invocation] = field(default_factory=dict)
     attempts: dict[str, Attempt] = field(default_factory=dict)
+    handled: dict[str, list[str]] = field(default_factory=dict)
     held: list[str] = field(default_factory=list)
     deferred: list[Event] = field(default_factory=list)
     waiting_actions: list[tuple[str, str, Mapping[str, Any]]] = field(default_factory=list)
-    inputs: dict[str, tuple[Any, float]] = field(default_factory=dict)
-    levels: dict[tuple[str, str], bool] = field(default_factory=dict)
+    inputs: dict[str, Reported] = field(default_factory=dict)
+    levels: dict[str, bool] = field(default_factory=dict)
+    broken: list[str] = field(default_factory=list)
     code: str = ""
     detail: str = ""
     sequence: int = 0

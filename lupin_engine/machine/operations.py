@@ -1,7 +1,8 @@
 """Operations in attempts: requested, accepted, perhaps cancelling, ended.
 
-An `Invocation` is one activation of a state's `invoke`; it lives from the end of the step that entered the
-state until the state is left. It speaks through one `Attempt` at a time. The rules, all kept here:
+An `Invocation` is one activation of a state's `invoke`, or of its `for_each` for one element; it lives from
+the end of the step that entered the state until the state is left. It speaks through one `Attempt` at a
+time. The rules, all kept here:
 
 * only the current attempt of a live invocation can speak; what another one says is dropped and counted;
 * leaving the state, a hold, a timeout or a retry ends the attempt: it is cancelled, and cancelled again
@@ -13,78 +14,111 @@ state until the state is left. It speaks through one `Attempt` at a time. The ru
 
 from __future__ import annotations
 
+import zlib
 from collections.abc import Callable, Mapping
+from types import MappingProxyType
 from typing import Any
 
-from lupin_engine.chart.model import Invoke
-from lupin_engine.machine.environment import Cause, World, environment
+from lupin_engine.chart.model import ForEach, Invoke, Retry, State, UnknownInput
+from lupin_engine.machine.content import Content
+from lupin_engine.machine.core import Core
+from lupin_engine.machine.environment import Cause
 from lupin_engine.machine.event import Cancel, Event, Start
-from lupin_engine.machine.memory import Attempt, Invocation, Memory, Phase
-from lupin_engine.machine.timers import Timers
+from lupin_engine.machine.memory import Attempt, Invocation, Phase
 from lupin_engine.machine.turn import EXECUTION_CODE, Signal, Turn
 from lupin_engine.plugin.contract import OnHold
 
 #: How long a cancelled attempt may keep its resource, in seconds (the reference's grace before docking).
 CANCEL_DEADLINE = 3.0
+#: How many lost attempts are remembered, so that they can be cancelled should they be accepted after all.
+MAX_LOST = 64
+CANCELLED_CODE = "operation_cancelled"
+
 #: What a state's transitions call the end that a server reports.
 _ENDS = {"done": "done", "failed": "error", "cancelled": "error"}
-CANCELLED_CODE = "operation_cancelled"
+
+_W, _R, _A, _C, _L = Phase
+#: The life of an attempt: phase and what happens -> the next phase; None: it has ended and is forgotten.
+#: docs/diagrams/attempt.mmd is drawn from this.
+LIFE: Mapping[tuple[Phase, str], Phase | None] = MappingProxyType(
+    {
+        (_W, "resource free"): _R,
+        (_W, "not wanted"): None,
+        (_R, "accepted"): _A,
+        (_R, "done"): None,
+        (_R, "failed"): None,
+        (_R, "cancelled"): None,
+        (_R, "not wanted"): _C,
+        (_A, "done"): None,
+        (_A, "failed"): None,
+        (_A, "cancelled"): None,
+        (_A, "not wanted"): _C,
+        (_C, "accepted"): _C,
+        (_C, "done"): None,
+        (_C, "failed"): None,
+        (_C, "cancelled"): None,
+        (_C, "no answer in time"): _L,
+        (_L, "accepted"): _L,
+        (_L, "done"): None,
+        (_L, "failed"): None,
+        (_L, "cancelled"): None,
+    }
+)
 
 
 class Operations:
-    """The invocations and attempts of one memory."""
+    """The invocations and attempts of one machine."""
 
-    def __init__(
-        self,
-        world: World,
-        memory: Memory,
-        timers: Timers,
-        report: Callable[[str, str], None],
-        passes_holds: Callable[[str, str], bool],
-    ) -> None:
-        """Make the operations of `memory`.
+    __slots__ = ("_content", "_core", "_passes_holds")
+
+    def __init__(self, core: Core, content: Content, passes_holds: Callable[[str, str], bool]) -> None:
+        """Make the operations of a machine.
 
         Args:
-            report: takes a code and its detail for `last_error`.
+            core: what the parts of the machine share.
+            content: runs what a `for_each` does about the end of an element's operation.
             passes_holds: says whether a state has a transition for an event that engaged holds let through.
         """
-        self._world = world
-        self._memory = memory
-        self._timers = timers
-        self._report = report
+        self._core = core
+        self._content = content
         self._passes_holds = passes_holds
 
     # -- invocations ------------------------------------------------------------------------------------
 
-    def begin_missing(self, turn: Turn) -> bool:
+    def begin_missing(self, working: tuple[State, ...], turn: Turn) -> bool:
         """Begin the invocations of the active states that have none yet; say whether there were any."""
         begun = False
-        for name in self._memory.configuration:
-            invoke = self._world.chart.states[name].invoke
-            if invoke is not None and name not in self._memory.invocations:
-                self._begin(name, invoke, turn)
+        for state in working:
+            if state.invoke is not None and state.name not in self._core.memory.invocations:
+                self._begin(Invocation(self._name(), state.name), turn)
                 begun = True
+            if state.for_each is not None:
+                begun = self._take_up(state.name, state.for_each, turn) or begun
         return begun
 
-    def _begin(self, state: str, invoke: Invoke, turn: Turn) -> None:
-        invocation = Invocation(f"i{self._memory.fresh_id()}", state)
-        self._memory.invocations[state] = invocation
-        if self._memory.held and invoke.operation.on_hold is OnHold.CANCEL:
+    def _name(self) -> str:
+        return f"i{self._core.memory.fresh_id()}"
+
+    def _begin(self, invocation: Invocation, turn: Turn) -> None:
+        self._core.memory.invocations[invocation.name] = invocation
+        if self._core.memory.held and self._invoke(invocation).operation.on_hold is OnHold.CANCEL:
             invocation.suspended = True
         else:
             self._issue(invocation, turn)
 
-    def end(self, state: str, turn: Turn) -> None:
-        """End the invocation of a state that is being left."""
-        invocation = self._memory.invocations.pop(state, None)
-        if invocation is None:
+    def end(self, state: State, turn: Turn) -> None:
+        """End the invocations of a state that is being left."""
+        if state.invoke is None and state.for_each is None:
             return
-        self._timers.disarm("retry", invocation.id)
-        self._cancel_current(invocation, turn)
+        invocations = self._core.memory.invocations
+        for name in [name for name, found in invocations.items() if found.state == state.name]:
+            invocation = invocations.pop(name)
+            self._core.timers.disarm("retry", invocation.id)
+            self._cancel_current(invocation, turn)
 
     def suspend(self, turn: Turn) -> None:
         """A hold was engaged: cancel what moves the robot, and refund the try."""
-        for invocation in self._memory.invocations.values():
+        for invocation in self._core.memory.invocations.values():
             if self._invoke(invocation).operation.on_hold is OnHold.CANCEL and invocation.attempt:
                 self._cancel_current(invocation, turn)
                 invocation.tries -= 1
@@ -92,125 +126,188 @@ class Operations:
 
     def resume(self, turn: Turn) -> None:
         """The last hold was released: issue again what was suspended."""
-        for invocation in list(self._memory.invocations.values()):
+        for invocation in list(self._core.memory.invocations.values()):
             if invocation.suspended:
                 invocation.suspended = False
                 self._issue(invocation, turn)
 
+    # -- one invocation for each element ------------------------------------------------------------------
+
+    def _take_up(self, state: str, rule: ForEach, turn: Turn) -> bool:
+        """Begin the operations of new elements, as many as may run at once; say whether there were any."""
+        memory = self._core.memory
+        if memory.held:
+            return False
+        try:
+            items = list(rule.items.evaluate(self._core.see(state, turn)))
+            limit = int(rule.limit.evaluate(self._core.see(state, turn))) if rule.limit else len(items)
+            new = [
+                element
+                for element in self._keyed(state, rule, items, turn)
+                if self._is_new(state, element[0])
+            ]
+        except UnknownInput:
+            return False  # nothing is known of the collection yet
+        except Exception as problem:
+            turn.fail_once(state, f"{rule.place}: for_each: {problem}")
+            return False
+        running = sum(1 for found in memory.invocations.values() if found.state == state)
+        begun = new[: max(0, limit - running)]
+        for key, item in begun:
+            self._begin(Invocation(self._name(), state, key=key, item=item), turn)
+        return bool(begun)
+
+    def _keyed(self, state: str, rule: ForEach, items: list[Any], turn: Turn) -> list[tuple[str, Any]]:
+        """Return the elements that are wanted with their keys, each key once."""
+        found: dict[str, Any] = {}
+        for item in items:
+            env = self._core.see(state, turn, Cause(item=item))
+            if rule.when is None or rule.when.evaluate(env):
+                found.setdefault(str(rule.key.evaluate(env)), item)
+        return list(found.items())
+
+    def _is_new(self, state: str, key: str) -> bool:
+        memory = self._core.memory
+        return key not in memory.handled.get(state, ()) and f"{state}[{key}]" not in memory.invocations
+
+    def _end_element(self, invocation: Invocation, word: str, cause: Cause, turn: Turn) -> None:
+        """The operation for one element has ended for good: never take that element up again."""
+        rule = self._core.chart.states[invocation.state].for_each
+        assert rule is not None, f"{invocation.name} has no for_each"
+        self._core.memory.handled.setdefault(invocation.state, []).append(str(invocation.key))
+        del self._core.memory.invocations[invocation.name]
+        if cause.error.get("code") == EXECUTION_CODE:
+            turn.fail(invocation.state, cause.error["detail"])
+        actions = rule.on_done if word == "done" else rule.on_error
+        self._content.run(actions, invocation.state, cause, turn)
+
     # -- attempts ---------------------------------------------------------------------------------------
 
     def _invoke(self, invocation: Invocation) -> Invoke:
-        invoke = self._world.chart.states[invocation.state].invoke
-        assert invoke is not None, f"{invocation.state} was invoked without an invoke"
+        state = self._core.chart.states[invocation.state]
+        invoke = state.for_each.invoke if invocation.key is not None and state.for_each else state.invoke
+        assert invoke is not None, f"{invocation.name} was invoked without an invoke"
         return invoke
 
     def _issue(self, invocation: Invocation, turn: Turn) -> None:
         """Make a new attempt, evaluating the arguments now; start it when its resources are free."""
         invoke = self._invoke(invocation)
-        env = environment(self._world, self._memory, invocation.state, turn.now, Cause())
+        env = self._core.see(invocation.state, turn, Cause(item=invocation.item))
         try:
             arguments = {name: value.evaluate(env) for name, value in invoke.arguments.items()}
             timeout = float(invoke.timeout.evaluate(env)) if invoke.timeout else None
         except Exception as problem:
-            self._signal_error(invocation, EXECUTION_CODE, f"{invoke.place}: {problem}", turn)
+            self._signal("error", invocation, _failure(EXECUTION_CODE, f"{invoke.place}: {problem}"), turn)
             return
-        number = f"a{self._memory.fresh_id()}"
+        number = f"a{self._core.memory.fresh_id()}"
         uses = invoke.operation.uses
-        attempt = Attempt(number, invocation.state, invoke.name, arguments, uses, Phase.WAITING, "", timeout)
-        self._memory.attempts[number] = attempt
+        attempt = Attempt(number, invocation.name, invoke.name, arguments, uses, Phase.WAITING, "", timeout)
+        self._core.memory.attempts[number] = attempt
         invocation.attempt = number
         invocation.tries += 1
         self._start_if_free(attempt, turn)
 
+    def _move(self, attempt: Attempt, word: str, turn: Turn) -> None:
+        """Lead an attempt on in its life; one that has ended is forgotten, and frees its resources."""
+        phase = LIFE[attempt.phase, word]
+        if phase is not None:
+            attempt.phase = phase
+            return
+        self._core.timers.disarm("timeout", attempt.id)
+        self._core.timers.disarm("cancel", attempt.id)
+        del self._core.memory.attempts[attempt.id]
+        self._start_waiting(turn)
+
     def _start_if_free(self, attempt: Attempt, turn: Turn) -> None:
-        for other in self._memory.attempts.values():
+        for other in self._core.memory.attempts.values():
             if other is attempt:
                 break
-            if set(other.uses) & set(attempt.uses):
-                turn.notes.append(f"{attempt.operation} waits until {other.operation} has ended")
+            if other.phase is not Phase.LOST and set(other.uses) & set(attempt.uses):
+                turn.note(f"{attempt.operation} waits until {other.operation} has ended")
                 return
-        attempt.phase = Phase.REQUESTED
+        self._move(attempt, "resource free", turn)
         turn.commands.append(Start(attempt.id, attempt.operation, attempt.arguments))
         if attempt.timeout is not None:
-            self._timers.arm("timeout", attempt.id, turn.now, attempt.timeout)
+            self._core.timers.arm("timeout", attempt.id, turn.now, attempt.timeout)
+
+    def _start_waiting(self, turn: Turn) -> None:
+        for waiting in list(self._core.memory.attempts.values()):
+            if waiting.phase is Phase.WAITING and not self._core.memory.held:
+                self._start_if_free(waiting, turn)
 
     def _cancel_current(self, invocation: Invocation, turn: Turn) -> None:
-        attempt = self._memory.attempts.get(invocation.attempt or "")
+        attempt = self._core.memory.attempts.get(invocation.attempt or "")
         invocation.attempt = None
         if attempt is None:
             return
-        self._timers.disarm("timeout", attempt.id)
-        if attempt.phase is Phase.WAITING or self._forget_answer(attempt, turn):
-            self._remove(attempt, turn)
-            return
-        turn.commands.append(Cancel(attempt.id, attempt.operation))
-        if attempt.uses:
-            self._timers.arm("cancel", attempt.id, turn.now, CANCEL_DEADLINE)
-        elif attempt.phase is Phase.ACCEPTED:
-            self._remove(attempt, turn)
-            return
-        attempt.phase = Phase.CANCELLING
+        self._core.timers.disarm("timeout", attempt.id)
+        if attempt.phase is Phase.WAITING:
+            self._move(attempt, "not wanted", turn)
+        elif not self._forget_answer(attempt, turn):
+            turn.commands.append(Cancel(attempt.id, attempt.operation))
+            self._core.timers.arm("cancel", attempt.id, turn.now, CANCEL_DEADLINE)
+            self._move(attempt, "not wanted", turn)
 
     def _forget_answer(self, attempt: Attempt, turn: Turn) -> bool:
         """Drop the answer that waits for a release, if the attempt has one."""
-        waiting = [event for event in self._memory.deferred if event.data["attempt"] == attempt.id]
+        deferred = self._core.memory.deferred
+        waiting = [event for event in deferred if event.data["attempt"] == attempt.id]
         for event in waiting:
-            self._memory.deferred.remove(event)
-            self._drop(event.name.removeprefix("attempt."), attempt.id, turn)
+            deferred.remove(event)
+            kind = event.name.removeprefix("attempt.")
+            self._drop(kind, attempt.id, turn)
+            self._move(attempt, kind, turn)
         return bool(waiting)
-
-    def _remove(self, attempt: Attempt, turn: Turn) -> None:
-        """Forget an attempt that ended, and start what waited for its resources."""
-        self._timers.disarm("timeout", attempt.id)
-        self._timers.disarm("cancel", attempt.id)
-        self._memory.attempts.pop(attempt.id, None)
-        self._start_waiting(turn)
-
-    def _start_waiting(self, turn: Turn) -> None:
-        for waiting in list(self._memory.attempts.values()):
-            if waiting.phase is Phase.WAITING and not self._memory.held:
-                self._start_if_free(waiting, turn)
 
     # -- what servers and clocks say --------------------------------------------------------------------
 
     def report(self, event: Event, turn: Turn) -> None:
         """Take in what a server says of an attempt."""
         kind = event.name.removeprefix("attempt.")
-        attempt = self._memory.attempts.get(event.data["attempt"])
+        attempt = self._core.memory.attempts.get(event.data["attempt"])
         if attempt is None:
             self._drop(kind, event.data["attempt"], turn)
-        elif attempt.phase is Phase.CANCELLING:
+        elif attempt.phase in (Phase.CANCELLING, Phase.LOST):
             self._report_unwanted(kind, attempt, turn)
-        elif kind == "accepted":
-            attempt.phase = Phase.ACCEPTED
         elif kind == "progress":
             attempt.detail = event.data["detail"]
-        elif self._memory.held and not self._passes_holds(attempt.invocation, _ENDS[kind]):
-            self._timers.disarm("timeout", attempt.id)
-            self._memory.deferred.append(event)
-            turn.notes.append(f"the answer of {attempt.operation} waits for the release")
+        elif (attempt.phase, kind) not in LIFE or self._has_answered(attempt):
+            turn.note(f"dropped: {kind} of attempt {attempt.id}, which is {attempt.phase.value}")
+        elif kind == "accepted":
+            self._move(attempt, kind, turn)
+        elif self._core.memory.held and not self._may_pass(attempt, kind):
+            self._core.timers.disarm("timeout", attempt.id)
+            self._core.memory.deferred.append(event)
+            turn.note(f"the answer of {attempt.operation} waits for the release")
         else:
             self._end_current(kind, attempt, event.data, turn)
 
+    def _has_answered(self, attempt: Attempt) -> bool:
+        return any(event.data["attempt"] == attempt.id for event in self._core.memory.deferred)
+
+    def _may_pass(self, attempt: Attempt, kind: str) -> bool:
+        return self._passes_holds(attempt.invocation, _ENDS[kind])
+
     def _drop(self, kind: str, attempt: str, turn: Turn) -> None:
         if kind in ("done", "failed"):
-            self._memory.dropped += 1
-            turn.notes.append(f"dropped: {kind} of attempt {attempt}, which nobody waits for")
+            self._core.memory.dropped += 1
+            turn.note(f"dropped: {kind} of attempt {attempt}, which nobody waits for")
 
     def _report_unwanted(self, kind: str, attempt: Attempt, turn: Turn) -> None:
+        if kind == "progress":
+            return
         if kind == "accepted":
             turn.commands.append(Cancel(attempt.id, attempt.operation))
-            turn.notes.append(f"{attempt.operation} was accepted after its cancel: cancelled again")
-        elif kind != "progress":
-            self._drop(kind, attempt.id, turn)
-            self._remove(attempt, turn)
+            turn.note(f"{attempt.operation} was accepted after its cancel: cancelled again")
+        self._drop(kind, attempt.id, turn)
+        self._move(attempt, kind, turn)
 
     def _end_current(self, kind: str, attempt: Attempt, data: Mapping[str, Any], turn: Turn) -> None:
-        invocation = self._memory.invocations[attempt.invocation]
+        invocation = self._core.memory.invocations[attempt.invocation]
         invocation.attempt = None
-        self._remove(attempt, turn)
+        self._move(attempt, kind, turn)
         if kind == "done":
-            turn.signals.append(Signal("done", invocation.state, Cause(event=data["result"])))
+            self._signal("done", invocation, Cause(event=data["result"]), turn)
         elif kind == "failed":
             self._failed(invocation, data["code"], data["detail"] or attempt.detail, turn)
         else:
@@ -218,47 +315,73 @@ class Operations:
 
     def timed_out(self, attempt_id: str, turn: Turn) -> None:
         """The attempt took too long: cancel it and count it as failed."""
-        attempt = self._memory.attempts[attempt_id]
-        invocation = self._memory.invocations[attempt.invocation]
+        attempt = self._core.memory.attempts[attempt_id]
+        invocation = self._core.memory.invocations[attempt.invocation]
         invoke = self._invoke(invocation)
         self._cancel_current(invocation, turn)
         self._failed(invocation, invoke.timeout_code or "timeout", attempt.detail, turn)
 
     def abandon(self, attempt_id: str, turn: Turn) -> None:
         """The cancel was never confirmed: stop waiting for it. A late accept is still cancelled."""
-        attempt = self._memory.attempts[attempt_id]
-        attempt.uses = ()
-        turn.notes.append(f"{attempt.operation} did not confirm its cancel in {CANCEL_DEADLINE:g} s")
+        attempts = self._core.memory.attempts
+        attempt = attempts[attempt_id]
+        self._move(attempt, "no answer in time", turn)
+        turn.note(f"{attempt.operation} did not confirm its cancel in {CANCEL_DEADLINE:g} s")
+        lost = [found.id for found in attempts.values() if found.phase is Phase.LOST]
+        for oldest in lost[:-MAX_LOST]:
+            del attempts[oldest]
         self._start_waiting(turn)
 
     def retry(self, invocation_id: str, turn: Turn) -> None:
         """The back-off is over: try again."""
-        for invocation in list(self._memory.invocations.values()):
+        for invocation in list(self._core.memory.invocations.values()):
             if invocation.id == invocation_id:
                 self._issue(invocation, turn)
 
     def _failed(self, invocation: Invocation, code: str, detail: str, turn: Turn) -> None:
-        self._report(code, detail)
+        self._core.report(code, detail)
         if not self._try_again(invocation, code, turn):
-            self._signal_error(invocation, code, detail, turn)
+            self._signal("error", invocation, _failure(code, detail), turn)
 
     def _try_again(self, invocation: Invocation, code: str, turn: Turn) -> bool:
         rule = self._invoke(invocation).retry
         if rule is None or code in rule.unless:
             return False
-        env = environment(self._world, self._memory, invocation.state, turn.now, Cause())
+        env = self._core.see(invocation.state, turn, Cause(item=invocation.item))
         try:
             attempts = int(rule.attempts.evaluate(env))
-            backoff = float(rule.backoff.evaluate(env)) if rule.backoff else 0.0
+            pause = self._pause(rule, invocation, env)
         except Exception as problem:
             turn.note(f"{rule.attempts.place}: retry: {problem}")
             return False
         if invocation.tries >= attempts:
             return False
-        turn.notes.append(f"try {invocation.tries} failed ({code}); next in {backoff:g} s")
-        self._timers.arm("retry", invocation.id, turn.now, backoff)
+        turn.note(f"try {invocation.tries} failed ({code}); next in {pause:g} s")
+        self._core.timers.arm("retry", invocation.id, turn.now, pause)
         return True
 
-    def _signal_error(self, invocation: Invocation, code: str, detail: str, turn: Turn) -> None:
-        error = {"code": code, "detail": detail}
-        turn.signals.append(Signal("error", invocation.state, Cause(event=error, error=error)))
+    def _pause(self, rule: Retry, invocation: Invocation, env: Mapping[str, Any]) -> float:
+        """Return how long to wait before the next try, in seconds.
+
+        The share of the jitter is drawn from the world's seed, the mission and the attempt, so that the same
+        inputs give the same pauses, and two robots different ones.
+        """
+        pause = float(rule.backoff.evaluate(env)) if rule.backoff else 0.0
+        factor = float(rule.factor.evaluate(env)) if rule.factor else 1.0
+        jitter = float(rule.jitter.evaluate(env)) if rule.jitter else 0.0
+        drawn = f"{self._core.world.seed}/{self._core.memory.mission_id}/{invocation.id}/{invocation.tries}"
+        share = zlib.crc32(drawn.encode()) / 0xFFFFFFFF
+        return pause * factor ** (invocation.tries - 1) * (1.0 + jitter * (2.0 * share - 1.0))
+
+    def _signal(self, word: str, invocation: Invocation, cause: Cause, turn: Turn) -> None:
+        """Tell the state how its operation ended; for an element it is dealt with at once."""
+        if invocation.key is None:
+            turn.signals.append(Signal(word, invocation.state, cause))
+        else:
+            with_item = Cause(cause.event, cause.error, invocation.item)
+            self._end_element(invocation, word, with_item, turn)
+
+
+def _failure(code: str, detail: str) -> Cause:
+    error = {"code": code, "detail": detail}
+    return Cause(event=error, error=error)

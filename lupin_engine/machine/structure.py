@@ -30,6 +30,8 @@ FAULT = "FAULT"
 EXECUTION_ERROR = "error.execution"
 #: The id of the transition that leads there.
 FAULT_RULE = "engine.fault"
+#: First words of the events that the engine makes for one state; `*` does not mean them.
+ENGINE_EVENTS = frozenset({"done", "error", "after", "budget"})
 
 
 class ChartState(NestedState):
@@ -138,7 +140,6 @@ class Structure:
             name: (name, *chart.ancestors(name)) for name in chart.states
         }
         self._rules = self._collect_rules()
-        self._candidates: dict[tuple[tuple[str, ...], str], tuple[tuple[Transition, ...], ...]] = {}
 
     def _collect_rules(self) -> dict[str, tuple[Transition, ...]]:
         found: dict[str, list[Transition]] = {name: [] for name in self.chart.states}
@@ -160,30 +161,24 @@ class Structure:
         """Return the transitions of one state that listen to `event`, in the order written."""
         return tuple(rule for rule in self._rules[state] if matches(rule.event, event))
 
-    def candidates(self, configuration: tuple[str, ...], event: str) -> tuple[tuple[Transition, ...], ...]:
-        """Return for each active leaf the transitions that may answer `event`, in order of preference."""
-        key = (configuration, event)
-        if key not in self._candidates:
-            self._candidates[key] = tuple(
-                tuple(rule for state in self._lineage[leaf] for rule in self.rules_of(state, event))
-                for leaf in self.leaves(configuration)
-            )
-        return self._candidates[key]
+    def candidates(self, leaf: str, event: str) -> tuple[Transition, ...]:
+        """Return the transitions that may answer `event` while `leaf` is active, in order of preference."""
+        return tuple(rule for state in self._lineage[leaf] for rule in self.rules_of(state, event))
 
-    def level_candidates(self, configuration: tuple[str, ...]) -> tuple[tuple[Transition, ...], ...]:
-        """Return for each active leaf its eventless transitions and those on the level of an input."""
-        key = (configuration, "always")
-        if key not in self._candidates:
-            self._candidates[key] = tuple(
-                tuple(
-                    rule
-                    for state in self._lineage[leaf]
-                    for rule in self._rules[state]
-                    if rule.event == "" or rule.event.startswith("input.")
-                )
-                for leaf in self.leaves(configuration)
-            )
-        return self._candidates[key]
+    def level_rules(self, leaf: str) -> tuple[Transition, ...]:
+        """Return the eventless transitions and those on the level of an input, in order of preference."""
+        return tuple(
+            rule
+            for state in self._lineage[leaf]
+            for rule in self._rules[state]
+            if rule.event == "" or rule.event.startswith("input.")
+        )
+
+    @property
+    def events(self) -> tuple[str, ...]:
+        """The names of the events that some transition listens to, patterns left out, sorted."""
+        names = {rule.event for rules in self._rules.values() for rule in rules if rule.event}
+        return tuple(sorted(name for name in names if not name.endswith("*")))
 
     def leaves(self, configuration: Iterable[str]) -> tuple[str, ...]:
         """Return the active states without active children, in document order."""
@@ -236,80 +231,132 @@ class Structure:
             left.update(name for name in configuration if self.is_below(name, domain))
         return tuple(sorted(left, key=self.order.__getitem__, reverse=True))
 
-    def _anew(self, target: State, domain: str, child: Callable[[State], str | None]) -> tuple[str, ...]:
+    def entry_set(
+        self,
+        rules: Iterable[Transition],
+        kept: Iterable[str],
+        mission: str,
+        remembered: Callable[[State], tuple[str, ...]],
+        resume: Callable[[State], str | None],
+    ) -> tuple[tuple[str, ...], frozenset[str]]:
+        """Return the states entered, parents before children, in document order; and those that history
+        brings back.
+
+        Args:
+            rules: transitions that are taken together.
+            kept: what stays active.
+            mission: the default child of the slot is its mission's.
+            remembered: the states that a history state stands for; none: its parent is entered anew.
+            resume: the child to enter when a state comes back by history; None: its default child.
+        """
+        entry = _Entry(self, mission, resume)
+        for rule in rules:
+            if rule.target is not None:
+                entry.follow(rule, rule.target, remembered)
+        entered = set(entry.entered).difference(kept)
+        return tuple(sorted(entered, key=self.order.__getitem__)), frozenset(entry.back)
+
+    def default_child(self, state: State, mission: str) -> str | None:
+        """Return the child that a compound state begins with; the slot with the branch of its mission."""
+        if state.slot and mission:
+            return self.chart.missions[mission].state
+        return state.initial or next(iter(state.children), None)
+
+    def remembers(
+        self, configuration: tuple[str, ...], exits: Iterable[str]
+    ) -> tuple[tuple[str, tuple[str, ...]], ...]:
+        """Return what the history states of the states left will stand for."""
+        leaving = set(exits)
+        return tuple(
+            (child, self._descendants(configuration, name, self.chart.states[child].depth, leaving))
+            for name in leaving
+            for child in self.chart.states[name].children
+            if self.chart.states[child].kind is Kind.HISTORY
+        )
+
+    def _descendants(
+        self, configuration: tuple[str, ...], name: str, depth: int | None, among: set[str]
+    ) -> tuple[str, ...]:
+        """Return the active descendants `depth` levels down (None: the leaves), or leaves above that."""
+        leaves = set(self.leaves(among))
+        base = len(self._lineage[name]) - 1
+        return tuple(
+            state
+            for state in configuration
+            if state in among
+            and self.is_below(state, name)
+            and (state in leaves if depth is None else self._at_depth(state, base + depth, leaves))
+        )
+
+    def _at_depth(self, state: str, depth: int, leaves: set[str]) -> bool:
+        level = len(self._lineage[state]) - 1
+        return level == depth or (level < depth and state in leaves)
+
+    def lineage(self, name: str) -> tuple[str, ...]:
+        """Return a state and its ancestors, innermost first, the root included."""
+        return self._lineage[name]
+
+    def regions(self, name: str) -> list[str]:
+        """Return the children of a state that can be active."""
+        children = self.chart.states[name].children
+        return [child for child in children if self.chart.states[child].kind is not Kind.HISTORY]
+
+
+class _Entry:
+    """SCXML's computeEntrySet: collects what is entered together."""
+
+    def __init__(self, structure: Structure, mission: str, resume: Callable[[State], str | None]) -> None:
+        self._structure = structure
+        self._mission = mission
+        self._resume = resume
+        self.entered: dict[str, None] = {}
+        self.back: set[str] = set()
+
+    def follow(self, rule: Transition, name: str, remembered: Callable[[State], tuple[str, ...]]) -> None:
+        """Enter the target of a transition, or what its history state stands for."""
+        target = self._structure.chart.states[name]
+        past = remembered(target) if target.kind is Kind.HISTORY else ()
+        domain = self._structure.domain(rule, name)
+        targets = past or self._anew(target, domain)
+        for state in targets:
+            self._enter(state, domain, targets, bool(past))
+        for state in past:
+            self.back.update(self._structure.lineage(state))
+
+    def _anew(self, target: State, domain: str) -> tuple[str, ...]:
         """Return the target, or for a history state without memory what its parent begins with."""
         if target.kind is not Kind.HISTORY:
             return (target.name,)
         parent = target.parent or ""
-        first = child(self.chart.states[parent]) if parent == domain else parent
+        first = self._child(self._structure.chart.states[parent]) if parent == domain else parent
         return (first,) if first is not None else ()
 
-    def entries(
-        self,
-        rule: Transition,
-        remembered: Callable[[State], tuple[str, ...]],
-        child: Callable[[State], str | None],
-        resume: Callable[[State], str | None],
-    ) -> tuple[str, ...]:
-        """Return the states entered by `rule`, parents before children, in document order.
+    def _child(self, state: State) -> str | None:
+        return self._structure.default_child(state, self._mission)
 
-        Args:
-            rule: a transition with a target.
-            remembered: the states that a history state stands for; none: its parent is entered anew.
-            child: the default child of a compound state (the slot's depends on the mission).
-            resume: the child to enter when a state comes back by history; None: its default child.
-        """
-        if rule.target is None:
-            return ()
-        entered: dict[str, None] = {}
-        target = self.chart.states[rule.target]
-        back = remembered(target) if target.kind is Kind.HISTORY else ()
-        domain = self.domain(rule, rule.target)
-        targets = back or self._anew(target, domain, child)
-        for name in targets:
-            self._enter(name, domain, targets, entered, child, resume if back else None)
-        return tuple(sorted(entered, key=self.order.__getitem__))
-
-    def _enter(
-        self,
-        name: str,
-        domain: str,
-        targets: Sequence[str],
-        entered: dict[str, None],
-        child: Callable[[State], str | None],
-        resume: Callable[[State], str | None] | None,
-    ) -> None:
-        self._enter_defaults(name, entered, child, resume)
-        for ancestor in self._lineage[name][1:]:
+    def _enter(self, name: str, domain: str, targets: Sequence[str], resuming: bool) -> None:
+        """Enter a state, what it begins with, and what lies between the domain and it."""
+        self._enter_defaults(name, resuming)
+        for ancestor in self._structure.lineage(name)[1:]:
             if ancestor == domain:
                 break
-            entered[ancestor] = None
-            if self.chart.states[ancestor].kind is Kind.PARALLEL:
-                for region in self._regions(ancestor):
-                    named = any(target == region or self.is_below(target, region) for target in targets)
-                    if not named and region not in entered:
-                        self._enter_defaults(region, entered, child, None)
+            self.entered[ancestor] = None
+            if self._structure.chart.states[ancestor].kind is Kind.PARALLEL:
+                for region in self._structure.regions(ancestor):
+                    named = any(t == region or self._structure.is_below(t, region) for t in targets)
+                    if not named and region not in self.entered:
+                        self._enter_defaults(region, resuming=False)
 
-    def _enter_defaults(
-        self,
-        name: str,
-        entered: dict[str, None],
-        child: Callable[[State], str | None],
-        resume: Callable[[State], str | None] | None,
-    ) -> None:
-        entered[name] = None
-        state = self.chart.states[name]
+    def _enter_defaults(self, name: str, resuming: bool) -> None:
+        self.entered[name] = None
+        state = self._structure.chart.states[name]
         if state.kind is Kind.PARALLEL:
-            for region in self._regions(name):
-                self._enter_defaults(region, entered, child, None)
+            for region in self._structure.regions(name):
+                self._enter_defaults(region, resuming=False)
         elif state.kind is Kind.COMPOUND:
-            chosen = (resume(state) if resume else None) or child(state)
+            chosen = (self._resume(state) if resuming else None) or self._child(state)
             if chosen is not None:
-                self._enter(chosen, name, (chosen,), entered, child, None)
-
-    def _regions(self, name: str) -> list[str]:
-        children = self.chart.states[name].children
-        return [child for child in children if self.chart.states[child].kind is not Kind.HISTORY]
+                self._enter(chosen, name, (chosen,), resuming=False)
 
 
 def matches(pattern: str, event: str) -> bool:
@@ -317,5 +364,5 @@ def matches(pattern: str, event: str) -> bool:
     if pattern == event:
         return True
     if pattern == "*":
-        return bool(event) and not event.startswith(("done", "error", "after."))
+        return bool(event) and event.partition(".")[0] not in ENGINE_EVENTS
     return pattern.endswith(".*") and event.startswith(pattern[:-1])

@@ -1,21 +1,22 @@
-"""What one step collects while it is computed; frozen into a `Step` at its end."""
+"""What one step collects while it is computed; its `Step` is a view over it."""
 
 from __future__ import annotations
 
-from collections import deque
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 from lupin_engine.machine.environment import NO_CAUSE, Cause
 from lupin_engine.machine.event import Command, Event
-from lupin_engine.machine.memory import Memory
-from lupin_engine.machine.step import Refusal, Step
-from lupin_engine.machine.view import Moment
+from lupin_engine.machine.step import Considered, Refusal
+
+if TYPE_CHECKING:
+    from lupin_engine.machine.plan import Plan, Row
 
 #: The code of an expression or action that raised.
 EXECUTION_CODE = "execution_error"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Signal:
     """An internal event. With `state` only that state's transitions listen to it."""
 
@@ -24,20 +25,20 @@ class Signal:
     cause: Cause = NO_CAUSE
 
 
-@dataclass
+@dataclass(slots=True)
 class Turn:
-    """The step in the making."""
+    """The step in the making. `trail` are what was to be seen: configurations, each with its target."""
 
     event: Event
     now: float
+    row: Row
     commands: list[Command] = field(default_factory=list)
-    taken: list[str] = field(default_factory=list)
-    exited: list[str] = field(default_factory=list)
-    entered: list[str] = field(default_factory=list)
+    plans: list[Plan] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
-    trail: list[Moment] = field(default_factory=list)
-    signals: deque[Signal] = field(default_factory=deque)
-    failed_guards: set[str] = field(default_factory=set)
+    trail: list[tuple[Row, str]] = field(default_factory=list)
+    signals: list[Signal] = field(default_factory=list)
+    failed: list[str] = field(default_factory=list)
+    why: tuple[Considered, ...] = ()
     accepted: bool | None = None
     refusal: Refusal | None = None
 
@@ -52,19 +53,8 @@ class Turn:
         error = {"code": EXECUTION_CODE, "detail": detail}
         self.signals.append(Signal("error", state, Cause(event=error, error=error)))
 
-    def step(self, memory: Memory) -> Step:
-        """Return the finished record."""
-        return Step(
-            sequence=memory.sequence,
-            time=self.now,
-            event=self.event,
-            taken=tuple(self.taken),
-            exited=tuple(self.exited),
-            entered=tuple(self.entered),
-            commands=tuple(self.commands),
-            configuration=memory.configuration,
-            accepted=self.accepted,
-            refusal=self.refusal,
-            notes=tuple(self.notes),
-            trail=tuple(dict.fromkeys(self.trail)),
-        )
+    def fail_once(self, state: str, detail: str) -> None:
+        """As `fail`, for what is evaluated in every microstep: however often it raises, the error is one."""
+        if detail not in self.failed:
+            self.failed.append(detail)
+            self.fail(state, detail)

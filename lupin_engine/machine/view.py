@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from lupin_engine.chart.model import Chart
-from lupin_engine.machine.memory import Memory, Walk
+from lupin_engine.machine.memory import Memory, Phase
 
 
 @dataclass(frozen=True)
@@ -33,6 +33,7 @@ class Moment:
 class View:
     """The machine at one moment. `lifecycle` is the published top state, `phase` the innermost phase.
 
+    `cancelling` are the operations that nobody wants any more and whose end the server has not confirmed.
     `code` and `detail` are what was reported last. `paused`: held, or in a state that waits for the operator.
     """
 
@@ -53,6 +54,7 @@ class View:
     held: tuple[str, ...]
     paused: bool
     attempts: tuple[Attempting, ...]
+    cancelling: tuple[str, ...]
     dropped: int
 
 
@@ -62,7 +64,7 @@ def moment_of(chart: Chart, memory: Memory) -> Moment:
     return Moment(
         lifecycle=next((state.label for state in states if state.label), ""),
         phase=next((state.phase for state in reversed(states) if state.phase), ""),
-        target=_target(memory, memory.walk),
+        target=target_of(memory),
     )
 
 
@@ -88,19 +90,21 @@ def view_of(chart: Chart, memory: Memory) -> View:
         held=tuple(memory.held),
         paused=bool(memory.held) or any(chart.states[name].paused for name in memory.configuration),
         attempts=tuple(_attempting(memory)),
+        cancelling=tuple(a.operation for a in memory.attempts.values() if a.phase is Phase.CANCELLING),
         dropped=memory.dropped,
     )
 
 
-def _target(memory: Memory, walk: Walk | None) -> str:
+def target_of(memory: Memory) -> str:
     """Return the target being processed: only while the state that walks is active."""
+    walk = memory.walk
     if walk is None or walk.state not in memory.configuration or walk.visit is None:
         return ""
     return walk.visit.target
 
 
 def _attempting(memory: Memory) -> list[Attempting]:
-    deadlines = {t.owner: t.due for t in memory.timers if t.kind == "timeout" and not t.frozen}
+    deadlines = {owner: due for due, _, kind, (owner, _) in memory.timers if kind == "timeout"}
     shown = []
     for invocation in memory.invocations.values():
         attempt = memory.attempts.get(invocation.attempt or "")

@@ -140,7 +140,7 @@ def test_a_level_has_hysteresis() -> None:
     found = []
     for value in (0.5, 0.19, 0.2, 0.24, 0.25, 0.21):
         charge(bench, value)
-        found.append(bench.machine.memory.levels["battery", "low"])
+        found.append(bench.machine.memory.levels["input.battery.low"])
     assert found == [False, True, True, True, False, False]
 
 
@@ -163,7 +163,9 @@ def walking(**on: Any) -> Bench:
     """Return a bench that walks the targets 1, 2 and 3."""
     items = [{"id": name} for name in ("1", "2", "3")]
     walk = {"itinerary": items, "states": {"VISIT": {"on": {name: {"do": do} for name, do in on.items()}}}}
-    out = {"W": {**walk, "on": {"out": "Z"}}, "Z": {"on": {"back": "W"}}}
+    walk["on"] = {"out": "Z"}
+    family = {"states": {"W": walk, "PAST": {"kind": "history", "depth": 1}}}
+    out = {"F": family, "Z": {"on": {"back": "F.PAST", "again": "F"}}}
     return Bench(chart(out))
 
 
@@ -204,13 +206,17 @@ def test_close_rest_closes_what_is_open() -> None:
 
 
 def test_an_itinerary_survives_its_state() -> None:
-    """Who comes back goes on with the same list at the same place."""
+    """Who comes back by history goes on with the same list at the same place; who enters anew begins it."""
     bench = walking(close=CLOSE, next="itinerary.advance")
     for event in ("close", "next", "out"):
         bench.send(event)
     assert bench.machine.view.target == ""
     bench.send("back")
     assert bench.machine.view.target == "2"
+    bench.send("out")
+    bench.send("again")
+    assert bench.machine.view.target == "1"
+    assert bench.machine.view.completed == 0
 
 
 def test_a_summary_tells_every_visit() -> None:

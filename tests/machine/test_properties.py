@@ -13,6 +13,7 @@ from lupin_engine.machine.event import OPERATOR_REQUESTS, Event, Publish
 from lupin_engine.machine.machine import Machine
 from lupin_engine.machine.memory import Memory, Phase
 from lupin_engine.machine.step import Step
+from lupin_engine.machine.timers import NEVER_FROZEN
 from lupin_engine.plugin.contract import OnHold
 from lupin_engine.runtime.setup import make_machine
 from tests import shipped
@@ -115,18 +116,22 @@ class World:
         owners = {"after": set(self.memory.configuration)}
         owners["timeout"] = owners["cancel"] = set(self.memory.attempts)
         owners["retry"] = {invocation.id for invocation in self.memory.invocations.values()}
-        for timer in self.memory.timers:
-            assert timer.owner in owners[timer.kind], timer
-            assert timer.frozen == (bool(self.memory.held) and timer.kind != "cancel")
+        for _, _, kind, (owner, _) in (*self.memory.timers, *self.memory.frozen):
+            assert owner in owners[kind], (kind, owner)
+        if self.memory.held:
+            assert all(kind in NEVER_FROZEN for _, _, kind, _ in self.memory.timers)
+        else:
+            assert not self.memory.frozen
 
     def _operations(self) -> None:
         invoking = {name for name in self.memory.configuration if self.chart.states[name].invoke}
         assert set(self.memory.invocations) == invoking
         current = {invocation.attempt for invocation in self.memory.invocations.values()} - {None}
-        busy = [a for a in self.memory.attempts.values() if "base" in a.uses and a.phase is not Phase.WAITING]
+        idle = (Phase.WAITING, Phase.LOST)
+        busy = [a for a in self.memory.attempts.values() if "base" in a.uses and a.phase not in idle]
         assert len(busy) <= 1, "two goals at the base"
         for attempt in self.memory.attempts.values():
-            wanted = attempt.phase is not Phase.CANCELLING
+            wanted = attempt.phase not in (Phase.CANCELLING, Phase.LOST)
             assert (attempt.id in current) == wanted
             moves = shipped.catalog().operations[attempt.operation].on_hold is OnHold.CANCEL
             assert not (wanted and moves and self.memory.held), "it drives while held"

@@ -1,0 +1,43 @@
+"""What the parts of one machine share: the chart, its memory, what expressions see, the deadlines."""
+
+from __future__ import annotations
+
+from lupin_engine.chart.model import Chart, Environment, Expression, UnknownInput
+from lupin_engine.errors import Severity
+from lupin_engine.machine.environment import NO_CAUSE, Cause, Surroundings, World
+from lupin_engine.machine.memory import Memory
+from lupin_engine.machine.timers import Timers
+from lupin_engine.machine.turn import Turn
+
+
+class Core:
+    """The common ground of a machine's parts."""
+
+    __slots__ = ("chart", "env", "memory", "timers", "world")
+
+    def __init__(self, world: World, memory: Memory) -> None:
+        self.world = world
+        self.chart: Chart = world.chart
+        self.memory = memory
+        self.timers = Timers(memory)
+        self.env = Surroundings(world, memory)
+
+    def see(self, state: str, turn: Turn, cause: Cause = NO_CAUSE) -> Environment:
+        """Return what an expression written in `state` sees now; good until the next call."""
+        return self.env.at(state, turn.now, cause)
+
+    def check(self, guard: Expression, state: str, turn: Turn, cause: Cause = NO_CAUSE) -> bool:
+        """Evaluate a condition; with an unknown input it is false, any other failure is an error as well."""
+        try:
+            return bool(guard.evaluate(self.see(state, turn, cause)))
+        except UnknownInput as unknown:
+            turn.note(f"{guard.place}: {guard.source}: {unknown}")
+        except Exception as problem:
+            turn.fail_once(state, f"{guard.place}: {guard.source}: {problem}")
+        return False
+
+    def report(self, code: str, detail: str) -> None:
+        """Remember a code for `last_error`; what is mere information does not replace a warning."""
+        declared = self.chart.codes.get(code)
+        if declared is None or declared.severity > Severity.INFO:
+            self.memory.code, self.memory.detail = code, detail

@@ -1,0 +1,205 @@
+"""Shortcuts: the macrosteps that need nothing beyond one plan, prepared as one small function each.
+
+Most events of most charts take one transition that neither talks to the world nor waits for it. For those the
+general algorithm of `machine` would ask many questions whose answers are known beforehand. A shortcut is made
+for an event in a row only where these hold, so that it gives the very same step (a property test compares
+them):
+
+* each leaf's first candidate has no guard, or only one leaf has candidates;
+* the transitions have no action, or one `set` whose values do not ask for the configuration;
+* what is left and entered has no actions, operations, itinerary, budget or history, and its timers are
+  constants;
+* the row that it leads to has no eventless transition and nothing to work off, and is no end;
+* the chart has no invariants.
+
+It is used only while the machine is quiet (`Machine` says when): no hold, no waiting answer, no itinerary.
+What raises, or finds no transition, goes the general way from the start: until then nothing has been
+changed.
+"""
+
+from __future__ import annotations
+
+from bisect import insort
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any
+
+from lupin_engine.chart.model import Chart, Constant, Environment, Kind, State, Transition
+from lupin_engine.machine.event import Event
+from lupin_engine.machine.plan import Plan
+from lupin_engine.machine.step import Step
+
+if TYPE_CHECKING:
+    from lupin_engine.machine.machine import Machine
+
+#: Takes the event's transitions at a time. The event is None for a timer, whose shortcut knows it.
+Shortcut = Callable[["Machine", Event, float], Step]
+Evaluate = Callable[[Environment], Any]
+Writes = tuple[tuple[str, Evaluate], ...]
+#: A guard (None: none), what is done when it holds, and what is written then.
+Option = tuple[Evaluate | None, Plan, Writes]
+
+#: A timer to arm: its delay in seconds, and what it is about.
+Arm = tuple[float, tuple[str, str]]
+
+
+def shortcut(
+    chart: Chart,
+    candidates: Sequence[Sequence[Transition]],
+    plan_of: Callable[[Sequence[Transition]], Plan],
+    fixed: Event | None = None,
+) -> Shortcut | None:
+    """Return the shortcut for an event, or None where it must go the general way.
+
+    Args:
+        chart: the machine's.
+        candidates: the transitions that listen to the event, for each leaf in order of preference.
+        plan_of: what taking transitions does.
+        fixed: the event that steps are recorded with, when it is not the one that is handed in.
+    """
+    offered = [rules for rules in candidates if rules]
+    if chart.invariants or not offered:
+        return None
+    if all(rules[0].guard is None for rules in offered):
+        plan, writes = plan_of([rules[0] for rules in offered]), _writes([rules[0] for rules in offered])
+        if writes is None or not is_plain(plan):
+            return None
+        return _guarded(((None, plan, writes),), fixed) if writes else _plain(plan, fixed)
+    if len(offered) > 1:
+        return None
+    options = _options(offered[0], plan_of)
+    return _guarded(options, fixed) if options else None
+
+
+def _options(
+    rules: Sequence[Transition], plan_of: Callable[[Sequence[Transition]], Plan]
+) -> tuple[Option, ...] | None:
+    """Return what can be taken, up to the first transition without a guard."""
+    options: list[Option] = []
+    for rule in rules:
+        plan, writes = plan_of([rule]), _writes([rule])
+        if writes is None or not is_plain(plan):
+            return None
+        options.append((rule.guard.evaluate if rule.guard else None, plan, writes))
+        if rule.guard is None:
+            break
+    return tuple(options)
+
+
+def _writes(rules: Sequence[Transition]) -> Writes | None:
+    """Return the variables that are written; None when more is done than one `set`."""
+    calls = [call for rule in rules for call in rule.actions]
+    if not calls:
+        return ()
+    if len(calls) > 1 or calls[0].name != "set":
+        return None
+    values = calls[0].arguments
+    if any("in_state" in getattr(value, "source", "") for value in values.values()):
+        return None
+    return tuple((name, value.evaluate) for name, value in values.items())
+
+
+def is_plain(plan: Plan) -> bool:
+    """Say whether a plan only changes the configuration and the timers of states."""
+    return (
+        not plan.remembers
+        and not any(rule.code or rule.releases or rule.refuse for rule in plan.rules)
+        and not any(state.exit or _works(state) for state, _ in plan.exits)
+        and not any(
+            state.entry or state.slot or state.itinerary or _works(state) for state, _ in plan.entries
+        )
+        and not any(isinstance(t.after, Constant) is False for s, _ in plan.entries for t in s.timers)
+        and not any(state.kind is Kind.FINAL for state, _ in plan.entries)
+        and not plan.row.levels
+        and not any(state.for_each for state in plan.row.working)
+    )
+
+
+def _works(state: State) -> bool:
+    return state.invoke is not None or state.for_each is not None or state.budget is not None
+
+
+def _plain(plan: Plan, fixed: Event | None) -> Shortcut:
+    """Return the shortcut for transitions without guards and actions."""
+    arms, leaving = _timing(plan)
+    if arms or leaving:
+        return _timed(plan, arms, leaving, fixed)
+    alone, configuration, answers = plan.alone, plan.row.configuration, plan.row.answers
+
+    def take(machine: Machine, event: Event, now: float) -> Step:
+        memory = machine.memory
+        memory.configuration = configuration
+        memory.sequence = sequence = memory.sequence + 1
+        machine.answers = answers
+        return Step(sequence, now, fixed or event, alone)
+
+    return take
+
+
+def _timed(
+    plan: Plan, arms: tuple[Arm, ...], leaving: frozenset[tuple[str, str]], fixed: Event | None
+) -> Shortcut:
+    """Return the shortcut for transitions that leave or enter states with timers."""
+    alone, configuration, answers = plan.alone, plan.row.configuration, plan.row.answers
+
+    def take(machine: Machine, event: Event, now: float) -> Step:
+        memory = machine.memory
+        timers = memory.timers
+        if timers and leaving:
+            timers[:] = [timer for timer in timers if timer[3] not in leaving or timer[2] != "after"]
+        for delay, about in arms:
+            memory.next_id = token = memory.next_id + 1
+            insort(timers, (now + delay, token, "after", about))
+        memory.configuration = configuration
+        memory.sequence = sequence = memory.sequence + 1
+        machine.answers = answers
+        return Step(sequence, now, fixed or event, alone)
+
+    return take
+
+
+def _timing(plan: Plan) -> tuple[tuple[Arm, ...], frozenset[tuple[str, str]]]:
+    """Return the timers that a plan arms, and those that it forgets."""
+    arms = tuple(
+        (float(timer.after.value), (state.name, timer.event))
+        for state, _ in plan.entries
+        for timer in state.timers
+        if isinstance(timer.after, Constant)
+    )
+    return arms, frozenset((state.name, timer.event) for state, _ in plan.exits for timer in state.timers)
+
+
+def _guarded(options: tuple[Option, ...], fixed: Event | None) -> Shortcut:
+    """Return the shortcut for transitions with guards, or that write variables."""
+    choices = tuple((guard, _writer(writes), _plain(plan, fixed)) for guard, plan, writes in options)
+
+    def take(machine: Machine, event: Event, now: float) -> Step:
+        env = machine.env
+        env["event"] = event.data
+        env.inputs.now = now
+        chosen = None
+        try:
+            for guard, write, move in choices:
+                if guard is None or guard(env):
+                    if write is not None:
+                        write(env)
+                    chosen = move
+                    break
+        except Exception:
+            chosen = None  # the general way tells what raised, and where
+        return machine.macrostep(event, now) if chosen is None else chosen(machine, event, now)
+
+    return take
+
+
+def _writer(writes: Writes) -> Callable[[Environment], None] | None:
+    """Return what writes the variables; when a value cannot be computed, none is written."""
+    if not writes:
+        return None
+    if len(writes) > 1:
+        return lambda env: env["context"].update([(name, evaluate(env)) for name, evaluate in writes])
+    ((only, value),) = writes
+
+    def write(env: Environment) -> None:
+        env["context"][only] = value(env)
+
+    return write

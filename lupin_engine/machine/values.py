@@ -1,0 +1,81 @@
+"""Live values: taken in, bounded, compared with their levels, and growing old."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from lupin_engine.chart.model import Input, Level
+from lupin_engine.machine.core import Core
+from lupin_engine.machine.event import Event
+from lupin_engine.machine.memory import Reported
+from lupin_engine.machine.turn import Turn
+
+
+class Values:
+    """The live values of one machine."""
+
+    __slots__ = ("_core",)
+
+    def __init__(self, core: Core) -> None:
+        self._core = core
+
+    def begin(self, turn: Turn) -> None:
+        """Set what the chart starts with."""
+        for spec in self._core.chart.inputs.values():
+            if spec.initial is not None:
+                self._set(spec, Reported(spec.initial, turn.now, reported=False), turn)
+
+    def observe(self, event: Event, turn: Turn) -> None:
+        """Take in a report; one that is older than the last, or out of the declared range, is dropped."""
+        data = event.data
+        for spec in self._core.chart.inputs.values():
+            if spec.value != data["name"]:
+                continue
+            known = self._core.memory.inputs.get(spec.name)
+            if not _is_within(spec, data["value"]):
+                turn.note(f"dropped: input.{spec.name} is out of range: {data['value']!r}")
+            elif known is not None and known.reported and data["stamp"] < known.stamp:
+                turn.note(f"dropped: a report of input.{spec.name} that is older than the last")
+            else:
+                self._set(spec, Reported(data["value"], data["stamp"]), turn)
+
+    def _set(self, spec: Input, found: Reported, turn: Turn) -> None:
+        self._core.memory.inputs[spec.name] = found
+        for level in spec.levels:
+            name = f"input.{spec.name}.{level.name}"
+            try:
+                self._core.memory.levels[name] = self._is_reached(level, name, found.value, turn)
+            except Exception as problem:
+                turn.fail("", f"{level.place}: level {level.name}: {problem}")
+        timers = self._core.timers
+        if spec.freshness is not None and timers.left("fresh", spec.name, turn.now) is None:
+            timers.arm("fresh", spec.name, found.stamp, spec.freshness)
+
+    def _is_reached(self, level: Level, name: str, value: float, turn: Turn) -> bool:
+        """Compare a value with a level; a level that was reached is left only beyond its hysteresis."""
+        env = self._core.see("", turn)
+        margin = 0.0
+        if level.hysteresis is not None and self._core.memory.levels.get(name, False):
+            margin = float(level.hysteresis.evaluate(env))
+        if level.below is not None:
+            return value < float(level.below.evaluate(env)) + margin
+        assert level.above is not None, f"{name} has no bound"
+        return value > float(level.above.evaluate(env)) - margin
+
+    def grew_old(self, name: str, turn: Turn) -> None:
+        """A value that was to be looked at again is unknown now, unless a newer one came: then look later."""
+        spec, found = self._core.chart.inputs[name], self._core.memory.inputs[name]
+        assert spec.freshness is not None, f"input.{name} does not grow old"
+        if turn.now - found.stamp < spec.freshness:
+            self._core.timers.arm("fresh", name, found.stamp, spec.freshness)
+        else:
+            turn.note(f"input.{name} is unknown: last reported {turn.now - found.stamp:g} s ago")
+
+
+def _is_within(spec: Input, value: Any) -> bool:
+    if spec.minimum is None and spec.maximum is None:
+        return True
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        return False
+    low = spec.minimum is None or value >= spec.minimum
+    return low and (spec.maximum is None or value <= spec.maximum)
