@@ -7,12 +7,11 @@ transitions. Refused means that nothing changed, not even a hold.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Any
 
 from lupin_engine.chart.model import Expression, Transition, UnknownInput
-from lupin_engine.machine.core import Core
+from lupin_engine.machine.core import Core, passes
 from lupin_engine.machine.environment import NO_CAUSE, Cause
 from lupin_engine.machine.event import Event
 from lupin_engine.machine.plan import Row
@@ -129,11 +128,6 @@ class Answers:
 
 def _verb(event: Event) -> str:
     return event.name.rpartition(".")[2]
-
-
-def passes(rule: Transition, held: Iterable[str]) -> bool:
-    """Say whether holds let a transition through."""
-    return all(hold in rule.during or hold in rule.releases for hold in held)
 
 
 def consider(core: Core, rule: Transition, turn: Turn, cause: Cause = NO_CAUSE) -> Considered:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from lupin_engine.chart.model import Chart, Environment, Expression, UnknownInput
+from collections.abc import Iterable
+
+from lupin_engine.chart.model import Chart, Environment, Expression, Transition, UnknownInput
 from lupin_engine.errors import Severity
 from lupin_engine.machine.environment import NO_CAUSE, Cause, Surroundings, World
 from lupin_engine.machine.memory import Memory
@@ -41,3 +43,8 @@ class Core:
         declared = self.chart.codes.get(code)
         if declared is None or declared.severity > Severity.INFO:
             self.memory.code, self.memory.detail = code, detail
+
+
+def passes(rule: Transition, held: Iterable[str]) -> bool:
+    """Say whether holds let a transition through."""
+    return all(hold in rule.during or hold in rule.releases for hold in held)

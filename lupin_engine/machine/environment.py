@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections import ChainMap
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
+from types import MappingProxyType
 from typing import Any
 
 from lupin_engine.chart.model import Chart, Environment, UnknownInput
@@ -88,28 +90,24 @@ class Inputs(Mapping[str, Any]):
 class Surroundings(dict[str, Any]):
     """What every expression of one machine sees; one object for the machine's whole life.
 
-    Making a mapping for each evaluation would cost more than most evaluations. What few expressions ask for is
-    looked up only when it is read: the itinerary depends on the state that the expression is written in.
+    Making a mapping for each evaluation would cost more than most evaluations. What few expressions ask for
+    is looked up only when it is read: the itinerary depends on the state that the expression is written in.
     """
 
-    __slots__ = ("_cause", "_chart", "_memory", "_state", "inputs")
+    __slots__ = ("_cause", "_memory", "_state", "_world", "inputs")
 
     def __init__(self, world: World, memory: Memory) -> None:
-        self._chart = world.chart
+        self._world = world
         self._memory = memory
         self._state = ""
         self._cause = NO_CAUSE
         self.inputs = Inputs(world.chart, memory)
-        super().__init__(
-            param=world.parameters,
-            request=memory.request,
-            input=self.inputs,
-            known=self.inputs.known,
-            context=memory.context,
-            held=memory.held.__contains__,
-            in_state=self._in_state,
-            functions=world.functions,
-        )
+        super().__init__()
+        self["event"] = NOTHING
+        self["param"] = world.parameters
+        self["input"] = self.inputs
+        self["context"] = memory.context
+        self["request"] = memory.request
 
     def at(self, state: str, now: float, cause: Cause = NO_CAUSE) -> Environment:
         """Return what an expression written in `state` sees now; good until the next call."""
@@ -120,22 +118,37 @@ class Surroundings(dict[str, Any]):
         return self
 
     def __missing__(self, root: str) -> Any:
-        if root in ("error", "item"):
-            return getattr(self._cause, root)
-        walk = walk_of(self._chart, self._memory, self._state)
-        if root == "target":
-            return walk.item if walk else None
-        if root == "itinerary":
-            return _itinerary(walk)
-        raise KeyError(root)
+        found = _ASKED_SELDOM.get(root)
+        if found is None:
+            raise KeyError(root)
+        return found(self)
 
     def with_target(self, target: Any) -> Environment:
-        """Return a copy that sees `target` as the target."""
-        around = {root: self[root] for root in ("itinerary", "error", "item")}
-        return {**self, **around, "target": target}
+        """Return what an expression sees for which `target` is the target."""
+        return ChainMap({"target": target}, self)
 
-    def _in_state(self, names: Iterable[str]) -> bool:
+    def walk(self) -> Walk | None:
+        """Return the itinerary that the state works on in which the expression is written."""
+        return walk_of(self._world.chart, self._memory, self._state)
+
+    def in_state(self, names: Iterable[str]) -> bool:
+        """Say whether one of the states is active."""
         return any(name in self._memory.configuration for name in names)
+
+
+#: Roots of the environment that are worked out when they are read.
+_ASKED_SELDOM: Mapping[str, Callable[[Surroundings], Any]] = MappingProxyType(
+    {
+        "error": lambda env: env._cause.error,
+        "item": lambda env: env._cause.item,
+        "target": lambda env: getattr(env.walk(), "item", None),
+        "itinerary": lambda env: _itinerary(env.walk()),
+        "known": lambda env: env.inputs.known,
+        "held": lambda env: env._memory.held.__contains__,
+        "in_state": lambda env: env.in_state,
+        "functions": lambda env: env._world.functions,
+    }
+)
 
 
 def walk_of(chart: Chart, memory: Memory, state: str) -> Walk | None:

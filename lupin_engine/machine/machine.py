@@ -20,9 +20,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, cast
 
 from lupin_engine.chart.model import Chart, Hold, Kind, State, Transition
-from lupin_engine.machine.answers import Answer, Answers, consider, passes
+from lupin_engine.machine.answers import Answer, Answers, consider
 from lupin_engine.machine.content import Content
-from lupin_engine.machine.core import Core
+from lupin_engine.machine.core import Core, passes
 from lupin_engine.machine.environment import NO_CAUSE, Cause, Surroundings, World
 from lupin_engine.machine.event import NOTHING, Event
 from lupin_engine.machine.memory import Memory, Timer
@@ -73,7 +73,7 @@ class Machine:
         self._core = core = Core(world, self.memory)
         self.env: Surroundings = core.env
         self._content = Content(core)
-        self._operations = Operations(core, self._content, self._listens_while_held)
+        self._operations = Operations(core, self._content)
         self._values = Values(core)
         self._answerer = Answers(core, self._planner.structure)
         self._row = self._planner.row(self.memory.configuration)
@@ -107,7 +107,7 @@ class Machine:
             except Exception as problem:
                 turn.fail("", f"{variable.place}: context {name}: {problem}")
         self._values.begin(turn)
-        self._microstep(self._beginning(), NO_CAUSE)
+        self._microstep(self._planner.beginning(), NO_CAUSE)
         return self._finish()
 
     def handle(self, event: Event, now: float) -> Step:
@@ -319,11 +319,6 @@ class Machine:
         ]
         return self._enabled(offered, NO_CAUSE) if any(offered) else []
 
-    def _listens_while_held(self, state: str, event: str) -> bool:
-        # All of them, for which one is taken is only known when the answer is looked at.
-        rules = self._planner.structure.rules_of(state, event) if state in self._core.chart.states else ()
-        return bool(rules) and all(passes(rule, self.memory.held) for rule in rules)
-
     # -- requests, holds --------------------------------------------------------------------------------
 
     def _request(self, event: Event) -> None:
@@ -427,16 +422,6 @@ class Machine:
             if rule.guard is None or self._core.check(rule.guard, rule.source, self._turn):
                 return rule.target
         return None
-
-    def _beginning(self) -> Plan:
-        """Return the plan that enters the states in which the chart starts."""
-        root = self._core.chart.states[""]
-        start = Transition(
-            "", "start", "", root.place, target=self._planner.structure.default_child(root, "")
-        )
-        plan = self._plan(self._row, [start])
-        entries = ((root, ("",)), *((state, ("", *active)) for state, active in plan.entries))
-        return Plan((start,), (), entries, self._planner.row(("", *plan.row.configuration)))
 
     def _take(self, chosen: Sequence[Transition], cause: Cause) -> None:
         self._microstep(self._plan(self._row, chosen), cause)

@@ -15,13 +15,13 @@ time. The rules, all kept here:
 from __future__ import annotations
 
 import zlib
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any
 
 from lupin_engine.chart.model import ForEach, Invoke, Retry, State, UnknownInput
 from lupin_engine.machine.content import Content
-from lupin_engine.machine.core import Core
+from lupin_engine.machine.core import Core, passes
 from lupin_engine.machine.environment import Cause
 from lupin_engine.machine.event import Cancel, Event, Start
 from lupin_engine.machine.memory import Attempt, Invocation, Phase
@@ -69,19 +69,12 @@ LIFE: Mapping[tuple[Phase, str], Phase | None] = MappingProxyType(
 class Operations:
     """The invocations and attempts of one machine."""
 
-    __slots__ = ("_content", "_core", "_passes_holds")
+    __slots__ = ("_content", "_core")
 
-    def __init__(self, core: Core, content: Content, passes_holds: Callable[[str, str], bool]) -> None:
-        """Make the operations of a machine.
-
-        Args:
-            core: what the parts of the machine share.
-            content: runs what a `for_each` does about the end of an element's operation.
-            passes_holds: says whether a state has a transition for an event that engaged holds let through.
-        """
+    def __init__(self, core: Core, content: Content) -> None:
+        """Make the operations of a machine; `content` runs what a `for_each` does about an element's end."""
         self._core = core
         self._content = content
-        self._passes_holds = passes_holds
 
     # -- invocations ------------------------------------------------------------------------------------
 
@@ -286,7 +279,13 @@ class Operations:
         return any(event.data["attempt"] == attempt.id for event in self._core.memory.deferred)
 
     def _may_pass(self, attempt: Attempt, kind: str) -> bool:
-        return self._passes_holds(attempt.invocation, _ENDS[kind])
+        """Say whether the engaged holds let through whatever may follow the end of an operation.
+
+        All of its transitions, for which one is taken is only known when the answer is looked at.
+        """
+        state = self._core.chart.states.get(attempt.invocation)
+        rules = [rule for rule in state.transitions if rule.event == _ENDS[kind]] if state else []
+        return bool(rules) and all(passes(rule, self._core.memory.held) for rule in rules)
 
     def _drop(self, kind: str, attempt: str, turn: Turn) -> None:
         if kind in ("done", "failed"):

@@ -125,6 +125,7 @@ class Planner:
     def __init__(self, structure: Structure) -> None:
         self.structure = structure
         self._rows: dict[Configuration, Row] = {}
+        self._beginning: Plan | None = None
 
     def row(self, configuration: Configuration) -> Row:
         """Return the row of a configuration, given in document order."""
@@ -134,6 +135,16 @@ class Planner:
             if len(self._rows) < MAX_ROWS:
                 self._rows[configuration] = row
         return row
+
+    def beginning(self) -> Plan:
+        """Return the plan that enters the states in which the chart starts."""
+        if self._beginning is None:
+            root = self.structure.chart.states[""]
+            start = Transition("", "start", "", root.place, target=self.structure.default_child(root, ""))
+            plan = self._make(self.row(()), [start], "", lambda _: (), lambda _: None)
+            entries = ((root, ("",)), *((state, ("", *active)) for state, active in plan.entries))
+            self._beginning = Plan((start,), (), entries, self.row(("", *plan.row.configuration)))
+        return self._beginning
 
     def plan(
         self,

@@ -43,13 +43,13 @@ class Timers:
     def freeze(self, now: float) -> None:
         """Stop the chart's clocks."""
         memory = self._memory
-        for timer in memory.timers:
-            if timer[2] not in NEVER_FROZEN:
-                memory.frozen.append((max(0.0, timer[0] - now), *timer[1:]))
+        for due, token, kind, about in memory.timers:
+            if kind not in NEVER_FROZEN:
+                memory.frozen.append((max(0.0, due - now), token, kind, about))
         memory.timers[:] = [timer for timer in memory.timers if timer[2] in NEVER_FROZEN]
 
     def thaw(self, now: float) -> None:
         """Let the chart's clocks go on where they stopped."""
-        for left, *rest in self._memory.frozen:
-            insort(self._memory.timers, (now + left, *rest))
+        for left, token, kind, about in self._memory.frozen:
+            insort(self._memory.timers, (now + left, token, kind, about))
         self._memory.frozen.clear()
