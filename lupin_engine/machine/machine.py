@@ -47,14 +47,12 @@ class Machine:
     """Runs one chart. Nothing here reads a clock, a file or a network."""
 
     __slots__ = (
-        "_answerer",
         "_content",
         "_core",
         "_operations",
         "_planner",
         "_row",
         "_turn",
-        "_values",
         "answers",
         "env",
         "memory",
@@ -74,8 +72,6 @@ class Machine:
         self.env: Surroundings = core.env
         self._content = Content(core)
         self._operations = Operations(core, self._content)
-        self._values = Values(core)
-        self._answerer = Answers(core, self._planner.structure)
         self._row = self._planner.row(self.memory.configuration)
         self._turn = _NO_TURN
         #: The shortcuts from here; none while the machine is not quiet.
@@ -106,7 +102,7 @@ class Machine:
                 self.memory.context[name] = variable.default.evaluate(self._core.see("", turn))
             except Exception as problem:
                 turn.fail("", f"{variable.place}: context {name}: {problem}")
-        self._values.begin(turn)
+        Values(self._core).begin(turn)
         self._microstep(self._planner.beginning(), NO_CAUSE)
         return self._finish()
 
@@ -144,7 +140,7 @@ class Machine:
     def answer(self, event: Event, now: float) -> Answer:
         """Return what a request would do now; nothing changes. A mission's request is not read."""
         turn = Turn(event, now, self._now())
-        return self._answerer.answer(event, turn.row, turn, dry=True)
+        return Answers(self._core, self._planner.structure).answer(event, turn.row, turn, dry=True)
 
     def considered(self, event: str, now: float) -> tuple[Considered, ...]:
         """Return the transitions that listen to an event here, and what keeps each from being taken."""
@@ -169,7 +165,7 @@ class Machine:
         if event.is_request:
             self._request(event)
         elif event.name == "value":
-            self._values.observe(event, turn)
+            Values(self._core).observe(event, turn)
         elif event.name.startswith("attempt."):
             self._operations.report(event, turn)
         else:
@@ -189,7 +185,7 @@ class Machine:
         elif kind == "retry":
             self._operations.retry(owner, turn)
         elif kind == "fresh":
-            self._values.grew_old(owner, turn)
+            Values(self._core).grew_old(owner, turn)
         else:
             self._operations.abandon(owner, turn)
         return self._finish()
@@ -323,7 +319,7 @@ class Machine:
 
     def _request(self, event: Event) -> None:
         turn = self._turn
-        answer = self._answerer.answer(event, self._row, turn)
+        answer = Answers(self._core, self._planner.structure).answer(event, self._row, turn)
         turn.accepted = answer.refusal is None
         if answer.refusal is not None:
             turn.refusal = answer.refusal
