@@ -20,16 +20,18 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, cast
 
 from lupin_engine.chart.model import Chart, Hold, Kind, State, Transition
-from lupin_engine.machine.answers import Answer, Answers, consider
+from lupin_engine.machine.answers import Answers, consider
 from lupin_engine.machine.content import Content
 from lupin_engine.machine.core import Core, passes
 from lupin_engine.machine.environment import NO_CAUSE, Cause, Surroundings, World
 from lupin_engine.machine.event import NOTHING, Event
+from lupin_engine.machine.explain import Explainer, Possibility
 from lupin_engine.machine.memory import Memory, Timer
 from lupin_engine.machine.operations import Operations
 from lupin_engine.machine.plan import MAX_PLANS, Plan, Planner, Row
 from lupin_engine.machine.shortcut import Shortcut, shortcut
-from lupin_engine.machine.step import Considered, Step
+from lupin_engine.machine.snapshot import snapshot
+from lupin_engine.machine.step import Step
 from lupin_engine.machine.structure import EXECUTION_ERROR, FAULT, FAULT_RULE, Structure
 from lupin_engine.machine.turn import EXECUTION_CODE, Signal, Turn
 from lupin_engine.machine.values import Values
@@ -137,17 +139,13 @@ class Machine:
         inputs.now = now
         return inputs[name] if inputs.known(name) else None
 
-    def answer(self, event: Event, now: float) -> Answer:
-        """Return what a request would do now; nothing changes. A mission's request is not read."""
-        turn = Turn(event, now, self._now())
-        return Answers(self._core, self._planner.structure).answer(event, turn.row, turn, dry=True)
+    def snapshot(self) -> str:
+        """Return everything that the machine remembers as JSON; see `snapshot.restore`."""
+        return snapshot(self._core.chart, self.memory)
 
-    def considered(self, event: str, now: float) -> tuple[Considered, ...]:
-        """Return the transitions that listen to an event here, and what keeps each from being taken."""
-        row = self._now()
-        turn = Turn(Event(event), now, row)
-        rules = _distinct(row.candidates(self._planner.structure, event))
-        return tuple(consider(self._core, rule, turn) for rule in rules)
+    def explain(self, now: float) -> tuple[Possibility, ...]:
+        """Return what every request and event of the chart would do now, and why not; nothing changes."""
+        return Explainer(self._core, self._planner.structure, self._now()).explain(now)
 
     # -- one step ---------------------------------------------------------------------------------------
 
@@ -323,7 +321,8 @@ class Machine:
         turn.accepted = answer.refusal is None
         if answer.refusal is not None:
             turn.refusal = answer.refusal
-            turn.why = self.considered(event.name, turn.now)
+            explainer = Explainer(self._core, self._planner.structure, self._row)
+            turn.why = explainer.considered(event.name, turn.now)
             return
         if answer.starts:
             self._begin_mission(event, answer.values)

@@ -1,0 +1,98 @@
+"""A machine's memory as JSON, and back: what a restarted process goes on from.
+
+A snapshot is taken between two steps. A machine restored from it takes the same steps as the one that went
+on. Deadlines are times of the caller's clock: who restores with another clock moves them with `shift`.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping
+from functools import cache
+from typing import Any
+
+from pydantic import TypeAdapter, ValidationError
+
+from lupin_engine.chart.model import Chart
+from lupin_engine.errors import LupinError
+from lupin_engine.machine.memory import Memory, Timer
+
+#: Raised when the form of snapshots changes.
+VERSION = 1
+
+
+class SnapshotError(LupinError):
+    """A snapshot cannot be used: it is damaged, of another version, or of another chart."""
+
+
+@cache
+def _adapter() -> TypeAdapter[Memory]:
+    return TypeAdapter(Memory)
+
+
+def snapshot(chart: Chart, memory: Memory) -> str:
+    """Return the memory of a machine of `chart` as JSON text."""
+    inside = _adapter().dump_python(memory)
+    # Readings may hold nan and inf, which JSON has no words for; Python's writer and reader agree on some.
+    return json.dumps({"version": VERSION, "chart": chart.name, "memory": inside})
+
+
+def restore(chart: Chart, text: str) -> Memory:
+    """Return the memory that `text` was made of, for a machine of `chart`.
+
+    Raises:
+        SnapshotError: naming everything that does not fit.
+    """
+    memory = _read(chart, text)
+    problems = list(_strangers(chart, memory))
+    if problems:
+        raise SnapshotError(f"this snapshot does not fit the chart {chart.name!r}: {'; '.join(problems)}")
+    return memory
+
+
+def shift(memory: Memory, seconds: float) -> None:
+    """Move every deadline and stamp to a clock that is `seconds` ahead of the old one."""
+    memory.timers[:] = [_later(timer, seconds) for timer in memory.timers]
+    for name, found in memory.inputs.items():
+        memory.inputs[name] = found._replace(stamp=found.stamp + seconds)
+    if memory.started_at is not None:
+        memory.started_at += seconds
+
+
+def _later(timer: Timer, seconds: float) -> Timer:
+    due, token, kind, about = timer
+    return due + seconds, token, kind, about
+
+
+def _read(chart: Chart, text: str) -> Memory:
+    try:
+        found = json.loads(text)
+    except ValueError as problem:
+        raise SnapshotError(f"this is no snapshot: {problem}") from None
+    if not isinstance(found, dict) or set(found) != {"version", "chart", "memory"}:
+        raise SnapshotError("this is no snapshot: expected version, chart and memory")
+    if found["version"] != VERSION:
+        raise SnapshotError(f"this snapshot is of version {found['version']!r}, expected {VERSION}")
+    if found["chart"] != chart.name:
+        raise SnapshotError(f"this snapshot is of the chart {found['chart']!r}, not of {chart.name!r}")
+    try:
+        return _adapter().validate_python(found["memory"])
+    except ValidationError as problem:
+        wrong = (f"{'.'.join(map(str, e['loc']))}: {e['msg']}" for e in problem.errors(include_url=False))
+        raise SnapshotError(f"this snapshot is damaged: {'; '.join(wrong)}") from None
+
+
+def _strangers(chart: Chart, memory: Memory) -> Iterator[str]:
+    """Yield what a memory speaks of that the chart does not have."""
+    invoking = {invocation.state for invocation in memory.invocations.values()}
+    states = {*memory.configuration, *memory.history, *memory.walks, *memory.budgets, *invoking}
+    named: Mapping[str, tuple[Any, Mapping[str, Any]]] = {
+        "state": (states, chart.states),
+        "mission": ({memory.mission} - {""}, chart.missions),
+        "variable": (memory.context, chart.context),
+        "hold": (memory.held, chart.holds),
+        "input": (memory.inputs, chart.inputs),
+    }
+    for what, (used, known) in named.items():
+        for name in sorted(set(used) - set(known)):
+            yield f"there is no {what} {name!r}"
