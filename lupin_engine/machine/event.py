@@ -27,6 +27,11 @@ class Event:
         """Requests come from a person and are answered: accepted, or refused with a reason."""
         return self.name == "mission.start" or self.name.startswith("operator.")
 
+    @property
+    def is_report(self) -> bool:
+        """Reports say how an attempt goes on, or that it has ended."""
+        return self.name.startswith("attempt.")
+
 
 def accepted(attempt: str) -> Event:
     """The server took the attempt."""

@@ -28,11 +28,11 @@ from lupin_engine.machine.event import NOTHING, Event
 from lupin_engine.machine.explain import Explainer, Possibility
 from lupin_engine.machine.memory import Memory, Timer
 from lupin_engine.machine.operations import Operations
-from lupin_engine.machine.plan import MAX_PLANS, Plan, Planner, Row
+from lupin_engine.machine.plan import MAX_PLANS, Plan, Planner, Row, planner_of
 from lupin_engine.machine.shortcut import Shortcut, shortcut
 from lupin_engine.machine.snapshot import snapshot
 from lupin_engine.machine.step import Step
-from lupin_engine.machine.structure import EXECUTION_ERROR, FAULT, FAULT_RULE, Structure
+from lupin_engine.machine.structure import ENGINE_EVENTS, EXECUTION_ERROR, FAULT, FAULT_RULE
 from lupin_engine.machine.turn import EXECUTION_CODE, Signal, Turn
 from lupin_engine.machine.values import Values
 from lupin_engine.machine.view import View, target_of, view_of
@@ -60,16 +60,15 @@ class Machine:
         "memory",
     )
 
-    def __init__(self, world: World, planner: Planner | None = None, memory: Memory | None = None) -> None:
+    def __init__(self, world: World, memory: Memory | None = None) -> None:
         """Make a machine that is not started.
 
         Args:
             world: the chart with checked parameters and bound functions.
-            planner: shared by machines of the same chart; made when absent.
             memory: what another machine of this chart remembered; this one goes on from there.
         """
         self.memory = memory or Memory()
-        self._planner = planner or Planner(Structure(world.chart))
+        self._planner: Planner = planner_of(world.chart)
         self._core = core = Core(world, self.memory)
         self.env: Surroundings = core.env
         self._content = Content(core)
@@ -90,11 +89,6 @@ class Machine:
     def chart(self) -> Chart:
         """The chart that it runs."""
         return self._core.chart
-
-    @property
-    def planner(self) -> Planner:
-        """What is prepared of the chart; hand it to further machines of the same chart."""
-        return self._planner
 
     def start(self, now: float) -> Step:
         """Enter the chart's initial states at time `now`, in seconds of the caller's clock."""
@@ -164,12 +158,25 @@ class Machine:
             self._request(event)
         elif event.name == "value":
             Values(self._core).observe(event, turn)
-        elif event.name.startswith("attempt."):
+        elif event.is_report:
             self._operations.report(event, turn)
         else:
-            turn.signals.append(Signal(event.name, None, Cause(event=event.data)))
-            self._learn(event.name, self._row.candidates(self._planner.structure, event.name))
+            self._happened(event)
         return self._finish()
+
+    def _happened(self, event: Event) -> None:
+        """Take in an event of a plugin; while held it waits, unless all that listens to it passes the holds."""
+        turn, held = self._turn, self.memory.held
+        if event.name.partition(".")[0] in _OWN_EVENTS:
+            turn.note(f"dropped: {event.name!r} is the engine's own event, and nobody else's")
+            return
+        candidates = self._row.candidates(self._planner.structure, event.name)
+        if held and not all(passes(rule, held) for offered in candidates for rule in offered):
+            self.memory.deferred.append(event)
+            turn.note(f"{event.name} waits for the release")
+            return
+        turn.signals.append(Signal(event.name, None, Cause(event=event.data)))
+        self._learn(event.name, candidates)
 
     def _fire(self, timer: Timer, now: float) -> Step:
         _, _, kind, (owner, name) = timer
@@ -246,11 +253,18 @@ class Machine:
             self._signal(turn.signals.pop(0))
             return True
         if memory.deferred and not memory.held:
-            self._operations.report(memory.deferred.pop(0), turn)
+            self._come_back_to(memory.deferred.pop(0))
             return True
         if self._row.working and self._operations.begin_missing(self._row.working, turn):
             return True
         return bool(self._core.chart.invariants) and self._watch_invariants()
+
+    def _come_back_to(self, event: Event) -> None:
+        """Deal with what waited for the release."""
+        if event.is_report:
+            self._operations.report(event, self._turn)
+        else:
+            self._turn.signals.append(Signal(event.name, None, Cause(event=event.data)))
 
     def _signal(self, signal: Signal) -> None:
         """Offer an internal event to its state, or to all active ones."""
@@ -505,6 +519,8 @@ def _distinct(candidates: Iterable[Sequence[Transition]]) -> list[Transition]:
     return list({rule.id: rule for offered in candidates for rule in offered}.values())
 
 
+#: First words of events that come from the machine itself, never from outside.
+_OWN_EVENTS = ENGINE_EVENTS | {"", "input"}
 #: What a timer's shortcut is called with; it knows its own event.
 _NO_EVENT = Event("", NOTHING)
 #: Between two steps nothing is collected.

@@ -244,7 +244,7 @@ class Operations:
     def _forget_answer(self, attempt: Attempt, turn: Turn) -> bool:
         """Drop the answer that waits for a release, if the attempt has one."""
         deferred = self._core.memory.deferred
-        waiting = [event for event in deferred if event.data["attempt"] == attempt.id]
+        waiting = [event for event in deferred if event.data.get("attempt") == attempt.id]
         for event in waiting:
             deferred.remove(event)
             kind = event.name.removeprefix("attempt.")
@@ -276,7 +276,7 @@ class Operations:
             self._end_current(kind, attempt, event.data, turn)
 
     def _has_answered(self, attempt: Attempt) -> bool:
-        return any(event.data["attempt"] == attempt.id for event in self._core.memory.deferred)
+        return any(event.data.get("attempt") == attempt.id for event in self._core.memory.deferred)
 
     def _may_pass(self, attempt: Attempt, kind: str) -> bool:
         """Say whether the engaged holds let through whatever may follow the end of an operation.

@@ -14,9 +14,10 @@ goes on that comes back by history (`resume_at`). Plans through a history state 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
-from lupin_engine.chart.model import Kind, State, Transition
+from lupin_engine.chart.model import Chart, Kind, State, Transition
 from lupin_engine.machine.structure import Structure
 from lupin_engine.machine.view import Moment
 
@@ -117,6 +118,12 @@ class Plan:
         self.exited = tuple(state.name for state, _ in exits)
         self.entered = tuple(state.name for state, _ in entries)
         self.alone = (self,)
+
+
+@lru_cache(maxsize=32)
+def planner_of(chart: Chart) -> Planner:
+    """Return the planner that all machines of a chart share."""
+    return Planner(Structure(chart))
 
 
 class Planner:

@@ -27,6 +27,7 @@ from lupin_engine.chart.model import Chart, Constant, Environment, Kind, State, 
 from lupin_engine.machine.event import Event
 from lupin_engine.machine.plan import Plan
 from lupin_engine.machine.step import Step
+from lupin_engine.machine.structure import FAULT_RULE
 
 if TYPE_CHECKING:
     from lupin_engine.machine.machine import Machine
@@ -57,7 +58,8 @@ def shortcut(
         fixed: the event that steps are recorded with, when it is not the one that is handed in.
     """
     offered = [rules for rules in candidates if rules]
-    if chart.invariants or not offered:
+    leads_to_fault = any(rule.id == FAULT_RULE for rules in offered for rule in rules)
+    if chart.invariants or leads_to_fault or not offered:
         return None
     if all(rules[0].guard is None for rules in offered):
         plan, writes = plan_of([rules[0] for rules in offered]), _writes([rules[0] for rules in offered])

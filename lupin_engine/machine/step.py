@@ -71,17 +71,20 @@ class Step:
     @property
     def taken(self) -> tuple[str, ...]:
         """The ids of the transitions taken, in their order."""
-        return tuple(name for plan in self._plans for name in plan.taken)
+        plans = self._plans
+        return plans[0].taken if len(plans) == 1 else tuple(n for plan in plans for n in plan.taken)
 
     @property
     def exited(self) -> tuple[str, ...]:
         """The full names of the states left, in their order."""
-        return tuple(name for plan in self._plans for name in plan.exited)
+        plans = self._plans
+        return plans[0].exited if len(plans) == 1 else tuple(n for plan in plans for n in plan.exited)
 
     @property
     def entered(self) -> tuple[str, ...]:
         """The full names of the states entered, in their order."""
-        return tuple(name for plan in self._plans for name in plan.entered)
+        plans = self._plans
+        return plans[0].entered if len(plans) == 1 else tuple(n for plan in plans for n in plan.entered)
 
     @property
     def configuration(self) -> tuple[str, ...]:

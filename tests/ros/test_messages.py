@@ -45,6 +45,7 @@ VIEW = View(
     held=("pause",),
     paused=True,
     attempts=(),
+    cancelling=(),
     dropped=0,
 )
 
