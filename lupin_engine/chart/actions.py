@@ -15,13 +15,11 @@ from lupin_engine.chart.source import Map, Text
 from lupin_engine.chart.values import read_arguments, read_value
 from lupin_engine.errors import nearest
 from lupin_engine.plugin.contract import Argument
-from lupin_engine.plugin.registry import Catalog
+from lupin_engine.plugin.registry import RESERVED_EVENTS, Catalog
 from lupin_engine.plugin.types import ANY, TEXT
 
 #: How a visit can end.
 STATUSES = ("OK", "UNREACHABLE", "SCAN_FAILED", "SKIPPED")
-#: First words of events that the engine itself makes; nobody else may raise them.
-RESERVED_EVENTS = ("mission", "operator", "input", "after", "done", "error")
 
 _STATUS = Argument(TEXT, f"how the visit ended: {', '.join(STATUSES)}")
 _CODE = Argument(TEXT, "the reason, a declared code", optional=True)
@@ -113,8 +111,9 @@ class ActionReader:
             hint = "use words of letters, digits and underscores, with dots between"
             self._findings.add(name.place, "bad-name", path, f"{str(name)!r} cannot be an event", hint)
             return None
-        if words[0] in RESERVED_EVENTS:
-            problem = f"{str(name)!r} cannot be raised: events of {words[0]!r} come from the engine itself"
+        if words[0] in RESERVED_EVENTS or name in self._catalog.events:
+            whose = "the engine itself" if words[0] in RESERVED_EVENTS else "the plugin itself"
+            problem = f"{str(name)!r} cannot be raised: events of {words[0]!r} come from {whose}"
             self._findings.add(name.place, "bad-name", path, problem, "begin it with another word")
             return None
         return ActionCall("raise", {"event": Constant(str(name), name.place, TEXT)}, node.place)

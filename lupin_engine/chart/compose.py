@@ -9,7 +9,6 @@ Every step goes on after a finding. What comes out is a chart only when there ar
 
 from __future__ import annotations
 
-import ast
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -17,27 +16,29 @@ from typing import Any
 from lupin_engine.chart.actions import ActionReader, raised_events
 from lupin_engine.chart.declare import REQUESTS, Declared, Declarer, level_events
 from lupin_engine.chart.documents import (
+    BudgetNode,
     FileNode,
-    InvokeNode,
+    InvariantNode,
+    ItineraryNode,
     LifecycleNode,
-    LimitNode,
     MissionNode,
     PartNode,
-    RetryNode,
     StateNode,
     TransitionNode,
 )
-from lupin_engine.chart.expressions import Scope, Usage, check_expression, fragment_of
+from lupin_engine.chart.expressions import Scope, Typed, Usage, check_expression, fragment_of, literal
 from lupin_engine.chart.findings import Findings
+from lupin_engine.chart.invoke import InvokeReader, check_code, names_when_done, names_when_failed
 from lupin_engine.chart.model import (
+    ActionCall,
     Chart,
     Expression,
     Field,
+    Invariant,
     Invoke,
     Itinerary,
     Kind,
     Mission,
-    Retry,
     State,
     Timer,
     Transition,
@@ -45,20 +46,32 @@ from lupin_engine.chart.model import (
 )
 from lupin_engine.chart.source import Text
 from lupin_engine.chart.tree import Draft, Forest
-from lupin_engine.chart.values import is_expression, read_arguments, read_constant, read_guard, read_value
+from lupin_engine.chart.values import (
+    is_expression,
+    read_constant,
+    read_guard,
+    read_key,
+    read_per_element,
+    read_value,
+)
 from lupin_engine.errors import Place, nearest
 from lupin_engine.plugin.builtin import BUILTIN
-from lupin_engine.plugin.contract import Code, Operation, Parameter
+from lupin_engine.plugin.contract import Code, Parameter
 from lupin_engine.plugin.registry import Catalog
 from lupin_engine.plugin.types import ANY, BOOL, COUNT, DURATION, TEXT, Type, list_of
 
 #: What expressions see of the itinerary around them.
 ITINERARY = Type(
-    "record", "itinerary", fields={"open": BOOL, "remaining": COUNT, "total": COUNT, "closed": COUNT}
+    "record",
+    "itinerary",
+    fields={"open": BOOL, "remaining": COUNT, "total": COUNT, "closed": COUNT, "sweep": COUNT},
 )
-_ERROR = Type("record", "error", fields={"code": TEXT, "detail": TEXT})
 _START = Type("record", "event", fields={"mission_type": TEXT, "mission_id": TEXT})
 _NOTHING = Type("record", "event")
+
+#: What an invariant does not see, because it is told of every moment.
+_MOMENTARY = ("event", "error", "request", "target", "itinerary")
+_AT_ALL_TIMES = "an invariant holds at every moment, with and without a mission"
 
 
 @dataclass
@@ -118,6 +131,9 @@ class _Composer:
         self._codes = self._all_codes()
         self._events = self._all_events()
         self._actions = ActionReader(self._catalog, self._declared.context, self._codes, self._findings)
+        self._invokes = InvokeReader(
+            self._catalog, self._declarer, self._codes, self._actions, self._findings
+        )
         self._read_requests()
         states = {draft.name: self._state(draft) for draft in self._forest.drafts.values()}
         holds_scope = self._base(self._lifecycle, "")
@@ -132,6 +148,7 @@ class _Composer:
             inputs=self._declared.inputs,
             parameters={},
             codes=self._codes,
+            invariants=self._invariants(files),
             summary=self._lifecycle.summary,
         )
         plugins = self._plugins(states.values())
@@ -144,10 +161,10 @@ class _Composer:
         """Join declared codes with those of the operations and request types that the chart uses."""
         codes = dict(self._declared.codes)
         for draft in self._forest.drafts.values():
-            invoke = draft.node.invoke if draft.node else None
-            operation = self._catalog.operations.get(invoke.do) if invoke else None
-            for code in operation.codes if operation else ():
-                codes.setdefault(code.name, code)
+            for name in _invoked(draft):
+                operation = self._catalog.operations.get(name)
+                for code in operation.codes if operation else ():
+                    codes.setdefault(code.name, code)
         for mission in self._missions:
             for node in mission.request.values():
                 reader = self._catalog.readers.get(node.type.split()[-1] if node.type else "")
@@ -157,16 +174,15 @@ class _Composer:
 
     def _all_events(self) -> list[str]:
         raised = {name for draft in self._forest.drafts.values() for name in _raised(draft)}
-        return [*REQUESTS, *level_events(self._declared.inputs), *sorted(raised)]
+        return [*REQUESTS, *level_events(self._declared.inputs), *self._catalog.events, *sorted(raised)]
 
     def _plugins(self, states: Iterable[State]) -> tuple[str, ...]:
         """Return the plugins that anything of theirs is used from, sorted, without the built-in one."""
         names: set[str] = set()
         for state in states:
-            if state.invoke is not None:
-                names.add(state.invoke.name)
-            calls = [*state.entry, *state.exit, *(a for t in _all_transitions(state) for a in t.actions)]
-            names.update(call.name for call in calls if call.name in self._catalog.actions)
+            names.update(invoke.name for invoke in _invokes(state))
+            names.update(call.name for call in _calls(state) if call.name in self._catalog.actions)
+            names.update(name for t in state.transitions for name in self._plugin_events(t.event))
         found = {name.partition(".")[0] for name in names}
         owners = self._catalog.owners
         used: list[tuple[str, Iterable[str]]] = [
@@ -179,6 +195,12 @@ class _Composer:
             owners[family, name] for family, some in used for name in some if (family, name) in owners
         )
         return tuple(sorted(found - {BUILTIN}))
+
+    def _plugin_events(self, event: str) -> list[str]:
+        """Return the plugins' events that a transition names, by a prefix or in full; `*` names none."""
+        if event.endswith(".*"):
+            return [name for name in self._catalog.events if name.startswith(event[:-1])]
+        return [event] if event in self._catalog.events else []
 
     def _parameters(self, plugins: Iterable[str]) -> dict[str, Parameter]:
         """Return the settings of the chart, sorted by where they come from: plugins, then files.
@@ -231,6 +253,41 @@ class _Composer:
                 )
         return found
 
+    # -- invariants ----------------------------------------------------------------------------------------
+
+    def _invariants(self, files: Iterable[FileNode]) -> dict[str, Invariant]:
+        """Read the invariants of all files; each has a name of its own in the whole chart."""
+        found: dict[str, Invariant] = {}
+        for file in files:
+            for name, node in file.invariants.items():
+                place, path = file.key_at("invariants", name), f"invariants.{name}"
+                if not self._declarer.good_name("invariant", name, place, path):
+                    continue
+                if name in found:
+                    problem = f"a second invariant is called {name!r}, after {found[name].place}"
+                    self._findings.add(place, "conflicting-definition", path, problem, "rename one")
+                    continue
+                that = self._always_true(file, node, file.value_at("invariants", name), path)
+                if that is not None:
+                    found[name] = Invariant(name, that, place, node.summary)
+        return found
+
+    def _always_true(self, file: FileNode, node: InvariantNode, place: Place, path: str) -> Expression | None:
+        """Read the condition of an invariant; it may not read what every use of its part sets otherwise."""
+        scope, usage = self._scope_of(file, ""), Usage()
+        for name in _MOMENTARY:
+            scope = scope.without(name, _AT_ALL_TIMES)
+        place = node.at("that") if node.written else place
+        that = read_guard(node.that, place, replace(scope, usage=usage), self._findings, path)
+        for family in ("parameters", "functions", "inputs"):
+            getattr(self._usage, family).update(getattr(usage, family))
+        given = set().union(*self._bound.get(file.title, []))
+        for name in sorted(given & usage.parameters):
+            problem = f"param.{name} is given by a use of the part, so it has no value outside of it"
+            hint = "write the invariant without it, or let no use of the part set it"
+            self._findings.add(place, "unknown-parameter", path, problem, hint)
+        return that
+
     # -- scopes --------------------------------------------------------------------------------------------
 
     def _scope_of(self, file: FileNode, mission: str) -> Scope:
@@ -264,7 +321,7 @@ class _Composer:
         draft.scope = draft.inner = outer
         itinerary = None
         if node is not None and node.itinerary is not None:
-            itinerary, draft.scope = self._itinerary(draft, node, outer)
+            itinerary, draft.scope = self._itinerary(draft, node.itinerary, outer)
             draft.inner = draft.scope
         if node is not None and node.use is not None:
             draft.inner = self._part_scope(draft, node, draft.scope)
@@ -302,7 +359,14 @@ class _Composer:
     def _fill(self, state: State, draft: Draft, node: StateNode) -> State:
         scope = self._any_event(draft)
         works = draft.kind not in (Kind.FINAL, Kind.HISTORY)
-        invoke = self._invoke(draft, node.invoke, scope) if node.invoke and works else None
+        assert draft.scope is not None
+        invoke = for_each = budget = None
+        if node.invoke and works:
+            invoke = self._invokes.read(node.invoke, scope, _path(draft.name, "invoke"))
+        if node.for_each and works:
+            for_each = self._invokes.for_each(node.for_each, draft.scope, _path(draft.name, "for_each"))
+        if node.budget and works:
+            budget = self._budget(draft, node.budget)
         return replace(
             state,
             summary=node.summary,
@@ -311,6 +375,8 @@ class _Composer:
             entry=self._actions.read(node.entry, scope, _path(draft.name, "entry")),
             exit=self._actions.read(node.exit, scope, _path(draft.name, "exit")),
             invoke=invoke,
+            for_each=for_each,
+            budget=budget,
             transitions=tuple(self._transitions(draft, node, invoke)),
             timers=tuple(self._timers(draft, node, scope)),
             resume_at=self._resume_at(draft, node),
@@ -350,14 +416,20 @@ class _Composer:
             )
         return None
 
-    def _itinerary(self, draft: Draft, node: StateNode, outer: Scope) -> tuple[Itinerary | None, Scope]:
-        assert node.itinerary is not None
-        place = node.itinerary.at("items")
-        path = _path(draft.name, "itinerary.items")
-        items = read_value(node.itinerary.items, place, list_of(ANY), outer, self._findings, path)
-        item = items.type.item if items is not None and items.type.item is not None else ANY
+    def _itinerary(self, draft: Draft, node: ItineraryNode, outer: Scope) -> tuple[Itinerary | None, Scope]:
+        path = _path(draft.name, "itinerary")
+        items = read_key(node, "items", list_of(ANY), outer, self._findings, path)
+        item = (items.type.item if items is not None else None) or ANY
+        sweeps = read_key(node, "sweeps", COUNT, outer, self._findings, path)
+        order = None
+        if node.order is not None:
+            each = outer.without("itinerary", "it is not decided yet which target is next")
+            each = each.with_names({"target": item})
+            order = read_per_element(node, "order", "target", item, ("number",), each, self._findings, path)
         inner = outer.with_names({"target": item, "itinerary": ITINERARY})
-        return (Itinerary(items, node.itinerary.place) if items is not None else None), inner
+        if items is None:
+            return None, inner
+        return Itinerary(items, node.place, order, sweeps, node.on_abort == "leave_open"), inner
 
     def _part_scope(self, draft: Draft, node: StateNode, scope: Scope) -> Scope:
         """Return what the states of a part see: the part's declarations, and what its user hands on."""
@@ -376,98 +448,42 @@ class _Composer:
 
     def _bind(
         self, draft: Draft, node: StateNode, part: PartNode, scope: Scope
-    ) -> dict[str, tuple[Type, ast.expr]]:
+    ) -> dict[str, Typed]:
         """Read the values that a use gives to parameters of its part."""
         own = self._declared.by_file.get(part.title, {})
-        found: dict[str, tuple[Type, ast.expr]] = {}
+        found: dict[str, Typed] = {}
         for name, raw in node.with_.items():
             path, place = _path(draft.name, f"with.{name}"), node.value_at("with", name)
             if name not in own:
                 at = node.key_at("with", name)
                 self._findings.unknown(at, "unknown-parameter", path, "parameter of the part", name, own)
                 continue
-            tree = self._bound_value(raw, place, own[name].type, scope, path)
-            if tree is not None:
-                found[name] = (own[name].type, tree)
+            value = self._bound_value(raw, place, own[name].type, scope, path)
+            if value is not None:
+                found[name] = value._replace(type=own[name].type)
         self._bound.setdefault(part.title, []).append(set(found))
         return found
 
-    def _bound_value(self, raw: Any, place: Place, wanted: Type, scope: Scope, path: str) -> ast.expr | None:
+    def _bound_value(self, raw: Any, place: Place, wanted: Type, scope: Scope, path: str) -> Typed | None:
         fragment = fragment_of(raw) if isinstance(raw, Text) and is_expression(raw) else None
         if fragment is not None:
-            typed = check_expression(fragment, scope, wanted, self._findings, path)
-            return typed.tree if typed else None
+            return check_expression(fragment, scope, wanted, self._findings, path)
         constant = read_constant(raw, place, wanted, self._findings, path)
-        return _literal(constant.value) if constant else None
+        return literal(constant.value, wanted) if constant else None
 
     def _any_event(self, draft: Draft) -> Scope:
         """Return a state's scope with the event that led there, of which nothing is known beforehand."""
         assert draft.scope is not None
         return draft.scope.with_names({"event": ANY})
 
-    # -- invocations ---------------------------------------------------------------------------------------
-
-    def _invoke(self, draft: Draft, node: InvokeNode, scope: Scope) -> Invoke | None:
-        path = _path(draft.name, "invoke")
-        operation = self._catalog.operations.get(node.do)
-        if operation is None:
-            known = self._catalog.operations
-            self._findings.unknown(node.at("do"), "unknown-operation", path, "operation", node.do, known)
-            return None
-        given = node.mapping("with")
-        arguments = read_arguments(
-            node.do, operation.arguments, given, node.at("do"), scope, self._findings, f"{path}.with"
-        )
-        timeout, code = None, None
-        if isinstance(node.timeout, LimitNode):
-            at = node.timeout.at("after")
-            timeout = read_value(
-                node.timeout.after, at, DURATION, scope, self._findings, f"{path}.timeout.after"
-            )
-            code = node.timeout.code
-            self._check_code(code, node.timeout.at("code"), f"{path}.timeout.code")
-        elif node.timeout is None:
-            problem, hint = f"nothing ends the wait for {node.do}", "add 'timeout: {after: 30 s, code: CODE}'"
-            self._findings.add(node.place, "no-deadline", path, problem, hint + " or 'timeout: never'")
-        retry = self._retry(node.retry, operation, code, scope, path) if node.retry else None
-        return Invoke(node.do, operation, arguments, node.place, timeout, code, retry)
-
-    def _retry(
-        self, node: RetryNode, operation: Operation, timeout_code: str | None, scope: Scope, path: str
-    ) -> Retry | None:
-        path = f"{path}.retry"
-        attempts = read_value(
-            node.attempts, node.at("attempts"), COUNT, scope, self._findings, f"{path}.attempts"
-        )
-        backoff = None
-        if node.backoff is not None:
-            at = node.at("backoff")
-            backoff = read_value(node.backoff, at, DURATION, scope, self._findings, f"{path}.backoff")
-        possible = {code.name for code in operation.codes} | ({timeout_code} if timeout_code else set())
-        for index, code in enumerate(node.unless):
-            if code not in possible:
-                at = node.at("unless", index)
-                self._findings.unknown(at, "undeclared-code", path, "code of this operation", code, possible)
-        return None if attempts is None else Retry(attempts, backoff, frozenset(node.unless))
-
-    def _check_code(self, code: str | None, place: Place, path: str) -> None:
-        if code is not None and code not in self._codes:
-            problem = f"the code {code!r} is not declared"
-            hint = nearest(code, self._codes)
-            if not hint.startswith("did you mean"):
-                hint = f"add 'codes: {{{code}: {{label: ..., severity: warn}}}}'"
-            self._findings.add(place, "undeclared-code", path, problem, hint)
-
     # -- transitions ---------------------------------------------------------------------------------------
 
     def _transitions(self, draft: Draft, node: StateNode, invoke: Invoke | None) -> Iterator[Transition]:
         """Compose what a state does about endings, events and time, in the order of the language."""
         assert draft.scope is not None
-        result = invoke.operation.result if invoke else None
-        done = Type("record", "event", fields=result) if result is not None else ANY
-        families: list[tuple[str, str, list[TransitionNode], dict[str, Type]]] = [
-            ("on_done", "done", node.on_done, {"event": done}),
-            ("on_error", "error", node.on_error, {"error": _ERROR, "event": ANY}),
+        families: list[tuple[str, str, list[TransitionNode], Mapping[str, Type]]] = [
+            ("on_done", "done", node.on_done, names_when_done(invoke)),
+            ("on_error", "error", node.on_error, names_when_failed(invoke)),
         ]
         for key, event, nodes, names in families:
             yield from self._list(draft, draft, nodes, key, event, draft.scope.with_names(names))
@@ -477,6 +493,8 @@ class _Composer:
             yield from self._list(
                 draft, draft, nodes, f"after.{index}", f"after.{index}", self._any_event(draft)
             )
+        if node.budget is not None:
+            yield self._when_used_up(draft, node.budget)
 
     def _handlers(
         self, draft: Draft, holder: StateNode | FileNode, handlers: Mapping[str, list[TransitionNode]]
@@ -514,8 +532,22 @@ class _Composer:
             other.scope = self._outer(other)
         yield from self._list(draft, other, answers, f"on.{event}", event, self._event_scope(other, event))
 
+    def _when_used_up(self, draft: Draft, node: BudgetNode) -> Transition:
+        """Compose what happens when the time of a state is used up."""
+        path = _path(draft.name, "budget")
+        check_code(node.code, node.at("code"), f"{path}.code", self._codes, self._findings)
+        return Transition(
+            id=path,
+            event="budget",
+            source=draft.name,
+            place=node.place,
+            target=self._forest.resolve(node.target, draft, node.at("target"), path),
+            actions=self._actions.read(node.do, self._any_event(draft), f"{path}.do"),
+            code=node.code,
+        )
+
     def _check_event(self, event: str, place: Place, path: str) -> bool:
-        if event in self._events:
+        if event in self._events or event == "*":
             return True
         if event.endswith(".*") and any(known.startswith(event[:-1]) for known in self._events):
             if event.startswith("input."):
@@ -538,6 +570,9 @@ class _Composer:
         assert draft.scope is not None
         if event == "mission.start":
             return draft.scope.with_names({"event": _START})
+        if event in self._catalog.events:
+            fields = self._catalog.events[event].fields
+            return draft.scope.with_names({"event": Type("record", "event", fields=fields)})
         return draft.scope.with_names({"event": _NOTHING if event.startswith("operator.") else ANY})
 
     def _list(
@@ -559,7 +594,9 @@ class _Composer:
         if node.target is not None:
             target = self._forest.resolve(node.target, owner, node.at("target"), path)
         for word in ("refuse", "code"):
-            self._check_code(getattr(node, word), node.at(word), path)
+            code = getattr(node, word)
+            if code is not None:
+                check_code(code, node.at(word), path, self._codes, self._findings)
         self._check_sense(node, event, path)
         return Transition(
             id=id,
@@ -639,6 +676,12 @@ class _Composer:
             if value is not None:
                 yield Timer(f"after.{index}", value, text.place)
 
+    def _budget(self, draft: Draft, node: BudgetNode) -> Timer | None:
+        assert draft.scope is not None
+        scope = draft.scope.without("event", "the time is counted over all visits")
+        value = read_key(node, "after", DURATION, scope, self._findings, _path(draft.name, "budget"))
+        return None if value is None else Timer("budget", value, node.place)
+
     def _duration(self, text: Text, scope: Scope, path: str) -> Value | None:
         return read_value(text, text.place, DURATION, scope, self._findings, path)
 
@@ -647,19 +690,29 @@ def _path(*words: str) -> str:
     return ".".join(word for word in words if word)
 
 
-def _literal(value: Any) -> ast.expr:
-    """Return plain data as the tree of an expression."""
-    if isinstance(value, Mapping):
-        keys: list[ast.expr | None] = [ast.Constant(key) for key in value]
-        return ast.Dict(keys, [_literal(item) for item in value.values()])
-    if isinstance(value, list):
-        return ast.List([_literal(item) for item in value], ast.Load())
-    return ast.Constant(value)
+def _invoked(draft: Draft) -> Iterator[str]:
+    """Yield the names of the operations that a state's text begins."""
+    node = draft.node
+    if node is not None and node.invoke is not None:
+        yield node.invoke.do
+    if node is not None and node.for_each is not None:
+        yield node.for_each.invoke.do
 
 
-def _all_transitions(state: State) -> Iterator[Transition]:
-    yield from state.transitions
-    yield from state.resume_at
+def _invokes(state: State) -> Iterator[Invoke]:
+    if state.invoke is not None:
+        yield state.invoke
+    if state.for_each is not None:
+        yield state.for_each.invoke
+
+
+def _calls(state: State) -> Iterator[ActionCall]:
+    """Yield every action of a state."""
+    yield from (*state.entry, *state.exit)
+    for transition in (*state.transitions, *state.resume_at):
+        yield from transition.actions
+    if state.for_each is not None:
+        yield from (*state.for_each.on_done, *state.for_each.on_error)
 
 
 def _raised(draft: Draft) -> Iterator[str]:
@@ -668,8 +721,9 @@ def _raised(draft: Draft) -> Iterator[str]:
     lists = [getattr(holder, key, []) for key in ("on_done", "on_error", "always")]
     for key in ("on", "after"):
         lists.extend(getattr(holder, key, {}).values())
-    for actions in (getattr(holder, "entry", []), getattr(holder, "exit", [])):
-        yield from raised_events(actions)
-    for transitions in lists:
-        for node in transitions:
-            yield from raised_events(node.do)
+    actions = [*getattr(holder, "entry", []), *getattr(holder, "exit", [])]
+    actions += [action for nodes in lists for node in nodes for action in node.do]
+    budget, for_each = getattr(holder, "budget", None), getattr(holder, "for_each", None)
+    for ending in (budget, for_each and for_each.on_done, for_each and for_each.on_error):
+        actions += ending.do if ending else []
+    yield from raised_events(actions)

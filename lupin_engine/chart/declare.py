@@ -20,11 +20,11 @@ from lupin_engine.chart.documents import (
     ParameterNode,
     RequestFieldNode,
 )
-from lupin_engine.chart.expressions import BUILTIN_CALLS, ROOTS, Scope, Usage
+from lupin_engine.chart.expressions import BUILTIN_CALLS, ROOTS, WORDS, Scope, Usage
 from lupin_engine.chart.findings import Findings
 from lupin_engine.chart.model import Field, Hold, Input, Level, Variable
-from lupin_engine.chart.quantities import describe
-from lupin_engine.chart.values import read_constant, read_guard, read_value
+from lupin_engine.chart.quantities import describe, is_number
+from lupin_engine.chart.values import read_constant, read_guard, read_key, read_value
 from lupin_engine.errors import Place, Severity, nearest
 from lupin_engine.plugin.contract import Code, Parameter
 from lupin_engine.plugin.registry import Catalog
@@ -37,6 +37,12 @@ OPERATOR_REQUESTS = ("abort", "dock", "pause", "reset", "resume", "skip_current"
 REQUESTS = ("mission.start", *(f"operator.{name}" for name in OPERATOR_REQUESTS))
 
 _SEVERITIES: Mapping[str, Severity] = {"info": Severity.INFO, "warn": Severity.WARN, "error": Severity.ERROR}
+
+#: What a thing that expressions read cannot be called: those read by their bare name, and those after a dot.
+_TAKEN: Mapping[str, frozenset[str]] = {
+    **dict.fromkeys(("variable", "element"), ROOTS.union(BUILTIN_CALLS, WORDS)),
+    **dict.fromkeys(("parameter", "input", "level", "field", "hold"), WORDS),
+}
 
 _T = TypeVar("_T")
 
@@ -90,13 +96,13 @@ class Declarer:
             known[name] = thing
             self.declared.places[family, name] = place
 
-    def _name(self, what: str, name: str, place: Place, path: str) -> bool:
-        if NAME.fullmatch(name) and not (what == "variable" and (name in ROOTS or name in BUILTIN_CALLS)):
+    def good_name(self, what: str, name: str, place: Place, path: str) -> bool:
+        """Tell whether a thing can be called that; a finding otherwise."""
+        formed = NAME.fullmatch(name) is not None
+        if formed and name not in _TAKEN.get(what, ()):
             return True
         problem = f"{name!r} cannot be used as the name of {'an' if what[0] in 'aeiou' else 'a'} {what}"
-        hint = (
-            "it is a word of expressions" if NAME.fullmatch(name) else "use letters, digits and underscores"
-        )
+        hint = "it is a word of expressions" if formed else "use letters, digits and underscores"
         self._findings.add(place, "bad-name", path, problem, hint)
         return False
 
@@ -138,7 +144,7 @@ class Declarer:
         own = self.declared.by_file.setdefault(file.title, {})
         for name, node in file.params.items():
             place, path = file.key_at("params", name), f"params.{name}"
-            if not self._name("parameter", name, place, path):
+            if not self.good_name("parameter", name, place, path):
                 continue
             parameter = self._parameter(node, path)
             if parameter is None:
@@ -164,7 +170,7 @@ class Declarer:
         if default is None:
             return None
         if isinstance(default.value, (int, float)):
-            self._range(node, default.value, low, high, path)
+            self._range(node, "default", default.value, low, high, path)
         return Parameter(kind, default.value, node.summary, low, high)
 
     def _unit(self, node: ParameterNode, kind: Type, path: str) -> Type | None:
@@ -179,7 +185,9 @@ class Declarer:
             return None
         return number_in(UNITS[unit][0])
 
-    def _bound(self, node: ParameterNode | RequestFieldNode, key: str, kind: Type, path: str) -> float | None:
+    def _bound(
+        self, node: ParameterNode | RequestFieldNode | InputNode, key: str, kind: Type, path: str
+    ) -> float | None:
         raw = getattr(node, key)
         if raw is None:
             return None
@@ -191,24 +199,31 @@ class Declarer:
         return None if found is None else float(found.value)
 
     def _range(
-        self, node: ParameterNode, value: float, low: float | None, high: float | None, path: str
+        self,
+        node: ParameterNode | InputNode,
+        key: str,
+        value: float | None,
+        low: float | None,
+        high: float | None,
+        path: str,
     ) -> None:
-        wrong = ""
-        if low is not None and value < low:
-            wrong = f"the default is below the minimum of {node.min}"
-        elif high is not None and value > high:
-            wrong = f"the default is above the maximum of {node.max}"
+        """Refuse a range that is empty, or that the value under `key` lies outside of."""
+        what, wrong = f"the {key} value" if key == "initial" else f"the {key}", ""
+        if low is not None and value is not None and value < low:
+            wrong = f"{what} is below the minimum of {node.min}"
+        elif high is not None and value is not None and value > high:
+            wrong = f"{what} is above the maximum of {node.max}"
         if low is not None and high is not None and low > high:
-            wrong = f"the minimum of {node.min} is above the maximum of {node.max}"
+            key, wrong = "min", f"the minimum of {node.min} is above the maximum of {node.max}"
         if wrong:
-            self._findings.add(node.at("default"), "out-of-range", path, wrong)
+            self._findings.add(node.at(key), "out-of-range", path, wrong)
 
     # -- codes, inputs, variables --------------------------------------------------------------------------
 
     def _codes(self, file: FileNode) -> None:
         for name, node in file.codes.items():
             place = file.key_at("codes", name)
-            if self._name("code", name, place, f"codes.{name}"):
+            if self.good_name("code", name, place, f"codes.{name}"):
                 code = Code(name, node.label, _SEVERITIES[node.severity])
                 self._put("code", self.declared.codes, name, code, place, _equal)
 
@@ -218,7 +233,7 @@ class Declarer:
             place, path = file.key_at("inputs", name), f"inputs.{name}"
             found = (
                 self._input(name, node, place, scope, path)
-                if self._name("input", name, place, path)
+                if self.good_name("input", name, place, path)
                 else None
             )
             if found is not None:
@@ -230,28 +245,45 @@ class Declarer:
             at = node.at("value")
             self._findings.unknown(at, "unknown-value", path, "live value", node.value, self._catalog.values)
             return None
-        initial, freshness = value.initial, value.freshness
-        if node.initial is not None:
-            read = read_constant(
-                node.initial, node.at("initial"), value.type, self._findings, f"{path}.initial"
-            )
-            initial = read.value if read else None
-        if node.freshness is not None:
-            read = read_constant(
-                node.freshness, node.at("freshness"), DURATION, self._findings, f"{path}.freshness"
-            )
-            freshness = read.value if read else None
+        initial = self._constant(node, "initial", value.type, value.initial, path)
+        freshness = self._constant(node, "freshness", DURATION, value.freshness, path)
+        low, high = (self._bound(node, key, value.type, path) for key in ("min", "max"))
+        known = initial if isinstance(initial, (int, float)) else None
+        self._range(node, "initial", known, low, high, path)
+        self._check_unit(node, value.type, path)
         levels = [
             self._level(node, key, level, value.type, scope, path) for key, level in node.levels.items()
         ]
         kept = tuple(level for level in levels if level is not None)
-        return Input(name, node.value, value.type, place, freshness, initial, kept)
+        of_mission = node.since is not None
+        return Input(name, node.value, value.type, place, freshness, initial, kept, low, high, of_mission)
+
+    def _constant(self, node: InputNode, key: str, kind: Type, otherwise: Any, path: str) -> Any:
+        """Return what is written under `key`, else what the plugin says."""
+        raw = getattr(node, key)
+        if raw is None:
+            return otherwise
+        read = read_constant(raw, node.at(key), kind, self._findings, f"{path}.{key}")
+        return read.value if read else None
+
+    def _check_unit(self, node: InputNode, kind: Type, path: str) -> None:
+        """Refuse a unit that the value does not have; it is written for people, so it must be right."""
+        of_value = [unit for unit, (base, _) in UNITS.items() if is_number(kind) and base == kind.unit]
+        if node.unit is None or node.unit in of_value:
+            return
+        hint = "leave 'unit' out"
+        if of_value:
+            hint = f"write {' or '.join(map(repr, of_value))}, or {hint}"
+        problem = (
+            f"{node.value} is a {describe(kind).removeprefix('a ')}, which is not measured in {node.unit!r}"
+        )
+        self._findings.add(node.at("unit"), "wrong-unit", path, problem, hint)
 
     def _level(
         self, node: InputNode, name: str, level: LevelNode, kind: Type, scope: Scope, path: str
     ) -> Level | None:
         place, path = node.key_at("levels", name), f"{path}.levels.{name}"
-        if not self._name("level", name, place, path):
+        if not self.good_name("level", name, place, path):
             return None
         if kind.kind not in ("number", "integer"):
             problem = f"a level is drawn from a number, {node.value} is a {describe(kind)}"
@@ -262,19 +294,27 @@ class Declarer:
                 place, "bad-name", path, "a level cannot be called 'value', the number itself is"
             )
             return None
-        findings = self._findings
-        below = read_value(level.below, level.at("below"), kind, scope, findings, f"{path}.below")
-        hysteresis = None
-        if level.hysteresis is not None:
-            place_of = level.at("hysteresis")
-            hysteresis = read_value(level.hysteresis, place_of, kind, scope, findings, f"{path}.hysteresis")
-        return None if below is None else Level(name, hysteresis, place, below)
+        found = {
+            key: read_key(level, key, kind, scope, self._findings, path)
+            for key in ("below", "above", "hysteresis")
+        }
+        written = [key for key in ("below", "above") if getattr(level, key) is not None]
+        if len(written) == 1:
+            begins = found[written[0]] is not None
+            return Level(name, found["hysteresis"], place, found["below"], found["above"]) if begins else None
+        if not written:
+            problem, hint = "it is not said where the level begins", "write 'below: ...' or 'above: ...'"
+            self._findings.add(place, "missing-key", path, problem, hint)
+        else:
+            problem, hint = "a level has either 'below' or 'above'", "make two levels of it"
+            self._findings.add(level.key_at("above"), "wrong-shape", path, problem, hint)
+        return None
 
     def _context(self, file: FileNode) -> None:
         scope = self.base_scope(file)
         for name, node in file.context.items():
             place, path = file.key_at("context", name), f"context.{name}"
-            if not self._name("variable", name, place, path):
+            if not self.good_name("variable", name, place, path):
                 continue
             kind = self._type(node.type, node.at("type"), path)
             if kind is None:
@@ -298,7 +338,7 @@ class Declarer:
         """Make the names of the holds known, so that expressions can ask for them."""
         for name, node in file.holds.items():
             place = file.key_at("holds", name)
-            if self._name("hold", name, place, f"holds.{name}"):
+            if self.good_name("hold", name, place, f"holds.{name}"):
                 self.declared.holds[name] = Hold(name, node.engage, tuple(node.release), node.code, place)
 
     def holds(self, file: LifecycleNode, scope: Scope, codes: Iterable[str]) -> dict[str, Hold]:
@@ -348,7 +388,7 @@ class Declarer:
     ) -> Field | None:
         """Read one field of a mission's request."""
         path, findings = f"request.{name}", self._findings
-        if not self._name("field", name, place, path):
+        if not self.good_name("field", name, place, path):
             return None
         kind = self._type(node.type, node.at("type"), path)
         if kind is None:
@@ -398,7 +438,10 @@ def _same_parameter(first: Parameter, second: Parameter) -> bool:
 
 def _same_input(first: Input, second: Input) -> bool:
     plain = [
-        (i.value, i.freshness, i.initial, [(v.name, _text(v.below)) for v in i.levels])
+        (
+            *(i.value, i.freshness, i.initial, i.minimum, i.maximum, i.of_mission),
+            [(level.name, _text(level.below), _text(level.above)) for level in i.levels],
+        )
         for i in (first, second)
     ]
     return plain[0] == plain[1]

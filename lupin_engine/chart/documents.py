@@ -12,7 +12,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping
-from typing import Annotated, Any, Literal, TypeVar
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, TypeVar
 
 from pydantic import (
     BaseModel,
@@ -21,7 +22,6 @@ from pydantic import (
     Discriminator,
     Field,
     ModelWrapValidatorHandler,
-    PrivateAttr,
     Tag,
     ValidationError,
     WithJsonSchema,
@@ -38,16 +38,21 @@ _M = TypeVar("_M", bound="Node")
 #: How often a file is read again without the unknown keys that were found.
 MAX_PRUNINGS = 3
 
-#: Words that are settled for the language but that this engine does not carry out yet.
-FUTURE = frozenset({"budget", "for_each", "invariants", "order", "sweeps", "on_abort"})
-
 
 class Node(BaseModel):
-    """A mapping of the language that remembers where it was read."""
+    """A mapping of the language that remembers where it was read.
+
+    `ELSEWHERE` holds keys that authors look for here and that stand somewhere else, with what to tell them.
+    """
 
     model_config = ConfigDict(extra="forbid", strict=True)
 
-    _raw: Any = PrivateAttr(None)
+    ELSEWHERE: ClassVar[Mapping[str, tuple[str, str]]] = MappingProxyType({})
+
+    # A slot and no private attribute of pydantic's, which would take as long to set as all the rest to read.
+    __slots__ = ("_raw",)
+    if TYPE_CHECKING:
+        _raw: Any
 
     @model_validator(mode="wrap")
     @classmethod
@@ -55,7 +60,7 @@ class Node(BaseModel):
         if isinstance(data, Map):
             data.model = cls
         node = handler(cls._long_form(data))
-        node._raw = data
+        object.__setattr__(node, "_raw", data)
         return node
 
     @classmethod
@@ -80,21 +85,22 @@ class Node(BaseModel):
             return self.place
         value = self._raw[key]
         if index is not None and isinstance(value, Seq):
-            return value.places[index]
-        return self._raw.places[key]
+            return value.place_of(index)
+        return self._raw.value_place(key)
 
     def key_at(self, key: str, *inner: str) -> Place:
         """Return where the key itself stands, or a key in its mapping, as deep as there is one."""
-        raw, found = self._raw, self.place
-        for name in (key, *inner):
+        raw, words = self._raw, (key, *inner)
+        holder, last = None, key
+        for name in words:
             if not isinstance(raw, Map) or name not in raw:
-                return found
-            found, raw = raw.key_place(name), raw[name]
-        return found
+                break
+            holder, last, raw = raw, name, raw[name]
+        return self.place if holder is None else holder.key_place(last)
 
     def text_of_key(self, key: str, inner: str) -> Text:
         """Return a key of the mapping under `key` as it was written."""
-        text: Text = self._raw[key].keys_as_text[inner]
+        text: Text = self._raw[key].key_text(inner)
         return text
 
     def mapping(self, key: str) -> Map | None:
@@ -104,12 +110,13 @@ class Node(BaseModel):
 
     def value_at(self, key: str, *inner: str) -> Place:
         """Return where a value in nested mappings stands, as deep as there is one."""
-        raw, found = self._raw, self.place
-        for name in (key, *inner):
+        raw, words = self._raw, (key, *inner)
+        holder, last = None, key
+        for name in words:
             if not isinstance(raw, Map) or name not in raw:
-                return found
-            found, raw = raw.places[name], raw[name]
-        return found
+                break
+            holder, last, raw = raw, name, raw[name]
+        return self.place if holder is None else holder.value_place(last)
 
 
 def _wrong_shape(text: str) -> PydanticCustomError:
@@ -118,6 +125,10 @@ def _wrong_shape(text: str) -> PydanticCustomError:
 
 def _to_list(value: Any) -> Any:
     return value if isinstance(value, list) else [value]
+
+
+def _as_it_is(value: Any) -> Any:
+    return value
 
 
 #: What may be an expression: text, number, yes or no, list or record; typed where it is used.
@@ -156,6 +167,10 @@ Actions = Annotated[
 
 class TransitionNode(Node):
     """What an event does: go to a target, run actions, or refuse a request with a reason."""
+
+    ELSEWHERE = MappingProxyType(
+        {"after": ("a transition has no delay", "go to a state that waits: 'after: {1 s: STATE}'")}
+    )
 
     target: str | None = Field(None, description="state to go to, found in the nearest enclosing scope")
     guard: Condition = Field(None, description="condition; the transition is taken only when it is true")
@@ -211,6 +226,8 @@ class RetryNode(Node):
     attempts: Written = Field(description="attempts in all")
     backoff: Written = Field(None, description="pause between attempts")
     unless: Names = Field([], description="codes that are not tried again")
+    factor: Written = Field(None, description="how much longer every further pause is, 1 or more")
+    jitter: Written = Field(None, description="share of each pause that is left to chance, 0 to 1")
 
 
 class InvokeNode(Node):
@@ -228,10 +245,70 @@ class InvokeNode(Node):
     retry: RetryNode | None = Field(None, description="further attempts after an error")
 
 
+_ENDS_HERE = "an element's end leads nowhere: the state goes on with the others"
+
+
+class ElementEndNode(Node):
+    """What is done when the operation for one element has ended."""
+
+    ELSEWHERE = MappingProxyType(
+        {
+            "target": (
+                _ENDS_HERE,
+                "let the actions set a variable, and leave by 'always' with a guard on it",
+            ),
+            "guard": (_ENDS_HERE, "write '${ x if CONDITION else y }' in an argument of the action"),
+            "code": (_ENDS_HERE, "hand the code to an action"),
+        }
+    )
+
+    do: Actions = Field(description="actions, in order")
+
+    @classmethod
+    def _long_form(cls, data: Any) -> Any:
+        if not isinstance(data, Map):
+            raise _wrong_shape(f"expected {{do: [ACTION, ...]}}, got {show(data)}; {_ENDS_HERE}")
+        return data
+
+
+class ForEachNode(Node):
+    """One operation for every new element of a list, while the state is active."""
+
+    item: str = Field(description="name of the element in the expressions below")
+    in_: Written = Field(alias="in", description="list of elements, looked at again after every step")
+    key: Written = Field(description="what tells elements apart; each is dealt with once in a mission")
+    limit: Written = Field(None, description="largest number of operations at a time")
+    when: Condition = Field(None, description="condition on the element; looked at until it holds")
+    invoke: InvokeNode = Field(description="operation that is begun for the element")
+    on_done: ElementEndNode | None = Field(None, description="when the operation has succeeded")
+    on_error: ElementEndNode | None = Field(None, description="when the operation has failed for good")
+
+
+class BudgetNode(Node):
+    """The time that a state has over all visits in one mission."""
+
+    after: Written = Field(description="duration")
+    code: str = Field(description="code that is published as last_error when the time is used up")
+    target: str = Field(description="state to go to then, found in the nearest enclosing scope")
+    do: Actions = Field([], description="actions, in order")
+
+    @classmethod
+    def _long_form(cls, data: Any) -> Any:
+        if not isinstance(data, Map):
+            wanted = "{after: DURATION, code: CODE, target: STATE}"
+            raise _wrong_shape(f"expected {wanted}, got {show(data)}")
+        return data
+
+
 class ItineraryNode(Node):
     """The list that a state walks."""
 
     items: Written = Field(description="list of targets")
+    order: Written = Field(None, description="number for each `target`; the smallest is next")
+    sweeps: Written = Field(None, description="how often the list is walked; 0: until something else ends it")
+    on_abort: Literal["skip", "leave_open"] = Field(
+        "skip", description="what itinerary.close_rest does to the targets that are still open"
+    )
 
 
 class StateNode(Node):
@@ -254,6 +331,8 @@ class StateNode(Node):
     on: dict[str, Transitions] = Field({}, description="what events do")
     always: Transitions = Field([], description="taken as soon as the guard holds")
     after: dict[str, Transitions] = Field({}, description="what happens a duration after entering")
+    budget: BudgetNode | None = Field(None, description="time that this state has in one mission")
+    for_each: ForEachNode | None = Field(None, description="one operation for every element of a list")
     itinerary: ItineraryNode | None = Field(None, description="the list that this state walks")
     use: str | None = Field(None, description="part whose states stand here")
     with_: dict[str, Written] = Field({}, alias="with", description="values for parameters of the part")
@@ -293,8 +372,9 @@ class VariableNode(Node):
 class LevelNode(Node):
     """A yes or no drawn from a number."""
 
-    below: Written = Field(description="true below this")
-    hysteresis: Written = Field(None, description="how far above it the value must rise to be false again")
+    below: Written = Field(None, description="true below this")
+    above: Written = Field(None, description="true above this; either this or `below` is written")
+    hysteresis: Written = Field(None, description="how far the value must come back to be false again")
 
 
 class InputNode(Node):
@@ -303,6 +383,12 @@ class InputNode(Node):
     value: str = Field(description="live value of a plugin")
     freshness: Written = Field(None, description="how long a report stays known")
     initial: Written = Field(None, description="value before the first report; unknown when not given")
+    unit: str | None = Field(None, description="unit of the value, for the reader")
+    min: Bound = Field(None, description="smallest value that is believed")
+    max: Bound = Field(None, description="largest value that is believed")
+    since: Literal["mission"] | None = Field(
+        None, description="only what was reported since the mission began counts"
+    )
     levels: dict[str, LevelNode] = Field({}, description="yes or no drawn from the number")
     summary: str = Field("", description="one sentence for people")
 
@@ -329,6 +415,19 @@ class RequestFieldNode(Node):
     summary: str = Field("", description="one sentence for people")
 
 
+class InvariantNode(Node):
+    """A condition that holds at every moment."""
+
+    that: Condition = Field(description="condition")
+    summary: str = Field("", description="one sentence for people")
+
+    @classmethod
+    def _long_form(cls, data: Any) -> Any:
+        if data is None or isinstance(data, list):
+            raise _wrong_shape(f"expected a condition, got {show(data)}; write 'NAME: CONDITION'")
+        return data if isinstance(data, Map) else {"that": data}
+
+
 class FileNode(Node):
     """What every kind of file may declare."""
 
@@ -337,6 +436,12 @@ class FileNode(Node):
     inputs: dict[str, InputNode] = Field({}, description="live values that are read")
     codes: dict[str, CodeNode] = Field({}, description="reasons that can reach last_error")
     context: dict[str, VariableNode] = Field({}, description="variables")
+    invariants: dict[
+        str,
+        Annotated[
+            InvariantNode, BeforeValidator(_as_it_is, json_schema_input_type=str | bool | InvariantNode)
+        ],
+    ] = Field({}, description="conditions that hold at every moment; broken, they lead to FAULT")
     initial: str | None = Field(None, description="state that is entered first")
     states: dict[str, StateNode | None] = Field(description="states")
 
@@ -445,11 +550,11 @@ def _report(raw: Map, details: ErrorDetails, findings: Findings) -> None:
     for step in details["loc"]:
         name = str(step)
         if isinstance(found, Map) and name in found:
-            place, missing = found.places[name], ""
+            place, missing = found.value_place(name), ""
             found, last = found[name], found.key_place(name)
             trail.append(name)
         elif isinstance(found, Seq) and isinstance(step, int) and step < len(found):
-            place, missing = found.places[step], ""
+            place, missing = found.place_of(step), ""
             found, last = found[step], place
             trail.append(name)
         else:
@@ -470,12 +575,12 @@ def _report(raw: Map, details: ErrorDetails, findings: Findings) -> None:
 
 def _unknown_key(raw: Map, trail: list[str], place: Place, findings: Findings) -> None:
     key, path = trail[-1], ".".join(trail[:-1])
-    if key in FUTURE:
-        findings.add(place, "not-supported", path, f"{key!r} is not supported yet", "leave it out")
-        return
     holder: Any = raw
     for name in trail[:-1]:
         holder = holder[int(name)] if isinstance(holder, Seq) else holder[name]
+    if holder.model and key in holder.model.ELSEWHERE:
+        findings.add(place, "wrong-shape", path, *holder.model.ELSEWHERE[key])
+        return
     known = keys_of(holder.model) if holder.model else ()
     if holder[key] is None and " " in key:
         hint = "if it belongs to the text before it, quote that text: an unquoted comma begins a new key"
@@ -530,13 +635,16 @@ def _some(names: Iterable[str]) -> str:
 
 
 __all__ = [
-    "FUTURE",
     "KINDS",
     "ActionNode",
+    "BudgetNode",
     "CodeNode",
+    "ElementEndNode",
     "FileNode",
+    "ForEachNode",
     "HoldNode",
     "InputNode",
+    "InvariantNode",
     "InvokeNode",
     "ItineraryNode",
     "LevelNode",

@@ -10,23 +10,26 @@ computed. There is thus no way to reach an object's attributes, to loop, or to u
 Units are part of a number's type. A text that is a quantity ('5 s') counts as a number where it meets one
 with a unit, and a written 0 has any unit. Every mistake is told at its column in the file.
 
-Compilation rewrites the checked tree (`a.b` becomes `a["b"]`, names become look-ups in the environment) and
-hands it to Python's own compiler with no builtins, so an expression costs what the same Python would.
+Checking writes the same expression anew (`a.b` becomes `a["b"]`, names become look-ups in the environment).
+Python's own compiler gets that, with no builtins, when the expression is evaluated for the first time, so an
+expression costs what the same Python would and a chart of a thousand states need not compile what it never
+evaluates.
 """
 
 from __future__ import annotations
 
 import ast
+import keyword
 import math
 import re
+import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from types import MappingProxyType
-from typing import Any
+from typing import Any, NamedTuple
 
 from lupin_engine.chart import quantities as q
 from lupin_engine.chart.findings import Findings
-from lupin_engine.chart.model import Expression
+from lupin_engine.chart.model import Compiled, Environment, Expression
 from lupin_engine.chart.source import Text
 from lupin_engine.errors import nearest
 from lupin_engine.plugin.contract import Function
@@ -35,14 +38,21 @@ from lupin_engine.plugin.types import ANY, BOOL, COUNT, INTEGER, NUMBER, TEXT, T
 MAX_CHARACTERS = 2000
 MAX_NODES = 200
 MAX_INTEGER = 2**53
+#: How long the code of an expression may be in which values stand that a part was given.
+MAX_CODE = 100_000
 
 #: Roots of the environment that are records of their own; every other name is a context variable.
 ROOTS = frozenset({"param", "request", "input", "event", "error", "target", "itinerary"})
 #: Names that an expression may call besides the catalog's functions.
 BUILTIN_CALLS = ("len", "min", "max", "abs", "round", "any", "all", "known", "held", "in_state")
 
+_BLANK = re.compile(r"\s")
+#: Python warns of a number that runs into a word (`1if`), which is no diagnostic of ours.
+_RUN_TOGETHER = re.compile(r"[0-9][A-Za-z_]")
 _WHOLE = re.compile(r"\s*\$\{(.*)\}\s*", re.DOTALL)
-_WORDS: Mapping[str, bool] = {"true": True, "false": False}
+_TRUTHS: Mapping[str, bool] = {"true": True, "false": False}
+#: Words that no expression could read as a name.
+WORDS = frozenset({*keyword.kwlist, *_TRUTHS})
 
 
 @dataclass
@@ -59,9 +69,10 @@ class Scope:
     """What an expression may see where it stands.
 
     `names` are the roots and the context variables with their types. `absent` says, for a root that is not
-    there, the rule and the reason. `bound` are parameters of a part that its user has given a value: type and
-    compiled tree. `states` are full names, for in_state; `holds` are names, for held. With `open_states` more
-    states may exist than are loaded: the lifecycle also speaks of missions that stand in other files.
+    there, the rule and the reason. `bound` are parameters of a part that its user has given a value. `states`
+    are full names, for in_state; `holds` are names, for held. With `open_states` more states may exist than
+    are loaded: the lifecycle also speaks of missions that stand in other files. `item` is what the element of
+    a `for_each` is called.
     """
 
     names: Mapping[str, Type]
@@ -69,18 +80,34 @@ class Scope:
     states: Sequence[str] = ()
     holds: Iterable[str] = ()
     absent: Mapping[str, tuple[str, str]] = field(default_factory=dict)
-    bound: Mapping[str, tuple[Type, ast.expr]] = field(default_factory=dict)
+    bound: Mapping[str, Typed] = field(default_factory=dict)
     usage: Usage = field(default_factory=Usage)
     open_states: bool = False
+    item: str = ""
+
+    # The states of one family have one scope, and say the same in it again and again.
+    _derived: dict[Any, Scope] = field(init=False, repr=False, compare=False, default_factory=dict)
+    _compiled: dict[Any, _Checked] = field(init=False, repr=False, compare=False, default_factory=dict)
 
     def with_names(self, names: Mapping[str, Type]) -> Scope:
         """Return this scope with further names, or other types for the same ones."""
-        absent = {name: reason for name, reason in self.absent.items() if name not in names}
-        return replace(self, names={**self.names, **names}, absent=absent)
+        key = tuple(names.items())
+        if key not in self._derived:
+            absent = {name: reason for name, reason in self.absent.items() if name not in names}
+            self._derived[key] = replace(self, names={**self.names, **names}, absent=absent)
+        return self._derived[key]
+
+    def with_item(self, name: str, kind: Type) -> Scope:
+        """Return this scope with the element of a `for_each`, which the author calls `name`."""
+        return replace(self.with_names({name: kind}), item=name)
+
+    def without(self, name: str, reason: str) -> Scope:
+        """Return this scope without one of the roots, and why it is not there."""
+        names = {known: kind for known, kind in self.names.items() if known != name}
+        return replace(self, names=names, absent={**self.absent, name: ("unknown-name", reason)})
 
 
-@dataclass(frozen=True)
-class Fragment:
+class Fragment(NamedTuple):
     """The source of an expression: a piece of a text in a file, beginning at character `offset` of it."""
 
     source: str
@@ -88,12 +115,39 @@ class Fragment:
     offset: int = 0
 
 
-@dataclass(frozen=True)
-class Typed:
-    """A checked expression before compilation: type and rewritten tree."""
+class Choice(NamedTuple):
+    """A text that a condition, given as code, chooses from two."""
+
+    test: str
+    body: Typed
+    other: Typed
+
+
+class Typed(NamedTuple):
+    """A checked expression: its type, and its code over an environment `env`.
+
+    `written` is a text that is written out, or the choice between two: it may turn out to be a quantity.
+    """
 
     type: Type
-    tree: ast.expr
+    code: str
+    written: str | Choice | None = None
+
+
+class _Checked(NamedTuple):
+    """What is the same wherever an expression stands in a scope."""
+
+    type: Type
+    evaluate: Compiled
+    parts: tuple[tuple[str, Compiled], ...]
+
+
+def literal(value: Any, kind: Type) -> Typed:
+    """Return plain data of a type as an expression."""
+    if isinstance(value, str):
+        return Typed(kind, repr(value), value)
+    # Python warns of a written number or list that is read like a record; only of `any` can that be tried.
+    return Typed(kind, f"_same({value!r})" if kind.kind == "any" else f"({value!r})")
 
 
 def fragment_of(text: Text) -> Fragment | None:
@@ -105,19 +159,25 @@ def fragment_of(text: Text) -> Fragment | None:
 def compile_expression(
     fragment: Fragment, scope: Scope, wanted: Type, findings: Findings, path: str
 ) -> Expression | None:
-    """Check and compile an expression that must be of type `wanted`; None after findings.
+    """Check an expression that must be of type `wanted`; None after findings.
 
-    The result reads an environment as `chart.model` describes and raises `UnknownInput`, ZeroDivisionError,
-    IndexError, OverflowError or what a plugin's function raises; nothing else.
+    The result reads an environment as `chart.model` describes. It raises `UnknownInput`, ZeroDivisionError,
+    IndexError (also of an empty list's smallest element), OverflowError or what a plugin's function raises;
+    after reading something of type `any` also KeyError and TypeError, where that was not as expected.
     """
-    checker = _Checker(fragment, scope, findings, path)
-    typed = checker.check(wanted)
-    if typed is None:
-        return None
-    functions = _to_functions([typed.tree, *(tree for _, tree in checker.parts)])
-    parts = tuple((text, function) for (text, _), function in zip(checker.parts, functions[1:], strict=True))
+    source = fragment.source.strip()
+    checked = scope._compiled.get((source, wanted))
+    if checked is None:
+        checker = _Checker(fragment, scope, findings, path)
+        typed = checker.check(wanted)
+        if typed is None:
+            return None
+        parts = tuple((text, _later(part)) for text, part in checker.parts)
+        checked = _Checked(typed.type, _later(typed), parts)
+        if not checker.warned:
+            scope._compiled[source, wanted] = checked
     place = fragment.text.at(fragment.offset + _indent(fragment.source))
-    return Expression(fragment.source.strip(), place, typed.type, functions[0], parts)
+    return Expression(source, place, checked.type, checked.evaluate, checked.parts)
 
 
 def check_expression(
@@ -139,35 +199,42 @@ def _times(left: Any, right: Any) -> Any:
     return product
 
 
-_GLOBALS: Mapping[str, Any] = MappingProxyType(
-    {"len": len, "min": min, "max": max, "abs": abs, "round": round, "any": any, "all": all, "_times": _times}
-)
+def _same(value: Any) -> Any:
+    return value
 
 
-def _to_functions(trees: list[ast.expr]) -> tuple[Callable[[Mapping[str, Any]], Any], ...]:
-    """Compile checked trees to functions of the environment, all in one go."""
-    lambdas: list[ast.expr] = [ast.Lambda(args=_parameters(), body=tree) for tree in trees]
-    whole = ast.fix_missing_locations(ast.Expression(ast.Tuple(lambdas, ast.Load())))
-    code = compile(whole, "<expression>", "eval")
-    functions: tuple[Callable[[Mapping[str, Any]], Any], ...] = eval(code, {"__builtins__": {}, **_GLOBALS})
-    return functions
+#: All that compiled code can name besides its environment.
+_GLOBALS: dict[str, Any] = {
+    "__builtins__": {},
+    "len": len,
+    "min": min,
+    "max": max,
+    "abs": abs,
+    "round": round,
+    "any": any,
+    "all": all,
+    "_times": _times,
+    "_same": _same,
+    "inf": math.inf,
+}
 
 
-def _parameters() -> ast.arguments:
-    return ast.arguments(posonlyargs=[], args=[ast.arg("env")], kwonlyargs=[], kw_defaults=[], defaults=[])
+def _later(typed: Typed) -> Compiled:
+    return Compiled(typed.code, _to_function)
 
 
-def _environment(*keys: str) -> ast.expr:
-    tree: ast.expr = ast.Name("env", ast.Load())
-    for key in keys:
-        tree = ast.Subscript(tree, ast.Constant(key), ast.Load())
-    return tree
+def _to_function(code: str) -> Callable[[Environment], Any]:
+    """Compile checked code to a function of the environment."""
+    function: Callable[[Environment], Any] = eval(f"lambda env: {code}", _GLOBALS)
+    return function
 
 
-def _call(name: ast.expr, arguments: list[ast.expr]) -> ast.expr:
-    return ast.Call(name, arguments, [])
+def _environment(*keys: str) -> str:
+    return "env" + "".join(f"[{key!r}]" for key in keys)
 
 
+#: What is gone on with after a mistake.
+_NOTHING = Typed(ANY, "None")
 _OPERATORS: Mapping[type[ast.operator], str] = {
     ast.Add: "+",
     ast.Sub: "-",
@@ -175,6 +242,16 @@ _OPERATORS: Mapping[type[ast.operator], str] = {
     ast.Div: "/",
     ast.FloorDiv: "//",
     ast.Mod: "%",
+}
+_COMPARISONS: Mapping[type[ast.cmpop], str] = {
+    ast.Eq: "==",
+    ast.NotEq: "!=",
+    ast.Lt: "<",
+    ast.LtE: "<=",
+    ast.Gt: ">",
+    ast.GtE: ">=",
+    ast.In: "in",
+    ast.NotIn: "not in",
 }
 _ORDERINGS = (ast.Lt, ast.LtE, ast.Gt, ast.GtE)
 _REFUSED: Mapping[str, str] = {
@@ -222,21 +299,26 @@ class _Checker:
         self._findings = findings
         self._path = path
         self._failed = False
+        self._grown = False
         self._start = fragment.offset + _indent(fragment.source)
-        self._source = re.sub(r"\s", " ", fragment.source.strip())
-        self.parts: list[tuple[str, ast.expr]] = []
+        self._source = _BLANK.sub(" ", fragment.source.strip())
+        self._operands: list[tuple[ast.expr, Typed]] = []
+        self.warned = False
+        self.parts: list[tuple[str, Typed]] = []
 
     def check(self, wanted: Type) -> Typed | None:
-        """Return type and rewritten tree, or None after findings."""
+        """Return type and code, or None after findings."""
         root = self._parse()
         if root is None:
             return None
         found = _as_quantity(self._visit(root), wanted)
         if not self._failed and not q.accepts(wanted, found.type):
             self._mismatch(root, wanted, found.type)
+        if self._grown and not self._failed and not _can_be_compiled(found.code):
+            self._stop(0, "the expression is too large with the values that stand for its parameters")
         if self._failed:
             return None
-        self._collect_parts(root)
+        self._note_parts(root)
         return found
 
     # -- reading -------------------------------------------------------------------------------------------
@@ -255,14 +337,15 @@ class _Checker:
 
     def _parse_python(self, source: str) -> ast.expr | None:
         try:
-            root = ast.parse(source, mode="eval").body
+            root = _tree(source)
         except SyntaxError as error:
             self._stop(*_syntax(error, len(source)))
             return None
         except (ValueError, MemoryError, RecursionError):
             self._stop(0, "not an expression: too deeply nested, or not a text")
             return None
-        if sum(1 for _ in ast.walk(root)) > MAX_NODES:
+        # No character makes more than two nodes, so that most expressions need not be counted.
+        if 2 * len(source) > MAX_NODES and sum(1 for _ in ast.walk(root)) > MAX_NODES:
             self._stop(0, "the expression is too large", f"at most {MAX_NODES} operators and operands")
             return None
         return root
@@ -274,7 +357,7 @@ class _Checker:
 
     def _wrong(self, node: ast.expr, rule: str, problem: str, hint: str = "") -> Typed:
         self._wrong_at(self._offset(node), rule, problem, hint)
-        return Typed(ANY, node)
+        return _NOTHING
 
     def _wrong_at(self, offset: int, rule: str, problem: str, hint: str = "") -> None:
         place = self._fragment.text.at(self._start + offset)
@@ -285,6 +368,8 @@ class _Checker:
         return self._characters(node.col_offset)
 
     def _characters(self, octets: int) -> int:
+        if self._source.isascii():
+            return octets
         return len(self._source.encode()[:octets].decode(errors="ignore"))
 
     def _text_of(self, node: ast.expr) -> str:
@@ -305,15 +390,10 @@ class _Checker:
             node, "wrong-type", f"expected {q.describe(wanted)}, but {shown!r} is {q.describe(got)}", hint
         )
 
-    def _collect_parts(self, root: ast.expr) -> None:
+    def _note_parts(self, root: ast.expr) -> None:
         """Note the operands of the outermost and/or/not, which tell why a guard was false."""
-        if isinstance(root, ast.BoolOp):
-            operands = root.values
-        elif isinstance(root, ast.UnaryOp) and isinstance(root.op, ast.Not):
-            operands = [root.operand]
-        else:
-            return
-        self.parts = [(self._text_of(operand), self._visit(operand).tree) for operand in operands]
+        if isinstance(root, ast.BoolOp) or (isinstance(root, ast.UnaryOp) and isinstance(root.op, ast.Not)):
+            self.parts = [(self._text_of(node), typed) for node, typed in self._operands]
 
     # -- nodes ---------------------------------------------------------------------------------------------
 
@@ -332,13 +412,13 @@ class _Checker:
     def _constant(self, node: ast.Constant) -> Typed:
         value = node.value
         if isinstance(value, bool):
-            return Typed(BOOL, node)
+            return Typed(BOOL, repr(value))
         if isinstance(value, str):
-            return Typed(TEXT, node)
+            return Typed(TEXT, repr(value), value)
         if isinstance(value, int) and abs(value) <= MAX_INTEGER:
-            return Typed(q.ZERO if value == 0 else COUNT, node)
+            return Typed(q.ZERO if value == 0 else COUNT, repr(value))
         if isinstance(value, float) and math.isfinite(value):
-            return Typed(q.ZERO_NUMBER if value == 0 else NUMBER, node)
+            return Typed(q.ZERO_NUMBER if value == 0 else NUMBER, repr(value))
         hint = "use known(input.NAME) to ask for what may be missing" if value is None else ""
         return self._wrong(
             node, "bad-expression", f"{self._text_of(node)} is not allowed in an expression", hint
@@ -346,16 +426,15 @@ class _Checker:
 
     def _name(self, node: ast.Name) -> Typed:
         name, scope = node.id, self._scope
-        if name in _WORDS:
-            return Typed(BOOL, ast.Constant(_WORDS[name]))
+        if name in _TRUTHS:
+            return Typed(BOOL, repr(_TRUTHS[name]))
         if name.startswith("_"):
             return self._wrong(
                 node, "unknown-name", f"unknown name {name!r}: no name begins with an underscore"
             )
         if name in scope.names:
-            return Typed(
-                scope.names[name], _environment(name) if name in ROOTS else _environment("context", name)
-            )
+            keys = (name,) if name in ROOTS else ("item",) if name == scope.item else ("context", name)
+            return Typed(scope.names[name], _environment(*keys))
         if name in scope.absent:
             rule, reason = scope.absent[name]
             return self._wrong(node, rule, f"there is no {name!r} here: {reason}")
@@ -367,15 +446,16 @@ class _Checker:
         if node.attr.startswith("_"):
             problem = f"unknown name {node.attr!r}: no name begins with an underscore"
             self._wrong_at(self._attribute_offset(node), "unknown-name", problem)
-            return Typed(ANY, node)
+            return _NOTHING
         root = node.value.id if isinstance(node.value, ast.Name) else ""
         if root == "param" and node.attr in self._scope.bound:
             self._scope.usage.parameters.add(node.attr)
-            kind, tree = self._scope.bound[node.attr]
-            return Typed(kind, tree)
+            self._grown = True
+            return self._scope.bound[node.attr]
         record = self._visit(node.value)
+        code = f"{record.code}[{node.attr!r}]"
         if record.type.kind == "any":
-            return Typed(ANY, ast.Subscript(record.tree, ast.Constant(node.attr), ast.Load()))
+            return Typed(ANY, code)
         if record.type.kind != "record":
             return self._wrong_field(
                 node, f"{self._text_of(node.value)!r} is {q.describe(record.type)}, no record"
@@ -383,8 +463,7 @@ class _Checker:
         if node.attr not in record.type.fields:
             return self._unknown_field(node, record.type, root)
         self._note(root, node.attr)
-        tree = ast.Subscript(record.tree, ast.Constant(node.attr), ast.Load())
-        return Typed(record.type.fields[node.attr], tree)
+        return Typed(record.type.fields[node.attr], code)
 
     def _note(self, root: str, name: str) -> None:
         if root == "param":
@@ -398,7 +477,7 @@ class _Checker:
             self._wrong_at(
                 self._attribute_offset(node), "unknown-parameter", problem, nearest(node.attr, record.fields)
             )
-            return Typed(ANY, node)
+            return _NOTHING
         where = self._text_of(node.value)
         if not record.fields:
             return self._wrong_field(node, f"{where!r} has no fields to read")
@@ -406,7 +485,7 @@ class _Checker:
 
     def _wrong_field(self, node: ast.Attribute, problem: str, hint: str = "") -> Typed:
         self._wrong_at(self._attribute_offset(node), "unknown-name", problem, hint)
-        return Typed(ANY, node)
+        return _NOTHING
 
     def _attribute_offset(self, node: ast.Attribute) -> int:
         return self._characters(node.end_col_offset or 0) - len(node.attr)
@@ -420,7 +499,7 @@ class _Checker:
             return self._wrong(node.value, "wrong-type", problem)
         if not q.accepts(INTEGER, index.type):
             self._mismatch(node.slice, INTEGER, index.type)
-        return Typed(value.type.item or ANY, ast.Subscript(value.tree, index.tree, ast.Load()))
+        return Typed(value.type.item or ANY, f"{value.code}[{index.code}]")
 
     def _sequence(self, node: ast.List | ast.Tuple) -> Typed:
         found = [self._visit(element) for element in node.elts]
@@ -432,28 +511,32 @@ class _Checker:
                 problem = f"a list holds one type: {kinds}"
                 return self._wrong(element, "wrong-type", problem)
             item = joined
-        return Typed(list_of(item), ast.List([typed.tree for typed in found], ast.Load()))
+        return Typed(list_of(item), f"[{_listed(found)}]")
 
     def _bool_operation(self, node: ast.BoolOp) -> Typed:
-        trees = [self._wanted(operand, BOOL) for operand in node.values]
-        return Typed(BOOL, ast.BoolOp(node.op, trees))
+        operands = [(operand, self._wanted(operand, BOOL)) for operand in node.values]
+        self._operands = operands  # those of the outermost come last
+        sign = " and " if isinstance(node.op, ast.And) else " or "
+        return Typed(BOOL, f"({sign.join(typed.code for _, typed in operands)})")
 
-    def _wanted(self, node: ast.expr, wanted: Type) -> ast.expr:
+    def _wanted(self, node: ast.expr, wanted: Type) -> Typed:
         typed = self._visit(node)
         if not q.accepts(wanted, typed.type):
             self._mismatch(node, wanted, typed.type)
-        return typed.tree
+        return typed
 
     def _unary(self, node: ast.UnaryOp) -> Typed:
         if isinstance(node.op, ast.Not):
-            return Typed(BOOL, ast.UnaryOp(node.op, self._wanted(node.operand, BOOL)))
+            operand = self._wanted(node.operand, BOOL)
+            self._operands = [(node.operand, operand)]
+            return Typed(BOOL, f"(not {operand.code})")
         if not isinstance(node.op, ast.USub):
             return self._refuse(node, type(node.op).__name__)
         operand = self._visit(node.operand)
         if not q.is_number(operand.type):
             return self._no_number(node.operand, operand.type)
         kind = INTEGER if operand.type.kind == "integer" and not operand.type.unit else q.plain(operand.type)
-        return Typed(kind, ast.UnaryOp(node.op, operand.tree))
+        return Typed(kind, f"(-{operand.code})")
 
     def _no_number(self, node: ast.expr, got: Type) -> Typed:
         shown = self._text_of(node)
@@ -474,8 +557,8 @@ class _Checker:
             problem = f"cannot compute {q.describe(left.type)} {sign} {q.describe(right.type)}"
             return self._wrong(node, "wrong-unit", problem, q.unit_hint(left.type, right.type))
         if sign == "*" and kind.kind == "integer":
-            return Typed(kind, _call(ast.Name("_times", ast.Load()), [left.tree, right.tree]))
-        return Typed(kind, ast.BinOp(left.tree, node.op, right.tree))
+            return Typed(kind, f"_times({left.code}, {right.code})")
+        return Typed(kind, f"({left.code} {sign} {right.code})")
 
     def _pair(self, left: ast.expr, right: ast.expr) -> tuple[Typed, Typed]:
         """Check two operands that meet; a text that is a quantity becomes a number beside one with a unit."""
@@ -484,16 +567,16 @@ class _Checker:
 
     def _compare(self, node: ast.Compare) -> Typed:
         left = node.left
-        trees: list[ast.expr] = []
+        code = ""
         for operator, right in zip(node.ops, node.comparators, strict=True):
             if isinstance(operator, (ast.Is, ast.IsNot)):
                 return self._refuse(left, type(operator).__name__)
             first, second = self._pair(left, right)
             self._check_comparison(operator, left, right, first.type, second.type)
-            trees = trees or [first.tree]
-            trees.append(second.tree)
+            self._check_values(operator, left, right, first.type, second.type)
+            code = f"{code or first.code} {_COMPARISONS[type(operator)]} {second.code}"
             left = right
-        return Typed(BOOL, ast.Compare(trees[0], node.ops, trees[1:]))
+        return Typed(BOOL, f"({code})")
 
     def _check_comparison(
         self, operator: ast.cmpop, left: ast.expr, right: ast.expr, first: Type, second: Type
@@ -509,6 +592,21 @@ class _Checker:
             rule = "wrong-unit" if q.is_number(first) and q.is_number(second) else "wrong-type"
             problem = f"cannot compare {q.describe(first)} with {q.describe(second)}"
             self._wrong(right, rule, problem, q.unit_hint(first, second))
+
+    def _check_values(
+        self, operator: ast.cmpop, left: ast.expr, right: ast.expr, first: Type, second: Type
+    ) -> None:
+        """Refuse to compare a text of which all possible values are known with one that it can never be."""
+        if isinstance(operator, (ast.In, ast.NotIn)):
+            elements = right.elts if isinstance(right, (ast.List, ast.Tuple)) else ()
+            pairs = [(left, first, element) for element in elements]
+        else:
+            pairs = [(left, first, right), (right, second, left)]
+        for asked, kind, other in pairs:
+            value = other.value if isinstance(other, ast.Constant) else None
+            if kind.values and isinstance(value, str) and value not in kind.values:
+                problem = f"{self._text_of(asked)} is never {value!r}"
+                self._wrong(other, "undeclared-code", problem, nearest(value, kind.values))
 
     def _check_membership(self, left: ast.expr, right: ast.expr, first: Type, second: Type) -> None:
         if second.kind == "text":
@@ -529,7 +627,8 @@ class _Checker:
             rule = "wrong-unit" if q.is_number(body.type) and q.is_number(other.type) else "wrong-type"
             problem = f"one outcome is {q.describe(body.type)}, the other {q.describe(other.type)}"
             return self._wrong(node.orelse, rule, problem, "both must have one type")
-        return Typed(kind, ast.IfExp(test, body.tree, other.tree))
+        choice = Choice(test.code, body, other) if body.written and other.written else None
+        return Typed(kind, _conditional(test.code, body, other), choice)
 
     # -- calls ---------------------------------------------------------------------------------------------
 
@@ -562,17 +661,17 @@ class _Checker:
                 self._wrong(
                     node, "missing-argument", f"{name} needs the argument {missing!r}: {argument.doc}"
                 )
-        trees = [
-            self._wanted_value(given, argument.type)
-            for given, (_, argument) in zip(node.args, arguments, strict=False)
+        given = [
+            self._wanted_value(argument, wanted.type)
+            for argument, (_, wanted) in zip(node.args, arguments, strict=False)
         ]
-        return Typed(function.returns, _call(_environment("functions", name), trees))
+        return Typed(function.returns, f"{_environment('functions', name)}({_listed(given)})")
 
-    def _wanted_value(self, node: ast.expr, wanted: Type) -> ast.expr:
+    def _wanted_value(self, node: ast.expr, wanted: Type) -> Typed:
         typed = _as_quantity(self._visit(node), wanted)
         if not q.accepts(wanted, typed.type):
             self._mismatch(node, wanted, typed.type)
-        return typed.tree
+        return typed
 
     def _arity(self, node: ast.Call, name: str, count: int) -> bool:
         if len(node.args) == count:
@@ -583,12 +682,12 @@ class _Checker:
 
     def _len(self, node: ast.Call) -> Typed:
         if not self._arity(node, "len", 1):
-            return Typed(COUNT, node)
+            return _NOTHING
         argument = self._visit(node.args[0])
         if argument.type.kind not in ("list", "text", "any"):
             problem = f"{self._text_of(node.args[0])!r} is {q.describe(argument.type)}, which has no length"
             return self._wrong(node.args[0], "wrong-type", problem, "expected a list or a text")
-        return Typed(COUNT, _call(ast.Name("len", ast.Load()), [argument.tree]))
+        return Typed(COUNT, f"len({argument.code})")
 
     def _extreme(self, node: ast.Call) -> Typed:
         name = _dotted(node.func) or ""
@@ -610,67 +709,66 @@ class _Checker:
             if joined is None:
                 problem = f"cannot compare {q.describe(kinds[0])} with {q.describe(kind)}"
                 return self._wrong(argument, "wrong-unit", problem, q.unit_hint(kinds[0], kind))
-        return Typed(joined or ANY, _call(ast.Name(name, ast.Load()), [typed.tree for typed in found]))
+        return Typed(joined or ANY, f"{name}({_listed(found)})")
 
     def _abs(self, node: ast.Call) -> Typed:
         if not self._arity(node, "abs", 1):
-            return Typed(ANY, node)
+            return _NOTHING
         argument = self._visit(node.args[0])
         if not q.is_number(argument.type):
             return self._no_number(node.args[0], argument.type)
-        return Typed(argument.type, _call(ast.Name("abs", ast.Load()), [argument.tree]))
+        return Typed(argument.type, f"abs({argument.code})")
 
     def _round(self, node: ast.Call) -> Typed:
         if len(node.args) not in (1, 2):
             self._arity(node, "round", 1)
-            return Typed(ANY, node)
+            return _NOTHING
         argument = self._visit(node.args[0])
         if not q.is_number(argument.type):
             return self._no_number(node.args[0], argument.type)
-        trees = [argument.tree]
+        code = argument.code
         if len(node.args) == 2:
             digits = node.args[1]
             value = digits.value if isinstance(digits, ast.Constant) else None
             if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value <= 9:
                 return self._wrong(digits, "wrong-type", "the digits of round must be written out, 0 to 9")
-            trees.append(digits)
-        kind = INTEGER if len(trees) == 1 and not argument.type.unit else argument.type
-        return Typed(kind, _call(ast.Name("round", ast.Load()), trees))
+            code = f"{code}, {value}"
+        kind = INTEGER if len(node.args) == 1 and not argument.type.unit else argument.type
+        return Typed(kind, f"round({code})")
 
     def _quantifier(self, node: ast.Call) -> Typed:
         name = _dotted(node.func) or ""
         if not self._arity(node, name, 1):
-            return Typed(BOOL, node)
-        tree = self._wanted(node.args[0], list_of(BOOL))
-        return Typed(BOOL, _call(ast.Name(name, ast.Load()), [tree]))
+            return _NOTHING
+        argument = self._wanted(node.args[0], list_of(BOOL))
+        return Typed(BOOL, f"{name}({argument.code})")
 
     def _known(self, node: ast.Call) -> Typed:
         if not self._arity(node, "known", 1):
-            return Typed(BOOL, node)
+            return _NOTHING
         argument = node.args[0]
         if not isinstance(argument, ast.Attribute) or _dotted(argument.value) != "input":
             return self._wrong(argument, "wrong-type", "known asks about an input", "write known(input.NAME)")
         self._visit(argument)
-        return Typed(BOOL, _call(_environment("known"), [ast.Constant(argument.attr)]))
+        return Typed(BOOL, f"{_environment('known')}({argument.attr!r})")
 
     def _held(self, node: ast.Call) -> Typed:
         name = self._word(node, "held", "a hold")
         if name is None:
-            return Typed(BOOL, node)
+            return _NOTHING
         if name not in self._scope.holds:
             hint = nearest(name, self._scope.holds)
             return self._wrong(node.args[0], "unknown-hold", f"unknown hold {name!r}", hint)
-        return Typed(BOOL, _call(_environment("held"), [ast.Constant(name)]))
+        return Typed(BOOL, f"{_environment('held')}({name!r})")
 
     def _in_state(self, node: ast.Call) -> Typed:
         name = self._word(node, "in_state", "a state")
         if name is None:
-            return Typed(BOOL, node)
+            return _NOTHING
         states = [state for state in self._scope.states if state == name or state.endswith(f".{name}")]
         if not states:
             self._no_state(node.args[0], name)
-        tree = ast.Tuple([ast.Constant(state) for state in states], ast.Load())
-        return Typed(BOOL, _call(_environment("in_state"), [tree]))
+        return Typed(BOOL, f"{_environment('in_state')}({tuple(states)!r})")
 
     def _no_state(self, node: ast.expr, name: str) -> None:
         problem = f"no state is called {name!r}"
@@ -680,6 +778,7 @@ class _Checker:
             return
         place = self._fragment.text.at(self._start + self._offset(node))
         problem += " in the missions that are loaded, so this is false"
+        self.warned = True
         self._findings.warn(place, "unknown-state", self._path, problem, hint)
 
     def _word(self, node: ast.Call, function: str, what: str) -> str | None:
@@ -714,20 +813,46 @@ def _as_quantity(typed: Typed, other: Type) -> Typed:
     """Read a text such as '5 s' as a number when it meets a number with a unit."""
     if typed.type.kind != "text" or not q.is_number(other) or not other.unit:
         return typed
-    return _quantity(typed.tree) or typed
+    return _quantity(typed) or typed
 
 
-def _quantity(tree: ast.expr) -> Typed | None:
+def _quantity(typed: Typed) -> Typed | None:
     """Return a written text as the quantity that it is, or None; also where a condition chooses the text."""
-    if isinstance(tree, ast.IfExp):
-        body, other = _quantity(tree.body), _quantity(tree.orelse)
+    written = typed.written
+    if isinstance(written, Choice):
+        body, other = _quantity(written.body), _quantity(written.other)
         if body is None or other is None or body.type != other.type:
             return None
-        return Typed(body.type, ast.IfExp(tree.test, body.tree, other.tree))
-    if not isinstance(tree, ast.Constant) or not isinstance(tree.value, str):
-        return None
-    found = parse_quantity(tree.value)
-    return None if found is None else Typed(q.number(found[1]), ast.Constant(found[0]))
+        return Typed(body.type, _conditional(written.test, body, other))
+    found = parse_quantity(written) if written is not None else None
+    return None if found is None else Typed(q.number(found[1]), repr(found[0]))
+
+
+def _conditional(test: str, body: Typed, other: Typed) -> str:
+    return f"({body.code} if {test} else {other.code})"
+
+
+def _listed(found: Iterable[Typed]) -> str:
+    return ", ".join(typed.code for typed in found)
+
+
+def _tree(source: str) -> ast.expr:
+    if not _RUN_TOGETHER.search(source):
+        return ast.parse(source, mode="eval").body
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        return ast.parse(source, mode="eval").body
+
+
+def _can_be_compiled(code: str) -> bool:
+    """Tell whether code is small and flat enough in which values stand that a part was given."""
+    if len(code) > MAX_CODE:
+        return False
+    try:
+        _to_function(code)
+    except (SyntaxError, MemoryError, RecursionError):
+        return False
+    return True
 
 
 def _dotted(node: ast.expr) -> str | None:

@@ -20,7 +20,6 @@ RULES: Mapping[str, str] = MappingProxyType(
         "duplicate-key": "a key stands once in a mapping",
         "unknown-key": "a key is one of the language",
         "missing-key": "what cannot be guessed is written",
-        "not-supported": "a word that this engine does not carry out is refused, not ignored",
         "wrong-shape": "a value has the shape that its key asks for",
         "bad-name": "names are made so that they can be found in a path or an expression",
         "conflicting-definition": "a name that several files declare means the same in all of them",
@@ -50,12 +49,24 @@ RULES: Mapping[str, str] = MappingProxyType(
         "missing-itinerary": "what walks an itinerary stands in a state that has one",
         "no-initial": "entering a state never needs a guess",
         "no-deadline": "a state that waits for the world does not wait for ever",
-        "unhandled-outcome": "every end of an operation leads somewhere",
+        "unhandled-outcome": "every end of an operation or state leads somewhere, with every code",
         "never-happens": "an ending that is handled can occur",
-        "never-wins": "a transition is not hidden behind an unguarded one",
+        "never-wins": "a transition can be taken: its guard may be true, and none before it always is",
+        "both-can-win": "what is done does not hang on the order in which transitions are written",
         "unreachable-state": "every state can be entered",
-        "dead-end": "every state that is not final can be left",
+        "dead-end": "from every state an end can be reached: of the mission, or FAULT",
+        "always-loop": "a chart comes to rest: eventless transitions do not lead back to each other for ever",
+        "double-close": "a visit is closed once",
+        "open-visit": "an itinerary goes on from a visit that is closed",
+        "unknown-input": "a live value is read only where it is known",
+        "shared-resource": "operations that are active together do not wait for each other unnoticed",
+        "region-leak": "a region of a parallel state is left together with the whole state, on purpose",
+        "unheard-event": "an event that is raised is listened to",
         "unused-parameter": "a parameter that can be set does something",
+        "unused-code": "a code that is declared can be reported",
+        "unused-input": "an input that is declared is read",
+        "unused-variable": "a variable that is kept is read",
+        "unused-field": "a field that a request carries is read",
         "releases-level-hold": "a hold that a level engages is released by a person, not by a transition",
         "level-without-target": "a transition on a level leaves the state, or it would be taken for ever",
     }
@@ -63,10 +74,10 @@ RULES: Mapping[str, str] = MappingProxyType(
 
 
 class Findings:
-    """Collects diagnostics once each; a part that is used twice tells its mistakes once."""
+    """Collects diagnostics once each: a part that is used twice tells its mistakes once, of its first use."""
 
     def __init__(self) -> None:
-        self._found: dict[Diagnostic, None] = {}
+        self._found: dict[tuple[Place, str, str], Diagnostic] = {}
 
     def add(self, place: Place, rule: str, path: str, problem: str, hint: str = "") -> None:
         """Report an error."""
@@ -90,12 +101,12 @@ class Findings:
     def _put(self, diagnostic: Diagnostic) -> None:
         if diagnostic.rule not in RULES:
             raise KeyError(f"rule {diagnostic.rule!r} is not in RULES")
-        self._found[diagnostic] = None
+        self._found.setdefault((diagnostic.place, diagnostic.rule, diagnostic.problem), diagnostic)
 
     @property
     def all(self) -> tuple[Diagnostic, ...]:
         """Everything found, in file order."""
-        return tuple(sorted(self._found, key=lambda d: (d.place, d.rule, d.problem)))
+        return tuple(sorted(self._found.values(), key=lambda d: (d.place, d.rule, d.problem)))
 
     @property
     def errors(self) -> tuple[Diagnostic, ...]:
@@ -104,4 +115,9 @@ class Findings:
 
     def has(self, *rules: str) -> bool:
         """Tell whether an error of one of `rules` was found: a later rule may have nothing to stand on."""
-        return any(d.rule in rules and d.severity is Severity.ERROR for d in self._found)
+        return any(d.rule in rules and d.severity is Severity.ERROR for d in self._found.values())
+
+
+def warning(place: Place, rule: str, path: str, problem: str, hint: str = "") -> Diagnostic:
+    """Return a finding that is probably a mistake but can be loaded."""
+    return Diagnostic(place, rule, path, problem, hint, Severity.WARN)

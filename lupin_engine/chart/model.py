@@ -17,9 +17,9 @@ from lupin_engine.errors import Place
 from lupin_engine.plugin.contract import Code, Operation, Parameter
 from lupin_engine.plugin.types import Type
 
-#: What an expression sees: the records param, request, input, event, error, target and itinerary; `item` (what
-#: a `for_each` is at); `context` (variables by name); and the callables `known(input)`, `held(hold)`, `in_state(full_names)` and, in
-#: `functions`, those of the plugins by full name.
+#: What an expression sees: the records param, request, input, event, error, target and itinerary; `item`
+#: (what a `for_each` is at); `context` (variables by name); and the callables `known(input)`, `held(hold)`,
+#: `in_state(full_names)` and, in `functions`, those of the plugins by full name.
 Environment = Mapping[str, Any]
 
 
@@ -56,8 +56,8 @@ class Compiled:
 class Expression:
     """A typed, compiled expression; `evaluate` reads an environment and has no side effect.
 
-    `evaluate` is mostly a `Compiled`, whose plain function is a little faster. `parts` are the operands of its
-    outermost and/or/not as (text, function), for saying why a guard failed.
+    `evaluate` is mostly a `Compiled`, whose plain function is a little faster. `parts` are the operands of
+    its outermost and/or/not as (text, function), for saying why a guard failed.
     """
 
     source: str
@@ -102,9 +102,9 @@ class Transition:
 
     `event` is a name (`operator.abort`), a prefix (`nav.*`), any (`*`), or one of the engine's own: ``
     (eventless, written `always`), `done`, `error` (the end of the state's invocation, or for `done` of the
-    state), `after.N` (the state's N-th timer), `budget` (the state's time is used up). Event names starting `input.` stand for a level: the transition is
-    taken whenever that live value is true. No target and no refusal: actions only. A `refuse` transition
-    answers a request with that code and changes nothing.
+    state), `after.N` (the state's N-th timer), `budget` (the state's time is used up). Event names starting
+    `input.` stand for a level: the transition is taken whenever that live value is true. No target and no
+    refusal: actions only. A `refuse` transition answers a request with that code and changes nothing.
     """
 
     id: str
@@ -134,8 +134,8 @@ class Timer:
 class Retry:
     """How often and how patiently an operation is tried: `attempts` in all, `backoff` seconds between.
 
-    Every further pause is `factor` times the one before, and then lengthened or shortened by a random share of
-    up to `jitter` (0.2 is a fifth) of itself. Codes in `unless` are not tried again.
+    Every further pause is `factor` times the one before, and then lengthened or shortened by a random share
+    of up to `jitter` (0.2 is a fifth) of itself. Codes in `unless` are not tried again.
     """
 
     attempts: Value
@@ -163,9 +163,9 @@ class ForEach:
     """One operation for every new element of a collection, while the state is active.
 
     `items` is evaluated again after every step; an element is new when no other with its `key` was dealt with
-    in this mission, and taken up when `when` holds and fewer than `limit` operations run. Expressions about one
-    element see it as `item` of the environment, which the author calls `name`. The actions see `event` or
-    `error` like a transition's.
+    in this mission, and taken up when `when` holds and fewer than `limit` operations run. Expressions about
+    one element see it as `item` of the environment, which the author calls `name`. The actions see `event`
+    or `error` like a transition's.
     """
 
     name: str
@@ -302,8 +302,8 @@ class Variable:
 class Level:
     """A yes or no drawn from a number, exactly one of `below` and `above`.
 
-    True below `below` until the number has risen to `below + hysteresis`; or above `above` until it has fallen
-    to `above - hysteresis`.
+    True below `below` until the number has risen to `below + hysteresis`; or above `above` until it has
+    fallen to `above - hysteresis`.
     """
 
     name: str

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from lupin_engine.plugin.types import ANY, BOOL, INTEGER, NUMBER, Type, list_of, number_in
+from lupin_engine.plugin.types import ANY, BOOL, INTEGER, NUMBER, TEXT, Type, list_of, number_in
 
 #: A written 0: a whole number of any unit.
 ZERO = Type("integer", "integer", unit="*")
@@ -113,6 +113,8 @@ def join(first: Type, second: Type) -> Type | None:
         return None if item is None else list_of(item)
     if first.kind == "record":
         return first if accepts(first, second) else second if accepts(second, first) else None
+    if first.kind == "text":
+        return first if first == second else TEXT
     return BOOL if first.kind == "bool" else first
 
 

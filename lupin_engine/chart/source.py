@@ -14,11 +14,19 @@ This is the only module of the chart that reads files.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, NoReturn
 
 import yaml
+from yaml import (
+    AliasEvent,
+    MappingEndEvent,
+    ScalarEvent,
+    SequenceEndEvent,
+    SequenceStartEvent,
+    StreamEndEvent,
+)
 
 from lupin_engine.chart.findings import Findings
 from lupin_engine.errors import Place
@@ -30,24 +38,74 @@ MAX_NUMBER = 40
 
 _Loader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
-_NULL = frozenset({"", "~", "null", "Null", "NULL"})
-_TRUE = frozenset({"true", "True", "TRUE"})
-_FALSE = frozenset({"false", "False", "FALSE"})
+_NULL = ("", "~", "null", "Null", "NULL")
+_TRUE = ("true", "True", "TRUE")
+_FALSE = ("false", "False", "FALSE")
+#: Plain scalars that are no text and no number.
+_WORDS: Mapping[str, bool | None] = {
+    **dict.fromkeys(_NULL),
+    **dict.fromkeys(_TRUE, True),
+    **dict.fromkeys(_FALSE, False),
+}
 _INTEGER = re.compile(r"[-+]?[0-9]+|0o[0-7]+|0x[0-9a-fA-F]+")
 _FLOAT = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?")
+_NUMBER_STARTS = frozenset("+-.0123456789")
 _LINE_BREAK = re.compile("\r\n|[\r\n\x85\u2028\u2029]")
 _HEAD = re.compile(r"^(lifecycle|mission|part)[ \t]*:[ \t]*[\"']?([^\s\"'#]+)", re.MULTILINE)
+
+#: A position is line and column, counted from 0, in one number: a file has tens of thousands of them, and
+#: most are never asked for. Columns fit, for a file of `MAX_BYTES` has fewer characters.
+_LINE_SHIFT = 20
+_COLUMN_MASK = (1 << _LINE_SHIFT) - 1
+
+
+class File:
+    """What all places of a file share: what it is called, and its lines, which are split when asked for."""
+
+    __slots__ = ("_lines", "_text", "name")
+
+    def __init__(self, name: str, text: str, lines: list[str] | None = None) -> None:
+        self.name = name
+        self._text = text
+        self._lines = lines
+
+    @property
+    def lines(self) -> list[str]:
+        """The lines, without their ends, as YAML counts them."""
+        if self._lines is None:
+            self._lines = _LINE_BREAK.split(self._text)
+        return self._lines
+
+    def place(self, position: int) -> Place:
+        """Return the place of a position."""
+        return Place(self.name, (position >> _LINE_SHIFT) + 1, (position & _COLUMN_MASK) + 1)
+
+
+def _position(mark: Any) -> int:
+    """Return where a mark of the parser stands."""
+    line: int = mark.line
+    column: int = mark.column
+    return line << _LINE_SHIFT | column
+
+
+def _position_of(place: Place) -> int:
+    return (place.line - 1) << _LINE_SHIFT | (place.column - 1)
 
 
 class Text(str):
     """A text from a file; `at(offset)` is the place of one of its characters."""
 
-    __slots__ = ("end", "lines", "place", "style")
+    __slots__ = ("end", "file", "start", "style")
 
-    place: Place
-    lines: list[str]
-    end: tuple[int, int]
-    style: str
+    file: File
+    start: int
+    end: int
+    style: str | None
+
+    @property
+    def place(self) -> Place:
+        """Where the text begins, its quotes included."""
+        return self.file.place(self.start)
 
     def at(self, offset: int) -> Place:
         """Return where the character `offset` stands in the file, through quotes, escapes and folding.
@@ -55,42 +113,54 @@ class Text(str):
         Characters other than blanks come in the same order in the file and in the value, so the n-th of the
         value is the n-th of the file; blanks may have been folded.
         """
+        if offset < len(self) and not self[offset].isspace() and self._is_literal():
+            return self.file.place(self.start + offset + bool(self.style))
         wanted = sum(1 for char in self[:offset] if not char.isspace())
-        after = self.place
+        after = self.start
         for line, column in _inked(self):
             if wanted == 0:
-                return Place(self.place.file, line + 1, column + 1)
-            wanted, after = wanted - 1, Place(self.place.file, line + 1, column + 2)
-        return after
+                return self.file.place(line << _LINE_SHIFT | column)
+            wanted, after = wanted - 1, line << _LINE_SHIFT | column + 1
+        return self.file.place(after)
+
+    def _is_literal(self) -> bool:
+        """Tell whether the file has exactly these characters, in one line: escapes are longer than values."""
+        return self.end - self.start == len(self) + (2 if self.style else 0)
 
 
 def text_at(value: str, place: Place) -> Text:
     """Make a text that stands at `place` on one line, for what is not written as text in the file."""
     text = Text(value)
-    text.place = place
     line, column = place.line - 1, place.column - 1
-    text.lines = [""] * line + [" " * column + value]
-    text.end = (line, column + len(value))
-    text.style = ""
+    text.file = File(place.file, "", [""] * line + [" " * column + value])
+    text.start = _position_of(place)
+    text.end = text.start + len(value)
+    text.style = None
     return text
 
 
 def _inked(text: Text) -> Iterator[tuple[int, int]]:
     """Yield (line, column) of every character of the file that stands for a character other than a blank."""
-    line, column = text.place.line - 1, text.place.column - 1
-    if text.style in ("|", ">"):
+    lines, style = text.file.lines, text.style or ""
+    line, column = text.start >> _LINE_SHIFT, text.start & _COLUMN_MASK
+    if style in ("|", ">"):
         line, column = line + 1, 0
-    elif text.style:
+    elif style:
         column += 1
-    while (line, column) < text.end and line < len(text.lines):
-        row = text.lines[line]
+    while line << _LINE_SHIFT | column < text.end and line < len(lines):
+        row = lines[line]
         if column >= len(row):
             line, column = line + 1, 0
             continue
-        width, blank = _character(row, column, text.style)
+        width, blank = _character(row, column, style)
         if not blank:
             yield line, column
         column += width
+
+
+#: How many columns an escape takes in a text in double quotes, where it is not two; which of them are blanks.
+_ESCAPE_WIDTHS: Mapping[str, int] = {"x": 4, "u": 6, "U": 10}
+_BLANK_ESCAPES = frozenset({"", " ", "n", "t", "r", "_", "N", "L", "P"})
 
 
 def _character(row: str, column: int, style: str) -> tuple[int, bool]:
@@ -99,50 +169,82 @@ def _character(row: str, column: int, style: str) -> tuple[int, bool]:
         return 2, False
     if style == '"' and row[column] == "\\":
         escape = row[column + 1 : column + 2]
-        return {"x": 4, "u": 6, "U": 10}.get(escape, 2), escape in (
-            "",
-            " ",
-            "n",
-            "t",
-            "r",
-            "_",
-            "N",
-            "L",
-            "P",
-        )
+        return _ESCAPE_WIDTHS.get(escape, 2), escape in _BLANK_ESCAPES
     return 1, row[column].isspace()
 
 
 class Map(dict[str, Any]):
-    """A mapping from a file; `keys_as_text` and `places` say where each key and value stands.
+    """A mapping from a file, which knows where each of its keys and values stands.
 
     `model` is set by the document model that read it, so that an unknown key can be answered with what is
     known there.
     """
 
-    __slots__ = ("keys_as_text", "model", "place", "places")
+    __slots__ = ("_keys", "file", "model", "start", "starts")
 
-    def __init__(self, place: Place) -> None:
+    def __init__(self, file: File | Place, start: int = 0) -> None:
         super().__init__()
-        self.place = place
-        self.keys_as_text: dict[str, Text] = {}
-        self.places: dict[str, Place] = {}
+        if isinstance(file, Place):  # INTERIM
+            file, start = File(file.file, ""), _position_of(file)
+        self.file = file
+        self.start = start
+        self.starts: dict[str, int] = {}
         self.model: Any = None
+        self._keys: dict[str, Text] | None = None
+
+    @property
+    def place(self) -> Place:
+        """Where the mapping begins."""
+        return self.file.place(self.start)
+
+    @property
+    def places(self) -> dict[str, Place]:
+        """Where each value stands."""
+        return {key: self.file.place(start) for key, start in self.starts.items()}
+
+    def value_place(self, key: str) -> Place:
+        """Return where a value stands."""
+        return self.file.place(self.starts[key])
 
     def key_place(self, key: str) -> Place:
         """Return where a key stands."""
-        return self.keys_as_text[key].place
+        return self.key_text(key).place
+
+    def key_text(self, key: str) -> Text:
+        """Return a key as it was written."""
+        if self._keys is None:
+            self._keys = {key: key for key in self}  # type: ignore[misc]
+        return self._keys[key]
+
+    @property
+    def keys_as_text(self) -> dict[str, Text]:  # INTERIM
+        return {key: key for key in self}  # type: ignore[misc]
 
 
 class Seq(list[Any]):
-    """A list from a file; `places` says where each element stands."""
+    """A list from a file, which knows where each of its elements stands."""
 
-    __slots__ = ("place", "places")
+    __slots__ = ("file", "start", "starts")
 
-    def __init__(self, place: Place) -> None:
+    def __init__(self, file: File, start: int) -> None:
         super().__init__()
-        self.place = place
-        self.places: list[Place] = []
+        self.file = file
+        self.start = start
+        self.starts: list[int] = []
+
+    @property
+    def place(self) -> Place:
+        """Where the list begins."""
+        return self.file.place(self.start)
+
+    @property
+    def places(self) -> list[Place]:
+        """Where each element stands."""
+        return [self.file.place(start) for start in self.starts]
+
+    def place_of(self, index: int) -> Place:
+        """Return where an element stands."""
+        return self.file.place(self.starts[index])
 
 
 def read(path: Path, findings: Findings) -> Map | None:
@@ -208,157 +310,166 @@ class _Builder:
 
     def __init__(self, text: str, name: str, findings: Findings) -> None:
         self._text = text
-        self._lines = _LINE_BREAK.split(text)
-        self._name = name
+        self._file = File(name, text)
         self._findings = findings
         self._nodes = 0
         self._anchors: dict[str, tuple[Any, int] | None] = {}
-        self._events: Iterator[Any] = yaml.parse(text, Loader=_Loader)
+        self._next: Callable[[], Any] = _Loader(text).get_event
 
     def document(self) -> Any:
         """Build the one document of the file."""
-        self._next()
-        event = self._next()
-        if isinstance(event, yaml.StreamEndEvent):
-            self._refuse(Place(self._name, 1, 1), "wrong-yaml", "the file is empty")
-        root = self._node(self._next(), 0)
-        self._next()
-        event = self._next()
-        if not isinstance(event, yaml.StreamEndEvent):
-            self._refuse(
-                self._place(event), "wrong-yaml", "a second document starts here", "use one file each"
-            )
-        return root
-
-    def _next(self) -> Any:
         try:
-            return next(self._events)
+            return self._document()
         except yaml.MarkedYAMLError as error:
             mark = error.problem_mark or error.context_mark
-            place = Place(self._name, mark.line + 1, mark.column + 1) if mark else Place(self._name, 1, 1)
             context = f" {error.context}" if error.context else ""
-            self._refuse(place, "wrong-yaml", f"{error.problem or 'not YAML'}{context}", _yaml_hint(error))
+            start = _position(mark) if mark else 0
+            self._refuse(start, "wrong-yaml", f"{error.problem or 'not YAML'}{context}", _yaml_hint(error))
         except yaml.YAMLError as error:
             position = int(getattr(error, "position", 0) or 0)
-            line = self._text.count("\n", 0, position) + 1
-            column = position - self._text.rfind("\n", 0, position)
+            line = self._text.count("\n", 0, position)
+            column = position - self._text.rfind("\n", 0, position) - 1
             reason = getattr(error, "reason", None) or "not YAML"
-            self._refuse(Place(self._name, line, column), "wrong-yaml", str(reason))
+            self._refuse(line << _LINE_SHIFT | column, "wrong-yaml", str(reason))
 
-    def _refuse(self, place: Place, rule: str, problem: str, hint: str = "") -> NoReturn:
-        self._findings.add(place, rule, "", problem, hint)
+    def _document(self) -> Any:
+        self._next()
+        event = self._next()
+        if isinstance(event, StreamEndEvent):
+            self._refuse(0, "wrong-yaml", "the file is empty")
+        event = self._next()
+        root = self._node(event, _position(event.start_mark), 0)
+        self._next()
+        event = self._next()
+        if not isinstance(event, StreamEndEvent):
+            problem = "a second document starts here"
+            self._refuse(_position(event.start_mark), "wrong-yaml", problem, "use one file each")
+        return root
+
+    def _refuse(self, start: int, rule: str, problem: str, hint: str = "") -> NoReturn:
+        self._findings.add(self._file.place(start), rule, "", problem, hint)
         raise _Unreadable
 
-    def _place(self, event: Any) -> Place:
-        return Place(self._name, event.start_mark.line + 1, event.start_mark.column + 1)
-
-    def _count(self, nodes: int, place: Place) -> None:
-        self._nodes += nodes
+    def _check_count(self, start: int) -> None:
         if self._nodes > MAX_NODES:
             problem = f"more than {MAX_NODES} values, aliases counted as often as they are used"
-            self._refuse(place, "too-large", problem, "write less, or alias less")
+            self._refuse(start, "too-large", problem, "write less, or alias less")
 
-    def _node(self, event: Any, depth: int) -> Any:
-        place = self._place(event)
-        if isinstance(event, yaml.AliasEvent):
-            return self._alias(event.anchor or "", place)
-        self._count(1, place)
+    def _node(self, event: Any, start: int, depth: int) -> Any:
+        kind = type(event)
+        if kind is AliasEvent:
+            return self._alias(event.anchor or "", start)
+        self._nodes += 1
+        if self._nodes > MAX_NODES or depth > MAX_DEPTH or event.tag is not None:
+            self._refuse_node(event, start, depth)
+        if event.anchor is not None:
+            return self._anchored(event, start, depth)
+        if kind is ScalarEvent:
+            return self._scalar(event, start)
+        return self._collection(kind, start, depth)
+
+    def _refuse_node(self, event: Any, start: int, depth: int) -> NoReturn:
+        self._check_count(start)
         if depth > MAX_DEPTH:
-            self._refuse(place, "too-large", f"more than {MAX_DEPTH} levels of nesting")
-        if event.tag is not None:
-            self._refuse(
-                place, "wrong-yaml", f"the tag {event.tag!r} is not allowed", "write the plain value"
-            )
-        if event.anchor is None:
-            return self._content(event, place, depth)
+            self._refuse(start, "too-large", f"more than {MAX_DEPTH} levels of nesting")
+        self._refuse(start, "wrong-yaml", f"the tag {event.tag!r} is not allowed", "write the plain value")
+
+    def _anchored(self, event: Any, start: int, depth: int) -> Any:
         self._anchors[event.anchor] = None
         before = self._nodes
-        value = self._content(event, place, depth)
+        if type(event) is ScalarEvent:
+            value = self._scalar(event, start)
+        else:
+            value = self._collection(type(event), start, depth)
         self._anchors[event.anchor] = (value, self._nodes - before + 1)
         return value
 
-    def _alias(self, anchor: str, place: Place) -> Any:
+    def _alias(self, anchor: str, start: int) -> Any:
         known = self._anchors.get(anchor)
         if known is None:
             reason = "contains itself" if anchor in self._anchors else "is not defined above"
-            self._refuse(place, "wrong-yaml", f"the alias '*{anchor}' {reason}")
-        self._count(known[1], place)
-        return known[0]
+            self._refuse(start, "wrong-yaml", f"the alias '*{anchor}' {reason}")
+        value, nodes = known
+        self._nodes += nodes
+        self._check_count(start)
+        return value
 
-    def _content(self, event: Any, place: Place, depth: int) -> Any:
-        if isinstance(event, yaml.ScalarEvent):
-            return self._scalar(event, place)
-        if isinstance(event, yaml.SequenceStartEvent):
-            return self._sequence(place, depth)
-        return self._mapping(place, depth)
+    def _collection(self, kind: type, start: int, depth: int) -> Any:
+        if kind is SequenceStartEvent:
+            return self._sequence(start, depth + 1)
+        return self._mapping(start, depth + 1)
 
-    def _sequence(self, place: Place, depth: int) -> Seq:
-        found = Seq(place)
-        while not isinstance(event := self._next(), yaml.SequenceEndEvent):
-            found.places.append(self._place(event))
-            found.append(self._node(event, depth + 1))
+    def _sequence(self, start: int, depth: int) -> Seq:
+        found = Seq(self._file, start)
+        while type(event := self._next()) is not SequenceEndEvent:
+            at = _position(event.start_mark)
+            found.starts.append(at)
+            found.append(self._node(event, at, depth))
         return found
 
-    def _mapping(self, place: Place, depth: int) -> Map:
-        found = Map(place)
-        while not isinstance(event := self._next(), yaml.MappingEndEvent):
+    def _mapping(self, start: int, depth: int) -> Map:
+        found = Map(self._file, start)
+        starts = found.starts
+        while type(event := self._next()) is not MappingEndEvent:
             key = self._key(event)
-            value_event = self._next()
-            value = self._node(value_event, depth + 1)
-            if key in found:
-                first = found.keys_as_text[key].place
-                problem = (
-                    f"the key {str(key)!r} stands twice, in line {first.line} and in line {key.place.line}"
-                )
-                self._findings.add(key.place, "duplicate-key", "", problem, "remove or rename one")
+            event = self._next()
+            at = _position(event.start_mark)
+            value = self._node(event, at, depth)
+            if key in starts:
+                self._tell_twice(key, next(known for known in found if known == key))
                 continue
             found[key] = value
-            found.keys_as_text[key] = key
-            found.places[key] = self._place(value_event)
+            starts[key] = at
         return found
 
+    def _tell_twice(self, key: Text, known: Any) -> None:
+        first, second = known.place.line, key.place.line
+        problem = f"the key {str(key)!r} stands twice, in line {first} and in line {second}"
+        self._findings.add(key.place, "duplicate-key", "", problem, "remove or rename one")
+
     def _key(self, event: Any) -> Text:
-        place = self._place(event)
-        if not isinstance(event, yaml.ScalarEvent):
-            self._refuse(place, "wrong-yaml", "a key must be a plain word")
-        self._count(1, place)
+        start = _position(event.start_mark)
+        if type(event) is not ScalarEvent:
+            self._refuse(start, "wrong-yaml", "a key must be a plain word")
+        self._nodes += 1
+        self._check_count(start)
         if event.tag is not None:
-            self._refuse(place, "wrong-yaml", f"the tag {event.tag!r} is not allowed", "write the plain key")
-        text = self._text_of(event, place)
+            self._refuse(start, "wrong-yaml", f"the tag {event.tag!r} is not allowed", "write the plain key")
+        text = self._text_of(event, start)
         if event.anchor is not None:
             self._anchors[event.anchor] = (text, 1)
         return text
 
-    def _scalar(self, event: Any, place: Place) -> Any:
+    def _scalar(self, event: Any, start: int) -> Any:
         value: str = event.value
         if event.style:
-            return self._text_of(event, place)
-        if value in _NULL:
-            return None
-        if value in _TRUE:
-            return True
-        if value in _FALSE:
-            return False
-        if _INTEGER.fullmatch(value):
-            return self._number(value, place, lambda text: int(text, 0 if text[:2] in ("0x", "0o") else 10))
-        if _FLOAT.fullmatch(value):
-            return self._number(value, place, float)
-        return self._text_of(event, place)
+            return self._text_of(event, start)
+        if value in _WORDS:
+            return _WORDS[value]
+        if value[0] in _NUMBER_STARTS:
+            if _INTEGER.fullmatch(value):
+                return self._number(value, start, _integer)
+            if _FLOAT.fullmatch(value):
+                return self._number(value, start, float)
+        return self._text_of(event, start)
 
-    def _number(self, value: str, place: Place, convert: Callable[[str], Any]) -> Any:
+    def _number(self, value: str, start: int, convert: Callable[[str], Any]) -> Any:
         if len(value) > MAX_NUMBER:
-            self._refuse(
-                place, "too-large", f"a number of {len(value)} digits", f"at most {MAX_NUMBER} are read"
-            )
+            problem = f"a number of {len(value)} digits"
+            self._refuse(start, "too-large", problem, f"at most {MAX_NUMBER} are read")
         return convert(value)
 
-    def _text_of(self, event: Any, place: Place) -> Text:
+    def _text_of(self, event: Any, start: int) -> Text:
         text = Text(event.value)
-        text.place = place
-        text.lines = self._lines
-        text.end = (event.end_mark.line, event.end_mark.column)
-        text.style = event.style or ""
+        text.file = self._file
+        text.start = start
+        text.end = _position(event.end_mark)
+        text.style = event.style
         return text
+
+
+def _integer(text: str) -> int:
+    return int(text, 0 if text[:2] in ("0x", "0o") else 10)
 
 
 def _yaml_hint(error: yaml.MarkedYAMLError) -> str:

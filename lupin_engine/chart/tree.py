@@ -142,6 +142,7 @@ class Forest:
         else:
             self._children(draft, node.states, file, missions)
         self._check_filled(draft, node)
+        self._check_one_end(draft, node)
         if node.history is not None:
             self._add_history(draft, node)
         if draft.children and draft.kind is Kind.ATOMIC:
@@ -239,12 +240,32 @@ class Forest:
         if node.slot and (node.states or node.use or node.initial):
             problem = "the missions stand in a slot, it has no states of its own"
             self._findings.add(node.key_at("slot"), "wrong-shape", draft.name, problem)
-        if node.invoke is not None and (node.states or node.use or node.slot):
-            problem, hint = (
-                "a state that invokes has no states inside",
-                "move the invocation into one of them",
+        if node.invoke is not None and node.slot:
+            problem = "a slot invokes nothing: its on_done is the end of the mission"
+            self._findings.add(
+                node.key_at("invoke"), "wrong-shape", draft.name, problem, "leave 'invoke' out"
             )
-            self._findings.add(node.key_at("invoke"), "not-supported", draft.name, problem, hint)
+        if node.for_each is not None:
+            self._check_for_each(draft, node)
+
+    def _check_for_each(self, draft: Draft, node: StateNode) -> None:
+        """Refuse what a state cannot have beside its elements."""
+        alone = "give the for_each a state of its own, a region of a 'type: parallel' state"
+        inside = "an element's end is handled inside 'for_each'"
+        hints = {"invoke": alone, "states": alone, "use": alone, "slot": alone}
+        hints |= {"on_done": inside, "on_error": inside}
+        for key in sorted(node.model_fields_set & hints.keys()):
+            problem = f"a state with 'for_each' has no {key!r}"
+            self._findings.add(node.key_at(key), "wrong-shape", draft.name, problem, hints[key])
+
+    def _check_one_end(self, draft: Draft, node: StateNode) -> None:
+        """Refuse a state that ends with its operation and with what is inside: both would be one event."""
+        if node.invoke is None or draft.slot or not _can_end(draft):
+            return
+        inside = "all its regions end" if draft.kind is Kind.PARALLEL else "a final state inside is reached"
+        problem = f"this state ends when {node.invoke.do} does, and also when {inside}"
+        hint = "move the invocation into a state inside, or let nothing inside be final"
+        self._findings.add(node.key_at("invoke"), "wrong-shape", draft.name, problem, hint)
 
     # -- names ---------------------------------------------------------------------------------------------
 
@@ -301,6 +322,14 @@ def _kind(node: StateNode) -> Kind:
     return {"parallel": Kind.PARALLEL, "final": Kind.FINAL, "history": Kind.HISTORY, None: Kind.ATOMIC}[
         node.type
     ]
+
+
+def _can_end(draft: Draft) -> bool:
+    """Tell whether a state ends by what is inside: a final child, or of a parallel one every region."""
+    children = [child for child in draft.children.values() if child.kind is not Kind.HISTORY]
+    if draft.kind is Kind.PARALLEL:
+        return bool(children) and all(child.kind is Kind.FINAL or _can_end(child) for child in children)
+    return any(child.kind is Kind.FINAL for child in children)
 
 
 def _label(draft: Draft) -> str:

@@ -7,18 +7,19 @@ request or a ROS parameter is not read here.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import re
+from collections.abc import Mapping, Sequence
 from typing import Any
 
-from lupin_engine.chart.documents import show
+from lupin_engine.chart.documents import Node, show
 from lupin_engine.chart.expressions import Fragment, Scope, compile_expression, fragment_of
 from lupin_engine.chart.findings import Findings
 from lupin_engine.chart.model import Constant, Expression, Value
-from lupin_engine.chart.quantities import describe
+from lupin_engine.chart.quantities import describe, is_number
 from lupin_engine.chart.source import Map, Seq, Text, text_at
 from lupin_engine.errors import Place, nearest
 from lupin_engine.plugin.contract import Argument
-from lupin_engine.plugin.types import BOOL, UNITS, Type, convert, parse_quantity
+from lupin_engine.plugin.types import ANY, BOOL, UNITS, Type, convert, parse_quantity
 
 
 def read_value(
@@ -35,6 +36,46 @@ def read_value(
     return read_constant(raw, place, wanted, findings, path)
 
 
+def read_key(node: Node, key: str, wanted: Type, scope: Scope, findings: Findings, path: str) -> Value | None:
+    """Read what a mapping says under `key`; None when it says nothing, or after findings."""
+    raw = getattr(node, key)
+    return None if raw is None else read_value(raw, node.at(key), wanted, scope, findings, f"{path}.{key}")
+
+
+def read_per_element(
+    node: Node,
+    key: str,
+    name: str,
+    kind: Type,
+    kinds: Sequence[str],
+    scope: Scope,
+    findings: Findings,
+    path: str,
+) -> Expression | None:
+    """Read an expression about the element of a list, which it calls `name`; its value is one of `kinds`.
+
+    One that does not look at the element is refused: it would make all elements alike.
+    """
+    raw, place, path = getattr(node, key), node.at(key), f"{path}.{key}"
+    found = read_value(raw, place, ANY, scope, findings, path)
+    fields = [f"{name}.{field}" for field, inner in kind.fields.items() if _kind(inner) in kinds]
+    hint = f"write '${{ {fields[0] if fields else name} }}', or another expression of {name}"
+    if isinstance(found, Expression) and re.search(rf"\b{re.escape(name)}\b", found.source):
+        if _kind(found.type) in (*kinds, "any"):
+            return found
+        wanted = " or a ".join(kinds)
+        problem = f"expected a {wanted}, but {found.source!r} is {describe(found.type)}"
+        findings.add(found.place, "wrong-type", path, problem, hint)
+    elif found is not None:
+        shown = found.source if isinstance(found, Expression) else found.value
+        findings.add(place, "wrong-type", path, f"{show(shown)} is the same for every {name}", hint)
+    return None
+
+
+def _kind(kind: Type) -> str:
+    return "number" if is_number(kind) else kind.kind
+
+
 def is_expression(raw: Any) -> bool:
     """Tell whether a value is meant to be computed."""
     return isinstance(raw, Text) and ("${" in raw or "{{" in raw)
@@ -49,8 +90,8 @@ def read_guard(raw: Any, place: Place, scope: Scope, findings: Findings, path: s
         return None
     text = raw if isinstance(raw, Text) else text_at(show(raw), place)
     if "${" in text or "{{" in text:
-        hint = "a guard is always an expression: write it without ${ }"
-        findings.add(place, "partial-expression", path, "a guard has no ${ }", hint)
+        hint = "it is always an expression, so write it without"
+        findings.add(place, "partial-expression", path, "a condition has no ${ }", hint)
         return None
     return compile_expression(Fragment(str(text), text), scope, BOOL, findings, path)
 
@@ -145,6 +186,8 @@ def _fits_quantity(raw: str, place: Place, wanted: Type, findings: Findings, pat
         bare = _is_bare_number(raw) and not quantity
         hint = f"write '{raw} {wanted.unit}'" if bare and wanted.unit else ""
         rule = "no-unit" if hint else "wrong-type"
+        if wanted.minimum is not None and wanted.maximum is not None:
+            hint = f"write a number from {wanted.minimum:g} to {wanted.maximum:g}"
         findings.add(place, rule, path, f"expected {describe(wanted)}, got {show(raw)}", hint)
         return False
     if quantity[1] != wanted.unit:

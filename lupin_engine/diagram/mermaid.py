@@ -68,7 +68,7 @@ class _Writer:
             yield from self._within(box.children, box.initial)
             return
         for index, region in enumerate(box.children):
-            if index:
+            if index and region.kind is not Kind.HISTORY:
                 yield "--"
             yield from self._box(region)
 

@@ -11,7 +11,18 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from lupin_engine.chart.model import Chart, Constant, Kind, State, Transition, UnknownInput, Value
+from lupin_engine.chart.model import (
+    Chart,
+    Constant,
+    ForEach,
+    Invoke,
+    Itinerary,
+    Kind,
+    State,
+    Transition,
+    UnknownInput,
+    Value,
+)
 
 #: Longest guard on an arrow, in characters.
 GUARD_WIDTH = 44
@@ -102,18 +113,41 @@ class _Outliner:
         if state.paused:
             yield "paused"
         if state.itinerary is not None:
-            yield f"for each of {self._short(state.itinerary.items)}"
+            yield from self._itinerary(state.itinerary)
+        if state.for_each is not None:
+            yield from self._for_each(state.for_each)
         if state.invoke is not None:
-            limit = f" ≤ {self._seconds(state.invoke.timeout)}" if state.invoke.timeout else ""
-            yield f"{state.invoke.name}{limit}"
-            if state.invoke.retry is not None:
-                yield f"tries: {self._short(state.invoke.retry.attempts)}"
+            yield from self._invoke(state.invoke)
         for word, actions in (("entry", state.entry), ("exit", state.exit)):
             if actions:
                 yield f"{word} / {', '.join(action.name for action in actions)}"
         for rule in (*state.transitions, *state.resume_at):
             if rule.target is not None and self._nested(rule.source, rule.target):
                 yield f"{self._label(rule)} → {self._chart.states[rule.target].local_name}"
+
+    def _itinerary(self, itinerary: Itinerary) -> Iterator[str]:
+        yield f"for each of {self._short(itinerary.items)}"
+        if itinerary.order is not None:
+            yield f"smallest {self._short(itinerary.order)} first"
+        if itinerary.sweeps is not None:
+            sweeps = self._short(itinerary.sweeps)
+            yield f"sweeps: {'without end' if sweeps == '0' else sweeps}"
+
+    def _for_each(self, found: ForEach) -> Iterator[str]:
+        limit = f", {self._short(found.limit)} at a time" if found.limit else ""
+        yield f"for each {found.name} of {self._short(found.items)}{limit}"
+        if found.when is not None:
+            yield f"[{_cut(found.when.source)}]"
+        yield from self._invoke(found.invoke)
+        for word, actions in (("done", found.on_done), ("error", found.on_error)):
+            if actions:
+                yield f"{word} / {', '.join(action.name for action in actions)}"
+
+    def _invoke(self, invoke: Invoke) -> Iterator[str]:
+        limit = f" ≤ {self._seconds(invoke.timeout)}" if invoke.timeout else ""
+        yield f"{invoke.name}{limit}"
+        if invoke.retry is not None:
+            yield f"tries: {self._short(invoke.retry.attempts)}"
 
     # -- arrows -----------------------------------------------------------------------------------------
 
@@ -148,6 +182,9 @@ class _Outliner:
             timers = self._chart.states[rule.source].timers
             delay = next(timer.after for timer in timers if timer.event == rule.event)
             return f"after {self._seconds(delay)}"
+        if rule.event == "budget":
+            budget = self._chart.states[rule.source].budget
+            return f"budget {self._seconds(budget.after)}" if budget else "budget"
         if rule.event.startswith("input."):
             return rule.event.removeprefix("input.").replace(".", " ")
         return rule.event.removeprefix("operator.").removeprefix("mission.")

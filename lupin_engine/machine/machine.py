@@ -165,7 +165,7 @@ class Machine:
         return self._finish()
 
     def _happened(self, event: Event) -> None:
-        """Take in an event of a plugin; while held it waits, unless all that listens to it passes the holds."""
+        """Take in an event of a plugin; while held it waits, unless all that listens to it may pass."""
         turn, held = self._turn, self.memory.held
         if event.name.partition(".")[0] in _OWN_EVENTS:
             turn.note(f"dropped: {event.name!r} is the engine's own event, and nobody else's")

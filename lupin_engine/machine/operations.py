@@ -370,7 +370,7 @@ class Operations:
         jitter = float(rule.jitter.evaluate(env)) if rule.jitter else 0.0
         drawn = f"{self._core.world.seed}/{self._core.memory.mission_id}/{invocation.id}/{invocation.tries}"
         share = zlib.crc32(drawn.encode()) / 0xFFFFFFFF
-        return pause * factor ** (invocation.tries - 1) * (1.0 + jitter * (2.0 * share - 1.0))
+        return max(0.0, pause * factor ** (invocation.tries - 1) * (1.0 + jitter * (2.0 * share - 1.0)))
 
     def _signal(self, word: str, invocation: Invocation, cause: Cause, turn: Turn) -> None:
         """Tell the state how its operation ended; for an element it is dealt with at once."""

@@ -23,7 +23,7 @@ from bisect import insort
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
-from lupin_engine.chart.model import Chart, Constant, Environment, Kind, State, Transition
+from lupin_engine.chart.model import Chart, Compiled, Constant, Environment, Kind, State, Transition
 from lupin_engine.machine.event import Event
 from lupin_engine.machine.plan import Plan
 from lupin_engine.machine.step import Step
@@ -81,7 +81,7 @@ def _options(
         plan, writes = plan_of([rule]), _writes([rule])
         if writes is None or not is_plain(plan):
             return None
-        options.append((rule.guard.evaluate if rule.guard else None, plan, writes))
+        options.append((_function(rule.guard.evaluate) if rule.guard else None, plan, writes))
         if rule.guard is None:
             break
     return tuple(options)
@@ -97,7 +97,11 @@ def _writes(rules: Sequence[Transition]) -> Writes | None:
     values = calls[0].arguments
     if any("in_state" in getattr(value, "source", "") for value in values.values()):
         return None
-    return tuple((name, value.evaluate) for name, value in values.items())
+    return tuple((name, _function(value.evaluate)) for name, value in values.items())
+
+
+def _function(evaluate: Evaluate) -> Evaluate:
+    return evaluate.compiled() if isinstance(evaluate, Compiled) else evaluate
 
 
 def is_plain(plan: Plan) -> bool:

@@ -1,4 +1,4 @@
-"""What a plugin is: operations, actions, functions, live values, types and parameters, declared as data.
+"""What a plugin is: operations, actions, functions, events, values, types, parameters, declared as data.
 
 A plugin is one `Plugin` object in its `catalog.py`, found by entry point (group `lupin.plugins`). Loading it
 needs no ROS, no file and no network, so a laptop can check, draw and simulate every mission. The side that
@@ -112,6 +112,14 @@ class LiveValue:
 
 
 @dataclass(frozen=True)
+class EventKind:
+    """Something that happens in the world and is told once, unasked; `fields` come with it."""
+
+    doc: str
+    fields: Mapping[str, Type] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
 class Parameter:
     """A setting with type, default and range; becomes a ROS parameter of the same name."""
 
@@ -135,7 +143,7 @@ class Reader:
 
 @dataclass(frozen=True)
 class Plugin:
-    """All that a plugin offers. Names of operations and actions are local: `go_to` of `nav` is `nav.go_to`.
+    """All that a plugin offers. Operations, actions and events have local names: `nav.go_to` is `go_to` here.
 
     Functions, live values, types and parameters carry their full name, which must be unique over all
     plugins. `client` is `module:Class` of the `Driver`; `nodes` maps a node's name to `module:function`,
@@ -149,6 +157,7 @@ class Plugin:
     actions: Mapping[str, Action] = field(default_factory=dict)
     functions: Mapping[str, Function] = field(default_factory=dict)
     values: Mapping[str, LiveValue] = field(default_factory=dict)
+    events: Mapping[str, EventKind] = field(default_factory=dict)
     types: Mapping[str, Type] = field(default_factory=dict)
     readers: Mapping[str, Reader] = field(default_factory=dict)
     parameters: Mapping[str, Parameter] = field(default_factory=dict)
@@ -177,6 +186,9 @@ class Outlet(Protocol):
 
     def value(self, name: str, value: Any, stamp: float) -> None:
         """A live value changed; `stamp` is when it was true, in seconds of the node's clock."""
+
+    def event(self, name: str, data: Mapping[str, Any]) -> None:
+        """One of the plugin's events happened (full name); `data` has its fields."""
 
 
 class Driver(Protocol):

@@ -20,6 +20,7 @@ from lupin_engine.plugin.contract import (
     Action,
     Argument,
     Code,
+    EventKind,
     Function,
     LiveValue,
     Operation,
@@ -38,8 +39,12 @@ _TYPE_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 _CODE = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 _TARGET = re.compile(r"[A-Za-z_][\w.]*:[A-Za-z_]\w*")
 
+#: First words of events that the engine itself makes; nobody else may.
+RESERVED_EVENTS = frozenset(
+    {"mission", "operator", "input", "after", "budget", "done", "error", "attempt", "timer", "driver"}
+)
 #: First words of names that mean something else where a plugin's name could stand.
-_RESERVED = frozenset({"operator", "mission", "input", "param", "request", "event", "error", "itinerary"})
+_RESERVED = RESERVED_EVENTS | {"param", "request", "event", "itinerary"}
 
 _T = TypeVar("_T")
 
@@ -48,8 +53,8 @@ _T = TypeVar("_T")
 class Catalog:
     """All that the plugins offer, by full name; verified.
 
-    Operations and actions are `plugin.local`; functions, values, types and parameters carry their own full
-    names. `owners` says which plugin a function, value, type or parameter comes from.
+    Operations, actions and events are `plugin.local`; functions, values, types and parameters carry their own
+    full names. `owners` says which plugin a function, value, type or parameter comes from.
     """
 
     plugins: Mapping[str, Plugin] = field(default_factory=dict)
@@ -57,6 +62,7 @@ class Catalog:
     actions: Mapping[str, Action] = field(default_factory=dict)
     functions: Mapping[str, Function] = field(default_factory=dict)
     values: Mapping[str, LiveValue] = field(default_factory=dict)
+    events: Mapping[str, EventKind] = field(default_factory=dict)
     types: Mapping[str, Type] = field(default_factory=dict)
     readers: Mapping[str, Reader] = field(default_factory=dict)
     parameters: Mapping[str, Parameter] = field(default_factory=dict)
@@ -137,6 +143,7 @@ def _join(plugins: dict[str, Plugin]) -> Catalog:
         actions=_prefixed(plugins, lambda plugin: plugin.actions),
         functions=shared("function", lambda plugin: plugin.functions),
         values=shared("value", lambda plugin: plugin.values),
+        events=_prefixed(plugins, lambda plugin: plugin.events),
         types=shared("type", lambda plugin: plugin.types),
         readers=shared("reader", lambda plugin: plugin.readers),
         parameters=shared("parameter", lambda plugin: plugin.parameters),
@@ -201,6 +208,8 @@ def _problems(plugin: Plugin) -> Iterator[str]:
         yield from _function_problems(f"function {name!r}", function)
     for name, value in plugin.values.items():
         yield from _value_problems(f"value {name!r}", value)
+    for name, event in plugin.events.items():
+        yield from _event_problems(f"event {name!r}", event)
     for name, parameter in plugin.parameters.items():
         yield from _parameter_problems(f"parameter {name!r}", parameter)
     for name in plugin.stands_in:
@@ -221,6 +230,7 @@ def _bad_names(plugin: Plugin) -> Iterator[str]:
         ("action", _NAME, plugin.actions),
         ("function", _DOTTED, plugin.functions),
         ("value", _DOTTED, plugin.values),
+        ("event", _NAME, plugin.events),
         ("type", _TYPE_NAME, plugin.types),
         ("parameter", _NAME, plugin.parameters),
         ("node", _NAME, plugin.nodes),
@@ -285,6 +295,14 @@ def _value_problems(where: str, value: LiveValue) -> Iterator[str]:
     problem = None if value.initial is None else _mismatch(value.initial, value.type)
     if problem:
         yield f"{where}: the initial value: {problem}"
+
+
+def _event_problems(where: str, event: EventKind) -> Iterator[str]:
+    for name, kind in event.fields.items():
+        if not _NAME.fullmatch(name):
+            yield f"{where}: the field {name!r} must be lower case letters, digits and underscores"
+        if not isinstance(kind, Type):
+            yield f"{where}: the field {name!r} must have a Type, got {kind!r}"
 
 
 def _parameter_problems(where: str, parameter: Parameter) -> Iterator[str]:

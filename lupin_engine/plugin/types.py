@@ -43,7 +43,8 @@ class Type:
     """A type of the language: a scalar kind, a list of `item`, or a record with `fields`.
 
     `kind` is one of bool, integer, number, text, list, record, any. `name` is what messages and files call
-    it (`duration` is the number with unit s). `unit` is the base unit of a number.
+    it (`duration` is the number with unit s). `unit` is the base unit of a number. `values` are all that a
+    text can be, where that is known: a comparison with another one is a slip of the pen.
     """
 
     kind: str
@@ -52,6 +53,8 @@ class Type:
     item: Type | None = None
     fields: Mapping[str, Type] = field(default_factory=dict, hash=False)
     minimum: float | None = None
+    maximum: float | None = None
+    values: tuple[str, ...] = ()
 
     def __str__(self) -> str:
         return self.name
@@ -135,7 +138,7 @@ def _to_bool(value: Any, wanted: Type) -> bool:
 def _to_integer(value: Any, wanted: Type) -> int:
     if isinstance(value, bool) or not isinstance(value, int):
         raise _wrong(value, wanted)
-    _check_minimum(value, wanted)
+    _check_range(value, wanted)
     return value
 
 
@@ -147,13 +150,15 @@ def _to_number(value: Any, wanted: Type) -> float:
         value = quantity[0]
     if isinstance(value, bool) or not isinstance(value, (int, float)) or math.isnan(value):
         raise _wrong(value, wanted)
-    _check_minimum(value, wanted)
+    _check_range(value, wanted)
     return float(value)
 
 
-def _check_minimum(value: float, wanted: Type) -> None:
+def _check_range(value: float, wanted: Type) -> None:
     if wanted.minimum is not None and value < wanted.minimum:
         raise ValueError(f"expected {wanted} of at least {wanted.minimum:g}, got {value!r}")
+    if wanted.maximum is not None and value > wanted.maximum:
+        raise ValueError(f"expected {wanted} of at most {wanted.maximum:g}, got {value!r}")
 
 
 def _to_text(value: Any, wanted: Type) -> str:

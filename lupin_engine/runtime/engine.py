@@ -169,3 +169,7 @@ class EngineOutlet:
     def value(self, name: str, value: Any, stamp: float) -> None:
         """A live value changed."""
         self._post(events.observed(name, value, stamp))
+
+    def event(self, name: str, data: Mapping[str, Any]) -> None:
+        """One of a plugin's events happened."""
+        self._post(Event(name, data))

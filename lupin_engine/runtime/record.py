@@ -25,6 +25,7 @@ def step_record(step: Step) -> dict[str, Any]:
         "commands": [command_record(command) for command in step.commands],
         "configuration": list(step.configuration),
         "notes": list(step.notes),
+        "why": [str(considered) for considered in step.why],
     }
     if step.accepted is not None:
         record["accepted"] = step.accepted

@@ -39,7 +39,7 @@ def tell(chart: Chart, steps: Iterable[Step]) -> Iterator[Line]:
     narrator = _Narrator(chart)
     for step in steps:
         line = narrator.line(step)
-        if step.changed or step.notes or step.accepted is not None or step.event.name == "value":
+        if step.changed or line.notes or step.accepted is not None or step.event.name == "value":
             yield line
 
 
@@ -72,7 +72,7 @@ class _Narrator:
             event=self._event(step),
             moved=self._moved(step),
             commanded=tuple(_command(command) for command in step.commands),
-            notes=step.notes,
+            notes=(*step.notes, *(() if step.refusal else map(str, step.why))),
             refused=step.accepted is False,
         )
 
@@ -97,8 +97,11 @@ class _Narrator:
 
     def _timer(self, event: Event) -> str:
         kind, owner = event.name.removeprefix("timer."), str(event.data["owner"])
-        if kind == "after":
-            return f"time is up in {short_name(self._chart, owner)}"
+        if kind in ("after", "budget"):
+            what = "time" if kind == "after" else "the budget"
+            return f"{what} is up in {short_name(self._chart, owner)}"
+        if kind == "fresh":
+            return f"input.{owner} is looked at again"
         if kind == "retry":
             return "next try"
         what = {"timeout": "timed out", "cancel": "does not confirm its cancel"}.get(kind, kind)

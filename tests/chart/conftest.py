@@ -8,6 +8,7 @@ from lupin_engine.plugin.contract import (
     Action,
     Argument,
     Code,
+    EventKind,
     Function,
     LiveValue,
     OnHold,
@@ -17,7 +18,7 @@ from lupin_engine.plugin.contract import (
     Reader,
 )
 from lupin_engine.plugin.registry import Catalog, build_catalog
-from lupin_engine.plugin.types import BOOL, LENGTH, NUMBER, POSE, TEXT, Type, list_of
+from lupin_engine.plugin.types import BOOL, DURATION, LENGTH, NUMBER, POSE, TEXT, Type, list_of
 
 TAG = Type("record", "tag", fields={"id": TEXT, "x": LENGTH, "y": LENGTH})
 READING = Type("record", "reading")
@@ -53,6 +54,7 @@ NAV = Plugin(
         "home_pose": Function("Where the dock is.", POSE, lambda _: dict, {"pose": Argument(POSE, "pose")}),
     },
     values={"robot.pose": LiveValue("Where the robot is.", POSE, freshness=2.0)},
+    events={"blocked": EventKind("Something stands in the way.", {"where": POSE, "seconds": DURATION})},
     parameters={"dock_pose": Parameter(POSE, {"x": 0.0, "y": 0.0, "yaw": 0.0}, "where the dock is")},
 )
 BRIDGE = Plugin(
@@ -74,7 +76,7 @@ BRIDGE = Plugin(
     },
     values={
         "robot.estop": LiveValue("E-stop.", BOOL),
-        "robot.battery": LiveValue("Charge.", NUMBER, freshness=10.0),
+        "robot.battery": LiveValue("Charge.", NUMBER, initial=1.0),
     },
     types={"tag": TAG},
     readers={"tag": Reader(Code("unknown_tag", "unknown tag"), lambda _: lambda value: value)},

@@ -49,6 +49,12 @@ def test_every_key_is_described(model: type[Node]) -> None:
     assert undescribed == ([] if model.__name__ != "ActionNode" else ["name", "arguments"])
 
 
+@pytest.mark.parametrize("model", all_models(), ids=lambda model: model.__name__)
+def test_what_stands_elsewhere_is_no_key_here(model: type[Node]) -> None:
+    """Else the explanation would never be told."""
+    assert not set(model.ELSEWHERE) & set(keys_of(model))
+
+
 @pytest.mark.parametrize("model", KINDS.values(), ids=lambda model: model.__name__)
 def test_a_schema_can_be_made_of_every_kind_of_file(model: type[FileNode]) -> None:
     """Completion and checking in editors come from it."""

@@ -16,10 +16,11 @@ def defaults(plugin: Plugin, **changed: Any) -> dict[str, Any]:
 
 @dataclass
 class FakeOutlet:
-    """Keeps what a driver reported: `reports` of attempts in order, `values` by name in order."""
+    """Keeps what a driver reported: `reports` of attempts, `values` and `events` by name, all in order."""
 
     reports: list[tuple[Any, ...]] = field(default_factory=list)
     values: list[tuple[str, Any, float]] = field(default_factory=list)
+    events: list[tuple[str, dict[str, Any]]] = field(default_factory=list)
 
     def accepted(self, attempt: str) -> None:
         self.reports.append(("accepted", attempt))
@@ -38,6 +39,9 @@ class FakeOutlet:
 
     def value(self, name: str, value: Any, stamp: float) -> None:
         self.values.append((name, value, stamp))
+
+    def event(self, name: str, data: Mapping[str, Any]) -> None:
+        self.events.append((name, dict(data)))
 
     def of(self, name: str) -> list[Any]:
         """Return every value that was reported under `name`."""

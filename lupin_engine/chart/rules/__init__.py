@@ -1,0 +1,1 @@
+"""The rules about a composed chart, by subject; `chart.checks` runs them."""

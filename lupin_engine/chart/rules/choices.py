@@ -1,0 +1,345 @@
+"""Rules about what stands side by side: which of several transitions is taken, and whether one is."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from typing import Any
+
+from lupin_engine.chart.findings import warning
+from lupin_engine.chart.guards import (
+    Condition,
+    condition_of,
+    constant,
+    exclusive,
+    fact,
+    implies,
+    possible,
+    total,
+)
+from lupin_engine.chart.model import Constant, Expression, Kind, State, Transition
+from lupin_engine.chart.rules.index import Index, always_taken, condition, covers, line_of, local, told
+from lupin_engine.errors import Diagnostic
+
+#: Beginnings of events that only the state they belong to hears.
+_OF_ONE_STATE = ("done", "error", "after.", "budget")
+
+# -- never-wins -------------------------------------------------------------------------------------------
+
+
+def never_wins(index: Index) -> Iterator[Diagnostic]:
+    """Find a transition whose turn never comes: its guard is never true, or another is always before it."""
+    hint = "mend the guard, or remove the transition"
+    for transition in index.guarded:
+        if _never_true(transition):
+            yield Diagnostic(transition.place, "never-wins", transition.id, "its guard is never true", hint)
+    for state in index.crowded:
+        for group in _groups(state.transitions):
+            yield from _hidden_by_earlier(index, group)
+    for state in index.outer:
+        if not state.slot:  # which missions stand in it is not known here
+            yield from _hidden_by_inner(index, state)
+
+
+def _never_true(transition: Transition) -> bool:
+    return transition.guard is not None and constant(transition.guard.source) is False
+
+
+def _groups(transitions: Sequence[Transition]) -> Iterator[list[Transition]]:
+    """Yield those that answer the same event, in order; a wildcard is in every group that it covers."""
+    by_event: dict[str, list[Transition]] = {}
+    for transition in transitions:
+        by_event.setdefault(transition.event, []).append(transition)
+    wild = [event for event in by_event if event.endswith("*")]
+    if not wild:
+        yield from (group for group in by_event.values() if len(group) > 1)
+        return
+    for event, group in by_event.items():
+        wider = [pattern for pattern in wild if pattern != event and covers(pattern, event)]
+        if wider:
+            group = [t for t in transitions if t.event == event or t.event in wider]
+        if len(group) > 1:
+            yield group
+
+
+def _hidden_by_earlier(index: Index, group: Sequence[Transition]) -> Iterator[Diagnostic]:
+    """Find those of a group that the ones before them leave nothing to do."""
+    for at, later in enumerate(group):
+        earlier = [other for other in group[:at] if _goes_before(other, later)]
+        if not earlier or _never_true(later):
+            continue
+        problem = _why_hidden(index, earlier, later)
+        if problem:
+            hint = "move it up, or guard that one" if "no guard" in problem else "move it up, or remove it"
+            yield Diagnostic(later.place, "never-wins", later.id, problem, hint)
+
+
+def _goes_before(earlier: Transition, later: Transition) -> bool:
+    """Tell whether the earlier one is asked first wherever the later one could be taken.
+
+    A hold lets eventless transitions and levels through one by one; requests and answers are decided by the
+    first whose guard holds, whatever is held.
+    """
+    if not covers(earlier.event, later.event):
+        return False
+    if later.event and not later.event.startswith("input."):
+        return True
+    return later.during | later.releases <= earlier.during | earlier.releases
+
+
+def _why_hidden(index: Index, earlier: Sequence[Transition], later: Transition) -> str:
+    """Say why a transition cannot be taken after those before it; nothing when it can."""
+    never = "this can never be taken"
+    for other in earlier:
+        line = line_of(other.place, later.place)
+        if other.guard is None:
+            return f"{never}: the one in {line} comes first and has no guard"
+        if always_taken(other):
+            return f"{never}: the guard of the one in {line} before it is always true"
+        if later.guard is not None and _covered(index, other, later):
+            return f"{never}: whenever its guard is true, that in {line} before it is too"
+    rest = [t for t in earlier if not _never_true(t)]
+    if len(rest) < 2 or not total(_sure_conditions(index, rest)):
+        return ""
+    # Two of them are often enough, and easier to understand.
+    pairs = ([first, second] for at, second in enumerate(rest) for first in rest[:at])
+    rest = next((pair for pair in pairs if total(_sure_conditions(index, pair))), rest)
+    lines = " and ".join(line_of(t.place, later.place) for t in rest)
+    return f"{never}: one of the guards in {lines} before it is always true"
+
+
+def _covered(index: Index, earlier: Transition, later: Transition) -> bool:
+    assert earlier.guard is not None
+    assert later.guard is not None
+    if earlier.guard.source == later.guard.source:
+        return True
+    if index.may_be_unknown(earlier.guard):
+        return False
+    return implies(condition_of(later.guard.source), condition_of(earlier.guard.source))
+
+
+def _sure_conditions(index: Index, transitions: Iterable[Transition]) -> list[Condition]:
+    """Return the conditions of those guards that are not also false while an input is unknown."""
+    guards = [t.guard for t in transitions if t.guard is not None]
+    return [condition_of(guard.source) for guard in guards if not index.may_be_unknown(guard)]
+
+
+def _hidden_by_inner(index: Index, state: State) -> Iterator[Diagnostic]:
+    """Find transitions of an outer state whose event never gets past the states inside."""
+    inner = _resting(index, state)
+    for transition in state.transitions:
+        if transition.event.startswith(_OF_ONE_STATE) or _never_true(transition):
+            continue
+        if inner and all(_answers(index, child, transition) for child in inner):
+            how = f"answers {transition.event!r}" if transition.event else "is left by an 'always'"
+            problem = f"this can never be taken: every state inside {how} without a guard"
+            hint = "remove it, or guard one of those"
+            yield Diagnostic(transition.place, "never-wins", transition.id, problem, hint)
+
+
+def _resting(index: Index, state: State) -> list[State]:
+    """Return the children that a state can rest in: not the final one that it leaves at once."""
+    children = index.regions(state)
+    if any(t.event == "done" and t.target is not None and always_taken(t) for t in state.transitions):
+        return [child for child in children if child.kind is not Kind.FINAL]
+    return children
+
+
+def _answers(index: Index, state: State, outer: Transition) -> bool:
+    """Tell whether a state, or all that stand inside it, take an event before an outer transition can."""
+    if any(always_taken(t) and _goes_before(t, outer) for t in state.transitions):
+        return True
+    inner = [] if state.slot else _resting(index, state)
+    return bool(inner) and all(_answers(index, child, outer) for child in inner)
+
+
+# -- both-can-win -----------------------------------------------------------------------------------------
+
+
+def both_can_win(index: Index) -> Iterator[Diagnostic]:
+    """Find two transitions of a state between which only their order decides.
+
+    A refusal in front is an exception to what follows, and one without a guard at the end is the rest: both
+    read as they work.
+    """
+    for state in index.crowded:
+        for group in _groups(state.transitions):
+            guarded = [t for t in group if t.guard is not None and _depends(index, t.guard)]
+            for at, later in enumerate(guarded):
+                clash = next((t for t in guarded[:at] if _both_can_win(index, t, later)), None)
+                if clash is not None:
+                    there = line_of(clash.place, later.place)
+                    problem = (
+                        f"on {told(later.event)!r} both this and the one in {there} may be allowed: then only"
+                        " their order decides"
+                    )
+                    hint = "write guards that exclude each other, or give the last one none"
+                    yield warning(later.place, "both-can-win", later.id, problem, hint)
+
+
+def _depends(index: Index, guard: Expression) -> bool:
+    """Tell whether a guard is sometimes true and sometimes not, as far as it was understood."""
+    return constant(guard.source) is None and index.understood(guard)
+
+
+def _both_can_win(index: Index, earlier: Transition, later: Transition) -> bool:
+    assert earlier.guard is not None
+    assert later.guard is not None
+    if earlier.refuse is not None or _effect(earlier) == _effect(later) or _covered(index, earlier, later):
+        return False
+    return not exclusive(condition_of(earlier.guard.source), condition_of(later.guard.source))
+
+
+def _effect(transition: Transition) -> tuple[Any, ...]:
+    """Return what a transition does, comparable between two of them."""
+    calls = tuple(
+        (call.name, tuple((name, _written(value)) for name, value in call.arguments.items()))
+        for call in transition.actions
+    )
+    return (transition.target, transition.refuse, transition.code, transition.internal, calls)
+
+
+def _written(value: Any) -> str:
+    return repr(value.value) if isinstance(value, Constant) else f"${{ {value.source} }}"
+
+
+def regions_clash(index: Index) -> Iterator[Diagnostic]:
+    """Find an event that two regions answer while one of them leaves the parallel state: one is lost."""
+    for parallel, answers in _answers_of_regions(index).items():
+        for group in _groups(answers):
+            if len({_region(index, t, parallel) for t in group}) > 1:
+                yield from _clashes(index, parallel, group)
+
+
+def _answers_of_regions(index: Index) -> dict[str, list[Transition]]:
+    """Return for each parallel state what its regions do on events that all of them hear."""
+    found: dict[str, list[Transition]] = {state.name: [] for state in index.parallel}
+    for name, around in index.region_of.items():
+        for transition in index.chart.states[name].transitions:
+            heard = transition.event and not transition.event.startswith(_OF_ONE_STATE)
+            if heard and transition.target is not None:
+                for parallel, _ in around:
+                    found[parallel].append(transition)
+    return found
+
+
+def _region(index: Index, transition: Transition, parallel: str) -> str:
+    return dict(index.region_of[transition.source])[parallel]
+
+
+def _clashes(index: Index, parallel: str, group: Sequence[Transition]) -> Iterator[Diagnostic]:
+    told_of: set[str] = set()
+    for leaver in group:
+        if leaver.id in told_of or index.inside(index.domain(leaver, leaver.target or ""), parallel):
+            continue
+        others = (t for t in group if _region(index, t, parallel) != _region(index, leaver, parallel))
+        other = next((t for t in others if not exclusive(condition(leaver), condition(t))), None)
+        if other is not None:
+            told_of.add(other.id)
+            problem = (
+                f"{leaver.event!r} leaves {local(parallel)!r} here, and another region answers it in"
+                f" {line_of(other.place, leaver.place)}: only the first of the two is carried out"
+            )
+            hint = "let one region answer it, or write guards that exclude each other"
+            yield warning(leaver.place, "both-can-win", leaver.id, problem, hint)
+
+
+# -- unhandled-outcome ------------------------------------------------------------------------------------
+
+
+def unhandled_outcome(index: Index) -> Iterator[Diagnostic]:
+    """Find an end for which its state has no transition, or only guarded ones."""
+    for work in index.works:
+        if work.state.invoke is work.invoke:
+            yield from _without_answer(work.state)
+    for state in index.answering:
+        for event in ("done", "error"):
+            group = [t for t in state.transitions if t.event == event]
+            if group and not any(map(always_taken, group)):
+                yield from _without_rest(index, state, event, group)
+    yield from _unheard_finals(index)
+
+
+def _without_answer(state: State) -> Iterator[Diagnostic]:
+    invoke = state.invoke
+    assert invoke is not None
+    handled = {transition.event for transition in state.transitions}
+    fails = bool(invoke.operation.codes) or invoke.timeout_code is not None
+    for event, key, happens in (("done", "on_done", True), ("error", "on_error", fails)):
+        if event not in handled and happens:
+            how = "ended" if event == "done" else "failed"
+            problem = f"nothing says what follows when {invoke.name} has {how}"
+            hint = f"add '{key}: STATE'"
+            yield Diagnostic(invoke.place, "unhandled-outcome", state.name, problem, hint)
+
+
+def _without_rest(
+    index: Index, state: State, event: str, group: Sequence[Transition]
+) -> Iterator[Diagnostic]:
+    """Look at ends that are answered under guards only: is there one that none of them answers?"""
+    what = state.invoke.name if state.invoke is not None else state.local_name
+    guards = [condition_of(t.guard.source) for t in group if t.guard is not None]
+    sure = _sure_conditions(index, group)
+    hint = f"let the last of '{told(event)}' have no guard"
+    codes = _codes(state) if event == "error" else []
+    lost = [code for code in codes if not any(possible(fact("error.code", code), g) for g in guards)]
+    if lost:
+        problem = f"nothing says what follows when {what} has failed with {_or(lost)}"
+        yield Diagnostic(group[0].place, "unhandled-outcome", state.name, problem, hint)
+    left = [code for code in codes if code not in lost and not total(sure, fact("error.code", code))]
+    if left or (not codes and not total(sure)):
+        how = "ended" if event == "done" else "failed"
+        with_ = f" with {_or(left)}" if left and len(left) < len(codes) else ""
+        problem = f"nothing says what follows when {what} has {how}{with_} and no guard is true"
+        yield warning(group[0].place, "unhandled-outcome", state.name, problem, hint)
+
+
+def _codes(state: State) -> list[str]:
+    """Return the codes that a state's operation can fail with."""
+    invoke = state.invoke
+    if invoke is None:
+        return []
+    own = [invoke.timeout_code] if invoke.timeout_code is not None else []
+    return [*dict.fromkeys([code.name for code in invoke.operation.codes] + own)]
+
+
+def _or(names: Sequence[str]) -> str:
+    quoted = [repr(name) for name in names]
+    return quoted[0] if len(quoted) == 1 else f"{', '.join(quoted[:-1])} or {quoted[-1]}"
+
+
+def _unheard_finals(index: Index) -> Iterator[Diagnostic]:
+    """Find a final state that ends what is around it, which does not say what follows and stays for ever."""
+    for state in index.states:
+        if state.kind is Kind.FINAL and state.parent:
+            holder = _ended_by(index, index.chart.states[state.parent])
+            if holder is not None and not _goes_on(index, holder):
+                problem = f"nothing says what follows when {state.local_name!r} inside is reached"
+                if holder.kind is Kind.PARALLEL:
+                    problem = "nothing says what follows when all regions have ended"
+                hint = "add 'on_done: STATE'"
+                yield Diagnostic(holder.place, "unhandled-outcome", holder.name, problem, hint)
+
+
+def _ended_by(index: Index, parent: State) -> State | None:
+    """Return the state that must say what follows a final child of `parent`; None where nobody must."""
+    above = index.chart.states[parent.parent or ""]
+    if above.slot:
+        return above
+    if above.kind is Kind.PARALLEL:
+        ends = all(
+            any(index.chart.states[name].kind is Kind.FINAL for name in region.children)
+            for region in index.regions(above)
+        )
+        return above if ends else None
+    return None if parent.invoke is not None else parent
+
+
+def _goes_on(index: Index, state: State) -> bool:
+    """Tell whether a state says what follows its end, or is left some other way without a person."""
+    if any(t.event == "done" or t.target is not None for t in state.transitions):
+        return True
+    around = (index.chart.states[name] for name in index.lineage[state.name][1:])
+    by_others = ("done", "error", "operator.", "mission.", "input.")
+    return any(
+        t.target is not None and not t.event.startswith(by_others) for a in around for t in a.transitions
+    )

@@ -1,0 +1,134 @@
+"""The rule about eventless transitions that lead back to each other for ever.
+
+Eventless transitions, and those on a level, are taken one after the other within one moment: inputs do not
+change meanwhile, and operations have not begun. So a circle of them never comes to rest unless something
+that its own actions do makes a guard false.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+from lupin_engine.chart.guards import TRUE, Condition, constant, names_read, negate, possible
+from lupin_engine.chart.model import ActionCall, Kind, Transition
+from lupin_engine.chart.rules.graph import components, cycles
+from lupin_engine.chart.rules.index import Index, always_taken, condition, local
+from lupin_engine.errors import Diagnostic
+
+#: So many steps are spent on finding a circle among transitions that lead back to each other.
+MAX_STEPS = 500
+
+
+def always_loop(index: Index) -> Iterator[Diagnostic]:
+    """Find transitions that are taken again and again without anything happening in between."""
+    loops = _Loops(index)
+    for part in components(loops.following):
+        circles = cycles(loops.following, sorted(part, key=loops.place_of), MAX_STEPS)
+        found = next((circle for circle in circles if loops.never_ends(circle)), None)
+        if found is not None:
+            yield _told(loops, [loops.by_id[name] for name in found])
+
+
+def _told(loops: _Loops, circle: Sequence[Transition]) -> Diagnostic:
+    first = circle[0]
+    if first.target is None:
+        problem = "this is taken for ever: nothing that it does makes its guard false"
+        hint = "add a target, or a guard that its actions make false"
+        return Diagnostic(first.place, "always-loop", first.id, problem, hint)
+    names = [loops.name_of(t.source) for t in circle]
+    way = " -> ".join([*names, names[0]])
+    problem = f"this is taken for ever, and the chart never comes to rest: {way}"
+    hint = "guard one of the ways with something that going round makes false, or wait in between"
+    return Diagnostic(first.place, "always-loop", first.id, problem, hint)
+
+
+class _Loops:
+    """Which eventless transition may follow which within one moment."""
+
+    def __init__(self, index: Index) -> None:
+        self._index = index
+        self._of: dict[str, list[Transition]] = {}
+        for transition in index.eventless:
+            self._of.setdefault(transition.source, []).append(transition)
+        self.by_id = {t.id: t for t in index.eventless}
+        #: What is asked before each of those that may follow a transition.
+        self._before: dict[tuple[str, str], list[Transition]] = {}
+        self.following = {t.id: self._follow(t) for t in index.eventless if _can_be_taken(t)}
+
+    def name_of(self, state: str) -> str:
+        """Return what a state is called in a message."""
+        return local(state) or self._index.chart.name
+
+    def place_of(self, name: str) -> tuple[str, int, int]:
+        """Return where a transition stands, to sort by."""
+        place = self.by_id[name].place
+        return (place.file, place.line, place.column)
+
+    def _follow(self, transition: Transition) -> list[str]:
+        """Return what may be taken right after a transition."""
+        if transition.target is None:
+            self._before[transition.id, transition.id] = []
+            return [transition.id]
+        if self._index.chart.states[transition.target].kind is Kind.HISTORY:
+            return []  # what is remembered is not known
+        found: dict[str, None] = {}
+        for leaf in self._leaves(transition.target):
+            asked: list[Transition] = []
+            for name in self._index.lineage[leaf]:
+                for candidate in self._of.get(name, ()):
+                    found[candidate.id] = None
+                    self._before[transition.id, candidate.id] = list(asked)
+                    asked.append(candidate)
+                if any(always_taken(t) and not t.event for t in self._of.get(name, ())):
+                    break
+        return list(found)
+
+    def _leaves(self, target: str) -> list[str]:
+        """Return the innermost states that entering a state leads to."""
+        states = self._index.chart.states
+        return [name for name in self._index.entered(target) if not self._index.begun(states[name])]
+
+    def never_ends(self, circle: Sequence[str]) -> bool:
+        """Tell whether nothing ends a circle once it is entered: its guards go together and stay true."""
+        changed: set[str] = set()
+        conditions: list[Condition] = []
+        read: set[str] = set()
+        for name, following in zip(circle, [*circle[1:], circle[0]], strict=True):
+            transition = self.by_id[name]
+            changed |= self._changed(transition)
+            asked = self._before[name, following]
+            conditions += [condition(self.by_id[following]), *(negate(condition(t)) for t in asked)]
+            guards = [t.guard for t in (self.by_id[following], *asked) if t.guard is not None]
+            read.update(*(names_read(guard.source) for guard in guards))
+        return changed.isdisjoint(read) and possible(TRUE, *conditions)
+
+    def _changed(self, transition: Transition) -> set[str]:
+        """Return the first words of what is different after a transition."""
+        calls = list(transition.actions)
+        found = {"held"} if transition.releases else set()
+        if transition.target is not None:
+            found.add("in_state")
+            domain = self._index.domain(transition, transition.target)
+            left = [name for name in self._index.lineage[transition.source] if self._below(name, domain)]
+            entered = [name for name in self._index.lineage[transition.target] if self._below(name, domain)]
+            states = self._index.chart.states
+            for name in {*entered, *self._index.entered(transition.target)}:
+                calls += states[name].entry
+                found |= {"itinerary", "target"} if states[name].itinerary is not None else set()
+            for name in left:
+                calls += states[name].exit
+        return found.union(*map(_written, calls))
+
+    def _below(self, name: str, ancestor: str) -> bool:
+        return name != ancestor and self._index.inside(name, ancestor)
+
+
+def _can_be_taken(transition: Transition) -> bool:
+    return transition.guard is None or constant(transition.guard.source) is not False
+
+
+def _written(call: ActionCall) -> set[str]:
+    """Return the first words of what an action changes for expressions."""
+    if call.name == "set":
+        return set(call.arguments)
+    return {"itinerary", "target"} if call.name.startswith("itinerary.") else set()

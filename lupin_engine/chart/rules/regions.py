@@ -1,0 +1,69 @@
+"""Rules about parallel states: what their regions share, and ways from one into another."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from lupin_engine.chart.findings import warning
+from lupin_engine.chart.rules.index import Index, Work, local
+from lupin_engine.errors import Diagnostic
+
+
+def shared_resource(index: Index) -> Iterator[Diagnostic]:
+    """Find operations that can be active at the same time and use the same: one of them waits."""
+    users = [work for work in index.works if work.invoke.operation.uses]
+    by_resource: dict[str, list[Work]] = {}
+    for work in users:
+        for resource in work.invoke.operation.uses:
+            by_resource.setdefault(resource, []).append(work)
+    for resource, works in by_resource.items():
+        yield from _waits_for_region(index, resource, works)
+        yield from _waits_for_outer(index, resource, works)
+
+
+def _waits_for_region(index: Index, resource: str, works: list[Work]) -> Iterator[Diagnostic]:
+    """Compare each work with the first one in every other region beside it."""
+    first: dict[str, dict[str, Work]] = {}
+    for work in works:
+        for parallel, region in index.region_of.get(work.state.name, ()):
+            known = first.setdefault(parallel, {})
+            other = next((found for name, found in known.items() if name != region), None)
+            if other is not None:
+                yield _told(work, other, resource)
+            known.setdefault(region, work)
+
+
+def _waits_for_outer(index: Index, resource: str, works: list[Work]) -> Iterator[Diagnostic]:
+    """Compare each work with those of the states around it, which go on meanwhile."""
+    holders = {work.state.name: work for work in works if work.state.children}
+    for work in works if holders else ():
+        for name in index.lineage[work.state.name][1:]:
+            if name in holders:
+                yield _told(work, holders[name], resource)
+
+
+def _told(work: Work, other: Work, resource: str) -> Diagnostic:
+    there = f"{other.invoke.name} in {other.state.local_name!r}"
+    problem = (
+        f"{work.invoke.name} uses {resource!r} as {there} does, and both can be active: one waits until the"
+        " other has ended"
+    )
+    hint = "do them one after the other"
+    return warning(work.place, "shared-resource", work.state.name, problem, hint)
+
+
+def region_leak(index: Index) -> Iterator[Diagnostic]:
+    """Find a way from one region of a parallel state into another, which leaves and enters all of them."""
+    for name, around in index.region_of.items():
+        for transition in index.chart.states[name].transitions:
+            if transition.target is None:
+                continue
+            there = dict(index.region_of.get(transition.target, ()))
+            crossed = next((p for p, region in around if there.get(p, region) != region), None)
+            if crossed is not None:
+                problem = (
+                    f"this leads from one region of {local(crossed)!r} into another: the whole state is left"
+                    " and entered anew"
+                )
+                hint = "raise an event that the other region listens to, or go to the whole state"
+                yield warning(transition.place, "region-leak", transition.id, problem, hint)

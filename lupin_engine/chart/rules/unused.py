@@ -1,0 +1,128 @@
+"""Rules about what is declared or said and nobody listens to."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from lupin_engine.chart.findings import warning
+from lupin_engine.chart.model import Constant
+from lupin_engine.chart.rules.index import Index, covers
+from lupin_engine.errors import Diagnostic, Place
+
+# -- parameters -------------------------------------------------------------------------------------------
+
+
+def unused_parameter(index: Index) -> Iterator[Diagnostic]:
+    """Find a parameter that a file declares and no expression reads."""
+    for name, place in _declared(index, "parameter"):
+        if name not in index.composed.usage.parameters:
+            problem = f"nothing reads the parameter {name!r}"
+            hint = f"read it as param.{name}, or remove it"
+            yield Diagnostic(place, "unused-parameter", f"params.{name}", problem, hint)
+
+
+def _declared(index: Index, family: str) -> Iterator[tuple[str, Place]]:
+    for (kind, name), place in index.composed.declared.places.items():
+        if kind == family:
+            yield name, place
+
+
+# -- events -----------------------------------------------------------------------------------------------
+
+
+def unheard_event(index: Index) -> Iterator[Diagnostic]:
+    """Find an event that is raised and that nothing in the chart listens to."""
+    raised = [call for call in index.calls if call.action.name == "raise"]
+    if not raised:
+        return
+    patterns = {t.event for state in index.states for t in state.transitions}
+    wild = [pattern for pattern in patterns if pattern.endswith("*")]
+    for call in raised:
+        value = call.action.arguments["event"]
+        event = value.value if isinstance(value, Constant) else ""
+        if event not in patterns and not any(covers(pattern, event) for pattern in wild):
+            problem, hint = (
+                f"nothing listens to {event!r}",
+                f"write 'on: {{{event}: STATE}}' somewhere, or remove it",
+            )
+            yield warning(value.place, "unheard-event", call.path, problem, hint)
+
+
+# -- declarations -----------------------------------------------------------------------------------------
+
+
+def unused_code(index: Index) -> Iterator[Diagnostic]:
+    """Find a code that a file declares and that nothing reports or asks for."""
+    declared = _own(index, "code")
+    used = set(_codes_used(index)) if declared else set()
+    for name, place in declared:
+        if name not in used and not index.texts.quotes(name):
+            problem, hint = f"nothing reports the code {name!r}", "report it as 'code', or remove it"
+            yield warning(place, "unused-code", f"codes.{name}", problem, hint)
+
+
+def _own(index: Index, family: str) -> list[tuple[str, Place]]:
+    """Return what must be used by what is loaded; the lifecycle's may be meant for other missions."""
+    lifecycle = "" if index.whole else index.chart.files[0]
+    return [(name, place) for name, place in _declared(index, family) if place.file != lifecycle]
+
+
+def _codes_used(index: Index) -> Iterator[str | None]:
+    for state in index.states:
+        for transition in state.transitions:
+            yield transition.code
+            yield transition.refuse
+    for work in index.works:
+        yield work.invoke.timeout_code
+        yield from (code.name for code in work.invoke.operation.codes)
+    for hold in index.chart.holds.values():
+        yield hold.code
+        yield hold.engage_code
+    for call in index.calls:
+        yield from (
+            v.value
+            for v in call.action.arguments.values()
+            if isinstance(v, Constant) and v.type.kind == "text"
+        )
+    for mission in index.chart.missions.values():
+        for field in mission.request.values():
+            yield field.not_empty
+            # What a reader refuses a wrong value with.
+            yield f"unknown_{(field.type.item or field.type).name}"
+
+
+def unused_input(index: Index) -> Iterator[Diagnostic]:
+    """Find an input, or a level of one, that nothing reads or listens to."""
+    declared = _own(index, "input")
+    if not declared:
+        return
+    heard = {t.event for t in index.eventless} | {hold.engage for hold in index.chart.holds.values()}
+    read = index.composed.usage.inputs
+    for name, place in declared:
+        levels = [f"input.{name}.{level.name}" for level in index.chart.inputs[name].levels]
+        if name not in read and heard.isdisjoint([f"input.{name}", *levels]):
+            problem, hint = f"nothing reads the input {name!r}", f"read it as input.{name}, or remove it"
+            yield warning(place, "unused-input", f"inputs.{name}", problem, hint)
+            continue
+        for level in levels:
+            if level not in heard and not index.texts.names(level):
+                problem, hint = f"nothing asks for the level {level!r}", "listen to it, read it, or remove it"
+                yield warning(place, "unused-input", f"inputs.{name}", problem, hint)
+
+
+def unused_variable(index: Index) -> Iterator[Diagnostic]:
+    """Find a variable of the context that is perhaps set, but never read."""
+    for name, place in _own(index, "variable"):
+        if not index.texts.names(name):
+            problem, hint = f"nothing reads the variable {name!r}", "read it in an expression, or remove it"
+            yield warning(place, "unused-variable", f"context.{name}", problem, hint)
+
+
+def unused_field(index: Index) -> Iterator[Diagnostic]:
+    """Find a field of a request that the mission it starts never reads."""
+    for mission in index.chart.missions.values():
+        for field in mission.request.values():
+            if not index.texts.names(f"request.{field.name}", mission.name):
+                problem = f"nothing reads the field {field.name!r} of the request"
+                hint = f"read it as request.{field.name}, or remove it"
+                yield warning(field.place, "unused-field", f"request.{field.name}", problem, hint)

@@ -1,0 +1,246 @@
+"""Rules about the visits of an itinerary: each is closed once, and only then the walk goes on.
+
+For every innermost state of an itinerary it is worked out whether the visit may be open or closed there, by
+following all ways from entering the itinerary on, guards on `itinerary.open` included. What is not followed
+(parallel states, an itinerary inside) is not judged, and only what is certain is told.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+
+from lupin_engine.chart.guards import Condition, fact, negate, possible
+from lupin_engine.chart.model import ActionCall, Kind, State, Transition
+from lupin_engine.chart.rules.index import Index, always_taken, condition, covers, local
+from lupin_engine.errors import Diagnostic
+
+#: What a visit may be.
+OPEN, CLOSED = "open", "closed"
+_EITHER = frozenset([OPEN, CLOSED])
+
+Visit = frozenset[str]
+
+
+def visits(index: Index) -> Iterator[Diagnostic]:
+    """Find a visit that is closed a second time, and a walk that would go on from an open visit."""
+    for walker in index.states:
+        if walker.itinerary is not None:
+            inside = list(_below(index, walker))
+            if not any(_is_not_followed(state) for state in inside if state is not walker):
+                yield from _Walk(index, walker, inside).refused()
+
+
+def _below(index: Index, state: State) -> Iterator[State]:
+    yield state
+    for name in state.children:
+        yield from _below(index, index.chart.states[name])
+
+
+def _is_not_followed(state: State) -> bool:
+    return state.kind is Kind.PARALLEL or state.for_each is not None or state.itinerary is not None
+
+
+@dataclass(frozen=True)
+class _Call:
+    """An action on the itinerary, and the path of the list that it stands in."""
+
+    action: ActionCall
+    path: str
+
+
+@dataclass(frozen=True)
+class _Step:
+    """A transition taken in an innermost state: when, what it calls on the way, and where it comes to.
+
+    Where a history state leads is not known, so after a `vague` step the visit may be either.
+    """
+
+    transition: Transition
+    when: tuple[Condition, ...]
+    calls: tuple[_Call, ...]
+    leaves: tuple[str, ...]
+    vague: bool = False
+
+
+class _Walk:
+    """What the visit may be in each innermost state of one itinerary."""
+
+    def __init__(self, index: Index, walker: State, inside: Sequence[State]) -> None:
+        self._index = index
+        self._walker = walker
+        self._inside = {state.name: state for state in inside}
+        leaves = [state for state in inside if state.kind is not Kind.HISTORY and not index.begun(state)]
+        self._at: dict[str, Visit] = {leaf.name: frozenset() for leaf in leaves}
+        self._steps = {leaf.name: list(self._steps_of(leaf)) for leaf in leaves}
+        self._settle()
+
+    def refused(self) -> Iterator[Diagnostic]:
+        """Tell what the machine would refuse whenever it is reached."""
+        told: set[int] = set()
+        for leaf, visit in self._at.items():
+            for step in self._steps[leaf]:
+                for call, before in self._along(step, visit):
+                    if before == _REFUSED.get(call.action.name) and id(call.action) not in told:
+                        told.add(id(call.action))
+                        yield _told(leaf, call)
+
+    # -- ways ----------------------------------------------------------------------------------------------
+
+    def _steps_of(self, leaf: State) -> Iterator[_Step]:
+        """Yield what may happen in an innermost state, up to the state that walks."""
+        around = [self._inside[name] for name in self._index.lineage[leaf.name] if name in self._inside]
+        restless = any(not t.event and always_taken(t) for state in around for t in state.transitions)
+        asked: list[Transition] = []
+        for state in around:
+            for transition in state.transitions:
+                if (restless and transition.event) or not self._hears(leaf, transition):
+                    continue
+                if not any(always_taken(t) and covers(t.event, transition.event) for t in asked):
+                    before = [t for t in asked if t.event == transition.event]
+                    yield self._step(leaf, transition, before)
+                    asked.append(transition)
+
+    def _hears(self, leaf: State, transition: Transition) -> bool:
+        """Tell whether an event can arrive in an innermost state; `done` means what has just ended."""
+        source = self._inside[transition.source]
+        if transition.event == "done":
+            return source.invoke is not None or (leaf.kind is Kind.FINAL and source.name == leaf.parent)
+        if transition.event == "error":
+            return source is leaf or source.invoke is not None
+        left = leaf.kind is Kind.FINAL and any(
+            t.event == "done" and always_taken(t) for t in self._inside[leaf.parent or ""].transitions
+        )
+        return not left or not transition.event
+
+    def _step(self, leaf: State, transition: Transition, before: Sequence[Transition]) -> _Step:
+        when = (condition(transition), *(negate(condition(other)) for other in before))
+        own = list(_walking(f"{transition.id}.do", transition.actions))
+        if transition.target is None:
+            return _Step(transition, when, tuple(own), (leaf.name,))
+        target = self._index.chart.states[transition.target]
+        domain = self._index.domain(transition, target.name)
+        for state in self._path(leaf.name, domain)[::-1]:
+            own[:0] = _walking(f"{state.name}.exit", state.exit)
+        if target.kind is Kind.HISTORY:
+            leaves = tuple(self._leaves_in(target.parent or ""))
+            return _Step(transition, when, tuple(own), leaves, vague=True)
+        begun = [self._inside[name] for name in self._index.entered(target.name) if name in self._inside]
+        path = {state.name: state for state in (*self._path(target.name, domain)[::-1], *begun)}
+        for state in path.values():
+            own += _walking(f"{state.name}.entry", state.entry)
+        leaves = tuple(state.name for state in begun if state.name in self._at)
+        return _Step(transition, when, tuple(own), leaves)
+
+    def _path(self, name: str, domain: str) -> list[State]:
+        """Return a state and those around it below `domain`, as far as they belong to the walk."""
+        names = self._index.lineage[name]
+        below = names[: names.index(domain)] if domain in names else names
+        return [self._inside[name] for name in below if name in self._inside]
+
+    def _leaves_in(self, ancestor: str) -> Iterator[str]:
+        return (leaf for leaf in self._at if self._index.inside(leaf, ancestor))
+
+    # -- what the visit may be -----------------------------------------------------------------------------
+
+    def _settle(self) -> None:
+        """Follow all ways until nothing new comes out."""
+        waiting = list(self._from_outside())
+        while waiting:
+            leaf, visit = waiting.pop()
+            if visit <= self._at[leaf]:
+                continue
+            self._at[leaf] |= visit
+            for step in self._steps[leaf]:
+                after = _EITHER if step.vague else self._after(step, self._at[leaf])
+                waiting.extend((name, after) for name in step.leaves)
+
+    def _along(self, step: _Step, visit: Visit) -> Iterator[tuple[_Call, Visit]]:
+        """Yield the calls of a step with what the visit may be before each; none when it cannot be taken."""
+        visit = _those(visit, step.when)
+        for call in step.calls if visit else ():
+            yield call, visit
+            visit = self._called(call, visit)
+
+    def _after(self, step: _Step, visit: Visit) -> Visit:
+        visit = _those(visit, step.when)
+        for call in step.calls if visit else ():
+            visit = self._called(call, visit)
+        return visit
+
+    def _called(self, call: _Call, visit: Visit) -> Visit:
+        if call.action.name == "itinerary.advance":
+            return frozenset([OPEN])
+        walk = self._walker.itinerary
+        if call.action.name == "itinerary.close_rest" and walk is not None and walk.leaves_open:
+            return visit
+        return frozenset([CLOSED])
+
+    # -- entering the walk ---------------------------------------------------------------------------------
+
+    def _from_outside(self) -> Iterator[tuple[str, Visit]]:
+        """Yield the innermost states that the walk begins in, or is brought back to, with the visit then.
+
+        A walk that is entered begins anew, with its first target; one that history brings back goes on.
+        """
+        begins = [self._walker.name]
+        for name, state in self._inside.items():
+            if not any(t.source not in self._inside for t in self._index.ways_to.get(name, ())):
+                continue
+            if state.kind is Kind.HISTORY:
+                yield from ((leaf, _EITHER) for leaf in self._leaves_in(state.parent or ""))
+            else:
+                begins.append(name)
+        for name in begins:
+            yield from self._entered(name, frozenset([OPEN]))
+        for name in self._index.lineage[self._walker.name][1:]:
+            for child in self._index.chart.states[name].children:
+                if self._index.chart.states[child].kind is Kind.HISTORY:
+                    yield from self._resumed(self._index.chart.states[child])
+
+    def _entered(self, name: str, visit: Visit) -> Iterator[tuple[str, Visit]]:
+        return ((leaf, visit) for leaf in self._index.entered(name) if leaf in self._at)
+
+    def _resumed(self, history: State) -> Iterator[tuple[str, Visit]]:
+        """Yield what is entered when the past comes back: states at its depth, or innermost ones above."""
+        base, depth = len(self._index.lineage[history.parent or ""]), history.depth
+        for state in self._inside.values():
+            level = len(self._index.lineage[state.name]) - base
+            if depth is not None and (level == depth or (state is self._walker and level > depth)):
+                yield from self._resumed_at(state)
+            elif state.name in self._at and (depth is None or level < depth):
+                yield state.name, _EITHER
+
+    def _resumed_at(self, state: State) -> Iterator[tuple[str, Visit]]:
+        """Yield where a state goes on that comes back: what `resume_at` says, else where it begins."""
+        before: list[Condition] = []
+        for transition in state.resume_at:
+            visit = _those(_EITHER, [condition(transition), *map(negate, before)])
+            before.append(condition(transition))
+            yield from self._entered(transition.target or "", visit)
+        yield from self._entered(state.name, _those(_EITHER, [negate(found) for found in before]))
+
+
+#: What the visit must not be, all ways considered.
+_REFUSED = {"itinerary.close": frozenset([CLOSED]), "itinerary.advance": frozenset([OPEN])}
+
+
+def _those(visit: Visit, when: Iterable[Condition]) -> Visit:
+    """Return what of the visit agrees with conditions."""
+    return frozenset(v for v in visit if possible(fact("itinerary.open", v == OPEN), *when))
+
+
+def _walking(path: str, calls: Iterable[ActionCall]) -> Iterator[_Call]:
+    """Yield the actions of a list that do something to the itinerary."""
+    return (_Call(call, path) for call in calls if call.name.startswith("itinerary."))
+
+
+def _told(leaf: str, call: _Call) -> Diagnostic:
+    closes = call.action.name == "itinerary.close"
+    how = "closed already" if closes else "still open"
+    problem = f"the visit is {how} in {local(leaf)!r}, so this would be refused"
+    if not closes:
+        hint = "close it first: 'itinerary.close: {status: ...}'"
+        return Diagnostic(call.action.place, "open-visit", call.path, problem, hint)
+    hint = "add 'guard: itinerary.open'" if call.path.endswith(".do") else "remove it"
+    return Diagnostic(call.action.place, "double-close", call.path, problem, hint)

@@ -1,0 +1,246 @@
+"""Rules about ways through the chart: what can be entered, what can be left, what goes round for ever."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+
+from lupin_engine.chart.model import Chart, Kind, State
+from lupin_engine.chart.rules.graph import components
+from lupin_engine.chart.rules.index import FAULT, Index
+from lupin_engine.errors import Diagnostic
+
+# -- never-happens, no-deadline ---------------------------------------------------------------------------
+
+
+def never_happens(index: Index) -> Iterator[Diagnostic]:
+    """Find the handling of an ending in a state that has nothing to end."""
+    for state in index.answering:
+        node = index.composed.drafts[state.name].node
+        if state.invoke is not None or node is None or node.invoke is not None:
+            continue
+        if node.on_error:
+            problem = "on_error without an invocation: nothing can fail here"
+            yield Diagnostic(node.key_at("on_error"), "never-happens", state.name, problem, "remove it")
+        if node.on_done and not _can_be_done(index.chart, state):
+            problem = "on_done, but nothing is invoked here and no state inside is final"
+            hint = "add 'type: final' to a state inside, or remove it"
+            yield Diagnostic(node.key_at("on_done"), "never-happens", state.name, problem, hint)
+
+
+def _can_be_done(chart: Chart, state: State) -> bool:
+    """Tell whether a state can end by one of its children: a final one, or for the slot a mission's."""
+    children = [chart.states[name] for name in state.children]
+    if state.slot:
+        return any(_can_be_done(chart, child) for child in children) or not children
+    if state.kind is Kind.PARALLEL:
+        proper = (child for child in children if child.kind is not Kind.HISTORY)
+        return all(child.kind is Kind.FINAL or _can_be_done(chart, child) for child in proper)
+    return any(child.kind is Kind.FINAL for child in children)
+
+
+def waits_for_ever(index: Index) -> Iterator[Diagnostic]:
+    """Find an operation that has no timeout on purpose, and no other way out of its state either."""
+    for work in index.works:
+        node = index.composed.drafts[work.state.name].node
+        if work.state.invoke is None or node is None or node.invoke is None or node.invoke.timeout != "never":
+            continue
+        if not _has_way_out(index, work.state, without=("done", "error")):
+            problem = f"{work.invoke.name} may take for ever, and nothing else leaves this state"
+            hint = "add an 'after', an 'always' or an answer to an event"
+            yield Diagnostic(node.invoke.at("timeout"), "no-deadline", work.state.name, problem, hint)
+
+
+def _has_way_out(index: Index, state: State, without: Iterable[str] = ()) -> bool:
+    """Tell whether a transition of the state, or of one around it, goes somewhere."""
+    if any(t.target is not None and t.event not in without for t in state.transitions):
+        return True
+    around = (index.chart.states[name] for name in index.lineage[state.name][1:])
+    return any(
+        t.target is not None and t.event not in ("done", "error") for a in around for t in a.transitions
+    )
+
+
+# -- unreachable-state ------------------------------------------------------------------------------------
+
+
+def unreachable_state(index: Index) -> Iterator[Diagnostic]:
+    """Find a state that no initial state and no transition leads to; told for the outermost of them."""
+    reached = _reached(index)
+    if len(reached) == len(index.states):
+        return
+    for state in index.states:
+        missing = state.name not in reached
+        if missing and state.parent in reached and not _is_implied(index, state):
+            problem, hint = "no way leads to this state", "add a transition to it, or remove it"
+            yield Diagnostic(state.place, "unreachable-state", state.name, problem, hint)
+
+
+def _is_implied(index: Index, state: State) -> bool:
+    """Tell whether a state is not written as one: the history that a `history:` key stands for."""
+    return state.kind is Kind.HISTORY and index.composed.drafts[state.name].node is None
+
+
+def _reached(index: Index) -> set[str]:
+    """Follow everything that can enter a state, from the root on, guards aside.
+
+    A state that is active because something inside it was entered has not begun with its first child.
+    """
+    states = index.chart.states
+    active: set[str] = set()
+    begun: set[str] = set()
+    waiting = [("", True)]
+    while waiting:
+        name, begins = waiting.pop()
+        state = states[name]
+        if begins and name not in begun:
+            begun.add(name)
+            waiting.extend((child, True) for child in index.begun(state))
+        if name not in active:
+            active.add(name)
+            waiting.extend(_led_to(index, state))
+    return active
+
+
+def _led_to(index: Index, state: State) -> Iterator[tuple[str, bool]]:
+    """Yield what being in a state leads to, and whether that begins anew."""
+    if state.parent is not None:
+        parent = index.chart.states[state.parent]
+        yield state.parent, state.kind is Kind.HISTORY
+        if parent.kind is Kind.PARALLEL:
+            yield from (
+                (name, True) for name in parent.children if name != state.name and name in index.region_of
+            )
+    if state.kind is Kind.HISTORY and state.initial is not None:
+        yield state.initial, True
+    for transition in state.transitions:
+        if transition.target is not None:
+            yield transition.target, True
+    for transition in state.resume_at:
+        if transition.target is not None:
+            yield transition.target, True
+
+
+# -- dead-end ---------------------------------------------------------------------------------------------
+
+
+def dead_end(index: Index) -> Iterator[Diagnostic]:
+    """Find states from which no way leads to an end: one that cannot be left, or several in a circle."""
+    stuck = _Ways(index).stuck()
+    if not stuck:
+        return
+    reached = _reached(index)
+    for part in components(stuck):
+        leads_on = any(after not in part for node in part for after in stuck[node])
+        rest = [index.chart.states[name] for name in part if name in reached]
+        rest = [state for state in rest if state.kind is Kind.ATOMIC]
+        if rest and not leads_on:
+            rest.sort(key=lambda state: state.place)
+            yield from _told_dead_end(index, rest)
+
+
+def _told_dead_end(index: Index, rest: Sequence[State]) -> Iterator[Diagnostic]:
+    state, hint = rest[0], "add a transition, or 'type: final'"
+    if len(rest) > 1:
+        problem = f"from here only {_and([s.local_name for s in rest])} can be reached, and never an end"
+        hint = "add a way to a final state, to FAULT or out of the mission"
+        yield Diagnostic(state.place, "dead-end", state.name, problem, hint)
+    elif _has_way_out(index, state):
+        problem = "from here only this state itself can be reached, and never an end"
+        yield Diagnostic(state.place, "dead-end", state.name, problem, hint)
+    elif state.invoke is None:  # an operation whose end is not handled is told as that
+        yield Diagnostic(state.place, "dead-end", state.name, "nothing leads out of this state", hint)
+
+
+def _and(names: Sequence[str]) -> str:
+    shown = [repr(name) for name in names[:4]]
+    if len(names) > 4:
+        shown[3] = f"{len(names) - 3} others"
+    return f"{', '.join(shown[:-1])} and {shown[-1]}"
+
+
+class _Ways:
+    """What can follow what, guards aside: a node for being in a state, another for entering it anew.
+
+    An end is a final state that nothing follows: a mission's or the chart's own. FAULT counts as one; for a
+    mission also every way out of the slot, and for the lifecycle the slot, for then a mission begins. States
+    with such a way out around them are not looked into.
+    """
+
+    def __init__(self, index: Index) -> None:
+        self._index = index
+        self._states = index.chart.states
+        self._slot = index.slot.name if index.slot else None
+        self._ends: set[str] = set()
+        self._handler: dict[str, str | None] = {}
+        self._leads: dict[str, list[str]] = {}
+        for state in index.states:
+            if state.parent in self._ends:
+                self._ends.add(state.name)
+            else:
+                self._add(state)
+
+    def stuck(self) -> dict[str, list[str]]:
+        """Return the nodes from which no end can be reached, with what they lead to."""
+        before: dict[str, list[str]] = {}
+        for node, ways in self._leads.items():
+            for way in ways:
+                before.setdefault(way, []).append(node)
+        alive: set[str] = set()
+        waiting = [name for name in before if name.rstrip("+") in self._ends]
+        waiting += [*self._ends, f"{self._slot}+"]
+        while waiting:
+            node = waiting.pop()
+            if node not in alive:
+                alive.add(node)
+                waiting.extend(before.get(node, ()))
+        return {node: ways for node, ways in self._leads.items() if node not in alive}
+
+    def _add(self, state: State) -> None:
+        name = state.name
+        above = self._handler[state.parent] if state.parent is not None else None
+        ways = [above] if above is not None else []
+        inside = self._slot is not None and bool(state.mission or state.slot)
+        handles = False
+        for transition in (*state.transitions, *state.resume_at):
+            target = transition.target
+            if target is None or (transition.event == "done" and state.invoke is None):
+                continue
+            handles = True
+            ways.append(self._entering(target))
+            if inside and self._slot not in self._index.lineage[target]:
+                self._ends.add(name)
+        self._handler[name] = name if handles else above
+        if state.kind is Kind.FINAL:
+            ways.extend(self._after_end(state))
+        elif name == FAULT:
+            self._ends.add(name)
+        if state.children:
+            # Once a mission has begun, its own states are looked at.
+            begun = [] if state.slot else [name, *map(self._entering, self._index.begun(state))]
+            self._leads[f"{name}+"] = begun
+        self._leads[name] = ways
+
+    def _entering(self, name: str) -> str:
+        """Return the node of entering a state; of a history, that of all that it may stand for."""
+        state = self._states[name]
+        if state.kind is not Kind.HISTORY:
+            return f"{name}+" if state.children else name
+        if f"{name}+" not in self._leads:
+            parent = self._states[state.parent or ""]
+            self._leads[f"{name}+"] = [self._entering(child.name) for child in self._index.regions(parent)]
+        return f"{name}+"
+
+    def _after_end(self, final: State) -> list[str]:
+        """Return what follows a final state; one that nothing follows is an end."""
+        parent = self._states[final.parent or ""]
+        above = self._states[parent.parent] if parent.parent is not None else None
+        if above is None or above.slot:
+            self._ends.add(final.name)
+            return []
+        holders = [parent, above] if above.kind is Kind.PARALLEL else [parent]
+        return [
+            self._entering(t.target)
+            for holder in holders
+            for t in holder.transitions
+            if t.event == "done" and t.target is not None
+        ]

@@ -1,0 +1,82 @@
+"""The benchmark of dispatch measures what it says: our machine is moved, and where it gets to is checked."""
+
+from __future__ import annotations
+
+import importlib
+import json
+import subprocess
+import sys
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import pytest
+
+BENCHMARKS = Path(__file__).parents[1] / "benchmarks"
+CHARTS = ["cycle", "guarded", "parallel", "timed", "load-10", "bytes"]
+
+
+@pytest.fixture
+def bench(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
+    """The benchmark as a module."""
+    monkeypatch.syspath_prepend(str(BENCHMARKS))
+    return importlib.import_module("dispatch")
+
+
+@pytest.fixture
+def idle(bench: ModuleType) -> Any:
+    """A process of an engine that does nothing, quickly."""
+
+    class Idle:
+        engine = bench.ENGINES[0]
+
+        def ask(self, do: str, **arguments: Any) -> dict[str, Any]:
+            return {"seconds": 1e-3} if do == "run" else {"active": ["a"], "count": None}
+
+    return Idle()
+
+
+def test_measures_ours_and_gets_where_it_should(tmp_path: Path) -> None:
+    figures, engines = tmp_path / "figures.json", ["lupin", "lupin-record", "lupin-fresh", "floor"]
+    command = [sys.executable, str(BENCHMARKS / "dispatch.py"), "--rounds", "2", "--block", "0.002"]
+    # No peer is asked for, so nothing is installed.
+    command += ["--engines", *engines, "--charts", *CHARTS, "--json", str(figures)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=100)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "lupin, and the record read" in done.stdout
+    found = json.loads(figures.read_text(encoding="utf-8"))["figures"]
+    assert list(found) == CHARTS
+    for chart, row in found.items():
+        assert row["lupin"]["missing"] == "", chart
+        assert row["lupin"]["median"] > 0, chart
+    assert all(found[chart][engine]["median"] > 0 for chart in CHARTS[:3] for engine in engines)
+
+
+def test_an_engine_that_dispatches_into_nothing_is_told(bench: ModuleType, idle: Any) -> None:
+    trial = bench.Trial(idle, "cycle")
+    trial.begin(0.01)
+    assert trial.finish().missing.startswith("wrong: after 1 events")
+
+
+@pytest.mark.parametrize("states", [10, 23, 100, 1000])
+def test_the_peers_charts_have_the_states_they_say(bench: ModuleType, states: int) -> None:
+    generated = importlib.import_module("peers.generated")
+
+    def count(found: list[dict[str, Any]]) -> int:
+        return sum(1 + count(state["states"]) for state in found)
+
+    assert count(generated.tree(states)) == states
+
+
+def test_writes_its_section_and_nothing_else(bench: ModuleType, tmp_path: Path) -> None:
+    table = importlib.import_module("peers.table")
+    file = tmp_path / "performance.md"
+    file.write_text("# Performance\n\nBefore.\n", encoding="utf-8")
+    results = table.Results([bench.ENGINES[0]], method={"rounds": 7, "block_s": 0.2})
+    for median in (2.0, 3.0):
+        results.figures["cycle"] = {"lupin": table.Figure(median, 1.0)}
+        table.write_section(file, table.document(results))
+    text = file.read_text(encoding="utf-8")
+    assert text.startswith("# Performance\n\nBefore.\n\n<!-- dispatch:begin -->\n")
+    assert text.count("| lupin | 3 (1) |") == 1
+    assert "2 (1)" not in text
