@@ -318,7 +318,7 @@ class Input:
     """A live value of a plugin under the chart's own name for it; unknown when older than freshness.
 
     A report outside `minimum` to `maximum` is dropped. With `of_mission` only what was reported since the
-    mission began counts.
+    mission began counts; until then it is `initial`.
     """
 
     name: str

@@ -66,18 +66,12 @@ class Inputs(Mapping[str, Any]):
         return len(self._chart.inputs)
 
     def known(self, name: str) -> bool:
-        """Say whether the input was reported, and neither too long ago nor before what it is about."""
+        """Say whether the input was reported, and not too long ago."""
         found = self._memory.inputs.get(name)
         if found is None:
             return False
-        spec = self._chart.inputs[name]
-        if spec.of_mission and not self._since_start(found.stamp):
-            return False
-        return spec.freshness is None or self.now - found.stamp <= spec.freshness
-
-    def _since_start(self, stamp: float) -> bool:
-        started = self._memory.started_at
-        return started is not None and stamp >= started
+        freshness = self._chart.inputs[name].freshness
+        return freshness is None or self.now - found.stamp <= freshness
 
     def holds(self, event: str) -> bool:
         """Say whether the level that an `input.NAME` or `input.NAME.LEVEL` event stands for is true."""

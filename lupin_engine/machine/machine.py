@@ -364,6 +364,7 @@ class Machine:
             of_mission.clear()
         memory.current_walk = ""
         memory.code = memory.detail = ""
+        Values(self._core).begin_mission(self._turn)
 
     def _engage_levels(self) -> bool:
         """Engage the holds whose level is true; say whether there were any."""

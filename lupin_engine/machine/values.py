@@ -22,8 +22,19 @@ class Values:
     def begin(self, turn: Turn) -> None:
         """Set what the chart starts with."""
         for spec in self._core.chart.inputs.values():
-            if spec.initial is not None:
-                self._set(spec, Reported(spec.initial, turn.now, reported=False), turn)
+            self._begin(spec, turn)
+
+    def begin_mission(self, turn: Turn) -> None:
+        """Forget what was reported before the mission of those inputs that are about it."""
+        for spec in self._core.chart.inputs.values():
+            if spec.of_mission:
+                self._core.memory.inputs.pop(spec.name, None)
+                self._core.timers.disarm("fresh", spec.name)
+                self._begin(spec, turn)
+
+    def _begin(self, spec: Input, turn: Turn) -> None:
+        if spec.initial is not None:
+            self._set(spec, Reported(spec.initial, turn.now, reported=False), turn)
 
     def observe(self, event: Event, turn: Turn) -> None:
         """Take in a report; one that is older than the last, or out of the declared range, is dropped."""
@@ -34,10 +45,16 @@ class Values:
             known = self._core.memory.inputs.get(spec.name)
             if not _is_within(spec, data["value"]):
                 turn.note(f"dropped: input.{spec.name} is out of range: {data['value']!r}")
+            elif spec.of_mission and not self._is_of_mission(data["stamp"]):
+                turn.note(f"dropped: a report of input.{spec.name} from before the mission")
             elif known is not None and known.reported and data["stamp"] < known.stamp:
                 turn.note(f"dropped: a report of input.{spec.name} that is older than the last")
             else:
                 self._set(spec, Reported(data["value"], data["stamp"]), turn)
+
+    def _is_of_mission(self, stamp: float) -> bool:
+        started = self._core.memory.started_at
+        return started is not None and stamp >= started
 
     def _set(self, spec: Input, found: Reported, turn: Turn) -> None:
         self._core.memory.inputs[spec.name] = found
