@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator, Mapping
+from itertools import islice
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -50,7 +51,9 @@ _WORDS: Mapping[str, bool | None] = {
 _INTEGER = re.compile(r"[-+]?[0-9]+|0o[0-7]+|0x[0-9a-fA-F]+")
 _FLOAT = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?")
 _NUMBER_STARTS = frozenset("+-.0123456789")
-_LINE_BREAK = re.compile("\r\n|[\r\n\x85\u2028\u2029]")
+_QUOTES = ("'", '"')
+#: What may stand between the beginning of a node and that of its value.
+_ANCHOR = re.compile(r"&\S+[ \t]*")
 _HEAD = re.compile(r"^(lifecycle|mission|part)[ \t]*:[ \t]*[\"']?([^\s\"'#]+)", re.MULTILINE)
 
 #: A position is line and column, counted from 0, in one number: a file has tens of thousands of them, and
@@ -64,16 +67,17 @@ class File:
 
     __slots__ = ("_lines", "_text", "name")
 
-    def __init__(self, name: str, text: str, lines: list[str] | None = None) -> None:
+    def __init__(self, name: str, text: str) -> None:
         self.name = name
         self._text = text
-        self._lines = lines
+        self._lines: list[str] | None = None
 
     @property
     def lines(self) -> list[str]:
-        """The lines, without their ends, as YAML counts them."""
+        """The lines without their ends, as YAML counts them."""
         if self._lines is None:
-            self._lines = _LINE_BREAK.split(self._text)
+            # Python also ends lines at some control characters, which no YAML text may contain.
+            self._lines = self._text.splitlines()
         return self._lines
 
     def place(self, position: int) -> Place:
@@ -95,11 +99,10 @@ def _position_of(place: Place) -> int:
 class Text(str):
     """A text from a file; `at(offset)` is the place of one of its characters."""
 
-    __slots__ = ("end", "file", "start", "style")
+    __slots__ = ("file", "start", "style")
 
     file: File
     start: int
-    end: int
     style: str | None
 
     @property
@@ -115,47 +118,63 @@ class Text(str):
         """
         if offset < len(self) and not self[offset].isspace() and self._is_literal():
             return self.file.place(self.start + offset + bool(self.style))
-        wanted = sum(1 for char in self[:offset] if not char.isspace())
-        after = self.start
-        for line, column in _inked(self):
-            if wanted == 0:
-                return self.file.place(line << _LINE_SHIFT | column)
-            wanted, after = wanted - 1, line << _LINE_SHIFT | column + 1
-        return self.file.place(after)
+        wanted, last = _ink(self[:offset]), _ink(self) - 1
+        found = next(islice(_inked(self), min(wanted, last), None), None) if last >= 0 else None
+        if found is None:
+            return self.place
+        return self.file.place(found + (wanted > last))
 
     def _is_literal(self) -> bool:
-        """Tell whether the file has exactly these characters, in one line: escapes are longer than values."""
-        return self.end - self.start == len(self) + (2 if self.style else 0)
+        """Tell whether the file has exactly these characters, in one line."""
+        line, column = self.start >> _LINE_SHIFT, self.start & _COLUMN_MASK
+        lines = self.file.lines
+        return line < len(lines) and lines[line].startswith(self, column + bool(self.style))
 
 
 def text_at(value: str, place: Place) -> Text:
     """Make a text that stands at `place` on one line, for what is not written as text in the file."""
-    text = Text(value)
     line, column = place.line - 1, place.column - 1
-    text.file = File(place.file, "", [""] * line + [" " * column + value])
-    text.start = _position_of(place)
-    text.end = text.start + len(value)
-    text.style = None
+    return _text(value, File(place.file, "\n" * line + " " * column + value), _position_of(place), None)
+
+
+def _text(value: str, file: File, start: int, style: str | None) -> Text:
+    text = Text(value)
+    text.file = file
+    text.start = start
+    text.style = style
     return text
 
 
-def _inked(text: Text) -> Iterator[tuple[int, int]]:
-    """Yield (line, column) of every character of the file that stands for a character other than a blank."""
+def _ink(text: str) -> int:
+    """Return how many characters are no blanks."""
+    return sum(1 for char in text if not char.isspace())
+
+
+def _inked(text: Text) -> Iterator[int]:
+    """Yield the position of every character of the file that stands for one which is no blank.
+
+    It goes on behind the end of the text, which only its caller knows.
+    """
     lines, style = text.file.lines, text.style or ""
-    line, column = text.start >> _LINE_SHIFT, text.start & _COLUMN_MASK
-    if style in ("|", ">"):
-        line, column = line + 1, 0
-    elif style:
-        column += 1
-    while line << _LINE_SHIFT | column < text.end and line < len(lines):
+    line, column = _first_character(text)
+    while line < len(lines):
         row = lines[line]
         if column >= len(row):
             line, column = line + 1, 0
             continue
         width, blank = _character(row, column, style)
         if not blank:
-            yield line, column
+            yield line << _LINE_SHIFT | column
         column += width
+
+
+def _first_character(text: Text) -> tuple[int, int]:
+    """Return line and column of the first character, behind anchor and quotes."""
+    line, column = text.start >> _LINE_SHIFT, text.start & _COLUMN_MASK
+    if text.style in ("|", ">"):
+        return line + 1, 0
+    anchor = _ANCHOR.match(text.file.lines[line], column) if line < len(text.file.lines) else None
+    return line, (anchor.end() if anchor else column) + bool(text.style)
 
 
 #: How many columns an escape takes in a text in double quotes, where it is not two; which of them are blanks.
@@ -180,7 +199,7 @@ class Map(dict[str, Any]):
     known there.
     """
 
-    __slots__ = ("_keys", "file", "model", "start", "starts")
+    __slots__ = ("file", "key_starts", "model", "start", "starts")
 
     def __init__(self, file: File | Place, start: int = 0) -> None:
         super().__init__()
@@ -188,9 +207,9 @@ class Map(dict[str, Any]):
             file, start = File(file.file, ""), _position_of(file)
         self.file = file
         self.start = start
+        self.key_starts: dict[str, int] = {}
         self.starts: dict[str, int] = {}
         self.model: Any = None
-        self._keys: dict[str, Text] | None = None
 
     @property
     def place(self) -> Place:
@@ -208,17 +227,16 @@ class Map(dict[str, Any]):
 
     def key_place(self, key: str) -> Place:
         """Return where a key stands."""
-        return self.key_text(key).place
+        return self.file.place(self.key_starts[key])
 
     def key_text(self, key: str) -> Text:
-        """Return a key as it was written."""
-        if self._keys is None:
-            self._keys = {key: key for key in self}  # type: ignore[misc]
-        return self._keys[key]
-
-    @property
-    def keys_as_text(self) -> dict[str, Text]:  # INTERIM
-        return {key: key for key in self}  # type: ignore[misc]
+        """Return a key as it was written, where it is an expression or a quantity."""
+        start = self.key_starts[key]
+        line, column = start >> _LINE_SHIFT, start & _COLUMN_MASK
+        written = self.file.lines[line][column:]
+        anchor = _ANCHOR.match(written)
+        first = written[anchor.end() if anchor else 0 :][:1]
+        return _text(key, self.file, start, first if first in _QUOTES else None)
 
 
 class Seq(list[Any]):
@@ -409,36 +427,36 @@ class _Builder:
 
     def _mapping(self, start: int, depth: int) -> Map:
         found = Map(self._file, start)
-        starts = found.starts
+        key_starts, starts = found.key_starts, found.starts
         while type(event := self._next()) is not MappingEndEvent:
-            key = self._key(event)
+            key_start = _position(event.start_mark)
+            key = self._key(event, key_start)
             event = self._next()
             at = _position(event.start_mark)
             value = self._node(event, at, depth)
             if key in starts:
-                self._tell_twice(key, next(known for known in found if known == key))
+                self._tell_twice(key, found.key_place(key), self._file.place(key_start))
                 continue
             found[key] = value
+            key_starts[key] = key_start
             starts[key] = at
         return found
 
-    def _tell_twice(self, key: Text, known: Any) -> None:
-        first, second = known.place.line, key.place.line
-        problem = f"the key {str(key)!r} stands twice, in line {first} and in line {second}"
-        self._findings.add(key.place, "duplicate-key", "", problem, "remove or rename one")
+    def _tell_twice(self, key: str, first: Place, second: Place) -> None:
+        problem = f"the key {key!r} stands twice, in line {first.line} and in line {second.line}"
+        self._findings.add(second, "duplicate-key", "", problem, "remove or rename one")
 
-    def _key(self, event: Any) -> Text:
-        start = _position(event.start_mark)
+    def _key(self, event: Any, start: int) -> str:
         if type(event) is not ScalarEvent:
             self._refuse(start, "wrong-yaml", "a key must be a plain word")
         self._nodes += 1
         self._check_count(start)
         if event.tag is not None:
             self._refuse(start, "wrong-yaml", f"the tag {event.tag!r} is not allowed", "write the plain key")
-        text = self._text_of(event, start)
         if event.anchor is not None:
-            self._anchors[event.anchor] = (text, 1)
-        return text
+            self._anchors[event.anchor] = (self._text_of(event, start), 1)
+        key: str = event.value
+        return key
 
     def _scalar(self, event: Any, start: int) -> Any:
         value: str = event.value
@@ -460,12 +478,7 @@ class _Builder:
         return convert(value)
 
     def _text_of(self, event: Any, start: int) -> Text:
-        text = Text(event.value)
-        text.file = self._file
-        text.start = start
-        text.end = _position(event.end_mark)
-        text.style = event.style
-        return text
+        return _text(event.value, self._file, start, event.style or None)
 
 
 def _integer(text: str) -> int:

@@ -71,7 +71,16 @@ def published(run: Run) -> list[tuple[float, str, str]]:
 def test_a_search_reaches_its_goal_and_what_was_found_is_visited(chart: Chart) -> None:
     """The nearest is visited first; the drive to the next frontier ends when there are tags enough."""
     run = explore(chart, seen(5.0, tag("7", 4.0)), seen(25.0, tag("7", 4.0), tag("3", 2.0)))
-    assert run.lifecycles == ("BOOT", "READY", "PREPARE", "EXPLORING", "MONITORING", "RETURNING", "DONE")
+    assert run.lifecycles == (
+        "BOOT",
+        "READY",
+        "PREPARE",
+        "EXPLORING",
+        "SEARCHED",
+        "MONITORING",
+        "RETURNING",
+        "DONE",
+    )
     assert [visit.target for visit in run.visits] == ["7", "3"], "without a pose the list's order counts"
     assert {visit.status for visit in run.visits} == {"OK"}
     assert len(started(run, "nav.choose_frontier")) == 3
@@ -103,7 +112,7 @@ def test_a_reading_that_hangs_holds_up_nothing(chart: Chart) -> None:
 def test_a_search_that_finds_nothing_comes_home(chart: Chart) -> None:
     """The budget ends the search, and its code is the mission's last word."""
     run = explore(chart, exploration_timeout_s=60.0)
-    assert run.lifecycles == ("BOOT", "READY", "PREPARE", "EXPLORING", "RETURNING", "DONE")
+    assert run.lifecycles == ("BOOT", "READY", "PREPARE", "EXPLORING", "SEARCHED", "RETURNING", "DONE")
     assert run.view.code == "exploration_timeout"
 
 

@@ -17,7 +17,16 @@ from lupin_engine.chart.guards import (
     total,
 )
 from lupin_engine.chart.model import Constant, Expression, Kind, State, Transition
-from lupin_engine.chart.rules.index import Index, always_taken, condition, covers, line_of, local, told
+from lupin_engine.chart.rules.index import (
+    Index,
+    always_taken,
+    condition,
+    covers,
+    groups_of,
+    line_of,
+    local,
+    told,
+)
 from lupin_engine.errors import Diagnostic
 
 #: Beginnings of events that only the state they belong to hears.
@@ -32,9 +41,8 @@ def never_wins(index: Index) -> Iterator[Diagnostic]:
     for transition in index.guarded:
         if _never_true(transition):
             yield Diagnostic(transition.place, "never-wins", transition.id, "its guard is never true", hint)
-    for state in index.crowded:
-        for group in _groups(state.transitions):
-            yield from _hidden_by_earlier(index, group)
+    for group in index.groups:
+        yield from _hidden_by_earlier(index, group)
     for state in index.outer:
         if not state.slot:  # which missions stand in it is not known here
             yield from _hidden_by_inner(index, state)
@@ -42,23 +50,6 @@ def never_wins(index: Index) -> Iterator[Diagnostic]:
 
 def _never_true(transition: Transition) -> bool:
     return transition.guard is not None and constant(transition.guard.source) is False
-
-
-def _groups(transitions: Sequence[Transition]) -> Iterator[list[Transition]]:
-    """Yield those that answer the same event, in order; a wildcard is in every group that it covers."""
-    by_event: dict[str, list[Transition]] = {}
-    for transition in transitions:
-        by_event.setdefault(transition.event, []).append(transition)
-    wild = [event for event in by_event if event.endswith("*")]
-    if not wild:
-        yield from (group for group in by_event.values() if len(group) > 1)
-        return
-    for event, group in by_event.items():
-        wider = [pattern for pattern in wild if pattern != event and covers(pattern, event)]
-        if wider:
-            group = [t for t in transitions if t.event == event or t.event in wider]
-        if len(group) > 1:
-            yield group
 
 
 def _hidden_by_earlier(index: Index, group: Sequence[Transition]) -> Iterator[Diagnostic]:
@@ -161,19 +152,18 @@ def both_can_win(index: Index) -> Iterator[Diagnostic]:
     A refusal in front is an exception to what follows, and one without a guard at the end is the rest: both
     read as they work.
     """
-    for state in index.crowded:
-        for group in _groups(state.transitions):
-            guarded = [t for t in group if t.guard is not None and _depends(index, t.guard)]
-            for at, later in enumerate(guarded):
-                clash = next((t for t in guarded[:at] if _both_can_win(index, t, later)), None)
-                if clash is not None:
-                    there = line_of(clash.place, later.place)
-                    problem = (
-                        f"on {told(later.event)!r} both this and the one in {there} may be allowed: then only"
-                        " their order decides"
-                    )
-                    hint = "write guards that exclude each other, or give the last one none"
-                    yield warning(later.place, "both-can-win", later.id, problem, hint)
+    for group in index.groups:
+        guarded = [t for t in group if t.guard is not None and _depends(index, t.guard)]
+        for at, later in enumerate(guarded):
+            clash = next((t for t in guarded[:at] if _both_can_win(index, t, later)), None)
+            if clash is not None:
+                there = line_of(clash.place, later.place)
+                problem = (
+                    f"on {told(later.event)!r} both this and the one in {there} may be allowed: then only"
+                    " their order decides"
+                )
+                hint = "write guards that exclude each other, or give the last one none"
+                yield warning(later.place, "both-can-win", later.id, problem, hint)
 
 
 def _depends(index: Index, guard: Expression) -> bool:
@@ -205,7 +195,7 @@ def _written(value: Any) -> str:
 def regions_clash(index: Index) -> Iterator[Diagnostic]:
     """Find an event that two regions answer while one of them leaves the parallel state: one is lost."""
     for parallel, answers in _answers_of_regions(index).items():
-        for group in _groups(answers):
+        for group in groups_of(answers):
             if len({_region(index, t, parallel) for t in group}) > 1:
                 yield from _clashes(index, parallel, group)
 

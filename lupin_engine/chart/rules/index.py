@@ -6,24 +6,21 @@ states, itineraries, inputs that may be unknown) is looked for only when a rule 
 
 from __future__ import annotations
 
-import re
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
 
 from lupin_engine.chart.compose import Composed
-from lupin_engine.chart.guards import TRUE, Condition, Every, condition_of, constant, fact, inputs_read
+from lupin_engine.chart.guards import TRUE, Condition, Every, condition_of, constant, fact
 from lupin_engine.chart.model import (
-    ActionCall,
-    Constant,
     Expression,
     Invoke,
     Kind,
     State,
     Transition,
-    Value,
 )
+from lupin_engine.chart.names import inputs_read
+from lupin_engine.chart.rules.written import Call, Read, Texts, calls_of, reads_of
 from lupin_engine.errors import Diagnostic, Place
 
 #: Beginnings of events that no wildcard listens to: they come from the engine and are meant for one state.
@@ -32,43 +29,12 @@ _OWN = ("done", "error", "after.", "budget", "input.")
 FAULT = "FAULT"
 
 
-class Read(NamedTuple):
-    """An expression of the chart: whether it is a condition (else a value), and where it is told.
-
-    There are many and most are in order, so the path is put together when it is asked for.
-    """
-
-    expression: Expression
-    condition: bool
-    mission: str
-    words: tuple[str, ...]
-
-    @property
-    def path(self) -> str:
-        """What the expression is for."""
-        return ".".join(word for word in self.words if word)
-
-
-class Call(NamedTuple):
-    """An action of the chart, the state that it is written in and what its list is called."""
-
-    action: ActionCall
-    state: State
-    words: tuple[str, ...]
-
-    @property
-    def path(self) -> str:
-        """The list that the action stands in."""
-        return ".".join(word for word in self.words if word)
-
-
 @dataclass(frozen=True)
 class Work:
     """An operation that a state runs."""
 
     state: State
     invoke: Invoke
-    place: Place
 
 
 class Index:
@@ -109,9 +75,9 @@ class Index:
         if state.kind is Kind.PARALLEL:
             self.parallel.append(state)
         if state.invoke is not None:
-            self.works.append(Work(state, state.invoke, state.invoke.place))
+            self.works.append(Work(state, state.invoke))
         if state.for_each is not None:
-            self.works.append(Work(state, state.for_each.invoke, state.for_each.place))
+            self.works.append(Work(state, state.for_each.invoke))
         if not state.transitions:
             return
         if len(state.transitions) > 1:
@@ -195,6 +161,11 @@ class Index:
                     found.setdefault(transition.target, []).append(transition)
         return found
 
+    @cached_property
+    def groups(self) -> list[list[Transition]]:
+        """The transitions of one state that may answer the same event, where there are several."""
+        return [group for state in self.crowded for group in groups_of(state.transitions)]
+
     # -- conditions ----------------------------------------------------------------------------------------
 
     def understood(self, expression: Expression) -> bool:
@@ -218,128 +189,20 @@ class Index:
     @cached_property
     def calls(self) -> list[Call]:
         """Every action of the chart."""
-        return [found for state in self.states for found in _calls_of(state)]
+        return calls_of(self.chart)
 
     @cached_property
     def reads(self) -> list[Read]:
         """Every expression of the chart."""
-        found: list[Read] = []
-        for call in self.calls:
-            for name, value in call.action.arguments.items():
-                if not isinstance(value, Constant):
-                    words = (*call.words, call.action.name, name)
-                    found.append(Read(value, False, call.state.mission, words))
-        for state in self.states:
-            for transition in (*state.transitions, *state.resume_at):
-                if transition.guard is not None:
-                    found.append(Read(transition.guard, True, state.mission, (transition.id, "guard")))
-            if state.timers or state.invoke or state.budget or state.for_each or state.itinerary:
-                found += _reads_of_work(state)
-        found += self._declared_reads()
-        return found
+        return reads_of(self.chart, self.calls)
 
     @cached_property
     def texts(self) -> Texts:
-        """All expressions as text."""
-        return Texts(self)
-
-    def _declared_reads(self) -> Iterator[Read]:
-        chart = self.chart
-        for hold in chart.holds.values():
-            for key, guard in (("engage_guard", hold.engage_guard), ("release_guard", hold.release_guard)):
-                if guard is not None:
-                    yield Read(guard, True, "", ("holds", hold.name, key))
-        for invariant in chart.invariants.values():
-            yield Read(invariant.that, True, "", ("invariants", invariant.name))
-        for found in chart.inputs.values():
-            for level in found.levels:
-                for key in ("below", "above", "hysteresis"):
-                    words = ("inputs", found.name, "levels", level.name, key)
-                    yield from _read(getattr(level, key), "", words)
-        for variable in chart.context.values():
-            yield from _read(variable.default, "", ("context", variable.name, "default"))
-        for mission in chart.missions.values():
-            for field in mission.request.values():
-                yield from _read(field.default, mission.name, ("request", field.name, "default"))
-
-
-def _calls_of(state: State) -> Iterator[Call]:
-    for call in state.entry:
-        yield Call(call, state, (state.name, "entry"))
-    for call in state.exit:
-        yield Call(call, state, (state.name, "exit"))
-    for transition in state.transitions:
-        for call in transition.actions:
-            yield Call(call, state, (transition.id, "do"))
-    if state.for_each is not None:
-        for call in state.for_each.on_done:
-            yield Call(call, state, (state.name, "for_each.on_done.do"))
-        for call in state.for_each.on_error:
-            yield Call(call, state, (state.name, "for_each.on_error.do"))
-
-
-def _reads_of_work(state: State) -> Iterator[Read]:
-    """Yield what a state computes besides guards and the arguments of actions."""
-    found: list[tuple[str, Value | None]] = [(timer.event, timer.after) for timer in state.timers]
-    if state.budget is not None:
-        found.append(("budget.after", state.budget.after))
-    if state.invoke is not None:
-        found += _values_of_invoke("invoke", state.invoke)
-    if state.for_each is not None:
-        each = state.for_each
-        found += [("for_each.in", each.items), ("for_each.key", each.key), ("for_each.limit", each.limit)]
-        found += _values_of_invoke("for_each.invoke", each.invoke)
-        if each.when is not None:
-            yield Read(each.when, True, state.mission, (state.name, "for_each.when"))
-    if state.itinerary is not None:
-        walk = state.itinerary
-        found += [("itinerary.items", walk.items), ("itinerary.order", walk.order)]
-        found.append(("itinerary.sweeps", walk.sweeps))
-    for word, value in found:
-        if value is not None and not isinstance(value, Constant):
-            yield Read(value, False, state.mission, (state.name, word))
-
-
-def _values_of_invoke(path: str, invoke: Invoke) -> Iterator[tuple[str, Value | None]]:
-    for name, value in invoke.arguments.items():
-        if not isinstance(value, Constant):
-            yield f"{path}.with.{name}", value
-    yield f"{path}.timeout.after", invoke.timeout
-    if invoke.retry is not None:
-        retry = invoke.retry
-        for name in ("attempts", "backoff", "factor", "jitter"):
-            yield f"{path}.retry.{name}", getattr(retry, name)
-
-
-def _read(value: Value | None, mission: str, words: tuple[str, ...]) -> Iterator[Read]:
-    if value is not None and not isinstance(value, Constant):
-        yield Read(value, False, mission, words)
-
-
-class Texts:
-    """All expressions of a chart as text, to find a name in; asked only when nothing quicker has found it."""
-
-    def __init__(self, index: Index) -> None:
-        found: dict[str, list[str]] = {}
-        for read in index.reads:
-            found.setdefault(read.mission, []).append(read.expression.source)
-        for draft in index.composed.drafts.values():
-            # What is handed to a part is built into the part's expressions and stands in none of them.
-            if draft.node is not None and draft.node.with_:
-                found.setdefault(draft.mission, []).extend(map(str, draft.node.with_.values()))
-        self._by_mission = {mission: "\n".join(texts) for mission, texts in found.items()}
-
-    def names(self, name: str, mission: str | None = None) -> bool:
-        """Tell whether a name is read, by anyone or within one mission."""
-        word = re.compile(rf"(?<![\w.'\"]){re.escape(name)}(?![\w'\"])")
-        return any(name in text and word.search(text) for text in self._of(mission))
-
-    def quotes(self, text: str) -> bool:
-        """Tell whether a text is written out in an expression."""
-        return any(f"'{text}'" in found or f'"{text}"' in found for found in self._of(None))
-
-    def _of(self, mission: str | None) -> Iterable[str]:
-        return self._by_mission.values() if mission is None else [self._by_mission.get(mission, "")]
+        """All expressions as text, to find names in."""
+        # What is handed to a part is built into the part's expressions and stands in none of them.
+        drafts = self.composed.drafts.values()
+        handed = [(d.mission, str(v)) for d in drafts if d.node is not None for v in d.node.with_.values()]
+        return Texts([*((read.mission, read.expression.source) for read in self.reads), *handed])
 
 
 def covers(pattern: str, event: str) -> bool:
@@ -362,6 +225,25 @@ def condition(transition: Transition) -> Condition:
     if transition.event.startswith("input."):
         return Every((fact(transition.event, True), guard))
     return guard
+
+
+def groups_of(transitions: Sequence[Transition]) -> Iterator[list[Transition]]:
+    """Yield those that answer the same event, in order; a wildcard is in every group that it covers."""
+    by_event: dict[str, list[Transition]] = {}
+    for transition in transitions:
+        by_event.setdefault(transition.event, []).append(transition)
+    if len(by_event) == len(transitions) and not any(event.endswith("*") for event in by_event):
+        return
+    wild = [event for event in by_event if event.endswith("*")]
+    if not wild:
+        yield from (group for group in by_event.values() if len(group) > 1)
+        return
+    for event, group in by_event.items():
+        wider = [pattern for pattern in wild if pattern != event and covers(pattern, event)]
+        if wider:
+            group = [t for t in transitions if t.event == event or t.event in wider]
+        if len(group) > 1:
+            yield group
 
 
 def line_of(place: Place, here: Place) -> str:

@@ -49,7 +49,7 @@ def _told(work: Work, other: Work, resource: str) -> Diagnostic:
         " other has ended"
     )
     hint = "do them one after the other"
-    return warning(work.place, "shared-resource", work.state.name, problem, hint)
+    return warning(work.invoke.place, "shared-resource", work.state.name, problem, hint)
 
 
 def region_leak(index: Index) -> Iterator[Diagnostic]:

@@ -94,30 +94,24 @@ def _reached(index: Index) -> set[str]:
         state = states[name]
         if begins and name not in begun:
             begun.add(name)
-            waiting.extend((child, True) for child in index.begun(state))
+            waiting += [(child, True) for child in index.begun(state)]
         if name not in active:
             active.add(name)
-            waiting.extend(_led_to(index, state))
+            waiting += [(t.target, True) for t in state.transitions if t.target is not None]
+            waiting += [(t.target, True) for t in state.resume_at if t.target is not None]
+            if state.parent is not None:
+                waiting += _around(index, state, states[state.parent])
     return active
 
 
-def _led_to(index: Index, state: State) -> Iterator[tuple[str, bool]]:
-    """Yield what being in a state leads to, and whether that begins anew."""
-    if state.parent is not None:
-        parent = index.chart.states[state.parent]
-        yield state.parent, state.kind is Kind.HISTORY
-        if parent.kind is Kind.PARALLEL:
-            yield from (
-                (name, True) for name in parent.children if name != state.name and name in index.region_of
-            )
+def _around(index: Index, state: State, parent: State) -> list[tuple[str, bool]]:
+    """Return what is active beside a state, and whether it begins: the other regions, what history means."""
+    found = [(parent.name, state.kind is Kind.HISTORY)]
+    if parent.kind is Kind.PARALLEL:
+        found += [(region.name, True) for region in index.regions(parent) if region is not state]
     if state.kind is Kind.HISTORY and state.initial is not None:
-        yield state.initial, True
-    for transition in state.transitions:
-        if transition.target is not None:
-            yield transition.target, True
-    for transition in state.resume_at:
-        if transition.target is not None:
-            yield transition.target, True
+        found.append((state.initial, True))
+    return found
 
 
 # -- dead-end ---------------------------------------------------------------------------------------------
@@ -125,14 +119,13 @@ def _led_to(index: Index, state: State) -> Iterator[tuple[str, bool]]:
 
 def dead_end(index: Index) -> Iterator[Diagnostic]:
     """Find states from which no way leads to an end: one that cannot be left, or several in a circle."""
-    stuck = _Ways(index).stuck()
-    if not stuck:
+    states, stuck = index.chart.states, _Ways(index).stuck()
+    if not any(name in states and states[name].kind is Kind.ATOMIC for name in stuck):
         return
     reached = _reached(index)
     for part in components(stuck):
         leads_on = any(after not in part for node in part for after in stuck[node])
-        rest = [index.chart.states[name] for name in part if name in reached]
-        rest = [state for state in rest if state.kind is Kind.ATOMIC]
+        rest = [states[name] for name in part if name in reached and states[name].kind is Kind.ATOMIC]
         if rest and not leads_on:
             rest.sort(key=lambda state: state.place)
             yield from _told_dead_end(index, rest)
