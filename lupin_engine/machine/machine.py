@@ -474,6 +474,8 @@ class Machine:
         self._content.walks.begin(state, cause, self._turn, comes_back)
         if state.entry:
             self._content.run(state.entry, state.name, cause, self._turn)
+        if state.invoke is not None:
+            self._operations.enter(state.name, cause.event)
         self._arm_timers(state, cause)
         if state.kind is Kind.FINAL:
             self._completed(state)

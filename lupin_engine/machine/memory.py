@@ -97,11 +97,15 @@ class Attempt:
 class Invocation:
     """One activation of an `invoke`: its tries, its current attempt, whether a hold suspended it.
 
-    `item` is the element that a `for_each` started it for, `key` what that is called.
+    It is made when its state is entered and `begun` when the step comes to rest. `event` is what led to the
+    state, for arguments that read it, in every try. `item` is the element that a `for_each` started it for,
+    `key` what that is called.
     """
 
     id: str
     state: str
+    event: Mapping[str, Any] = field(default_factory=dict)
+    begun: bool = False
     tries: int = 0
     attempt: str | None = None
     suspended: bool = False

@@ -78,12 +78,16 @@ class Operations:
 
     # -- invocations ------------------------------------------------------------------------------------
 
+    def enter(self, state: str, event: Mapping[str, Any]) -> None:
+        """Make the invocation of a state that is entered by an event; it begins at the end of the step."""
+        self._core.memory.invocations[state] = Invocation(self._name(), state, dict(event))
+
     def begin_missing(self, working: tuple[State, ...], turn: Turn) -> bool:
-        """Begin the invocations of the active states that have none yet; say whether there were any."""
+        """Begin the invocations of the active states that have not begun; say whether there were any."""
         begun = False
         for state in working:
-            if state.invoke is not None and state.name not in self._core.memory.invocations:
-                self._begin(Invocation(self._name(), state.name), turn)
+            if state.invoke is not None and not self._core.memory.invocations[state.name].begun:
+                self._begin(self._core.memory.invocations[state.name], turn)
                 begun = True
             if state.for_each is not None:
                 begun = self._take_up(state.name, state.for_each, turn) or begun
@@ -93,6 +97,7 @@ class Operations:
         return f"i{self._core.memory.fresh_id()}"
 
     def _begin(self, invocation: Invocation, turn: Turn) -> None:
+        invocation.begun = True
         self._core.memory.invocations[invocation.name] = invocation
         if self._core.memory.held and self._invoke(invocation).operation.on_hold is OnHold.CANCEL:
             invocation.suspended = True
@@ -185,7 +190,7 @@ class Operations:
     def _issue(self, invocation: Invocation, turn: Turn) -> None:
         """Make a new attempt, evaluating the arguments now; start it when its resources are free."""
         invoke = self._invoke(invocation)
-        env = self._core.see(invocation.state, turn, Cause(item=invocation.item))
+        env = self._core.see(invocation.state, turn, _cause(invocation))
         try:
             arguments = {name: value.evaluate(env) for name, value in invoke.arguments.items()}
             timeout = float(invoke.timeout.evaluate(env)) if invoke.timeout else None
@@ -346,7 +351,7 @@ class Operations:
         rule = self._invoke(invocation).retry
         if rule is None or code in rule.unless:
             return False
-        env = self._core.see(invocation.state, turn, Cause(item=invocation.item))
+        env = self._core.see(invocation.state, turn, _cause(invocation))
         try:
             attempts = int(rule.attempts.evaluate(env))
             pause = self._pause(rule, invocation, env)
@@ -379,6 +384,11 @@ class Operations:
         else:
             with_item = Cause(cause.event, cause.error, invocation.item)
             self._end_element(invocation, word, with_item, turn)
+
+
+def _cause(invocation: Invocation) -> Cause:
+    """Return what the expressions of an invocation see as event and element."""
+    return Cause(event=invocation.event, item=invocation.item)
 
 
 def _failure(code: str, detail: str) -> Cause:

@@ -10,7 +10,7 @@ from lupin_engine.machine import event as events
 from lupin_engine.machine.event import Cancel, Start
 from lupin_engine.machine.memory import Phase
 from lupin_engine.machine.operations import CANCEL_DEADLINE
-from tests.machine.charts import Bench, chart
+from tests.machine.charts import PAUSE, Bench, chart
 
 ONE = {
     "A": {
@@ -317,3 +317,19 @@ def test_an_error_that_nobody_handles_leads_to_fault() -> None:
     bench.send(events.failed(bench.attempt, "nav_status_6", "blocked"))
     assert bench.leaves == ["FAULT"]
     assert (bench.machine.view.code, bench.machine.view.detail) == ("nav_status_6", "blocked")
+
+
+def test_arguments_see_the_event_that_led_to_the_state() -> None:
+    """Where the operation drives was said by what happened before; a retry and a release drive there again."""
+    go = {"do": "nav.go", "with": {"to": lambda env: env["event"]["place"]}, "attempts": 2}
+    states = {"A": {"on": {"found": "B"}}, "B": {"invoke": go, "on_done": "A", "on_error": "A"}}
+    bench = Bench(chart(states, holds={"pause": PAUSE}))
+    bench.send("found", place="shelf")
+    first = bench.attempt
+    bench.send(events.failed(first, "blocked"))
+    bench.wait(0.0)
+    bench.send("operator.pause")
+    bench.send(events.cancelled(bench.attempt))
+    bench.send("operator.resume")
+    started = [c for step in bench.steps for c in step.commands if isinstance(c, Start)]
+    assert [command.arguments for command in started] == [{"to": "shelf"}] * 3
