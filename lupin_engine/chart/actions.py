@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from types import MappingProxyType
 from typing import Any
 
@@ -53,8 +53,10 @@ class ActionReader:
         self._codes = set(codes)
         self._findings = findings
 
-    def read(self, nodes: Iterable[ActionNode], scope: Scope, path: str) -> tuple[ActionCall, ...]:
+    def read(self, nodes: Sequence[ActionNode], scope: Scope, path: str) -> tuple[ActionCall, ...]:
         """Read a list of actions; those with findings are left out."""
+        if not nodes:
+            return ()
         found = [self._action(node, scope, f"{path}.{node.name}") for node in nodes]
         return tuple(action for action in found if action is not None)
 
@@ -92,7 +94,7 @@ class ActionReader:
                 at, known = given.key_place(name), self._variables
                 self._findings.unknown(at, "unknown-argument", path, "variable", str(name), known)
                 continue
-            wanted, at = self._variables[name].type, given.places[name]
+            wanted, at = self._variables[name].type, given.value_place(name)
             value = read_value(given[name], at, wanted, scope, self._findings, f"{path}.{name}")
             if value is not None:
                 found[str(name)] = value

@@ -68,6 +68,7 @@ ITINERARY = Type(
 )
 _START = Type("record", "event", fields={"mission_type": TEXT, "mission_id": TEXT})
 _NOTHING = Type("record", "event")
+_NO_HOLDS: frozenset[str] = frozenset()
 
 #: What an invariant does not see, because it is told of every moment.
 _MOMENTARY = ("event", "error", "request", "target", "itinerary")
@@ -116,7 +117,7 @@ class _Composer:
         self._bases: dict[tuple[str, str], Scope] = {}
         self._bound: dict[str, list[set[str]]] = {}
         self._codes: dict[str, Code] = {}
-        self._events: list[str] = []
+        self._events: dict[str, None] = {}
 
     @property
     def _declared(self) -> Declared:
@@ -172,9 +173,11 @@ class _Composer:
                     codes.setdefault(reader.code.name, reader.code)
         return codes
 
-    def _all_events(self) -> list[str]:
+    def _all_events(self) -> dict[str, None]:
+        """Return the events that can arrive, as the keys of a mapping: they are looked up for every `on`."""
         raised = {name for draft in self._forest.drafts.values() for name in _raised(draft)}
-        return [*REQUESTS, *level_events(self._declared.inputs), *self._catalog.events, *sorted(raised)]
+        levels = level_events(self._declared.inputs)
+        return dict.fromkeys([*REQUESTS, *levels, *self._catalog.events, *sorted(raised)])
 
     def _plugins(self, states: Iterable[State]) -> tuple[str, ...]:
         """Return the plugins that anything of theirs is used from, sorted, without the built-in one."""
@@ -325,38 +328,42 @@ class _Composer:
             draft.inner = draft.scope
         if node is not None and node.use is not None:
             draft.inner = self._part_scope(draft, node, draft.scope)
-        state = State(
+        initial = self._initial(draft)
+        return State(
             name=draft.name,
             kind=draft.kind,
             place=draft.place,
             parent=draft.parent.name if draft.parent else None,
             children=tuple(child.name for child in draft.children.values()),
-            initial=self._initial(draft),
+            initial=initial,
             label=draft.label,
             mission=draft.mission,
             slot=draft.slot,
             depth=draft.depth,
             itinerary=itinerary,
+            **self._written(draft),
         )
-        if node is None:
-            return self._fill_file(state, draft) if draft.kind is not Kind.HISTORY else state
-        return self._fill(state, draft, node)
 
-    def _fill_file(self, state: State, draft: Draft) -> State:
-        """Fill the root, or the wrapper of a mission, from its file."""
+    def _written(self, draft: Draft) -> dict[str, Any]:
+        """Return the fields of a state that come from what is written in it."""
+        if draft.node is not None:
+            return self._of_state(draft, draft.node)
+        return self._of_file(draft) if draft.kind is not Kind.HISTORY else {}
+
+    def _of_file(self, draft: Draft) -> dict[str, Any]:
+        """Return what the file says of the root, or of the wrapper of a mission."""
         file, scope = draft.file, self._any_event(draft)
         entry = file.entry if isinstance(file, MissionNode) else []
         leave = file.exit if isinstance(file, MissionNode) else []
         handlers = file.on if isinstance(file, (LifecycleNode, MissionNode)) else {}
-        return replace(
-            state,
-            summary=file.summary,
-            entry=self._actions.read(entry, scope, _path(draft.name, "entry")),
-            exit=self._actions.read(leave, scope, _path(draft.name, "exit")),
-            transitions=tuple(self._handlers(draft, file, handlers)),
-        )
+        return {
+            "summary": file.summary,
+            "entry": self._actions.read(entry, scope, _path(draft.name, "entry")),
+            "exit": self._actions.read(leave, scope, _path(draft.name, "exit")),
+            "transitions": tuple(self._handlers(draft, file, handlers)),
+        }
 
-    def _fill(self, state: State, draft: Draft, node: StateNode) -> State:
+    def _of_state(self, draft: Draft, node: StateNode) -> dict[str, Any]:
         scope = self._any_event(draft)
         works = draft.kind not in (Kind.FINAL, Kind.HISTORY)
         assert draft.scope is not None
@@ -367,20 +374,19 @@ class _Composer:
             for_each = self._invokes.for_each(node.for_each, draft.scope, _path(draft.name, "for_each"))
         if node.budget and works:
             budget = self._budget(draft, node.budget)
-        return replace(
-            state,
-            summary=node.summary,
-            phase=node.phase,
-            paused=node.paused,
-            entry=self._actions.read(node.entry, scope, _path(draft.name, "entry")),
-            exit=self._actions.read(node.exit, scope, _path(draft.name, "exit")),
-            invoke=invoke,
-            for_each=for_each,
-            budget=budget,
-            transitions=tuple(self._transitions(draft, node, invoke)),
-            timers=tuple(self._timers(draft, node, scope)),
-            resume_at=self._resume_at(draft, node),
-        )
+        return {
+            "summary": node.summary,
+            "phase": node.phase,
+            "paused": node.paused,
+            "entry": self._actions.read(node.entry, scope, _path(draft.name, "entry")),
+            "exit": self._actions.read(node.exit, scope, _path(draft.name, "exit")),
+            "invoke": invoke,
+            "for_each": for_each,
+            "budget": budget,
+            "transitions": tuple(self._transitions(draft, node, invoke)),
+            "timers": tuple(self._timers(draft, node, scope)),
+            "resume_at": self._resume_at(draft, node),
+        }
 
     def _initial(self, draft: Draft) -> str | None:
         written = draft.initial
@@ -446,9 +452,7 @@ class _Composer:
         bound = self._bind(draft, node, part, scope)
         return replace(base.with_names(handed), bound=bound)
 
-    def _bind(
-        self, draft: Draft, node: StateNode, part: PartNode, scope: Scope
-    ) -> dict[str, Typed]:
+    def _bind(self, draft: Draft, node: StateNode, part: PartNode, scope: Scope) -> dict[str, Typed]:
         """Read the values that a use gives to parameters of its part."""
         own = self._declared.by_file.get(part.title, {})
         found: dict[str, Typed] = {}
@@ -481,18 +485,18 @@ class _Composer:
     def _transitions(self, draft: Draft, node: StateNode, invoke: Invoke | None) -> Iterator[Transition]:
         """Compose what a state does about endings, events and time, in the order of the language."""
         assert draft.scope is not None
-        families: list[tuple[str, str, list[TransitionNode], Mapping[str, Type]]] = [
-            ("on_done", "done", node.on_done, names_when_done(invoke)),
-            ("on_error", "error", node.on_error, names_when_failed(invoke)),
-        ]
-        for key, event, nodes, names in families:
-            yield from self._list(draft, draft, nodes, key, event, draft.scope.with_names(names))
+        scope = draft.scope
+        if node.on_done:
+            ended = scope.with_names(names_when_done(invoke))
+            yield from self._list(draft, draft, node.on_done, "on_done", "done", ended)
+        if node.on_error:
+            failed = scope.with_names(names_when_failed(invoke))
+            yield from self._list(draft, draft, node.on_error, "on_error", "error", failed)
         yield from self._handlers(draft, node, node.on)
-        yield from self._list(draft, draft, node.always, "always", "", self._any_event(draft))
+        scope = self._any_event(draft)
+        yield from self._list(draft, draft, node.always, "always", "", scope)
         for index, nodes in enumerate(node.after.values()):
-            yield from self._list(
-                draft, draft, nodes, f"after.{index}", f"after.{index}", self._any_event(draft)
-            )
+            yield from self._list(draft, draft, nodes, f"after.{index}", f"after.{index}", scope)
         if node.budget is not None:
             yield self._when_used_up(draft, node.budget)
 
@@ -500,8 +504,7 @@ class _Composer:
         self, draft: Draft, holder: StateNode | FileNode, handlers: Mapping[str, list[TransitionNode]]
     ) -> Iterator[Transition]:
         for event, nodes in handlers.items():
-            place = holder.key_at("on", event)
-            if self._check_event(event, place, _path(draft.name, f"on.{event}")):
+            if self._is_event(event, holder, draft):
                 yield from self._handler(draft, event, nodes)
 
     def _handler(self, draft: Draft, event: str, nodes: list[TransitionNode]) -> Iterator[Transition]:
@@ -546,9 +549,13 @@ class _Composer:
             code=node.code,
         )
 
-    def _check_event(self, event: str, place: Place, path: str) -> bool:
+    def _is_event(self, event: str, holder: StateNode | FileNode, draft: Draft) -> bool:
+        """Tell whether an event that `holder` listens to can arrive."""
         if event in self._events or event == "*":
             return True
+        return self._check_event(event, holder.key_at("on", event), _path(draft.name, f"on.{event}"))
+
+    def _check_event(self, event: str, place: Place, path: str) -> bool:
         if event.endswith(".*") and any(known.startswith(event[:-1]) for known in self._events):
             if event.startswith("input."):
                 problem = "levels cannot be listened to all at once"
@@ -634,8 +641,11 @@ class _Composer:
             self._findings.add(node.place, "level-without-target", path, problem, "add 'target: STATE'")
 
     def _hold_names(self, node: TransitionNode, key: str, path: str) -> frozenset[str]:
+        names = getattr(node, key)
+        if not names:
+            return _NO_HOLDS
         found = set()
-        for index, name in enumerate(getattr(node, key)):
+        for index, name in enumerate(names):
             place = node.at(key, index)
             hold = self._declared.holds.get(name)
             if hold is None:
@@ -686,8 +696,8 @@ class _Composer:
         return read_value(text, text.place, DURATION, scope, self._findings, path)
 
 
-def _path(*words: str) -> str:
-    return ".".join(word for word in words if word)
+def _path(state: str, word: str) -> str:
+    return f"{state}.{word}" if state else word
 
 
 def _invoked(draft: Draft) -> Iterator[str]:
@@ -718,12 +728,16 @@ def _calls(state: State) -> Iterator[ActionCall]:
 def _raised(draft: Draft) -> Iterator[str]:
     """Yield the events that a state's text raises."""
     holder: Any = draft.node or draft.file
-    lists = [getattr(holder, key, []) for key in ("on_done", "on_error", "always")]
+    for key in ("entry", "exit"):
+        yield from raised_events(getattr(holder, key, ()))
+    for key in ("on_done", "on_error", "always"):
+        for node in getattr(holder, key, ()):
+            yield from raised_events(node.do)
     for key in ("on", "after"):
-        lists.extend(getattr(holder, key, {}).values())
-    actions = [*getattr(holder, "entry", []), *getattr(holder, "exit", [])]
-    actions += [action for nodes in lists for node in nodes for action in node.do]
+        for nodes in getattr(holder, key, {}).values():
+            for node in nodes:
+                yield from raised_events(node.do)
     budget, for_each = getattr(holder, "budget", None), getattr(holder, "for_each", None)
     for ending in (budget, for_each and for_each.on_done, for_each and for_each.on_error):
-        actions += ending.do if ending else []
-    yield from raised_events(actions)
+        if ending:
+            yield from raised_events(ending.do)

@@ -119,6 +119,16 @@ class Node(BaseModel):
         return self.place if holder is None else holder.value_place(last)
 
 
+def _many(description: str) -> Any:
+    """Describe a list that may be left out: then it is a tuple, for a list would be copied, which is slow."""
+    return Field((), description=description)
+
+
+def _by_name(description: str, alias: str | None = None) -> Any:
+    """Describe a mapping that may be left out."""
+    return Field(default_factory=dict, alias=alias, description=description)
+
+
 def _wrong_shape(text: str) -> PydanticCustomError:
     return PydanticCustomError("wrong-shape", "{text}", {"text": text})
 
@@ -173,13 +183,16 @@ class TransitionNode(Node):
     )
 
     target: str | None = Field(None, description="state to go to, found in the nearest enclosing scope")
-    guard: Condition = Field(None, description="condition; the transition is taken only when it is true")
-    do: Actions = Field([], description="actions, in order")
-    refuse: str | None = Field(None, description="code that answers a request which is not allowed here")
-    during: Names = Field([], description="holds during which this is taken all the same; they stay engaged")
-    releases: Names = Field([], description="holds that taking this releases")
+    guard: Condition = Field(None, description="the transition is taken only when it is true")
+    do: Actions = _many("actions, in order")
+    refuse: str | None = Field(
+        None,
+        description="code that answers a request which is not allowed here; has no target and no actions",
+    )
+    during: Names = _many("holds during which this is taken all the same; they stay engaged")
+    releases: Names = _many("holds that taking this releases")
     code: str | None = Field(None, description="code that is published as last_error when this is taken")
-    internal: bool = Field(False, description="do not leave and re-enter the state")
+    internal: bool = Field(False, description="do not leave and re-enter the state that this stands in")
     use: str | None = Field(None, description="answer as this other state does; stands alone")
 
     @classmethod
@@ -206,8 +219,8 @@ class LimitNode(Node):
             raise _wrong_shape(f"expected {{after: DURATION, code: CODE}} or never, got {show(data)}")
         return data
 
-    after: Written = Field(description="duration")
-    code: str = Field(description="code of an attempt that took longer")
+    after: Written = Field(description="longest time for one attempt, a duration")
+    code: str = Field(description="code that an attempt fails with which took longer")
 
 
 def _timeout_kind(value: Any) -> str:
@@ -223,9 +236,9 @@ Timeout = Annotated[
 class RetryNode(Node):
     """How often and how patiently an operation is tried again."""
 
-    attempts: Written = Field(description="attempts in all")
-    backoff: Written = Field(None, description="pause between attempts")
-    unless: Names = Field([], description="codes that are not tried again")
+    attempts: Written = Field(description="attempts in all, the first included")
+    backoff: Written = Field(None, description="pause between attempts, a duration")
+    unless: Names = _many("codes that are not tried again")
     factor: Written = Field(None, description="how much longer every further pause is, 1 or more")
     jitter: Written = Field(None, description="share of each pause that is left to chance, 0 to 1")
 
@@ -239,9 +252,11 @@ class InvokeNode(Node):
             raise _wrong_shape(f"expected a mapping, got {show(data)}; write {{do: {data}, timeout: ...}}")
         return data
 
-    do: str = Field(description="operation, as plugin.name")
-    with_: dict[str, Written] = Field({}, alias="with", description="arguments")
-    timeout: Timeout | None = Field(None, description="limit of one attempt, or `never`")
+    do: str = Field(description="operation, as PLUGIN.OPERATION")
+    with_: dict[str, Written] = _by_name("arguments, by name", alias="with")
+    timeout: Timeout | None = Field(
+        None, description="limit of each attempt; must be written, `never` needs another way out of the state"
+    )
     retry: RetryNode | None = Field(None, description="further attempts after an error")
 
 
@@ -274,23 +289,25 @@ class ElementEndNode(Node):
 class ForEachNode(Node):
     """One operation for every new element of a list, while the state is active."""
 
-    item: str = Field(description="name of the element in the expressions below")
+    item: str = Field(description="what the element is called in the expressions below")
     in_: Written = Field(alias="in", description="list of elements, looked at again after every step")
     key: Written = Field(description="what tells elements apart; each is dealt with once in a mission")
-    limit: Written = Field(None, description="largest number of operations at a time")
+    limit: Written = Field(None, description="largest number of operations at a time; otherwise all at once")
     when: Condition = Field(None, description="condition on the element; looked at until it holds")
     invoke: InvokeNode = Field(description="operation that is begun for the element")
-    on_done: ElementEndNode | None = Field(None, description="when the operation has succeeded")
-    on_error: ElementEndNode | None = Field(None, description="when the operation has failed for good")
+    on_done: ElementEndNode | None = Field(
+        None, description="what is done when the operation for an element has succeeded"
+    )
+    on_error: ElementEndNode | None = Field(None, description="what is done when it has failed for good")
 
 
 class BudgetNode(Node):
     """The time that a state has over all visits in one mission."""
 
-    after: Written = Field(description="duration")
+    after: Written = Field(description="time that the state has in all, a duration")
     code: str = Field(description="code that is published as last_error when the time is used up")
     target: str = Field(description="state to go to then, found in the nearest enclosing scope")
-    do: Actions = Field([], description="actions, in order")
+    do: Actions = _many("actions, in order")
 
     @classmethod
     def _long_form(cls, data: Any) -> Any:
@@ -316,37 +333,51 @@ class StateNode(Node):
 
     summary: str = Field("", description="one sentence for people")
     type: Literal["parallel", "final", "history"] | None = Field(
-        None, description="kind, when not an ordinary state"
+        None,
+        description="`parallel`: all children at once; `final`: an end; `history`: the child that was left",
     )
-    depth: Literal["shallow", "deep"] | None = Field(None, description="how much a history state remembers")
-    initial: str | None = Field(None, description="child that is entered first")
-    states: dict[str, StateNode | None] = Field({}, description="children")
-    entry: Actions = Field([], description="actions on entering")
-    exit: Actions = Field([], description="actions on leaving")
+    depth: Literal["shallow", "deep"] | None = Field(
+        None,
+        description="of a history state: `shallow` is the child that was left, `deep` all inside it too",
+    )
+    initial: str | None = Field(
+        None, description="child that is entered first; needed where several could be"
+    )
+    states: dict[str, StateNode | None] = _by_name("children, by name")
+    entry: Actions = _many("actions on entering")
+    exit: Actions = _many("actions on leaving")
     invoke: InvokeNode | None = Field(None, description="operation that lives as long as this state")
     on_done: Transitions = Field(
         [], description="when the operation has succeeded, or a final child is reached"
     )
-    on_error: Transitions = Field([], description="when the operation has failed for good")
-    on: dict[str, Transitions] = Field({}, description="what events do")
-    always: Transitions = Field([], description="taken as soon as the guard holds")
-    after: dict[str, Transitions] = Field({}, description="what happens a duration after entering")
+    on_error: Transitions = _many("when the operation has failed for good")
+    on: dict[str, Transitions] = _by_name("by event: what it does")
+    always: Transitions = _many("without an event: taken as soon as the guard is true")
+    after: dict[str, Transitions] = _by_name(
+        "by duration: what happens when the state has been active that long"
+    )
     budget: BudgetNode | None = Field(None, description="time that this state has in one mission")
     for_each: ForEachNode | None = Field(None, description="one operation for every element of a list")
     itinerary: ItineraryNode | None = Field(None, description="the list that this state walks")
     use: str | None = Field(None, description="part whose states stand here")
-    with_: dict[str, Written] = Field({}, alias="with", description="values for parameters of the part")
-    resume_at: Transitions = Field([], description="child to enter when coming back by history")
-    phase: str | None = Field(None, description="phase that is published")
+    with_: dict[str, Written] = _by_name("by parameter: its value for this use of the part", alias="with")
+    resume_at: Transitions = _many(
+        "child to enter when history brings this state back; the first whose guard is true"
+    )
+    phase: str | None = Field(None, description="what is published as the phase while the state is active")
     paused: bool = Field(False, description="published as paused: waits for the operator")
-    slot: Literal["mission"] | None = Field(None, description="the missions' states stand here")
-    history: Literal["shallow", "deep"] | None = Field(None, description="keep a history state for returning")
+    slot: Literal["mission"] | None = Field(
+        None, description="in the lifecycle: the missions' states stand here"
+    )
+    history: Literal["shallow", "deep"] | None = Field(
+        None, description="adds the child `history`, a target for going back to what was left"
+    )
 
 
 class ParameterNode(Node):
     """A setting: becomes a ROS parameter of the same name."""
 
-    type: str = Field(description="type, such as duration, count, text, list of text")
+    type: str = Field(description="such as duration, count, text, list of text")
     default: Written = Field(description="value when nobody sets it")
     unit: str | None = Field(None, description="unit of a number; a number in s is a duration")
     min: Bound = Field(None, description="smallest value")
@@ -364,24 +395,26 @@ class CodeNode(Node):
 class VariableNode(Node):
     """A context variable: written by `set`, kept in the snapshot."""
 
-    type: str = Field(description="type")
-    default: Written = Field(description="value at start")
+    type: str = Field(description="such as text, count, pose")
+    default: Written = Field(description="value when the chart starts")
     summary: str = Field("", description="one sentence for people")
 
 
 class LevelNode(Node):
     """A yes or no drawn from a number."""
 
-    below: Written = Field(None, description="true below this")
-    above: Written = Field(None, description="true above this; either this or `below` is written")
+    below: Written = Field(None, description="true below this value")
+    above: Written = Field(None, description="true above this value; either this or `below` is written")
     hysteresis: Written = Field(None, description="how far the value must come back to be false again")
 
 
 class InputNode(Node):
     """A live value of a plugin under the name that the chart reads it by."""
 
-    value: str = Field(description="live value of a plugin")
-    freshness: Written = Field(None, description="how long a report stays known")
+    value: str = Field(description="live value, as a plugin calls it")
+    freshness: Written = Field(
+        None, description="how long a report stays known, a duration; otherwise as the plugin says"
+    )
     initial: Written = Field(None, description="value before the first report; unknown when not given")
     unit: str | None = Field(None, description="unit of the value, for the reader")
     min: Bound = Field(None, description="smallest value that is believed")
@@ -389,7 +422,7 @@ class InputNode(Node):
     since: Literal["mission"] | None = Field(
         None, description="only what was reported since the mission began counts"
     )
-    levels: dict[str, LevelNode] = Field({}, description="yes or no drawn from the number")
+    levels: dict[str, LevelNode] = _by_name("yes or no drawn from the number, by name")
     summary: str = Field("", description="one sentence for people")
 
 
@@ -408,7 +441,7 @@ class HoldNode(Node):
 class RequestFieldNode(Node):
     """A field of the request that starts a mission."""
 
-    type: str = Field(description="type")
+    type: str = Field(description="such as count, duration, list of tag")
     default: Written = Field(None, description="value when the request does not say")
     not_empty: str | None = Field(None, description="code that refuses an empty list")
     min: Bound = Field(None, description="smallest value")
@@ -418,7 +451,7 @@ class RequestFieldNode(Node):
 class InvariantNode(Node):
     """A condition that holds at every moment."""
 
-    that: Condition = Field(description="condition")
+    that: Condition = Field(description="what holds")
     summary: str = Field("", description="one sentence for people")
 
     @classmethod
@@ -432,18 +465,20 @@ class FileNode(Node):
     """What every kind of file may declare."""
 
     summary: str = Field("", description="one sentence for people")
-    params: dict[str, ParameterNode] = Field({}, description="settings")
-    inputs: dict[str, InputNode] = Field({}, description="live values that are read")
-    codes: dict[str, CodeNode] = Field({}, description="reasons that can reach last_error")
-    context: dict[str, VariableNode] = Field({}, description="variables")
+    params: dict[str, ParameterNode] = _by_name("settings, by name")
+    inputs: dict[str, InputNode] = _by_name("live values that are read, by the name that expressions use")
+    codes: dict[str, CodeNode] = _by_name("reasons that can be reported, by name")
+    context: dict[str, VariableNode] = _by_name("variables, by name")
     invariants: dict[
         str,
         Annotated[
             InvariantNode, BeforeValidator(_as_it_is, json_schema_input_type=str | bool | InvariantNode)
         ],
-    ] = Field({}, description="conditions that hold at every moment; broken, they lead to FAULT")
-    initial: str | None = Field(None, description="state that is entered first")
-    states: dict[str, StateNode | None] = Field(description="states")
+    ] = _by_name("conditions that hold at every moment; broken, they lead to FAULT")
+    initial: str | None = Field(
+        None, description="state that is entered first; needed where several could be"
+    )
+    states: dict[str, StateNode | None] = Field(description="states, by name")
 
     @property
     def name(self) -> str:
@@ -460,8 +495,8 @@ class LifecycleNode(FileNode):
     """What all missions share."""
 
     lifecycle: str = Field(description="name of the lifecycle")
-    holds: dict[str, HoldNode] = Field({}, description="suspensions of the whole chart")
-    on: dict[str, Transitions] = Field({}, description="what events do in every state")
+    holds: dict[str, HoldNode] = _by_name("suspensions of the whole chart, by name")
+    on: dict[str, Transitions] = _by_name("by event: what it does in every state")
 
     @property
     def name(self) -> str:
@@ -473,10 +508,10 @@ class MissionNode(FileNode):
     """A mission: stands in the slot of the lifecycle."""
 
     mission: str = Field(description="name of the mission, as requests call it")
-    request: dict[str, RequestFieldNode] = Field({}, description="what the request that starts it carries")
-    entry: Actions = Field([], description="actions when the mission starts")
-    exit: Actions = Field([], description="actions when the mission ends")
-    on: dict[str, Transitions] = Field({}, description="what events do in every state of the mission")
+    request: dict[str, RequestFieldNode] = _by_name("what the request that starts it carries, by name")
+    entry: Actions = _many("actions when the mission starts")
+    exit: Actions = _many("actions when the mission ends")
+    on: dict[str, Transitions] = _by_name("by event: what it does in every state of the mission")
 
     @property
     def name(self) -> str:
@@ -488,8 +523,10 @@ class PartNode(FileNode):
     """States that missions use, with parameters of their own."""
 
     part: str = Field(description="name of the part, also that of its file")
-    needs: Literal["itinerary"] | None = Field(None, description="what the using state must have")
-    resume_at: Transitions = Field([], description="child to enter when coming back by history")
+    needs: Literal["itinerary"] | None = Field(None, description="what the state that uses this must have")
+    resume_at: Transitions = _many(
+        "child to enter when history brings it back; the first whose guard is true"
+    )
 
     @property
     def name(self) -> str:

@@ -92,10 +92,11 @@ class Scope:
     def with_names(self, names: Mapping[str, Type]) -> Scope:
         """Return this scope with further names, or other types for the same ones."""
         key = tuple(names.items())
-        if key not in self._derived:
+        derived = self._derived.get(key)
+        if derived is None:
             absent = {name: reason for name, reason in self.absent.items() if name not in names}
-            self._derived[key] = replace(self, names={**self.names, **names}, absent=absent)
-        return self._derived[key]
+            derived = self._derived[key] = replace(self, names={**self.names, **names}, absent=absent)
+        return derived
 
     def with_item(self, name: str, kind: Type) -> Scope:
         """Return this scope with the element of a `for_each`, which the author calls `name`."""
@@ -166,7 +167,8 @@ def compile_expression(
     after reading something of type `any` also KeyError and TypeError, where that was not as expected.
     """
     source = fragment.source.strip()
-    checked = scope._compiled.get((source, wanted))
+    key = (source, wanted)
+    checked = scope._compiled.get(key)
     if checked is None:
         checker = _Checker(fragment, scope, findings, path)
         typed = checker.check(wanted)
@@ -175,7 +177,7 @@ def compile_expression(
         parts = tuple((text, _later(part)) for text, part in checker.parts)
         checked = _Checked(typed.type, _later(typed), parts)
         if not checker.warned:
-            scope._compiled[source, wanted] = checked
+            scope._compiled[key] = checked
     place = fragment.text.at(fragment.offset + _indent(fragment.source))
     return Expression(source, place, checked.type, checked.evaluate, checked.parts)
 
@@ -229,8 +231,8 @@ def _to_function(code: str) -> Callable[[Environment], Any]:
     return function
 
 
-def _environment(*keys: str) -> str:
-    return "env" + "".join(f"[{key!r}]" for key in keys)
+def _environment(key: str) -> str:
+    return f"env[{key!r}]"
 
 
 #: What is gone on with after a mistake.
@@ -433,8 +435,10 @@ class _Checker:
                 node, "unknown-name", f"unknown name {name!r}: no name begins with an underscore"
             )
         if name in scope.names:
-            keys = (name,) if name in ROOTS else ("item",) if name == scope.item else ("context", name)
-            return Typed(scope.names[name], _environment(*keys))
+            if name in ROOTS:
+                return Typed(scope.names[name], _environment(name))
+            code = _environment("item") if name == scope.item else f"{_environment('context')}[{name!r}]"
+            return Typed(scope.names[name], code)
         if name in scope.absent:
             rule, reason = scope.absent[name]
             return self._wrong(node, rule, f"there is no {name!r} here: {reason}")
@@ -665,7 +669,7 @@ class _Checker:
             self._wanted_value(argument, wanted.type)
             for argument, (_, wanted) in zip(node.args, arguments, strict=False)
         ]
-        return Typed(function.returns, f"{_environment('functions', name)}({_listed(given)})")
+        return Typed(function.returns, f"{_environment('functions')}[{name!r}]({_listed(given)})")
 
     def _wanted_value(self, node: ast.expr, wanted: Type) -> Typed:
         typed = _as_quantity(self._visit(node), wanted)
@@ -838,10 +842,15 @@ def _listed(found: Iterable[Typed]) -> str:
 
 def _tree(source: str) -> ast.expr:
     if not _RUN_TOGETHER.search(source):
-        return ast.parse(source, mode="eval").body
+        return _parsed(source)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        return ast.parse(source, mode="eval").body
+        return _parsed(source)
+
+
+def _parsed(source: str) -> ast.expr:
+    root: ast.Expression = compile(source, "<expression>", "eval", ast.PyCF_ONLY_AST)
+    return root.body
 
 
 def _can_be_compiled(code: str) -> bool:

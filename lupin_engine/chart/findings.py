@@ -2,7 +2,7 @@
 
 A step reports and goes on: it answers with what it could make of the input (or None), never with an
 exception. `RULES` is the whole list of rule ids with what each of them protects; a test holds a broken
-mission for every one of them.
+mission for every one of them, and docs/rules.md shows it.
 """
 
 from __future__ import annotations
@@ -12,64 +12,84 @@ from types import MappingProxyType
 
 from lupin_engine.errors import Diagnostic, Place, Severity, nearest
 
-RULES: Mapping[str, str] = MappingProxyType(
+#: By subject: every rule with what it protects.
+SUBJECTS: Mapping[str, Mapping[str, str]] = MappingProxyType(
     {
-        "no-file": "a file that the mission needs is there",
-        "wrong-yaml": "the file is one YAML document of plain mappings, lists and scalars",
-        "too-large": "size, depth, aliases and expanded states stay within bounds",
-        "duplicate-key": "a key stands once in a mapping",
-        "unknown-key": "a key is one of the language",
-        "missing-key": "what cannot be guessed is written",
-        "wrong-shape": "a value has the shape that its key asks for",
-        "bad-name": "names are made so that they can be found in a path or an expression",
-        "conflicting-definition": "a name that several files declare means the same in all of them",
-        "unknown-type": "a type is built in or a plugin's",
-        "wrong-type": "a value or operand has the type that is asked for",
-        "wrong-unit": "quantities of different dimensions are not mixed",
-        "no-unit": "a duration, length or angle says its unit",
-        "out-of-range": "a default lies within its minimum and maximum",
-        "bad-expression": "an expression belongs to the safe subset",
-        "partial-expression": "an expression is the whole value, not a piece of a text",
-        "unknown-name": "an expression reads what is declared and present there",
-        "unknown-parameter": "a parameter is declared in the file, the lifecycle or a plugin",
-        "unknown-function": "a function is built in or a plugin's",
-        "unknown-state": "a target or in_state names a state in scope",
-        "shadowed-state": "a target means the same to the reader as to the engine",
-        "unknown-event": "an event can arrive",
-        "unknown-operation": "an invocation names a plugin's operation",
-        "unknown-action": "an action is built in or a plugin's",
-        "unknown-argument": "an argument is one that the operation, action or function has",
-        "missing-argument": "an argument without a default is given",
-        "unknown-value": "an input names a live value of a plugin",
-        "unknown-part": "a part is a file in the folder of parts",
-        "part-loop": "a part does not contain itself",
-        "unused-part": "a part is used by a mission",
-        "unknown-hold": "a hold is declared in the lifecycle",
-        "undeclared-code": "every code that can reach last_error has a label and a severity",
-        "missing-itinerary": "what walks an itinerary stands in a state that has one",
-        "no-initial": "entering a state never needs a guess",
-        "no-deadline": "a state that waits for the world does not wait for ever",
-        "unhandled-outcome": "every end of an operation or state leads somewhere, with every code",
-        "never-happens": "an ending that is handled can occur",
-        "never-wins": "a transition can be taken: its guard may be true, and none before it always is",
-        "both-can-win": "what is done does not hang on the order in which transitions are written",
-        "unreachable-state": "every state can be entered",
-        "dead-end": "from every state an end can be reached: of the mission, or FAULT",
-        "always-loop": "a chart comes to rest: eventless transitions do not lead back to each other for ever",
-        "double-close": "a visit is closed once",
-        "open-visit": "an itinerary goes on from a visit that is closed",
-        "unknown-input": "a live value is read only where it is known",
-        "shared-resource": "operations that are active together do not wait for each other unnoticed",
-        "region-leak": "a region of a parallel state is left together with the whole state, on purpose",
-        "unheard-event": "an event that is raised is listened to",
-        "unused-parameter": "a parameter that can be set does something",
-        "unused-code": "a code that is declared can be reported",
-        "unused-input": "an input that is declared is read",
-        "unused-variable": "a variable that is kept is read",
-        "unused-field": "a field that a request carries is read",
-        "releases-level-hold": "a hold that a level engages is released by a person, not by a transition",
-        "level-without-target": "a transition on a level leaves the state, or it would be taken for ever",
+        "Files and their shape": {
+            "no-file": "a file that the mission needs is there",
+            "wrong-yaml": "the file is one YAML document of plain mappings, lists and scalars",
+            "too-large": "size, depth, aliases and expanded states stay within bounds",
+            "duplicate-key": "a key stands once in a mapping",
+            "unknown-key": "a key is one of the language",
+            "missing-key": "what cannot be guessed is written",
+            "wrong-shape": "a value has the shape that its key asks for",
+            "bad-name": "names are made so that they can be found in a path or an expression",
+            "conflicting-definition": "a name that several files declare means the same in all of them",
+        },
+        "Types, units and expressions": {
+            "unknown-type": "a type is built in or a plugin's",
+            "wrong-type": "a value or operand has the type that is asked for",
+            "wrong-unit": "quantities of different dimensions are not mixed",
+            "no-unit": "a duration, length or angle says its unit",
+            "out-of-range": "a default lies within its minimum and maximum",
+            "bad-expression": "an expression belongs to the safe subset",
+            "partial-expression": "an expression is the whole value, not a piece of a text",
+            "unknown-name": "an expression reads what is declared and present there",
+            "unknown-parameter": "a parameter is declared in the file, the lifecycle or a plugin",
+            "unknown-function": "a function is built in or a plugin's",
+            "unknown-input": "a live value is read only where it is known",
+        },
+        "Names of states, events, operations and the rest": {
+            "unknown-state": "a target or in_state names a state in scope",
+            "shadowed-state": "a target means the same to the reader as to the engine",
+            "unknown-event": "an event can arrive",
+            "unknown-operation": "an invocation names a plugin's operation",
+            "unknown-action": "an action is built in or a plugin's",
+            "unknown-argument": "an argument is one that the operation, action or function has",
+            "missing-argument": "an argument without a default is given",
+            "unknown-value": "an input names a live value of a plugin",
+            "unknown-part": "a part is a file in the folder of parts",
+            "part-loop": "a part does not contain itself",
+            "unknown-hold": "a hold is declared in the lifecycle",
+            "undeclared-code": "every code that can reach last_error has a label and a severity",
+            "missing-itinerary": "what walks an itinerary stands in a state that has one",
+        },
+        "Which transition is taken": {
+            "unhandled-outcome": "every end of an operation or state leads somewhere, with every code",
+            "never-happens": "an ending that is handled can occur",
+            "never-wins": "a transition can be taken: its guard may be true, and none before it always is",
+            "both-can-win": "what is done does not hang on the order in which transitions are written",
+            "releases-level-hold": "a hold that a level engages is released by a person, not by a transition",
+            "level-without-target": "a transition on a level leaves the state, or it would be taken for ever",
+        },
+        "Ways through the chart": {
+            "no-initial": "entering a state never needs a guess",
+            "no-deadline": "a state that waits for the world does not wait for ever",
+            "unreachable-state": "every state can be entered",
+            "dead-end": "from every state an end can be reached: of the mission, or FAULT",
+            "always-loop": "a chart comes to rest: no circle of 'always' is taken for ever",
+        },
+        "Itineraries": {
+            "double-close": "a visit is closed once",
+            "open-visit": "an itinerary goes on from a visit that is closed",
+        },
+        "Parallel states": {
+            "shared-resource": "operations that are active together do not wait for each other unnoticed",
+            "region-leak": "a region of a parallel state is left together with the whole state, on purpose",
+        },
+        "What nobody uses": {
+            "unheard-event": "an event that is raised is listened to",
+            "unused-part": "a part is used by a mission",
+            "unused-parameter": "a parameter that can be set does something",
+            "unused-code": "a code that is declared can be reported",
+            "unused-input": "an input that is declared is read",
+            "unused-variable": "a variable that is kept is read",
+            "unused-field": "a field that a request carries is read",
+        },
     }
+)
+RULES: Mapping[str, str] = MappingProxyType(
+    {rule: protects for rules in SUBJECTS.values() for rule, protects in rules.items()}
 )
 
 

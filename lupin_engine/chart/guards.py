@@ -78,6 +78,8 @@ class Values:
 
     def meets(self, other: Values) -> Values | None:
         """Return what is in both sets; None when nothing is."""
+        if self.allowed is not None and other.allowed is not None and self.allowed.isdisjoint(other.allowed):
+            return None
         low, low_open = max((self.low, self.low_open), (other.low, other.low_open))
         high, closed = min((self.high, not self.high_open), (other.high, not other.high_open))
         both = Values(None, self.excluded | other.excluded, low, low_open, high, high_open=not closed)
@@ -124,6 +126,10 @@ def fact(operand: str, value: Any) -> Fact:
 
 def possible(*conditions: Condition) -> bool:
     """Tell whether conditions may hold together; False is certain, True is not."""
+    if len(conditions) == 2:  # most are simple comparisons, and many pairs are asked for
+        first, second = conditions
+        if isinstance(first, Fact) and isinstance(second, Fact):
+            return first.operand != second.operand or first.values.meets(second.values) is not None
     budget = [MAX_ALTERNATIVES]
     return _possible(list(conditions), {}, budget)
 
@@ -300,6 +306,7 @@ def _constant(node: ast.expr) -> Any:
 
 _TEXTS = re.compile(r"'[^']*'|\"[^\"]*\"")
 _JOINTS = re.compile(r"\b(?:and|or|not)\b|[()]")
+_TELLING = frozenset({"true", "false", "True", "False"})
 _NAMES = re.compile(r"[A-Za-z_][\w.]*")
 
 
@@ -312,7 +319,8 @@ def constant(source: str) -> bool | None:
     """
     pieces = [_NAMES.findall(piece) for piece in _JOINTS.split(_TEXTS.sub("0", source)) if piece.strip()]
     names = [name for piece in pieces for name in piece]
-    if all(pieces) and len(set(names)) == len(names) and not _WORDS.keys() & set(names):
+    plain = all(pieces) and len(set(names)) == len(names) and _TELLING.isdisjoint(names)
+    if plain and "[]" not in source and "()" not in source:
         return None
     condition = condition_of(source)
     if not possible(condition):

@@ -2,17 +2,23 @@
 
 `lifecycle.yaml` stands beside the missions, the parts they use in `parts/` beside them. `check_chart` tells
 errors and warnings, `load_chart` is for those who want to run: the chart, or `ChartError` with all errors.
+
+Files are looked at every time, but what they say is worked out once: a file that has not changed is not
+parsed again, and a chart of which no file has changed is not composed again.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TypeVar
+from types import MappingProxyType
+from typing import Any, Generic, TypeVar
 
 import lupin_engine
+from lupin_engine.chart.cache import Recent
 from lupin_engine.chart.checks import check_composed
-from lupin_engine.chart.compose import compose
+from lupin_engine.chart.compose import Composed, compose
 from lupin_engine.chart.documents import (
     FileNode,
     LifecycleNode,
@@ -23,7 +29,7 @@ from lupin_engine.chart.documents import (
 )
 from lupin_engine.chart.findings import Findings
 from lupin_engine.chart.model import Chart
-from lupin_engine.chart.source import head, read
+from lupin_engine.chart.source import head, parse_bytes, read_bytes
 from lupin_engine.errors import ChartError, Diagnostic, Place, UsageError, nearest
 from lupin_engine.plugin.registry import Catalog
 
@@ -32,7 +38,58 @@ LIFECYCLE = "lifecycle.yaml"
 #: The folder of the parts, beside the missions.
 PARTS = "parts"
 
+#: How much is remembered: every scenario of a folder, or the missions of a few, without reading them twice.
+MAX_DOCUMENTS = 64
+MAX_CHARTS = 32
+
 _D = TypeVar("_D", bound=FileNode)
+_D_co = TypeVar("_D_co", bound=FileNode, covariant=True)
+
+
+@dataclass(frozen=True, eq=False)
+class _Document(Generic[_D_co]):
+    """What one file says: its words, or None, what is wrong with it, and the parts that its states use.
+
+    The uses are name, place and state. The same bytes under the same name are the same document.
+    """
+
+    node: _D_co | None
+    found: tuple[Diagnostic, ...] = ()
+    uses: tuple[tuple[str, Place, str], ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class _Made:
+    """What was made of documents and a catalog: a chart, and what is to be said of it."""
+
+    composed: Composed
+    found: tuple[Diagnostic, ...]
+    catalog: Catalog
+
+
+@dataclass(frozen=True, eq=False)
+class Inspection:
+    """All that reading a chart comes to, for those who look at mistaken ones too.
+
+    `documents` are those files that could be read; nothing is composed when one of them could not.
+    """
+
+    found: tuple[Diagnostic, ...]
+    documents: Mapping[Path, FileNode]
+    composed: Composed | None = None
+
+
+#: Nothing that is being edited: every file is as it was saved.
+SAVED: Mapping[Path, bytes] = MappingProxyType({})
+
+_documents: Recent[tuple[str, type[FileNode], bytes], _Document[Any]] = Recent(MAX_DOCUMENTS)
+_charts: Recent[tuple[Any, ...], _Made] = Recent(MAX_CHARTS)
+
+
+def forget() -> None:
+    """Forget what was read before; for those who measure how long reading takes."""
+    _documents.clear()
+    _charts.clear()
 
 
 def load_chart(lifecycle: Path, missions: Sequence[Path], catalog: Catalog) -> Chart:
@@ -51,19 +108,48 @@ def check_chart(
     lifecycle: Path, missions: Sequence[Path], catalog: Catalog
 ) -> tuple[Chart | None, tuple[Diagnostic, ...]]:
     """Load a lifecycle with missions and tell everything about them; no chart when there are errors."""
+    inspection = inspect_chart(lifecycle, missions, catalog)
+    wrong = any(d.severity >= d.severity.ERROR for d in inspection.found)
+    return (None if wrong or inspection.composed is None else inspection.composed.chart), inspection.found
+
+
+def inspect_chart(
+    lifecycle: Path, missions: Sequence[Path], catalog: Catalog, texts: Mapping[Path, bytes] = SAVED
+) -> Inspection:
+    """Read a lifecycle with missions, and return all that was found and made, however wrong it is.
+
+    `texts` are read in place of what is saved in their files: somebody is editing them.
+    """
     findings = Findings()
-    root = _document(lifecycle, LifecycleNode, findings)
-    read_missions = {path: _document(path, MissionNode, findings) for path in missions}
-    parts = _read_parts([(lifecycle, root), *read_missions.items()], findings)
-    whole = [node for node in read_missions.values() if node is not None]
-    if root is None or len(whole) < len(read_missions) or findings.has("unknown-part", "no-file"):
-        return None, findings.all
-    if any(node is None for node in parts.values()):
-        return None, findings.all
-    composed = compose(root, whole, {name: part for name, part in parts.items() if part}, catalog, findings)
+    root = _read(lifecycle, LifecycleNode, findings, texts)
+    read_missions = {path: _read(path, MissionNode, findings, texts) for path in missions}
+    parts = _read_parts([(lifecycle, root), *read_missions.items()], findings, texts)
+    read = (root, *read_missions.values(), *parts.values())
+    documents = {Path(d.node.place.file): d.node for d in read if d.node is not None}
+    if any(document.node is None for document in read) or findings.has("unknown-part", "no-file"):
+        return Inspection(findings.all, documents)
+    made = _charts.get((id(catalog), *read), lambda: _make(root, read_missions, parts, catalog, findings.all))
+    findings.extend(made.found)
+    _warn_of_unused_parts(lifecycle, missions, parts, findings, texts)
+    return Inspection(findings.all, documents, made.composed)
+
+
+def _make(
+    lifecycle: _Document[LifecycleNode],
+    missions: Mapping[Path, _Document[MissionNode]],
+    parts: Mapping[str, _Document[PartNode]],
+    catalog: Catalog,
+    found: Iterable[Diagnostic],
+) -> _Made:
+    """Compose and check documents that all could be read; `found` is what was found in them before."""
+    assert lifecycle.node is not None
+    findings = Findings()
+    findings.extend(found)
+    whole = [document.node for document in missions.values() if document.node is not None]
+    named = {name: document.node for name, document in parts.items() if document.node is not None}
+    composed = compose(lifecycle.node, whole, named, catalog, findings)
     check_composed(composed, findings)
-    _warn_of_unused_parts(lifecycle, missions, parts, findings)
-    return (None if findings.errors else composed.chart), findings.all
+    return _Made(composed, findings.all, catalog)
 
 
 def mission_files(folder: Path) -> list[Path]:
@@ -116,39 +202,53 @@ def find_mission(name: str, folders: Iterable[Path]) -> Path:
     raise UsageError(f"no mission {name!r} in {where}; {nearest(name, known)}")
 
 
-def _document(path: Path, model: type[_D], findings: Findings) -> _D | None:
-    raw = read(path, findings)
-    return None if raw is None else read_document(raw, model, findings)
+def _read(path: Path, model: type[_D], findings: Findings, texts: Mapping[Path, bytes]) -> _Document[_D]:
+    """Read a file as a document; what is wrong with it is told every time."""
+    raw = texts[path] if path in texts else read_bytes(path, findings)
+    if raw is None:
+        return _Document(None)
+    name = str(path)
+    document: _Document[_D] = _documents.get((name, model, raw), lambda: _document(name, model, raw))
+    findings.extend(document.found)
+    return document
+
+
+def _document(name: str, model: type[_D], raw: bytes) -> _Document[_D]:
+    findings = Findings()
+    parsed = parse_bytes(raw, name, findings)
+    node = None if parsed is None else read_document(parsed, model, findings)
+    uses = () if node is None else tuple(_uses(node.states, node, ""))
+    return _Document(node, findings.all, uses)
 
 
 def _read_parts(
-    files: Iterable[tuple[Path, FileNode | None]], findings: Findings
-) -> dict[str, PartNode | None]:
-    """Read the parts that the files use, and those that these use; None for one that cannot be read."""
-    found: dict[str, PartNode | None] = {}
-    waiting = [(path.parent / PARTS, file) for path, file in files if file is not None]
+    files: Iterable[tuple[Path, _Document[FileNode]]], findings: Findings, texts: Mapping[Path, bytes]
+) -> dict[str, _Document[PartNode]]:
+    """Read the parts that the files use, and those that these use."""
+    found: dict[str, _Document[PartNode]] = {}
+    waiting = [(path.parent / PARTS, document) for path, document in files]
     while waiting:
-        folder, file = waiting.pop(0)
-        for name, place, state in _uses(file.states, file, ""):
-            if name in found:
-                continue
-            found[name] = part = _read_part(folder, name, place, state, findings)
-            if part is not None:
+        folder, document = waiting.pop(0)
+        for name, place, state in document.uses:
+            if name not in found:
+                found[name] = part = _read_part(folder, name, place, state, findings, texts)
                 waiting.append((folder, part))
     return found
 
 
-def _read_part(folder: Path, name: str, place: Place, state: str, findings: Findings) -> PartNode | None:
+def _read_part(
+    folder: Path, name: str, place: Place, state: str, findings: Findings, texts: Mapping[Path, bytes]
+) -> _Document[PartNode]:
     path = folder / f"{name}.yaml"
     known = [file.stem for file in folder.glob("*.yaml")]
     if name not in known:
         findings.unknown(place, "unknown-part", state, "part", name, known)
-        return None
-    part = _document(path, PartNode, findings)
-    if part is not None and part.part != name:
-        problem = f"the part calls itself {part.part!r}, its file {name!r}"
-        findings.add(part.at("part"), "bad-name", "part", problem, f"write 'part: {name}'")
-        return None
+        return _Document(None)
+    part = _read(path, PartNode, findings, texts)
+    if part.node is not None and part.node.part != name:
+        problem = f"the part calls itself {part.node.part!r}, its file {name!r}"
+        findings.add(part.node.at("part"), "bad-name", "part", problem, f"write 'part: {name}'")
+        return _Document(None)
     return part
 
 
@@ -166,7 +266,11 @@ def _uses(
 
 
 def _warn_of_unused_parts(
-    lifecycle: Path, missions: Sequence[Path], parts: Iterable[str], findings: Findings
+    lifecycle: Path,
+    missions: Sequence[Path],
+    parts: Iterable[str],
+    findings: Findings,
+    texts: Mapping[Path, bytes],
 ) -> None:
     """Tell which parts nobody uses, when all the missions that could use them are loaded."""
     folder = lifecycle.parent
@@ -176,7 +280,7 @@ def _warn_of_unused_parts(
     used = set(parts)
     for path in sorted((folder / PARTS).glob("*.yaml")):
         if path.stem not in used:
-            _document(path, PartNode, findings)
+            _read(path, PartNode, findings, texts)
             hint = "use it, or remove the file"
             findings.warn(
                 Place(str(path), 1, 1), "unused-part", "", f"no mission uses the part {path.stem!r}", hint

@@ -17,11 +17,17 @@ from lupin_engine.chart.documents import FileNode, LifecycleNode, MissionNode, P
 from lupin_engine.chart.expressions import Scope
 from lupin_engine.chart.findings import Findings
 from lupin_engine.chart.model import Kind
-from lupin_engine.chart.source import Map
+from lupin_engine.chart.source import map_at
 from lupin_engine.errors import Place, nearest
 
 MAX_STATES = 5000
 
+_KINDS: Mapping[str | None, Kind] = {
+    "parallel": Kind.PARALLEL,
+    "final": Kind.FINAL,
+    "history": Kind.HISTORY,
+    None: Kind.ATOMIC,
+}
 _DEPTHS: Mapping[str | None, int | None] = {"shallow": 1, "deep": None, None: 1}
 
 
@@ -131,7 +137,7 @@ class Forest:
             problem = f"more than {MAX_STATES} states, parts counted as often as they are used"
             self._findings.add(place, "too-large", "", problem)
             return
-        draft = Draft(full, _kind(node), place, file, parent, node, mission=parent.mission)
+        draft = Draft(full, _KINDS[node.type], place, file, parent, node, mission=parent.mission)
         draft.label = _label(draft)
         self._check_shape(draft, node)
         self._enter(draft)
@@ -318,12 +324,6 @@ class Forest:
         return nearest(name, visible)
 
 
-def _kind(node: StateNode) -> Kind:
-    return {"parallel": Kind.PARALLEL, "final": Kind.FINAL, "history": Kind.HISTORY, None: Kind.ATOMIC}[
-        node.type
-    ]
-
-
 def _can_end(draft: Draft) -> bool:
     """Tell whether a state ends by what is inside: a final child, or of a parallel one every region."""
     children = [child for child in draft.children.values() if child.kind is not Kind.HISTORY]
@@ -343,4 +343,4 @@ def _label(draft: Draft) -> str:
 
 def _empty(place: Place) -> StateNode:
     """Return the node of a state of which nothing is written but the name."""
-    return StateNode.model_validate(Map(place))
+    return StateNode.model_validate(map_at(place))

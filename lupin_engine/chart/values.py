@@ -235,7 +235,7 @@ def read_arguments(
     for name in given or ():
         if given is not None and name in wanted:
             value = read_value(
-                given[name], given.places[name], wanted[name].type, scope, findings, f"{path}.{name}"
+                given[name], given.value_place(name), wanted[name].type, scope, findings, f"{path}.{name}"
             )
             if value is not None:
                 found[str(name)] = value

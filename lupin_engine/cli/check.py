@@ -1,9 +1,12 @@
-"""`lupin check`: tell everything that is wrong with missions, before a robot does."""
+"""`lupin check`: tell everything that is wrong with missions, before a robot does.
+
+Exit codes: 0 nothing is wrong; 1 there are errors, or with `--strict` warnings; 2 wrong usage.
+"""
 
 from __future__ import annotations
 
-import json
-from collections.abc import Iterable, Sequence
+import time
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 import click
@@ -18,42 +21,118 @@ from lupin_engine.chart.load import (
     mission_files,
 )
 from lupin_engine.chart.source import head
-from lupin_engine.errors import Diagnostic, Severity, UsageError
-from lupin_engine.plugin.registry import load_catalog
+from lupin_engine.cli.findings import FORMS, Checked, as_text, counted, wants_colour
+from lupin_engine.errors import LupinError, UsageError
+from lupin_engine.plugin.registry import Catalog, load_catalog
+from lupin_engine.sim import SUFFIX
 
 
 @click.command()
 @click.argument("paths", nargs=-1)
-@click.option("--json", "as_json", is_flag=True, help="Print the findings as a JSON list.")
-def check(paths: tuple[str, ...], as_json: bool) -> int:
+@click.option("--json", "form", flag_value="json", help="Print the findings as a JSON list.")
+@click.option("--sarif", "form", flag_value="sarif", help="Print the findings as SARIF 2.1.0, for CI.")
+@click.option(
+    "--github", "form", flag_value="github", help="Print the findings as annotations of a workflow."
+)
+@click.option("--strict", is_flag=True, help="Warnings count like errors for the exit code.")
+@click.option("--watch", "-w", is_flag=True, help="Check again whenever a file changes; Ctrl-C ends.")
+@click.option(
+    "--explain", metavar="RULE", help="Tell what a rule protects, with an example, and check nothing."
+)
+def check(paths: tuple[str, ...], form: str | None, strict: bool, watch: bool, explain: str | None) -> int:
     """Check missions and tell everything that is wrong with them.
 
     PATHS are mission files, lifecycles, parts, folders, or names of shipped missions; without any, all
-    shipped missions are checked. Errors make the exit code 1, warnings do not.
+    shipped missions are checked.
+
+    Exit code: 0 nothing is wrong, 1 there are errors (with --strict also warnings), 2 wrong usage. Warnings
+    alone leave it at 0.
     """
-    return check_paths(paths, as_json)
+    if explain is not None:
+        from lupin_engine.cli.rules import rule_text
+
+        click.echo(rule_text(explain), color=wants_colour())
+        return 0
+    if watch and form:
+        raise UsageError(f"--watch is for people and --{form} for programs; use one of them")
+    if watch:
+        return watch_paths(paths, strict)
+    return check_paths(paths, form or "text", strict)
 
 
-def check_paths(paths: Sequence[str | Path], as_json: bool = False) -> int:
+def check_paths(paths: Sequence[str | Path], form: str = "text", strict: bool = False) -> int:
     """Check what `paths` name, print the findings and return the exit code.
 
     Raises:
         UsageError: a path does not exist.
         PluginError: the installed plugins cannot be used.
     """
+    checked = run_check(paths, load_catalog())
+    text = FORMS[form](checked)
+    if text:
+        click.echo(text, color=wants_colour())
+    return checked.exit_code(strict)
+
+
+def watch_paths(
+    paths: Sequence[str | Path],
+    strict: bool = False,
+    wait: Callable[[], None] | None = None,
+    clock: Callable[[], str] = lambda: time.strftime("%H:%M:%S"),
+) -> int:
+    """Check what `paths` name whenever one of its files changes, until Ctrl-C.
+
+    Args:
+        wait: called between two looks at the files; default: a short sleep.
+        clock: tells the time that is shown.
+
+    Returns:
+        The exit code of the last check.
+
+    Raises:
+        UsageError: a path does not exist when this begins; later that is a line like others.
+    """
+    from lupin_engine.cli.watch import PAUSE_S, changes
+
+    catalog = load_catalog()
+    code, first = 0, True
+    try:
+        for _ in changes(lambda: _watched(paths), wait or (lambda: time.sleep(PAUSE_S))):
+            try:
+                checked = run_check(paths, catalog)
+                text, code = as_text(checked), checked.exit_code(strict)
+            except LupinError as problem:
+                if first:
+                    raise
+                text, code = str(problem), problem.exit_code
+            first = False
+            click.clear()
+            click.echo(
+                f"{text}\n{clock()}  watching {counted(len(set(_watched(paths))), 'file')}; Ctrl-C ends"
+            )
+    except KeyboardInterrupt:
+        click.echo()
+    return code
+
+
+# -- what is checked --------------------------------------------------------------------------------------
+
+
+def run_check(paths: Sequence[str | Path], catalog: Catalog) -> Checked:
+    """Check what `paths` name; what is meant twice is checked once. Errors as for `check_paths`."""
     groups: dict[Path, dict[Path, None]] = {}
     for path in paths or [default_missions_folder()]:
         lifecycle, missions = _meant_by(str(path))
         groups.setdefault(lifecycle, {}).update(dict.fromkeys(missions))
-    catalog = load_catalog()
     found = {d: None for root, files in groups.items() for d in check_chart(root, list(files), catalog)[1]}
-    click.echo(_as_json(found) if as_json else _as_text(found, sum(map(len, groups.values()))))
-    return 1 if any(d.severity is Severity.ERROR for d in found) else 0
+    return Checked(sum(map(len, groups.values())), tuple(found))
 
 
 def _meant_by(name: str) -> tuple[Path, list[Path]]:
     """Return the lifecycle and the missions to check for a path or a mission's name."""
     path = Path(name)
+    if path.name.endswith(SUFFIX):
+        raise UsageError(f"{name!r} is a scenario; scenarios are read by lupin test")
     if path.is_dir():
         return path / LIFECYCLE, mission_files(path)
     if not path.is_file():
@@ -67,39 +146,23 @@ def _meant_by(name: str) -> tuple[Path, list[Path]]:
         return folder / LIFECYCLE, mission_files(folder)
     if kind == "part":
         raise UsageError(f"the part {name!r} does not stand in a folder {PARTS!r} beside missions")
-    return lifecycle_of(path), [path]
+    return _lifecycle(path), [path]
 
 
-def _as_text(found: Iterable[Diagnostic], missions: int) -> str:
-    diagnostics = list(found)
-    errors = sum(d.severity is Severity.ERROR for d in diagnostics)
-    counts = [
-        _counted(missions, "mission"),
-        _counted(errors, "error"),
-        _counted(len(diagnostics) - errors, "warning"),
-    ]
-    return "\n".join([*map(str, diagnostics), ", ".join(counts)])
+def _lifecycle(mission: Path) -> Path:
+    """Return the lifecycle beside a mission, or for a mission that stands alone the shipped one."""
+    beside = lifecycle_of(mission)
+    return beside if beside.is_file() else default_missions_folder() / LIFECYCLE
 
 
-def _counted(count: int, what: str) -> str:
-    return f"{count or 'no'} {what}{'' if count == 1 else 's'}"
-
-
-def _as_json(found: Iterable[Diagnostic]) -> str:
-    return json.dumps(
-        [
-            {
-                "file": d.place.file,
-                "line": d.place.line,
-                "column": d.place.column,
-                "severity": "error" if d.severity is Severity.ERROR else "warning",
-                "rule": d.rule,
-                "path": d.path,
-                "problem": d.problem,
-                "hint": d.hint,
-            }
-            for d in found
-        ],
-        indent=2,
-        ensure_ascii=False,
-    )
+def _watched(paths: Sequence[str | Path]) -> Iterator[Path]:
+    """Yield every file that may have to do with what `paths` name."""
+    for path in paths or [default_missions_folder()]:
+        named = Path(path)
+        if not named.is_dir() and not named.suffix:
+            named = find_mission(str(path), [default_missions_folder()])
+        folder = named if named.is_dir() else named.parent
+        if folder.name == PARTS:
+            folder = folder.parent
+        yield from folder.glob("*.yaml")
+        yield from folder.glob(f"{PARTS}/*.yaml")

@@ -36,6 +36,9 @@ VERBS: Mapping[str, str] = MappingProxyType(
     }
 )
 
+#: Else pydantic looks through every installed package for plugins of its own, which takes as long as a check.
+os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
+
 DEFECT = 70
 INTERRUPTED = 130
 READER_GONE = 141

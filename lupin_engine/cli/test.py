@@ -1,38 +1,104 @@
-"""`lupin test`: scenarios against missions, one line each, failures explained."""
+"""`lupin test`: scenarios against missions, one line each, failures explained, and what was not reached."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import json
+from collections.abc import Iterable, Sequence
 from pathlib import Path
+from typing import Any
 
 import click
 
-from lupin_engine.errors import LupinError, UsageError
-from lupin_engine.plugin.registry import Catalog, load_catalog
-from lupin_engine.sim.scenario import Charts, chart_loader, load_scenario, scenario_files
+from lupin_engine.errors import UsageError
+from lupin_engine.plugin.registry import load_catalog
+from lupin_engine.sim import failure as told
+from lupin_engine.sim.coverage import Coverage
+from lupin_engine.sim.coverage_text import coverage_lines
+from lupin_engine.sim.failure import shown
+from lupin_engine.sim.scenario import Missions, scenario_files
+from lupin_engine.sim.suite import Result, add_up, run_all
 
 #: Where scenarios are looked for when none is named, nearest first.
 _PLACES = (Path("scenarios"), Path("tests/scenarios"))
 
+_STYLES: dict[str, dict[str, Any]] = {
+    told.HEAD: {"bold": True},
+    told.EXPECTED: {"fg": "green"},
+    told.ACTUAL: {"fg": "red"},
+    told.CARET: {"fg": "yellow"},
+    told.CHART: {"fg": "cyan"},
+    told.STORY: {"dim": True},
+    told.MARKED: {"bold": True},
+}
+
 
 @click.command(short_help="Run scenarios against missions, without ROS.")
 @click.argument("paths", nargs=-1, type=click.Path(path_type=Path))
-def test(paths: tuple[Path, ...]) -> int:
+@click.option("-k", "words", metavar="TEXT", multiple=True, help="Only scenarios whose path contains TEXT.")
+@click.option("--jobs", "-j", type=click.IntRange(min=0), default=0, help="Processes; 0: as many as pay off.")
+@click.option("--seed", type=int, default=0, help="Added to the seeds of random scenarios.")
+@click.option(
+    "--seeds", type=click.IntRange(min=1), default=1, help="Run random scenarios with so many seeds."
+)
+@click.option(
+    "--junit", "junit_file", type=click.Path(dir_okay=False, path_type=Path), help="Write JUnit XML."
+)
+@click.option("--coverage", "covers", is_flag=True, help="Tell what no scenario reached.")
+@click.option(
+    "--min-coverage", type=click.FloatRange(0, 100), metavar="PERCENT", help="Fail when less was reached."
+)
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
+@click.option("--quiet", "-q", is_flag=True, help="Print failures and the last line only.")
+def test(
+    paths: tuple[Path, ...],
+    words: tuple[str, ...],
+    jobs: int,
+    seed: int,
+    seeds: int,
+    junit_file: Path | None,
+    covers: bool,
+    min_coverage: float | None,
+    as_json: bool,
+    quiet: bool,
+) -> int:
     """Run scenarios against missions, without ROS.
 
     PATHS are scenario files (*.scenario.yaml) or folders of them; without any, the folder scenarios or
-    tests/scenarios is taken. Exit code: 0 when every scenario holds, else 1.
+    tests/scenarios is taken.
+
+    Exit code: 0 when every scenario holds and enough was reached, else 1; 2 when there is nothing to run.
     """
     catalog = load_catalog()
-    charts = chart_loader(catalog)
-    files = scenario_files(paths or _default())
-    failed = [file for file in files if not _holds(file, catalog, charts)]
-    count = f"{len(files)} scenario{'s' if len(files) != 1 else ''}"
-    click.echo(f"{len(failed)} of {count} failed" if failed else f"{count}: all hold")
-    return 1 if failed else 0
+    files = _chosen(paths, words)
+    counts = covers or min_coverage is not None
+    results = []
+    for result in run_all(catalog, files, range(seed, seed + seeds), jobs, counts):
+        results.append(result)
+        if not as_json:
+            _show(result, quiet)
+    coverage = add_up(results, Missions(catalog)) if counts else None
+    if junit_file is not None:
+        _write_junit(junit_file, results)
+    if as_json:
+        click.echo(json.dumps(_record(results, coverage), default=str))
+    else:
+        _sum_up(results, coverage)
+    enough = coverage is None or min_coverage is None or coverage.percent >= min_coverage
+    if not enough and not as_json:
+        click.echo(f"less than {min_coverage:g} % was reached")
+    return 0 if enough and all(result.holds for result in results) else 1
 
 
 command = test
+
+
+def _chosen(paths: Sequence[Path], words: Sequence[str]) -> list[Path]:
+    """Return the files to run; UsageError when there are none."""
+    files = scenario_files(paths or _default())
+    chosen = [file for file in files if all(word in str(file) for word in words)]
+    if not chosen:
+        raise UsageError(f"none of {len(files)} scenarios has {' and '.join(map(repr, words))} in its path")
+    return chosen
 
 
 def _default() -> Iterable[Path]:
@@ -42,17 +108,78 @@ def _default() -> Iterable[Path]:
     raise UsageError(f"name scenario files or a folder; neither {_PLACES[0]} nor {_PLACES[1]} is here")
 
 
-def _holds(file: Path, catalog: Catalog, charts: Charts) -> bool:
-    """Run one scenario and tell how it went; a scenario that cannot be read is one that fails."""
+def _show(result: Result, quiet: bool) -> None:
+    """Tell how a scenario went; one that cannot be read is one that fails."""
+    if result.problem:
+        click.echo(f"{click.style('ERROR', fg='red')} {result.file}\n{result.problem}")
+    elif result.failures or not quiet:
+        word = click.style("FAIL ", fg="red") if result.failures else click.style("ok   ", fg="green")
+        click.echo(f"{word} {result.name}: {result.promise} ({_how(result)})")
+    for failure in result.failures:
+        for kind, line in failure.lines():
+            click.echo(click.style(line, **_STYLES.get(kind, {})))
+
+
+def _how(result: Result) -> str:
+    """Return the virtual time, and the seed where there was something to draw."""
+    lasted = f"{result.seconds:.1f} s"
+    if result.seed is None:
+        return lasted
+    if result.failures:
+        return f"{lasted}, with --seed {result.seed}"
+    return f"{lasted}, {result.runs} seeds" if result.runs > 1 else f"{lasted}, seed {result.seed}"
+
+
+def _sum_up(results: Sequence[Result], coverage: Coverage | None) -> None:
+    if coverage is not None:
+        click.echo("\n".join(("", *coverage_lines(coverage), "")))
+    failed = sum(1 for result in results if not result.holds)
+    count = f"{len(results)} scenario{'s' if len(results) != 1 else ''}"
+    click.echo(f"{failed} of {count} failed" if failed else f"{count}: all hold")
+
+
+def _write_junit(file: Path, results: Sequence[Result]) -> None:
+    from lupin_engine.sim.junit import junit
+
     try:
-        scenario = load_scenario(file, catalog, charts)
-        run = scenario.run()
-    except LupinError as problem:
-        click.echo(f"{click.style('ERROR', fg='red')} {file}\n{problem}")
-        return False
-    failures = scenario.failures(run)
-    word = click.style("FAIL ", fg="red") if failures else click.style("ok   ", fg="green")
-    click.echo(f"{word} {file.name.partition('.')[0]}: {scenario.promise} ({run.seconds:.1f} s)")
-    for failure in failures:
-        click.echo(str(failure))
-    return not failures
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_text(junit(results), encoding="utf-8")
+    except OSError as problem:
+        raise UsageError(f"cannot write {str(file)!r}: {problem.strerror}") from None
+
+
+def _record(results: Sequence[Result], coverage: Coverage | None) -> dict[str, Any]:
+    """Return the results as JSON data."""
+    record: dict[str, Any] = {
+        "scenarios": [_result_record(result) for result in results],
+        "failed": sum(1 for result in results if not result.holds),
+    }
+    if coverage is not None:
+        record["coverage"] = coverage.record()
+    return record
+
+
+def _result_record(result: Result) -> dict[str, Any]:
+    failures = [
+        {
+            "place": shown(failure.place),
+            "what": failure.what,
+            "expected": failure.expected,
+            "actual": failure.actual,
+            "concerned": [{"place": shown(place), "what": what} for what, place in failure.concerned],
+            "story": list(failure.story),
+        }
+        for failure in result.failures
+    ]
+    return {
+        "file": str(result.file),
+        "name": result.name,
+        "promise": result.promise,
+        "holds": result.holds,
+        "problem": result.problem,
+        "seconds": result.seconds,
+        "took": round(result.took, 6),
+        "seed": result.seed,
+        "runs": result.runs,
+        "failures": failures,
+    }

@@ -1,213 +1,223 @@
-"""What a picture of a chart shows, before any drawing language: boxes within boxes, and labelled arrows.
+"""From a chart to its picture: what is shown of it, and what is left out.
 
-The state that wraps a mission is left out where it is the only one: it would be a box within a box. Refusals
-are left out as well: they are answers, not ways. A way between a box and one within it is a line of text in
-the box where it begins, because drawing programs have no good answer to it. Everything comes in the order of
-the file, so the text of a picture changes only where the chart does.
+Nothing else walks a chart. The state that wraps a mission is left out where it is the only one: it would be a
+box within a box. Refusals are left out as well: they are answers, not ways. A way that has no good arrow
+(between a box and one within it, between two regions, or without a target) is a line of text in the box where
+it begins. Everything comes in the order of the file, so a picture changes only where the chart does.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator
+from itertools import accumulate
 
-from lupin_engine.chart.model import (
-    Chart,
-    Constant,
-    ForEach,
-    Invoke,
-    Itinerary,
-    Kind,
-    State,
-    Transition,
-    UnknownInput,
-    Value,
-)
+from lupin_engine.chart.model import Chart, Kind, State, Transition
+from lupin_engine.diagram.picture import Arrow, Box, Label, Line, Picture, Role, Tone
+from lupin_engine.diagram.wording import Words, hold_line
+from lupin_engine.errors import UsageError, nearest
 
-#: Longest guard on an arrow, in characters.
-GUARD_WIDTH = 44
+#: Boxes in a picture that one still reads without a finger on it.
+READABLE = 40
 
 
-@dataclass(frozen=True)
-class Box:
-    """A state. `lines` stand under its name; `initial` names the child that is entered first, in full."""
+def outline(
+    chart: Chart, *, focus: str | None = None, depth: int | None = None, whole: bool = False
+) -> Picture:
+    """Return what a picture of `chart` shows.
 
-    name: str
-    title: str
-    kind: Kind
-    lines: tuple[str, ...]
-    children: tuple[Box, ...] = ()
-    initial: str | None = None
+    Args:
+        chart: The chart.
+        focus: Show this state with all within it, and greyed what leads there and where it leads.
+        depth: Show so many levels of boxes; deeper states are collapsed.
+        whole: Show the state that wraps a single mission, too.
 
-    def below(self) -> Iterator[Box]:
-        """Yield this box and all within it, in the order of the file."""
-        yield self
-        for child in self.children:
-            yield from child.below()
-
-
-@dataclass(frozen=True)
-class Arrow:
-    """All ways from one state to another, each with its label."""
-
-    source: str
-    target: str
-    labels: tuple[str, ...]
+    Raises:
+        UsageError: there is no such state, or several are called so.
+    """
+    centre = None if focus is None else find_state(chart, focus)
+    return _Outliner(chart, centre, depth, whole).picture()
 
 
-@dataclass(frozen=True)
-class Outline:
-    """A picture: boxes at the top, the one that is entered first, arrows."""
-
-    title: str
-    boxes: tuple[Box, ...]
-    initial: str | None
-    arrows: tuple[Arrow, ...]
+def readable_depth(picture: Picture) -> int | None:
+    """Return how many levels of a picture one can read at once; None for all of them."""
+    totals = list(accumulate(_levels(picture.boxes)))
+    if not totals or totals[-1] <= READABLE:
+        return None
+    return max(1, sum(total <= READABLE for total in totals))
 
 
-def outline(chart: Chart) -> Outline:
-    """Return what a picture of `chart` shows."""
-    return _Outliner(chart).outline()
+def find_state(chart: Chart, name: str) -> str:
+    """Return the full name of a state that is named in full, or by the last parts of its name.
+
+    Raises:
+        UsageError: there is none, or there are several.
+    """
+    names = [full for full in chart.states if full]
+    found = [full for full in names if full == name] or [n for n in names if n.endswith(f".{name}")]
+    if len(found) == 1:
+        return found[0]
+    if found:
+        raise UsageError(f"{len(found)} states are called {name!r}; say which: {', '.join(found)}")
+    known = {full.rpartition(".")[2] for full in names}
+    raise UsageError(f"no state {name!r} in {_title(chart)}; {nearest(name, known)}")
+
+
+def _title(chart: Chart) -> str:
+    return ", ".join(chart.missions) or chart.name
+
+
+def _levels(boxes: Iterable[Box]) -> Iterator[int]:
+    row = list(boxes)
+    while row:
+        yield len(row)
+        row = [child for box in row for child in box.children]
 
 
 class _Outliner:
-    def __init__(self, chart: Chart) -> None:
+    def __init__(self, chart: Chart, focus: str | None, depth: int | None, whole: bool) -> None:
         self._chart = chart
-        self._defaults = {"param": {name: p.default for name, p in chart.parameters.items()}}
-        only = next(iter(chart.missions.values()), None) if len(chart.missions) == 1 else None
-        self._wrapper = only.state if only else ""
-        self._title = ", ".join(chart.missions) or chart.name
+        self._states = chart.states
+        self._words = Words(chart)
+        only = next(iter(chart.missions.values())).state if len(chart.missions) == 1 else ""
+        self._wrapper = "" if whole or only == focus else only
+        self._focus = focus
+        self._depth = depth
+        #: State -> the box that stands for it in this picture.
+        self._shown: dict[str, str] = {}
 
-    def outline(self) -> Outline:
-        root = self._chart.states[""]
-        boxes = tuple(self._box(self._chart.states[name]) for name in self._children(root))
-        return Outline(self._title, boxes, self._initial(root), tuple(self._arrows()))
+    def picture(self) -> Picture:
+        root = self._states[""]
+        tops = self._children(root) if self._focus is None else self._around(self._focus)
+        boxes = tuple(self._box(self._states[name], 1) for name in tops)
+        arrows = tuple(self._arrows())
+        title = _title(self._chart)
+        if self._focus is not None:
+            return Picture(f"{title}: {self._states[self._focus].local_name}", boxes, None, arrows, self._chart)
+        notes = (*self._ways(root), *map(hold_line, self._chart.holds.values()))
+        return Picture(title, boxes, self._initial(root), arrows, self._chart, notes)
 
     # -- boxes ------------------------------------------------------------------------------------------
 
     def _children(self, state: State) -> list[str]:
         found: list[str] = []
         for name in state.children:
-            inner = self._chart.states[name]
-            found += inner.children if name == self._wrapper else [name]
+            found += self._states[name].children if name == self._wrapper else [name]
         return found
 
-    def _box(self, state: State) -> Box:
-        children = tuple(self._box(self._chart.states[name]) for name in self._children(state))
-        title = state.local_name
-        if state.slot and self._wrapper:
-            title = f"{title}: {self._title}"
+    def _box(self, state: State, level: int) -> Box:
+        self._shown[state.name] = state.name
+        pale = self._focus is not None and not self._inside(state.name)
+        collapsed = pale or level == self._depth
+        children = self._children(state)
+        return Box(
+            state.name,
+            self._title_of(state),
+            state,
+            () if pale else tuple(self._lines(state, collapsed)),
+            () if collapsed else tuple(self._box(self._states[name], level + 1) for name in children),
+            None if collapsed else self._initial(state),
+            self._hide(state, state.name) if collapsed else 0,
+            Tone.PALE if pale else Tone.PLAIN,
+        )
+
+    def _title_of(self, state: State) -> str:
         if state.kind is Kind.HISTORY:
-            title = "H*" if state.depth is None else "H"
-        return Box(state.name, title, state.kind, tuple(self._lines(state)), children, self._initial(state))
+            return "H*" if state.depth is None else "H"
+        return f"{state.local_name}: {_title(self._chart)}" if self._wraps(state) else state.local_name
+
+    def _wraps(self, state: State) -> bool:
+        return bool(self._wrapper) and self._states[self._wrapper].parent == state.name
+
+    def _hide(self, state: State, under: str) -> int:
+        """Let one box stand for all within a state; return how many those are, histories aside."""
+        count = 0
+        for name in self._children(state):
+            self._shown.setdefault(name, under)
+            count += (self._states[name].kind is not Kind.HISTORY) + self._hide(self._states[name], under)
+        return count
 
     def _initial(self, state: State) -> str | None:
         if state.kind is not Kind.COMPOUND:
             return None
         first = state.initial or next(iter(state.children), None)
-        return self._initial(self._chart.states[first]) if first and first == self._wrapper else first
+        return self._initial(self._states[first]) if first and first == self._wrapper else first
 
-    def _lines(self, state: State) -> Iterator[str]:
-        if state.phase and state.phase != state.local_name:
-            yield f"phase {state.phase}"
-        if state.paused:
-            yield "paused"
-        if state.itinerary is not None:
-            yield from self._itinerary(state.itinerary)
-        if state.for_each is not None:
-            yield from self._for_each(state.for_each)
-        if state.invoke is not None:
-            yield from self._invoke(state.invoke)
-        for word, actions in (("entry", state.entry), ("exit", state.exit)):
-            if actions:
-                yield f"{word} / {', '.join(action.name for action in actions)}"
+    def _lines(self, state: State, collapsed: bool) -> Iterator[Line]:
+        for each in (state, self._states[self._wrapper]) if self._wraps(state) else (state,):
+            yield from self._words.lines(each)
+            within = f"{state.name}."
+            yield from (way for way in self._ways(each) if not (collapsed and way.target.startswith(within)))
+
+    def _ways(self, state: State) -> Iterator[Line]:
+        """Yield the ways of a state that have no arrow."""
         for rule in (*state.transitions, *state.resume_at):
-            if rule.target is not None and self._nested(rule.source, rule.target):
-                yield f"{self._label(rule)} → {self._chart.states[rule.target].local_name}"
+            target = rule.target
+            if target is None and rule.actions:
+                yield Line("", Role.WAY, self._words.label(rule))
+            elif target is not None and not self._has_arrow(self._end(rule.source), self._end(target)):
+                yield Line("", Role.WAY, self._words.label(rule), target)
 
-    def _itinerary(self, itinerary: Itinerary) -> Iterator[str]:
-        yield f"for each of {self._short(itinerary.items)}"
-        if itinerary.order is not None:
-            yield f"smallest {self._short(itinerary.order)} first"
-        if itinerary.sweeps is not None:
-            sweeps = self._short(itinerary.sweeps)
-            yield f"sweeps: {'without end' if sweeps == '0' else sweeps}"
+    # -- a state and what is around it ------------------------------------------------------------------
 
-    def _for_each(self, found: ForEach) -> Iterator[str]:
-        limit = f", {self._short(found.limit)} at a time" if found.limit else ""
-        yield f"for each {found.name} of {self._short(found.items)}{limit}"
-        if found.when is not None:
-            yield f"[{_cut(found.when.source)}]"
-        yield from self._invoke(found.invoke)
-        for word, actions in (("done", found.on_done), ("error", found.on_error)):
-            if actions:
-                yield f"{word} / {', '.join(action.name for action in actions)}"
+    def _inside(self, name: str) -> bool:
+        return name == self._focus or name.startswith(f"{self._focus}.")
 
-    def _invoke(self, invoke: Invoke) -> Iterator[str]:
-        limit = f" ≤ {self._seconds(invoke.timeout)}" if invoke.timeout else ""
-        yield f"{invoke.name}{limit}"
-        if invoke.retry is not None:
-            yield f"tries: {self._short(invoke.retry.attempts)}"
+    def _around(self, focus: str) -> list[str]:
+        """Return the state in focus and its neighbours, in the order of the file."""
+        met = {focus}
+        for source, target, _ in self._pairs():
+            if self._inside(source) != self._inside(target):
+                met.add(target if self._inside(source) else source)
+        return [name for name in self._states if name in met]
 
     # -- arrows -----------------------------------------------------------------------------------------
 
-    def _arrows(self) -> Iterator[Arrow]:
-        found: dict[tuple[str, str], list[str]] = {}
-        for state in self._chart.states.values():
+    def _pairs(self) -> Iterator[tuple[str, str, Transition | None]]:
+        """Yield where the ways of the chart begin and lead to; a history leads to where it begins."""
+        for state in self._states.values():
+            if state.kind is Kind.HISTORY and state.initial is not None:
+                yield state.name, state.initial, None
             for rule in state.transitions:
-                if rule.target is not None and not self._nested(rule.source, rule.target):
-                    ends = (self._shown(rule.source), self._shown(rule.target))
-                    found.setdefault(ends, []).append(self._label(rule))
+                if rule.target is not None:
+                    yield self._end(rule.source), self._end(rule.target), rule
+
+    def _arrows(self) -> Iterator[Arrow]:
+        found: dict[tuple[str, str], dict[str, Label]] = {}
+        for source, target, rule in self._pairs():
+            ends = self._ends(source, target)
+            if ends is not None:
+                labels = found.setdefault(ends, {})
+                if rule is not None:
+                    _add(labels, self._words.label(rule))
         for (source, target), labels in found.items():
-            yield Arrow(source, target, tuple(dict.fromkeys(labels)))
+            yield Arrow(source, target, tuple(labels.values()))
 
-    def _nested(self, source: str, target: str) -> bool:
-        """Say whether one end of a way lies within the other, or both are the same composite state."""
-        source, target = self._shown(source), self._shown(target)
+    def _ends(self, source: str, target: str) -> tuple[str, str] | None:
+        """Return the boxes that an arrow for a way connects; None when this picture has no such arrow."""
+        begins, ends = self._shown.get(source), self._shown.get(target)
+        if begins is None or ends is None or not self._has_arrow(begins, ends):
+            return None
+        if self._focus is not None and not (self._inside(source) or self._inside(target)):
+            return None
+        return None if begins == ends and (source, target) != (begins, ends) else (begins, ends)
+
+    def _has_arrow(self, source: str, target: str) -> bool:
+        """Say whether a way is an arrow, and not a line of text."""
         if source == target:
-            return bool(self._chart.states[source].children)
-        return source in self._chart.ancestors(target) or target in self._chart.ancestors(source)
+            return not self._states[source].children
+        above, over = self._chart.ancestors(source), self._chart.ancestors(target)
+        if source in over or target in above:
+            return False
+        common = next(name for name in above if name in over)
+        return self._states[common].kind is not Kind.PARALLEL
 
-    def _shown(self, name: str) -> str:
-        """Return the box that stands for a state: the wrapper has none."""
-        return (self._chart.states[name].parent or "") if name == self._wrapper else name
-
-    def _label(self, rule: Transition) -> str:
-        guard = f"[{_cut(rule.guard.source)}]" if rule.guard else ""
-        event = "resume" if rule in self._chart.states[rule.source].resume_at else self._event(rule)
-        return " ".join(filter(None, (event, guard))) or "always"
-
-    def _event(self, rule: Transition) -> str:
-        if rule.event.startswith("after."):
-            timers = self._chart.states[rule.source].timers
-            delay = next(timer.after for timer in timers if timer.event == rule.event)
-            return f"after {self._seconds(delay)}"
-        if rule.event == "budget":
-            budget = self._chart.states[rule.source].budget
-            return f"budget {self._seconds(budget.after)}" if budget else "budget"
-        if rule.event.startswith("input."):
-            return rule.event.removeprefix("input.").replace(".", " ")
-        return rule.event.removeprefix("operator.").removeprefix("mission.")
-
-    # -- values -----------------------------------------------------------------------------------------
-
-    def _seconds(self, value: Value) -> str:
-        """Return a duration as the parameters' defaults make it, else as it is written."""
-        try:
-            return f"{float(value.evaluate(self._defaults)):g} s"
-        except (KeyError, TypeError, ValueError, ArithmeticError, UnknownInput):
-            return self._short(value)
-
-    def _short(self, value: Value) -> str:
-        if isinstance(value, Constant):
-            return _cut(str(value.value))
-        try:
-            found = value.evaluate(self._defaults)
-        except (KeyError, TypeError, ValueError, ArithmeticError, UnknownInput):
-            return _cut(value.source)
-        return _cut(f"{found:g}" if isinstance(found, float) else str(found))
+    def _end(self, name: str) -> str:
+        """Return the state at the end of an arrow: the one that wraps a mission has no box."""
+        return (self._states[name].parent or "") if self._wrapper and name == self._wrapper else name
 
 
-def _cut(text: str) -> str:
-    plain = " ".join(text.split())
-    return plain if len(plain) <= GUARD_WIDTH else plain[: GUARD_WIDTH - 1].rstrip() + "…"
+def _add(labels: dict[str, Label], label: Label) -> None:
+    """Add a label; one that says the same stands for both."""
+    before = labels.get(str(label))
+    ids = label.ids | before.ids if before else label.ids
+    labels[str(label)] = Label(label.event, label.cause, label.guard, label.actions, ids)

@@ -133,19 +133,22 @@ def _verb(event: Event) -> str:
 def consider(core: Core, rule: Transition, turn: Turn, cause: Cause = NO_CAUSE) -> Considered:
     """Return what keeps a transition from being taken, or that nothing does."""
     blocking = next((hold for hold in core.memory.held if not passes(rule, (hold,))), "")
-    holds = rule.guard is None or _value(core, rule.guard.evaluate, rule, turn, cause) is True
-    source = rule.guard.source if rule.guard else ""
-    parts: tuple[tuple[str, object], ...] = ()
-    if rule.guard is not None and not holds:
-        operands = rule.guard.parts or ((source, rule.guard.evaluate),)
-        parts = tuple((text, _value(core, part, rule, turn, cause)) for text, part in operands)
-    return Considered(rule.id, rule.place, source, holds, blocking, parts)
+    if rule.guard is None:
+        return Considered(rule.id, rule.place, "", holds=True, held=blocking)
+    source, parts = rule.guard.source, rule.guard.parts or ((rule.guard.source, rule.guard.evaluate),)
+    value, problem = _value(core, rule.guard.evaluate, rule, turn, cause)
+    if value and not problem:
+        return Considered(rule.id, rule.place, source, holds=True, held=blocking)
+    values = [(text, _value(core, part, rule, turn, cause)) for text, part in parts]
+    told = tuple((text, problem or value) for text, (value, problem) in values)
+    return Considered(rule.id, rule.place, source, holds=False, held=blocking, parts=told)
 
 
-def _value(core: Core, part: Any, rule: Transition, turn: Turn, cause: Cause) -> object:
+def _value(core: Core, part: Any, rule: Transition, turn: Turn, cause: Cause) -> tuple[object, str]:
+    """Return what a part of a guard is, and what keeps it from being evaluated."""
     try:
-        return part(core.see(rule.source, turn, cause))
+        return part(core.see(rule.source, turn, cause)), ""
     except UnknownInput as unknown:
-        return str(unknown)
+        return None, str(unknown)
     except Exception as problem:
-        return f"an error: {problem}"
+        return None, f"an error: {problem}"

@@ -71,7 +71,7 @@ class Inputs(Mapping[str, Any]):
         if found is None:
             return False
         freshness = self._chart.inputs[name].freshness
-        return freshness is None or self.now - found.stamp <= freshness
+        return freshness is None or self.now < found.stamp + freshness
 
     def holds(self, event: str) -> bool:
         """Say whether the level that an `input.NAME` or `input.NAME.LEVEL` event stands for is true."""

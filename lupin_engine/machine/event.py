@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import reprlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
@@ -31,6 +32,41 @@ class Event:
     def is_report(self) -> bool:
         """Reports say how an attempt goes on, or that it has ended."""
         return self.name.startswith("attempt.")
+
+
+#: The fields of what servers and sensors say, and of which type they are.
+_FIELDS: Mapping[str, Mapping[str, type | tuple[type, ...]]] = MappingProxyType(
+    {
+        "attempt.accepted": {"attempt": str},
+        "attempt.progress": {"attempt": str, "detail": str},
+        "attempt.done": {"attempt": str, "result": Mapping},
+        "attempt.failed": {"attempt": str, "code": str, "detail": str},
+        "attempt.cancelled": {"attempt": str},
+        "value": {"name": str, "value": object, "stamp": (int, float)},
+    }
+)
+#: No clock shows more seconds than that; it keeps sums of times finite and exact enough.
+_END_OF_TIME = 1e12
+
+
+def flaw(event: Event) -> str:
+    """Return what is wrong with the form of a request, a report or a value, or an empty text."""
+    fields = _FIELDS.get(event.name)
+    if fields is None and not event.is_request:
+        return f"there is no report {event.name!r}" if event.is_report else ""
+    data = event.data
+    if not isinstance(data, Mapping):
+        return f"{event.name} has no fields"
+    for name, kind in (fields or {}).items():
+        if name not in data:
+            return f"{event.name} has no {name}"
+        if not isinstance(data[name], kind):
+            return f"{event.name} has a wrong {name}: {reprlib.repr(data[name])}"
+    if event.name == "value" and (isinstance(data["stamp"], bool) or not abs(data["stamp"]) <= _END_OF_TIME):
+        return f"value has a wrong stamp: {reprlib.repr(data['stamp'])}"
+    if event.name == "mission.start" and not isinstance(data.get("mission_type", ""), str):
+        return f"mission.start has a wrong mission_type: {reprlib.repr(data['mission_type'])}"
+    return ""
 
 
 def accepted(attempt: str) -> Event:

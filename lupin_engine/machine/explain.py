@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from lupin_engine.machine.answers import Answers, consider
 from lupin_engine.machine.core import Core
+from lupin_engine.machine.environment import NO_CAUSE, Cause
 from lupin_engine.machine.event import OPERATOR_REQUESTS, Event
 from lupin_engine.machine.plan import Row
 from lupin_engine.machine.step import Considered, Refusal
@@ -64,12 +65,12 @@ class Explainer:
         found = [self._request(name, now) for name in _REQUESTS] + [self._event(name, now) for name in others]
         return tuple(p for p in found if p.considered or not _is_internal(p.event))
 
-    def considered(self, event: str, now: float) -> tuple[Considered, ...]:
+    def considered(self, event: str, now: float, cause: Cause = NO_CAUSE) -> tuple[Considered, ...]:
         """Return the transitions that listen to an event here, and what keeps each from being taken."""
         turn = Turn(Event(event), now, self._row)
         offered = self._row.candidates(self._structure, event)
         rules = {rule.id: rule for some in offered for rule in some}
-        return tuple(consider(self._core, rule, turn) for rule in rules.values())
+        return tuple(consider(self._core, rule, turn, cause) for rule in rules.values())
 
     def _request(self, name: str, now: float) -> Possibility:
         turn = Turn(Event(name), now, self._row)

@@ -19,26 +19,30 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, cast
 
-from lupin_engine.chart.model import Chart, Hold, Kind, State, Transition
+from lupin_engine.chart.model import Chart, Hold, Invariant, Kind, State, Transition
 from lupin_engine.machine.answers import Answers, consider
 from lupin_engine.machine.content import Content
 from lupin_engine.machine.core import Core, passes
 from lupin_engine.machine.environment import NO_CAUSE, Cause, Surroundings, World
-from lupin_engine.machine.event import NOTHING, Event
+from lupin_engine.machine.event import NOTHING, Event, flaw
 from lupin_engine.machine.explain import Explainer, Possibility
 from lupin_engine.machine.memory import Memory, Timer
 from lupin_engine.machine.operations import Operations
 from lupin_engine.machine.plan import MAX_PLANS, Plan, Planner, Row, planner_of
+from lupin_engine.machine.request import BAD_REQUEST
 from lupin_engine.machine.shortcut import Shortcut, shortcut
 from lupin_engine.machine.snapshot import snapshot
-from lupin_engine.machine.step import Step
+from lupin_engine.machine.step import Refusal, Step
 from lupin_engine.machine.structure import ENGINE_EVENTS, EXECUTION_ERROR, FAULT, FAULT_RULE
+from lupin_engine.machine.timers import seconds
 from lupin_engine.machine.turn import EXECUTION_CODE, Signal, Turn
 from lupin_engine.machine.values import Values
 from lupin_engine.machine.view import View, target_of, view_of
 
 #: More microsteps than this in one step is a cycle of the chart, not work.
 MICROSTEP_LIMIT = 1000
+#: More events of plugins than this do not wait for a release.
+MAX_DEFERRED = 64
 #: The code of an invariant that does not hold.
 INVARIANT_CODE = "invariant_broken"
 
@@ -105,7 +109,11 @@ class Machine:
     def handle(self, event: Event, now: float) -> Step:
         """Process one event from outside; deadlines before `now` must have been fired by `advance`."""
         taken = self.answers.get(event.name)
-        return self.macrostep(event, now) if taken is None else taken(self, event, now)
+        if taken is not None:
+            step = taken(self, event, now)
+            if step is not None:
+                return step
+        return self.macrostep(event, now)
 
     @property
     def next_deadline(self) -> float | None:
@@ -120,7 +128,11 @@ class Machine:
             return None
         timer = timers.pop(0)
         taken = self.answers.get(timer[3])
-        return self._fire(timer, now) if taken is None else taken(self, _NO_EVENT, now)
+        if taken is not None:
+            step = taken(self, _NO_EVENT, now)
+            if step is not None:
+                return step
+        return self._fire(timer, now)
 
     @property
     def view(self) -> View:
@@ -154,7 +166,12 @@ class Machine:
     def macrostep(self, event: Event, now: float) -> Step:
         """Process one event by the general algorithm."""
         turn = self._open(event, now)
-        if event.is_request:
+        wrong = flaw(event)
+        if wrong and event.is_request:
+            turn.accepted, turn.refusal = False, Refusal(BAD_REQUEST, wrong)
+        elif wrong:
+            turn.note(f"dropped: {wrong}")
+        elif event.is_request:
             self._request(event)
         elif event.name == "value":
             Values(self._core).observe(event, turn)
@@ -172,11 +189,20 @@ class Machine:
             return
         candidates = self._row.candidates(self._planner.structure, event.name)
         if held and not all(passes(rule, held) for offered in candidates for rule in offered):
-            self.memory.deferred.append(event)
-            turn.note(f"{event.name} waits for the release")
+            self._defer(event)
             return
-        turn.signals.append(Signal(event.name, None, Cause(event=event.data)))
+        turn.signals.append(_as_signal(event))
         self._learn(event.name, candidates)
+
+    def _defer(self, event: Event) -> None:
+        """Keep an event of a plugin for the release; of too many the oldest is dropped."""
+        deferred = self.memory.deferred
+        deferred.append(event)
+        self._turn.note(f"{event.name} waits for the release")
+        waiting = [index for index, other in enumerate(deferred) if not other.is_report]
+        if len(waiting) > MAX_DEFERRED:
+            oldest = deferred.pop(waiting[0])
+            self._turn.note(f"dropped: {oldest.name}, because more than {MAX_DEFERRED} events wait")
 
     def _fire(self, timer: Timer, now: float) -> Step:
         _, _, kind, (owner, name) = timer
@@ -257,14 +283,16 @@ class Machine:
             return True
         if self._row.working and self._operations.begin_missing(self._row.working, turn):
             return True
-        return bool(self._core.chart.invariants) and self._watch_invariants()
+        if self._core.chart.invariants:
+            self._watch_invariants()
+        return bool(turn.signals)
 
     def _come_back_to(self, event: Event) -> None:
         """Deal with what waited for the release."""
         if event.is_report:
             self._operations.report(event, self._turn)
         else:
-            self._turn.signals.append(Signal(event.name, None, Cause(event=event.data)))
+            self._turn.signals.append(_as_signal(event))
 
     def _signal(self, signal: Signal) -> None:
         """Offer an internal event to its state, or to all active ones."""
@@ -336,7 +364,7 @@ class Machine:
         if answer.refusal is not None:
             turn.refusal = answer.refusal
             explainer = Explainer(self._core, self._planner.structure, self._row)
-            turn.why = explainer.considered(event.name, turn.now)
+            turn.why = explainer.considered(event.name, turn.now, Cause(event=event.data))
             return
         if answer.starts:
             self._begin_mission(event, answer.values)
@@ -400,23 +428,29 @@ class Machine:
 
     # -- invariants -------------------------------------------------------------------------------------
 
-    def _watch_invariants(self) -> bool:
-        """Make an error of each invariant that holds no more; say whether there was one."""
+    def _watch_invariants(self) -> None:
+        """Make an error of each invariant that holds no more."""
         turn, broken = self._turn, self.memory.broken
-        fresh = False
-        for name, invariant in self._core.chart.invariants.items():
-            holds = self._core.check(invariant.that, "", turn)
-            if holds and name in broken:
-                broken.remove(name)
-            elif not holds and name not in broken:
-                broken.append(name)
-                detail = f"{invariant.place}: invariant {name} does not hold: {invariant.that.source}"
-                turn.note(detail)
-                self._core.report(INVARIANT_CODE, detail)
-                error = {"code": INVARIANT_CODE, "detail": detail}
+        for invariant in self._core.chart.invariants.values():
+            breach = self._breach(invariant)
+            if not breach and invariant.name in broken:
+                broken.remove(invariant.name)
+            elif breach and invariant.name not in broken:
+                broken.append(invariant.name)
+                turn.note(breach)
+                self._core.report(INVARIANT_CODE, breach)
+                error = {"code": INVARIANT_CODE, "detail": breach}
                 turn.signals.append(Signal(EXECUTION_ERROR, None, Cause(event=error, error=error)))
-                fresh = True
-        return fresh or bool(turn.signals)
+
+    def _breach(self, invariant: Invariant) -> str:
+        """Return how an invariant is broken, or an empty text; one that cannot be evaluated is."""
+        that, problem = invariant.that, ""
+        try:
+            if that.evaluate(self._core.see("", self._turn)):
+                return ""
+        except Exception as raised:
+            problem = f": {raised}"
+        return f"{invariant.place}: invariant {invariant.name} does not hold: {that.source}{problem}"
 
     # -- the microstep ----------------------------------------------------------------------------------
 
@@ -465,9 +499,15 @@ class Machine:
         if state.timers:
             self._core.timers.disarm("after", state.name)
         if state.budget is not None:
-            self.memory.budgets[state.name] = self._core.timers.left("budget", state.name, turn.now) or 0.0
-            self._core.timers.disarm("budget", state.name)
+            self._keep_budget(state.name)
         self.memory.configuration = configuration
+
+    def _keep_budget(self, state: str) -> None:
+        """Remember what a state has left, unless it was entered before the mission began."""
+        timers, known = self._core.timers, self.memory.budgets
+        if state in known:
+            known[state] = timers.left("budget", state, self._turn.now) or 0.0
+        timers.disarm("budget", state)
 
     def _enter(self, state: State, configuration: tuple[str, ...], cause: Cause, comes_back: bool) -> None:
         self.memory.configuration = configuration
@@ -487,22 +527,26 @@ class Machine:
             try:
                 delay = known.get(state.name) if kind == "budget" else None
                 if delay is None:
-                    delay = float(timer.after.evaluate(self._core.see(state.name, turn, cause)))
+                    delay = seconds(timer.after.evaluate(self._core.see(state.name, turn, cause)))
             except Exception as problem:
                 turn.fail(state.name, f"{timer.place}: {kind}: {problem}")
-            else:
-                self._core.timers.arm(kind, state.name, turn.now, delay, timer.event)
+                continue
+            if kind == "budget":
+                known[state.name] = delay
+            self._core.timers.arm(kind, state.name, turn.now, delay, timer.event)
 
     def _completed(self, final: State) -> None:
-        """Raise `done` for the state that a final state ends, and for a parallel one with it."""
+        """Raise `done` for the state that a final state ends, and for the parallel ones that end with it."""
         states = self._core.chart.states
         parent = states[final.parent or ""]
         if parent.parent is not None and states[parent.parent].slot:
             parent = states[parent.parent]  # a mission's end is the slot's end
         self._turn.signals.append(Signal("done", parent.name))
-        above = states.get(parent.parent or "")
-        if above is not None and above.kind is Kind.PARALLEL and all(map(self._is_final, above.children)):
-            self._turn.signals.append(Signal("done", above.name))
+        while parent.parent is not None:
+            parent = states[parent.parent]
+            if parent.kind is not Kind.PARALLEL or not self._is_final(parent.name):
+                break
+            self._turn.signals.append(Signal("done", parent.name))
 
     def _is_final(self, region: str) -> bool:
         """Say whether a region of a parallel state has come to its end (SCXML: isInFinalState)."""
@@ -515,6 +559,12 @@ class Machine:
             self._core.chart.states[child].kind is Kind.FINAL and child in self.memory.configuration
             for child in state.children
         )
+
+
+def _as_signal(event: Event) -> Signal:
+    """Return the internal event for one from outside; what are no fields are none."""
+    data = event.data if isinstance(event.data, Mapping) else NOTHING
+    return Signal(event.name, None, Cause(event=data))
 
 
 def _distinct(candidates: Iterable[Sequence[Transition]]) -> list[Transition]:

@@ -136,9 +136,9 @@ class Reported(NamedTuple):
 class Memory:
     """The whole state of a machine. `code` is the reason last reported, with its detail.
 
-    `timers` are in the order in which they fire. `budgets` is the time that each state with a budget has
-    left, `handled` the keys that each `for_each` has dealt with, both in this mission. `levels` is by
-    `input.NAME.LEVEL`. `broken` names the invariants that do not hold.
+    `timers` are in the order in which they fire. `budgets` is the time that each state with a budget had left
+    when it was last entered or left, `handled` the keys that each `for_each` has dealt with, both in this
+    mission. `levels` is by `input.NAME.LEVEL`. `broken` names the invariants that do not hold.
     """
 
     configuration: tuple[str, ...] = ()

@@ -8,7 +8,8 @@ time. The rules, all kept here:
 * leaving the state, a hold, a timeout or a retry ends the attempt: it is cancelled, and cancelled again
   when the server accepts it late; one whose answer waits for a release has ended, and is only forgotten;
 * an attempt waits until every earlier one that uses one of its resources has ended, or has been cancelling
-  for `CANCEL_DEADLINE` seconds, so that a late cancel can never hit the new goal;
+  for `CANCEL_DEADLINE` seconds, so that a late cancel can never hit the new goal; it then starts when the
+  step has come to rest, if somebody still wants it;
 * a failed attempt is tried again up to the number that `retry` gives; one that a hold ended is refunded.
 """
 
@@ -25,6 +26,7 @@ from lupin_engine.machine.core import Core, passes
 from lupin_engine.machine.environment import Cause
 from lupin_engine.machine.event import Cancel, Event, Start
 from lupin_engine.machine.memory import Attempt, Invocation, Phase
+from lupin_engine.machine.timers import seconds
 from lupin_engine.machine.turn import EXECUTION_CODE, Signal, Turn
 from lupin_engine.plugin.contract import OnHold
 
@@ -83,8 +85,8 @@ class Operations:
         self._core.memory.invocations[state] = Invocation(self._name(), state, dict(event))
 
     def begin_missing(self, working: tuple[State, ...], turn: Turn) -> bool:
-        """Begin the invocations of the active states that have not begun; say whether there were any."""
-        begun = False
+        """Begin what waits and what the active states have not begun; say whether there was any of that."""
+        begun = self._start_waiting(turn)
         for state in working:
             if state.invoke is not None and not self._core.memory.invocations[state.name].begun:
                 self._begin(self._core.memory.invocations[state.name], turn)
@@ -138,31 +140,34 @@ class Operations:
             return False
         try:
             items = list(rule.items.evaluate(self._core.see(state, turn)))
-            limit = int(rule.limit.evaluate(self._core.see(state, turn))) if rule.limit else len(items)
-            new = [
-                element
-                for element in self._keyed(state, rule, items, turn)
-                if self._is_new(state, element[0])
-            ]
+            limit = int(rule.limit.evaluate(self._core.see(state, turn))) if rule.limit else None
         except UnknownInput:
             return False  # nothing is known of the collection yet
         except Exception as problem:
             turn.fail_once(state, f"{rule.place}: for_each: {problem}")
             return False
-        running = sum(1 for found in memory.invocations.values() if found.state == state)
-        begun = new[: max(0, limit - running)]
+        new: dict[str, Any] = {}
+        for item in items:
+            key = self._key(state, rule, item, turn)
+            if key is not None and self._is_new(state, key):
+                new.setdefault(key, item)
+        running = sum(1 for inv in memory.invocations.values() if inv.state == state and inv.key is not None)
+        begun = list(new.items())[: None if limit is None else max(0, limit - running)]
         for key, item in begun:
             self._begin(Invocation(self._name(), state, key=key, item=item), turn)
         return bool(begun)
 
-    def _keyed(self, state: str, rule: ForEach, items: list[Any], turn: Turn) -> list[tuple[str, Any]]:
-        """Return the elements that are wanted with their keys, each key once."""
-        found: dict[str, Any] = {}
-        for item in items:
-            env = self._core.see(state, turn, Cause(item=item))
-            if rule.when is None or rule.when.evaluate(env):
-                found.setdefault(str(rule.key.evaluate(env)), item)
-        return list(found.items())
+    def _key(self, state: str, rule: ForEach, item: Any, turn: Turn) -> str | None:
+        """Return an element's key, or None when the element is not wanted, or cannot be judged now."""
+        env = self._core.see(state, turn, Cause(item=item))
+        try:
+            wanted = rule.when is None or rule.when.evaluate(env)
+            return str(rule.key.evaluate(env)) if wanted else None
+        except UnknownInput:
+            return None
+        except Exception as problem:
+            turn.fail_once(state, f"{rule.place}: for_each: {problem}")
+            return None
 
     def _is_new(self, state: str, key: str) -> bool:
         memory = self._core.memory
@@ -193,7 +198,7 @@ class Operations:
         env = self._core.see(invocation.state, turn, _cause(invocation))
         try:
             arguments = {name: value.evaluate(env) for name, value in invoke.arguments.items()}
-            timeout = float(invoke.timeout.evaluate(env)) if invoke.timeout else None
+            timeout = seconds(invoke.timeout.evaluate(env)) if invoke.timeout else None
         except Exception as problem:
             self._signal("error", invocation, _failure(EXECUTION_CODE, f"{invoke.place}: {problem}"), turn)
             return
@@ -203,10 +208,14 @@ class Operations:
         self._core.memory.attempts[number] = attempt
         invocation.attempt = number
         invocation.tries += 1
-        self._start_if_free(attempt, turn)
+        other = self._before(attempt)
+        if other is None:
+            self._start(attempt, turn)
+        else:
+            turn.note(f"{attempt.operation} waits until {other.operation} has ended")
 
     def _move(self, attempt: Attempt, word: str, turn: Turn) -> None:
-        """Lead an attempt on in its life; one that has ended is forgotten, and frees its resources."""
+        """Lead an attempt on in its life; one that has ended is forgotten, and its resources are free."""
         phase = LIFE[attempt.phase, word]
         if phase is not None:
             attempt.phase = phase
@@ -214,24 +223,29 @@ class Operations:
         self._core.timers.disarm("timeout", attempt.id)
         self._core.timers.disarm("cancel", attempt.id)
         del self._core.memory.attempts[attempt.id]
-        self._start_waiting(turn)
 
-    def _start_if_free(self, attempt: Attempt, turn: Turn) -> None:
+    def _before(self, attempt: Attempt) -> Attempt | None:
+        """Return the earlier attempt that still uses what this one needs."""
         for other in self._core.memory.attempts.values():
             if other is attempt:
                 break
             if other.phase is not Phase.LOST and set(other.uses) & set(attempt.uses):
-                turn.note(f"{attempt.operation} waits until {other.operation} has ended")
-                return
+                return other
+        return None
+
+    def _start(self, attempt: Attempt, turn: Turn) -> None:
         self._move(attempt, "resource free", turn)
         turn.commands.append(Start(attempt.id, attempt.operation, attempt.arguments))
         if attempt.timeout is not None:
             self._core.timers.arm("timeout", attempt.id, turn.now, attempt.timeout)
 
-    def _start_waiting(self, turn: Turn) -> None:
-        for waiting in list(self._core.memory.attempts.values()):
-            if waiting.phase is Phase.WAITING and not self._core.memory.held:
-                self._start_if_free(waiting, turn)
+    def _start_waiting(self, turn: Turn) -> bool:
+        """Start the attempts whose resources have become free; say whether there were any."""
+        waiting = [found for found in self._core.memory.attempts.values() if found.phase is Phase.WAITING]
+        free = [attempt for attempt in waiting if self._before(attempt) is None]
+        for attempt in free:
+            self._start(attempt, turn)
+        return bool(free)
 
     def _cancel_current(self, invocation: Invocation, turn: Turn) -> None:
         attempt = self._core.memory.attempts.get(invocation.attempt or "")
@@ -249,7 +263,7 @@ class Operations:
     def _forget_answer(self, attempt: Attempt, turn: Turn) -> bool:
         """Drop the answer that waits for a release, if the attempt has one."""
         deferred = self._core.memory.deferred
-        waiting = [event for event in deferred if event.data.get("attempt") == attempt.id]
+        waiting = [event for event in deferred if _is_about(event, attempt)]
         for event in waiting:
             deferred.remove(event)
             kind = event.name.removeprefix("attempt.")
@@ -281,7 +295,7 @@ class Operations:
             self._end_current(kind, attempt, event.data, turn)
 
     def _has_answered(self, attempt: Attempt) -> bool:
-        return any(event.data.get("attempt") == attempt.id for event in self._core.memory.deferred)
+        return any(_is_about(event, attempt) for event in self._core.memory.deferred)
 
     def _may_pass(self, attempt: Attempt, kind: str) -> bool:
         """Say whether the engaged holds let through whatever may follow the end of an operation.
@@ -334,7 +348,6 @@ class Operations:
         lost = [found.id for found in attempts.values() if found.phase is Phase.LOST]
         for oldest in lost[:-MAX_LOST]:
             del attempts[oldest]
-        self._start_waiting(turn)
 
     def retry(self, invocation_id: str, turn: Turn) -> None:
         """The back-off is over: try again."""
@@ -374,8 +387,8 @@ class Operations:
         factor = float(rule.factor.evaluate(env)) if rule.factor else 1.0
         jitter = float(rule.jitter.evaluate(env)) if rule.jitter else 0.0
         drawn = f"{self._core.world.seed}/{self._core.memory.mission_id}/{invocation.id}/{invocation.tries}"
-        share = zlib.crc32(drawn.encode()) / 0xFFFFFFFF
-        return max(0.0, pause * factor ** (invocation.tries - 1) * (1.0 + jitter * (2.0 * share - 1.0)))
+        share = zlib.crc32(drawn.encode(errors="replace")) / 0xFFFFFFFF
+        return seconds(pause * factor ** (invocation.tries - 1) * (1.0 + jitter * (2.0 * share - 1.0)))
 
     def _signal(self, word: str, invocation: Invocation, cause: Cause, turn: Turn) -> None:
         """Tell the state how its operation ended; for an element it is dealt with at once."""
@@ -384,6 +397,10 @@ class Operations:
         else:
             with_item = Cause(cause.event, cause.error, invocation.item)
             self._end_element(invocation, word, with_item, turn)
+
+
+def _is_about(event: Event, attempt: Attempt) -> bool:
+    return event.is_report and bool(event.data["attempt"] == attempt.id)
 
 
 def _cause(invocation: Invocation) -> Cause:

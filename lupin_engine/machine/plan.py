@@ -146,11 +146,8 @@ class Planner:
     def beginning(self) -> Plan:
         """Return the plan that enters the states in which the chart starts."""
         if self._beginning is None:
-            root = self.structure.chart.states[""]
-            start = Transition("", "start", "", root.place, target=self.structure.default_child(root, ""))
-            plan = self._make(self.row(()), [start], "", lambda _: (), lambda _: None)
-            entries = ((root, ("",)), *((state, ("", *active)) for state, active in plan.entries))
-            self._beginning = Plan((start,), (), entries, self.row(("", *plan.row.configuration)))
+            start = Transition("", "start", "", self.structure.chart.states[""].place, target="")
+            self._beginning = self._make(self.row(()), [start], "", lambda _: (), lambda _: None)
         return self._beginning
 
     def plan(
@@ -193,7 +190,15 @@ class Planner:
         rules = structure.without_conflicts(row.configuration, chosen)
         left = structure.exits(row.configuration, rules)
         kept = tuple(name for name in row.configuration if name not in left)
-        entered, back = structure.entry_set(rules, kept, mission, remembered, resume)
+        remembers = structure.remembers(row.configuration, left)
+        now = dict(remembers)  # what is left just now is the past of who comes back in the same step
+        entered, back = structure.entry_set(
+            rules,
+            kept,
+            mission,
+            lambda past: now[past.name] if past.name in now else remembered(past),
+            resume,
+        )
         exits, configuration = [], list(row.configuration)
         for name in left:
             configuration.remove(name)
@@ -203,5 +208,4 @@ class Planner:
             configuration = sorted([*configuration, name], key=structure.order.__getitem__)
             entries.append((structure.chart.states[name], tuple(configuration)))
         leads_to = self.row(tuple(configuration)) if left or entered else row
-        remembers = structure.remembers(row.configuration, left)
         return Plan(rules, tuple(exits), tuple(entries), leads_to, remembers, back)

@@ -5,7 +5,7 @@ general algorithm of `machine` would ask many questions whose answers are known 
 for an event in a row only where these hold, so that it gives the very same step (a property test compares
 them):
 
-* each leaf's first candidate has no guard, or only one leaf has candidates;
+* each leaf's first candidate has no guard, or only one leaf has candidates; none leads to a history state;
 * the transitions have no action, or one `set` whose values do not ask for the configuration;
 * what is left and entered has no actions, operations, itinerary, budget or history, and its timers are
   constants;
@@ -13,8 +13,8 @@ them):
 * the chart has no invariants.
 
 It is used only while the machine is quiet (`Machine` says when): no hold, no waiting answer, no itinerary.
-What raises, or finds no transition, goes the general way from the start: until then nothing has been
-changed.
+What raises, or finds no transition, returns None and goes the general way from the start: until then
+nothing has been changed.
 """
 
 from __future__ import annotations
@@ -23,17 +23,18 @@ from bisect import insort
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
-from lupin_engine.chart.model import Chart, Compiled, Constant, Environment, Kind, State, Transition
+from lupin_engine.chart.model import Chart, Compiled, Constant, Environment, Kind, State, Timer, Transition
 from lupin_engine.machine.event import Event
 from lupin_engine.machine.plan import Plan
 from lupin_engine.machine.step import Step
 from lupin_engine.machine.structure import FAULT_RULE
+from lupin_engine.machine.timers import seconds
 
 if TYPE_CHECKING:
     from lupin_engine.machine.machine import Machine
 
-#: Takes the event's transitions at a time. The event is None for a timer, whose shortcut knows it.
-Shortcut = Callable[["Machine", Event, float], Step]
+#: Takes an event's transitions at a time, or returns None where it cannot. A timer's knows its own event.
+Shortcut = Callable[["Machine", Event, float], "Step | None"]
 Evaluate = Callable[[Environment], Any]
 Writes = tuple[tuple[str, Evaluate], ...]
 #: A guard (None: none), what is done when it holds, and what is written then.
@@ -58,11 +59,12 @@ def shortcut(
         fixed: the event that steps are recorded with, when it is not the one that is handed in.
     """
     offered = [rules for rules in candidates if rules]
-    leads_to_fault = any(rule.id == FAULT_RULE for rules in offered for rule in rules)
-    if chart.invariants or leads_to_fault or not offered:
+    varies = any(rule.id == FAULT_RULE or _to_history(chart, rule) for rules in offered for rule in rules)
+    if chart.invariants or varies or not offered:
         return None
     if all(rules[0].guard is None for rules in offered):
-        plan, writes = plan_of([rules[0] for rules in offered]), _writes([rules[0] for rules in offered])
+        plan = plan_of([rules[0] for rules in offered])
+        writes = _writes(plan)
         if writes is None or not is_plain(plan):
             return None
         return _guarded(((None, plan, writes),), fixed) if writes else _plain(plan, fixed)
@@ -72,13 +74,19 @@ def shortcut(
     return _guarded(options, fixed) if options else None
 
 
+def _to_history(chart: Chart, rule: Transition) -> bool:
+    """Say whether where a transition leads depends on the past."""
+    return rule.target is not None and chart.states[rule.target].kind is Kind.HISTORY
+
+
 def _options(
     rules: Sequence[Transition], plan_of: Callable[[Sequence[Transition]], Plan]
 ) -> tuple[Option, ...] | None:
     """Return what can be taken, up to the first transition without a guard."""
     options: list[Option] = []
     for rule in rules:
-        plan, writes = plan_of([rule]), _writes([rule])
+        plan = plan_of([rule])
+        writes = _writes(plan)
         if writes is None or not is_plain(plan):
             return None
         options.append((_function(rule.guard.evaluate) if rule.guard else None, plan, writes))
@@ -87,9 +95,9 @@ def _options(
     return tuple(options)
 
 
-def _writes(rules: Sequence[Transition]) -> Writes | None:
+def _writes(plan: Plan) -> Writes | None:
     """Return the variables that are written; None when more is done than one `set`."""
-    calls = [call for rule in rules for call in rule.actions]
+    calls = [call for rule in plan.rules for call in rule.actions]
     if not calls:
         return ()
     if len(calls) > 1 or calls[0].name != "set":
@@ -113,7 +121,7 @@ def is_plain(plan: Plan) -> bool:
         and not any(
             state.entry or state.slot or state.itinerary or _works(state) for state, _ in plan.entries
         )
-        and not any(isinstance(t.after, Constant) is False for s, _ in plan.entries for t in s.timers)
+        and not any(_delay(timer) is None for state, _ in plan.entries for timer in state.timers)
         and not any(state.kind is Kind.FINAL for state, _ in plan.entries)
         and not plan.row.levels
         and not any(state.for_each for state in plan.row.working)
@@ -122,6 +130,14 @@ def is_plain(plan: Plan) -> bool:
 
 def _works(state: State) -> bool:
     return state.invoke is not None or state.for_each is not None or state.budget is not None
+
+
+def _delay(timer: Timer) -> float | None:
+    """Return a timer's delay in seconds, when it is known beforehand."""
+    try:
+        return seconds(timer.after.value) if isinstance(timer.after, Constant) else None
+    except (TypeError, ValueError):
+        return None  # the general way tells what is wrong with it
 
 
 def _plain(plan: Plan, fixed: Event | None) -> Shortcut:
@@ -166,10 +182,10 @@ def _timed(
 def _timing(plan: Plan) -> tuple[tuple[Arm, ...], frozenset[tuple[str, str]]]:
     """Return the timers that a plan arms, and those that it forgets."""
     arms = tuple(
-        (float(timer.after.value), (state.name, timer.event))
+        (delay, (state.name, timer.event))
         for state, _ in plan.entries
         for timer in state.timers
-        if isinstance(timer.after, Constant)
+        if (delay := _delay(timer)) is not None
     )
     return arms, frozenset((state.name, timer.event) for state, _ in plan.exits for timer in state.timers)
 
@@ -178,21 +194,19 @@ def _guarded(options: tuple[Option, ...], fixed: Event | None) -> Shortcut:
     """Return the shortcut for transitions with guards, or that write variables."""
     choices = tuple((guard, _writer(writes), _plain(plan, fixed)) for guard, plan, writes in options)
 
-    def take(machine: Machine, event: Event, now: float) -> Step:
+    def take(machine: Machine, event: Event, now: float) -> Step | None:
         env = machine.env
         env["event"] = event.data
         env.inputs.now = now
-        chosen = None
         try:
             for guard, write, move in choices:
                 if guard is None or guard(env):
                     if write is not None:
                         write(env)
-                    chosen = move
-                    break
+                    return move(machine, event, now)
         except Exception:
-            chosen = None  # the general way tells what raised, and where
-        return machine.macrostep(event, now) if chosen is None else chosen(machine, event, now)
+            return None  # the general way tells what raised, and where
+        return None
 
     return take
 

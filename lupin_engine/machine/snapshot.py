@@ -7,13 +7,12 @@ on. Deadlines are times of the caller's clock: who restores with another clock m
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from functools import cache
-from typing import Any
 
 from pydantic import TypeAdapter, ValidationError
 
-from lupin_engine.chart.model import Chart
+from lupin_engine.chart.model import Chart, Kind
 from lupin_engine.errors import LupinError
 from lupin_engine.machine.memory import Memory, Timer
 
@@ -84,15 +83,47 @@ def _read(chart: Chart, text: str) -> Memory:
 
 def _strangers(chart: Chart, memory: Memory) -> Iterator[str]:
     """Yield what a memory speaks of that the chart does not have."""
-    invoking = {invocation.state for invocation in memory.invocations.values()}
-    states = {*memory.configuration, *memory.history, *memory.walks, *memory.budgets, *invoking}
-    named: Mapping[str, tuple[Any, Mapping[str, Any]]] = {
-        "state": (states, chart.states),
+    for what, (used, known) in _mentions(chart, memory).items():
+        for name in sorted(set(used) - set(known)):
+            yield f"there is no {what} {name!r}"
+    if not _is_legal(chart, memory.configuration):
+        yield f"these states are never active together: {', '.join(filter(None, memory.configuration))}"
+
+
+def _mentions(chart: Chart, memory: Memory) -> Mapping[str, tuple[Iterable[str], Iterable[str]]]:
+    """Return by kind the names that a memory speaks of, and those that the chart has."""
+    timers = [(kind, owner) for _, _, kind, (owner, _) in (*memory.timers, *memory.frozen)]
+    invocations = memory.invocations.values()
+    past = {name for names in memory.history.values() for name in names}
+    ageing = {spec.name for spec in chart.inputs.values() if spec.freshness is not None}
+    return {
+        "state": ({*memory.configuration, *memory.history, *past}, chart.states),
         "mission": ({memory.mission} - {""}, chart.missions),
         "variable": (memory.context, chart.context),
         "hold": (memory.held, chart.holds),
         "input": (memory.inputs, chart.inputs),
+        "invariant": (memory.broken, chart.invariants),
+        "itinerary in state": (memory.walks, _with(chart, "itinerary")),
+        "operation in state": ({i.state for i in invocations if i.key is None}, _with(chart, "invoke")),
+        "for_each in state": ({i.state for i in invocations if i.key is not None}, _with(chart, "for_each")),
+        "timer in state": ((owner for kind, owner in timers if kind == "after"), _with(chart, "timers")),
+        "budget in state": (memory.budgets, _with(chart, "budget")),
+        "freshness of input": ((owner for kind, owner in timers if kind == "fresh"), ageing),
     }
-    for what, (used, known) in named.items():
-        for name in sorted(set(used) - set(known)):
-            yield f"there is no {what} {name!r}"
+
+
+def _with(chart: Chart, part: str) -> Iterable[str]:
+    return (name for name, state in chart.states.items() if getattr(state, part))
+
+
+def _is_legal(chart: Chart, configuration: Iterable[str]) -> bool:
+    """Say whether states can be active together: of a compound one child, of a parallel one all."""
+    active = {name for name in configuration if name in chart.states}
+    for name in active:
+        state = chart.states[name]
+        regions = [child for child in state.children if chart.states[child].kind is not Kind.HISTORY]
+        inside = sum(1 for child in regions if child in active)
+        wanted = len(regions) if state.kind is Kind.PARALLEL else min(1, len(regions))
+        if inside != wanted or (state.parent is not None and state.parent not in active):
+            return False
+    return True

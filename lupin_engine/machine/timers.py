@@ -2,12 +2,26 @@
 
 from __future__ import annotations
 
+import math
 from bisect import insort
+from typing import Any
 
 from lupin_engine.machine.memory import Memory
 
 #: Deadlines about the world go on while the chart is held: a server answers or it doesn't, a value grows old.
 NEVER_FROZEN = frozenset({"cancel", "fresh"})
+
+
+def seconds(value: Any) -> float:
+    """Return how long to wait; what lies in the past is due at once.
+
+    Raises:
+        ValueError: no clock could wait that long.
+    """
+    found = float(value)
+    if not found < math.inf:
+        raise ValueError(f"{found:g} s is no time to wait")
+    return max(0.0, found)
 
 
 class Timers:

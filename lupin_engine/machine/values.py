@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import reprlib
+from collections.abc import Mapping
 from typing import Any
 
 from lupin_engine.chart.model import Input, Level
@@ -29,6 +31,8 @@ class Values:
         for spec in self._core.chart.inputs.values():
             if spec.of_mission:
                 self._core.memory.inputs.pop(spec.name, None)
+                for level in spec.levels:
+                    self._core.memory.levels.pop(f"input.{spec.name}.{level.name}", None)
                 self._core.timers.disarm("fresh", spec.name)
                 self._begin(spec, turn)
 
@@ -43,8 +47,9 @@ class Values:
             if spec.value != data["name"]:
                 continue
             known = self._core.memory.inputs.get(spec.name)
-            if not _is_within(spec, data["value"]):
-                turn.note(f"dropped: input.{spec.name} is out of range: {data['value']!r}")
+            flaw = _flaw(spec, data["value"])
+            if flaw:
+                turn.note(f"dropped: input.{spec.name} is {flaw}: {reprlib.repr(data['value'])}")
             elif spec.of_mission and not self._is_of_mission(data["stamp"]):
                 turn.note(f"dropped: a report of input.{spec.name} from before the mission")
             elif known is not None and known.reported and data["stamp"] < known.stamp:
@@ -57,6 +62,7 @@ class Values:
         return started is not None and stamp >= started
 
     def _set(self, spec: Input, found: Reported, turn: Turn) -> None:
+        known = self._core.memory.inputs.get(spec.name)
         self._core.memory.inputs[spec.name] = found
         for level in spec.levels:
             name = f"input.{spec.name}.{level.name}"
@@ -64,8 +70,16 @@ class Values:
                 self._core.memory.levels[name] = self._is_reached(level, name, found.value, turn)
             except Exception as problem:
                 turn.fail("", f"{level.place}: level {level.name}: {problem}")
+        self._watch_age(spec, known, found, turn)
+
+    def _watch_age(self, spec: Input, known: Reported | None, found: Reported, turn: Turn) -> None:
+        """Look again when the value will have grown old; a newer report is looked for only then."""
+        if spec.freshness is None:
+            return
         timers = self._core.timers
-        if spec.freshness is not None and timers.left("fresh", spec.name, turn.now) is None:
+        if known is not None and found.stamp < known.stamp:
+            timers.disarm("fresh", spec.name)
+        if timers.left("fresh", spec.name, turn.now) is None:
             timers.arm("fresh", spec.name, found.stamp, spec.freshness)
 
     def _is_reached(self, level: Level, name: str, value: float, turn: Turn) -> bool:
@@ -83,16 +97,31 @@ class Values:
         """A value that was to be looked at again is unknown now, unless a newer one came: then look later."""
         spec, found = self._core.chart.inputs[name], self._core.memory.inputs[name]
         assert spec.freshness is not None, f"input.{name} does not grow old"
-        if turn.now - found.stamp < spec.freshness:
+        if turn.now < found.stamp + spec.freshness:
             self._core.timers.arm("fresh", name, found.stamp, spec.freshness)
         else:
             turn.note(f"input.{name} is unknown: last reported {turn.now - found.stamp:g} s ago")
 
 
-def _is_within(spec: Input, value: Any) -> bool:
-    if spec.minimum is None and spec.maximum is None:
-        return True
-    if isinstance(value, bool) or not isinstance(value, (int, float)):
-        return False
-    low = spec.minimum is None or value >= spec.minimum
-    return low and (spec.maximum is None or value <= spec.maximum)
+#: What a value of a kind is made of.
+_MADE_OF: Mapping[str, type | tuple[type, ...]] = {
+    "bool": bool,
+    "integer": int,
+    "number": (int, float),
+    "text": str,
+    "list": (list, tuple),
+    "record": Mapping,
+    "any": object,
+}
+
+
+def _flaw(spec: Input, value: Any) -> str:
+    """Return why a report cannot be the input's value, or an empty text."""
+    kind = "number" if spec.levels or (spec.minimum, spec.maximum) != (None, None) else spec.type.kind
+    fits = isinstance(value, _MADE_OF[kind]) and (kind in ("bool", "any") or not isinstance(value, bool))
+    is_nan = kind == "number" and value != value
+    if not fits or is_nan:
+        return f"no {spec.type if spec.type.kind != 'any' else kind}"
+    if spec.minimum is not None and value < spec.minimum:
+        return "out of range"
+    return "out of range" if spec.maximum is not None and value > spec.maximum else ""

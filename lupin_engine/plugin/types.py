@@ -11,6 +11,7 @@ import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import lru_cache
 from types import MappingProxyType
 from typing import Any
 
@@ -59,6 +60,10 @@ class Type:
     def __str__(self) -> str:
         return self.name
 
+    def __hash__(self) -> int:
+        # Types are looked up thousands of times in a large chart; those that differ elsewhere are few.
+        return hash((self.kind, self.name, self.unit))
+
 
 BOOL = Type("bool", "bool")
 TEXT = Type("text", "text")
@@ -103,6 +108,7 @@ def parse_type(text: str, known: Mapping[str, Type]) -> Type:
     raise ValueError(f"unknown type {text!r}; {nearest(text, known)}")
 
 
+@lru_cache(maxsize=1024)
 def parse_quantity(text: str) -> tuple[float, str] | None:
     """Read `60 s` or `0.5 m` as (value in the base unit, base unit); None when `text` is no quantity."""
     match = _QUANTITY.match(text.strip())

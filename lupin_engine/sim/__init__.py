@@ -1,1 +1,4 @@
-"""The loop in virtual time: scripted plugins, simulations, scenarios."""
+"""The loop between a machine and its plugins in virtual time: scripted servers, and scenarios."""
+
+#: What scenario files end in. It stands here for those who look for such files and need no more of this room.
+SUFFIX = ".scenario.yaml"

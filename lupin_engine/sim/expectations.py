@@ -2,110 +2,151 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
-from lupin_engine.errors import Place
-from lupin_engine.machine.event import Act, Publish, Start
+from lupin_engine.chart.model import Chart
+from lupin_engine.machine.event import Act, Cancel, Command, Publish, Start
 from lupin_engine.machine.memory import Visit
 from lupin_engine.machine.step import Step
-from lupin_engine.plugin.types import DURATION, convert
-from lupin_engine.sim.scenario_file import ExpectNode, RefusedNode
-from lupin_engine.sim.simulation import Run, is_named
-from lupin_engine.sim.story import Line, tell
+from lupin_engine.sim.failure import Failure
+from lupin_engine.sim.order import ROUNDING, Order, seconds
+from lupin_engine.sim.reporter import Reporter
+from lupin_engine.sim.scenario_file import (
+    END,
+    OPEN,
+    CountNode,
+    ExpectNode,
+    MomentNode,
+    RefusedNode,
+    ScenarioNode,
+    VisitNode,
+)
+from lupin_engine.sim.scripted import contains
+from lupin_engine.sim.simulation import End, Happening, Run, Seen, is_named
 
-#: So that 26.1 s of sums of tenths is 26.1 s.
-_ROUNDING = 1e-6
-#: How many lines of the story are shown with a failure.
-_SHOWN = 8
-
-
-@dataclass(frozen=True)
-class Failure:
-    """One expectation that was not met; `story` is what happened around it."""
-
-    place: Place
-    what: str
-    expected: str
-    actual: str
-    story: tuple[Line, ...] = ()
-
-    def __str__(self) -> str:
-        lines = [
-            f"{self.place}: {self.what}",
-            f"    expected: {self.expected}",
-            f"    actual:   {self.actual}",
-        ]
-        return "\n".join([*lines, *(f"    | {line}" for line in self.story)])
+#: A difference at a moment: the key and its index, what was expected, what there was, the states concerned.
+Difference = tuple[str, int | None, Any, Any, Sequence[str]]
 
 
 class Comparison:
     """What was expected against what came."""
 
-    def __init__(self, expect: ExpectNode, run: Run) -> None:
-        self._expect = expect
+    def __init__(self, scenario: ScenarioNode, run: Run) -> None:
+        self._scenario = scenario
+        self._expect: ExpectNode = scenario.expect
         self._run = run
-        self._entered = [(step, name) for step in run.steps for name in step.entered]
+        self._chart: Chart = run.chart
+        self._reporter = Reporter(run)
 
     def failures(self) -> Iterator[Failure]:
         """Yield what differs."""
         expect, run = self._expect, self._run
+        yield from self._moments()
         yield from self._same("lifecycle", expect.lifecycle, list(run.lifecycles))
-        yield from self._passes()
-        yield from self._never()
+        yield from Order(expect, run, self._reporter).failures()
         yield from self._visits("visits", expect.visits, run.visits)
         yield from self._visits("published", expect.published, [publish for _, publish in run.published])
+        yield from self._statuses()
         yield from self._refused()
+        yield from self._appeared("holds", expect.holds, run.holds)
+        yield from self._appeared("broken", expect.broken, run.broken)
         yield from self._same("final", expect.final, run.view.lifecycle)
         yield from self._same("paused", expect.paused, run.view.paused)
         yield from self._same("last_error", expect.last_error, run.view.code)
-        yield from self._counts()
-        yield from self._same("dropped", expect.dropped, run.view.dropped)
+        yield from self._counts("counts", expect.counts, _begins)
+        yield from self._counts("cancels", expect.cancels, _cancels)
+        yield from self._dropped()
+        yield from self._notes()
         yield from self._lasted()
         yield from self._unfired()
+        yield from self._idle()
 
     def _same(self, word: str, expected: Any, actual: Any) -> Iterator[Failure]:
         if expected is not None and expected != actual:
-            yield self._failure(self._expect.at(word), word, expected, actual)
+            place, last = self._expect.at(word), self._run.view.configuration[-1:]
+            yield self._reporter.failure(place, word, expected, actual, states=last)
 
-    def _passes(self) -> Iterator[Failure]:
-        reached, wanted = 0, self._expect.passes
-        for _, name in self._entered:
-            if reached < len(wanted) and is_named(name, wanted[reached]):
-                reached += 1
-        if reached < len(wanted):
-            after = f" after {wanted[reached - 1]}" if reached else ""
-            entered = list(dict.fromkeys(name.rpartition(".")[2] for _, name in self._entered if name))
-            what = f"passes: {wanted[reached]} is not entered{after}"
-            yield self._failure(self._expect.at("passes", reached), what, wanted, entered)
+    # -- at a moment ------------------------------------------------------------------------------------
 
-    def _never(self) -> Iterator[Failure]:
-        for index, unwanted in enumerate(self._expect.never):
-            for step, name in self._entered:
-                if is_named(name, unwanted):
-                    place = self._expect.at("never", index)
-                    what, actual = f"never: {unwanted}", f"entered {name} at {step.time:.1f} s"
-                    yield self._failure(place, what, f"{unwanted} is not entered", actual, step)
-                    break
+    def _moments(self) -> Iterator[Failure]:
+        run = self._run
+        for number, when in enumerate(self._scenario.when):
+            if when.expect is not None:
+                end = Seen(run.seconds, len(run.steps), run.view, run.context)
+                for seen in (end,) if when.at_ == END else run.looks.get(number, ()):
+                    yield from self._moment(when.expect, seen)
+
+    def _moment(self, node: MomentNode, seen: Seen) -> Iterator[Failure]:
+        around = self._run.steps[seen.steps - 1] if seen.steps else None
+        for key, index, expected, actual, states in (*self._states(node, seen), *self._values(node, seen)):
+            what = f"{key} at {seen.time:.1f} s"
+            yield self._reporter.failure(node.at(key, index), what, expected, actual, around, states)
+
+    def _states(self, node: MomentNode, seen: Seen) -> Iterator[Difference]:
+        active = seen.view.configuration
+        parents = {self._chart.states[name].parent for name in active}
+        leaves = [name for name in active if name not in parents]
+        for index, name in enumerate(node.state):
+            if not any(is_named(one, name) for one in active):
+                yield "state", index, name, leaves, self._reporter.called(name)
+        for index, name in enumerate(node.not_state):
+            found = [one for one in active if is_named(one, name)]
+            if found:
+                yield "not_state", index, f"not {name}", leaves, found
+
+    def _values(self, node: MomentNode, seen: Seen) -> Iterator[Difference]:
+        view = seen.view
+        leaf = view.configuration[-1:]
+        actual: Mapping[str, Any] = {
+            "lifecycle": view.lifecycle,
+            "phase": view.phase,
+            "target": view.target,
+            "paused": view.paused,
+            "held": list(view.held),
+            "last_error": view.code,
+            "running": sorted(attempt.operation for attempt in view.attempts),
+        }
+        for key, found in actual.items():
+            given = getattr(node, key)
+            expected = sorted(given) if key == "running" and given is not None else given
+            if expected is not None and expected != found:
+                yield key, None, expected, found, leaf
+        for name, expected in node.variables.items():
+            if seen.context.get(name) != expected:
+                yield "variables", None, f"{name}: {expected}", f"{name}: {seen.context.get(name)}", leaf
+
+    # -- what was told ----------------------------------------------------------------------------------
 
     def _visits(
-        self, word: str, expected: list[str] | None, visits: Sequence[Visit | Publish]
+        self, word: str, expected: Sequence[VisitNode] | None, visits: Sequence[Visit | Publish]
     ) -> Iterator[Failure]:
         if expected is None:
             return
-        actual = [f"{visit.target} {visit.status or 'open'} {visit.code}".rstrip() for visit in visits]
-        shown = [
-            text if _codes(wanted) else _without_code(text) for wanted, text in _paired(expected, actual)
-        ]
-        if expected != shown:
-            first = next((i for i, pair in enumerate(_paired(expected, shown)) if pair[0] != pair[1]), 0)
-            place = self._expect.at(word, first if first < len(expected) else None)
-            yield self._failure(place, word, expected, actual, self._publication(first))
+        pairs = [_pair(expected, visits, index) for index in range(max(len(expected), len(visits)))]
+        first = next((index for index, pair in enumerate(pairs) if not _is_met(*pair)), None)
+        if first is None:
+            return
+        node, visit = pairs[first]
+        place = self._expect.at(word, first if node is not None else None)
+        actual = [_told(visit, node) for node, visit in pairs if visit is not None]
+        around = self._publication(word, first, visit)
+        yield self._reporter.failure(place, word, list(map(str, expected)), actual, around)
 
-    def _publication(self, index: int) -> Step | None:
-        steps = [step for step in self._run.steps for c in step.commands if isinstance(c, Publish)]
-        return steps[index] if index < len(steps) else None
+    def _publication(self, word: str, index: int, visit: Visit | Publish | None) -> Step | None:
+        """Return the step of a publication: that of its number, or the last about a visit's target."""
+        found = [(step, c) for step in self._run.steps for c in step.commands if isinstance(c, Publish)]
+        if word == "published":
+            return found[index][0] if index < len(found) else None
+        return next((step for step, c in reversed(found) if visit and c.target == visit.target), None)
+
+    def _statuses(self) -> Iterator[Failure]:
+        for status, wanted in self._expect.statuses.items():
+            count = sum(1 for _, publish in self._run.published if publish.status == status)
+            if not _is_in(wanted, count):
+                place = self._expect.value_at("statuses", status)
+                actual = f"{count} of {len(self._run.published)}"
+                yield self._reporter.failure(place, f"statuses: {status}", wanted, actual)
 
     def _refused(self) -> Iterator[Failure]:
         wanted, refused = self._expect.refused, self._run.refused
@@ -116,59 +157,120 @@ class Comparison:
                 expected = _wanted_refusal(node) if node else "no further refusal"
                 actual = _refusal(step) if step else "no further refusal"
                 place = self._expect.at("refused", index if node else None)
-                yield self._failure(place, "refused", expected, actual, step)
+                yield self._reporter.failure(place, "refused", expected, actual, step)
 
-    def _counts(self) -> Iterator[Failure]:
-        for name, expected in self._expect.counts.items():
-            steps = [step for step in self._run.steps for command in step.commands if _is_of(command, name)]
-            if len(steps) != expected:
-                place = self._expect.value_at("counts", name)
-                yield self._failure(
-                    place, f"counts: {name}", expected, len(steps), steps[-1] if steps else None
-                )
+    def _appeared(
+        self, word: str, expected: Sequence[str] | None, found: Sequence[tuple[Step, str]]
+    ) -> Iterator[Failure]:
+        """Compare the holds that were engaged, or the invariants that were broken, with what was expected."""
+        actual = [name for _, name in found]
+        if expected is None or list(expected) == actual:
+            return
+        same = [one == other for one, other in zip(expected, actual, strict=False)]
+        first = same.index(False) if False in same else len(same)
+        place = self._expect.at(word, first if first < len(expected) else None)
+        around = found[first][0] if first < len(found) else None
+        known: Mapping[str, Any] = self._chart.holds if word == "holds" else self._chart.invariants
+        what = "the hold" if word == "holds" else "the invariant"
+        pieces = [(f"{what} {name}", known[name].place) for name in actual[first : first + 1]]
+        yield self._reporter.failure(place, word, list(expected), actual, around, concerned=pieces)
+
+    def _notes(self) -> Iterator[Failure]:
+        noted = [note for step in self._run.steps for note in step.notes] if self._expect.notes else []
+        for index, wanted in enumerate(self._expect.notes):
+            if not any(wanted in note for note in noted):
+                yield self._reporter.failure(self._expect.at("notes", index), "notes", wanted, noted)
+
+    # -- how often, how long ----------------------------------------------------------------------------
+
+    def _counts(
+        self, key: str, counts: Mapping[str, CountNode], is_of: Callable[[Command, str], bool]
+    ) -> Iterator[Failure]:
+        for name, expected in counts.items():
+            steps = [step for step in self._run.steps for command in step.commands if is_of(command, name)]
+            if not _is_in(expected, len(steps)):
+                place, last = self._expect.value_at(key, name), steps[-1] if steps else None
+                states = [s.name for s in self._chart.states.values() if s.invoke and s.invoke.name == name]
+                yield self._reporter.failure(place, f"{key}: {name}", expected, len(steps), last, states)
+
+    def _dropped(self) -> Iterator[Failure]:
+        expected, dropped = self._expect.dropped, self._run.view.dropped
+        if expected is not None and not _is_in(expected, dropped):
+            yield self._reporter.failure(self._expect.at("dropped"), "dropped", expected, dropped)
 
     def _lasted(self) -> Iterator[Failure]:
-        seconds = self._run.seconds
+        lasted = self._run.seconds
         for word, sign in (("within", 1.0), ("at_least", -1.0)):
             given = getattr(self._expect, word)
-            if given is not None and sign * (seconds - float(convert(given, DURATION))) > _ROUNDING:
-                yield self._failure(self._expect.at(word), word, given, f"{seconds:.1f} s")
+            limit = seconds(given)
+            if limit is not None and sign * (lasted - limit) > ROUNDING:
+                yield self._reporter.failure(self._expect.at(word), word, given, f"{lasted:.1f} s")
+
+    # -- what never happened ----------------------------------------------------------------------------
 
     def _unfired(self) -> Iterator[Failure]:
         """A happening that never came to pass is a mistake of the scenario: it tested nothing."""
-        for happening in self._run.unfired:
+        for number in dict.fromkeys(happening.number for happening in self._run.unfired):
+            happening = next(one for one in self._run.unfired if one.number == number)
             nth = f" {happening.nth} times" if happening.nth > 1 else ""
-            expected = f"{happening.state} is entered{nth}, for something to happen then"
-            entered = sum(1 for _, name in self._entered if is_named(name, happening.state or ""))
-            yield self._failure(self._expect.place, "when", expected, f"entered {entered} times")
+            name = happening.state or happening.operation or ""
+            verb = "entered" if happening.state else "started"
+            states = self._reporter.called(name) if happening.state else []
+            expected = f"{name} is {verb}{nth}, for something to happen then"
+            actual = f"{verb} {self._beginnings(happening)} times"
+            place = self._scenario.at("when", number)
+            yield self._reporter.failure(place, "when", expected, actual, states=states)
 
-    def _failure(
-        self, place: Place, what: str, expected: Any, actual: Any, around: Step | None = None
-    ) -> Failure:
-        return Failure(place, what, _text(expected), _text(actual), self._story(around))
+    def _beginnings(self, happening: Happening) -> int:
+        """Return how often what a happening waited for took place."""
+        steps = self._run.steps
+        entered = [(name, "") for step in steps for name in step.entered]
+        started = [("", c.operation) for step in steps for c in step.commands if isinstance(c, Start)]
+        return sum(1 for begun in (*entered, *started) if happening.is_meant(*begun))
 
-    def _story(self, around: Step | None) -> tuple[Line, ...]:
-        """Return the lines before and at a step; without one the last ones."""
-        last = around.sequence if around is not None else len(self._run.steps)
-        steps = [step for step in self._run.steps if step.sequence <= last]
-        return tuple(tell(self._run.chart, steps))[-_SHOWN:]
-
-
-def _text(value: Any) -> str:
-    return (", ".join(map(str, value)) if isinstance(value, list) else str(value)) or "none"
-
-
-def _codes(wanted: str | None) -> bool:
-    return wanted is None or len(wanted.split()) > 2
-
-
-def _without_code(text: str) -> str:
-    return " ".join(text.split()[:2])
+    def _idle(self) -> Iterator[Failure]:
+        """What found nothing to act upon tested nothing either."""
+        for time, happening in self._run.idle:
+            operation = getattr(happening.effect, "operation", "")
+            is_end = isinstance(happening.effect, End)
+            expected = f"{operation} is under way" if is_end else f"the server of {operation} is gone"
+            around = next((step for step in reversed(self._run.steps) if step.time <= time), None)
+            place, actual = self._scenario.at("when", happening.number), f"not so at {time:.1f} s"
+            yield self._reporter.failure(place, "when", expected, actual, around)
 
 
-def _paired(expected: Sequence[str], actual: Sequence[str]) -> list[tuple[str | None, str]]:
-    """Pair every actual text with the expected one in its place."""
-    return [(expected[i] if i < len(expected) else None, text) for i, text in enumerate(actual)]
+def _is_in(wanted: CountNode, count: int) -> bool:
+    return wanted.at_least <= count and (wanted.at_most is None or count <= wanted.at_most)
+
+
+def _pair(
+    expected: Sequence[VisitNode], visits: Sequence[Visit | Publish], index: int
+) -> tuple[VisitNode | None, Visit | Publish | None]:
+    node = expected[index] if index < len(expected) else None
+    return node, visits[index] if index < len(visits) else None
+
+
+def _is_met(node: VisitNode | None, visit: Visit | Publish | None) -> bool:
+    return (
+        node is not None
+        and visit is not None
+        and (node.target, node.status) == (visit.target, visit.status or OPEN)
+        and node.code in (None, visit.code)
+        and (node.detail or "") in visit.detail
+        and (node.reading is None or contains(visit.reading or {}, node.reading))
+    )
+
+
+def _told(visit: Visit | Publish, node: VisitNode | None) -> str:
+    """Tell what became of a target, as far as it was asked for."""
+    parts = [visit.target, visit.status or OPEN]
+    if node is None or node.code is not None or (visit.status or OPEN) != node.status:
+        parts.append(visit.code)
+    if node is not None and node.detail is not None:
+        parts.append(repr(visit.detail))
+    if node is not None and node.reading is not None:
+        parts.append(f"with {visit.reading}")
+    return " ".join(filter(None, parts))
 
 
 def _fits(node: RefusedNode, step: Step) -> bool:
@@ -187,7 +289,11 @@ def _refusal(step: Step) -> str:
     return f"{step.event.name} {refusal.code} {refusal.text!r}" if refusal else step.event.name
 
 
-def _is_of(command: Any, name: str) -> bool:
+def _begins(command: Command, name: str) -> bool:
     if isinstance(command, Start):
         return command.operation == name
     return isinstance(command, Act) and command.action == name
+
+
+def _cancels(command: Command, name: str) -> bool:
+    return isinstance(command, Cancel) and command.operation == name

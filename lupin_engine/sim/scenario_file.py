@@ -1,33 +1,87 @@
 """The words of a scenario file: what is simulated, what happens meanwhile, and what is expected of it.
 
-As in mission files, every mapping remembers where it was read. What names mean is looked up in `scenario`,
-against the chart and the catalog.
+As in mission files, every mapping remembers where it was read. What names mean is looked up in
+`scenario_reader`, against the chart and the catalog.
 """
 
 from __future__ import annotations
 
+from types import MappingProxyType
 from typing import Annotated, Any, Literal
 
-from pydantic import BeforeValidator, Field
+from pydantic import BeforeValidator, Field, GetJsonSchemaHandler, WithJsonSchema
+from pydantic.json_schema import JsonSchemaValue
+from pydantic_core import CoreSchema
 
 from lupin_engine.chart.documents import Node, Written
+
+#: The moment at which a simulation is over.
+END = "end"
+#: Which entry: every one.
+EVERY = "every"
 
 
 def _to_list(value: Any) -> Any:
     return value if isinstance(value, list) else [value]
 
 
-class OutcomeNode(Node):
+#: `5 s`, or 0.
+Duration = Annotated[Any, WithJsonSchema({"type": ["string", "integer"], "examples": ["5 s", "2 min"]})]
+#: A duration, or `{between: [1 s, 3 s]}`: another one each time.
+Latency = Annotated[Any, WithJsonSchema({"type": ["string", "integer", "object"], "examples": ["5 s"]})]
+#: Names, or one of them.
+Names = Annotated[list[str], BeforeValidator(_to_list, json_schema_input_type=str | list[str])]
+
+
+class ShortNode(Node):
+    """A mapping for which a text may stand."""
+
+    @classmethod
+    def __get_pydantic_json_schema__(
+        cls, core_schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> JsonSchemaValue:
+        """Describe both forms."""
+        return {"anyOf": [{"type": "string"}, handler(core_schema)]}
+
+
+def _named(data: Any) -> Any:
+    """Read `NAME` and `{NAME: fields}` as a name with its data."""
+    if isinstance(data, str):
+        return {"name": data}
+    if isinstance(data, dict) and len(data) == 1 and "name" not in data:
+        ((name, fields),) = data.items()
+        if hasattr(data, "model"):
+            data.model = None
+        return {"name": name, "data": fields or {}}
+    return data
+
+
+# -- mocks ---------------------------------------------------------------------------------------------
+
+
+class BetweenNode(Node):
+    """A duration that is another one each time."""
+
+    between: list[Duration] = Field(min_length=2, max_length=2, description="the shortest and the longest")
+
+
+class OutcomeNode(ShortNode):
     """How one attempt ends; nothing said: done, as the plugin's mock does it. Short: `done`, `never`."""
 
     done: dict[str, Any] | None = Field(None, description="fields of the result, over the mock's")
     fail: str | None = Field(None, description="code of the operation")
     detail: str = Field("", description="free text beside the code")
     never: bool = Field(False, description="accepted, and never heard of again")
-    after: Written = Field(None, description="duration from acceptance to the end")
-    accepted: Written = Field(None, description="duration from the request to its acceptance, or `never`")
-    cancel: Literal["ends", "ignored", "unconfirmed"] = Field("ends", description="what a cancel does")
+    after: Latency = Field(None, description="duration from acceptance to the end")
+    accepted: Latency = Field(None, description="duration from the request to its acceptance, or `never`")
+    cancel: Latency = Field(
+        "ends", description="what a cancel does: `ends`, `ignored`, `unconfirmed`, or a duration to the end"
+    )
     progress: str = Field("", description="what the server says when it has accepted")
+    any_of: list[OutcomeNode] | None = Field(None, min_length=1, description="one of these, by chance")
+    weight: Annotated[Any, WithJsonSchema({"type": ["number", "string"]})] = Field(
+        1, description="how likely this is beside the others of `any_of`, such as 3 or 20 %"
+    )
 
     @classmethod
     def _long_form(cls, data: Any) -> Any:
@@ -53,50 +107,168 @@ class MockNode(Node):
         return isinstance(self._raw["then"], list)
 
 
-class RequestNode(Node):
-    """A request, with what it carries. Short: its name."""
+# -- what happens ----------------------------------------------------------------------------------------
+
+
+class RequestNode(ShortNode):
+    """A request, with what it carries. Short: its name, or its name with the fields: `{NAME: {...}}`."""
 
     name: str = Field(description="mission.start or operator.NAME")
     data: dict[str, Any] = Field({}, description="what it carries")
 
     @classmethod
     def _long_form(cls, data: Any) -> Any:
-        if isinstance(data, str):
-            return {"name": data}
-        if isinstance(data, dict) and len(data) == 1:
-            ((name, fields),) = data.items()
-            if hasattr(data, "model"):
-                data.model = None
-            return {"name": name, "data": fields or {}}
-        return data
+        return _named(data)
 
 
-class EndNode(Node):
-    """The newest attempt of an operation fails, or ends well."""
+class EventNode(ShortNode):
+    """Something that a plugin tells. Short: its name, or its name with the fields: `{NAME: {...}}`."""
+
+    name: str = Field(description="event, as plugin.name")
+    data: dict[str, Any] = Field({}, description="its fields")
+
+    @classmethod
+    def _long_form(cls, data: Any) -> Any:
+        return _named(data)
+
+
+class EndNode(ShortNode):
+    """The newest attempt of an operation fails, or ends well. Short: the operation."""
 
     do: str = Field(description="operation, as plugin.name")
     code: str = Field("", description="code of the operation")
     detail: str = Field("", description="free text beside the code")
+    done: dict[str, Any] = Field({}, description="fields of the result, over the mock's")
 
     @classmethod
     def _long_form(cls, data: Any) -> Any:
         return {"do": data} if isinstance(data, str) else data
 
 
-class WhenNode(Node):
-    """Something that happens: at a time, or when a state is entered."""
+class MomentNode(Node):
+    """What must be so at one moment. What is not named is not looked at."""
 
-    at_: Written = Field(None, alias="at", description="duration from the start")
+    state: Names = Field([], description="states that are active")
+    not_state: Names = Field([], description="states that are not active")
+    lifecycle: str | None = Field(None, description="published state")
+    phase: str | None = Field(None, description="published phase; empty: none")
+    target: str | None = Field(None, description="the itinerary's current target; empty: none")
+    paused: bool | None = Field(None, description="whether the mission waits for the operator")
+    held: list[str] | None = Field(None, description="holds that are engaged, all of them, in their order")
+    last_error: str | None = Field(None, description="code reported last; empty: none")
+    running: list[str] | None = Field(None, description="operations under way, all of them")
+    variables: dict[str, Any] = Field({}, description="variables of the chart and their values")
+
+
+class WhenNode(Node):
+    """Something that happens, or is looked at: at a time, on entering a state, when an operation starts."""
+
+    at_: Duration = Field(None, alias="at", description="duration from the start; `end` to look at the end")
     on: str | None = Field(None, description="state that is entered")
-    nth: int = Field(1, ge=1, description="which of its entries")
-    after: Written = Field(None, description="duration from that entry")
+    start_of: str | None = Field(None, description="operation that is started")
+    nth: Annotated[Any, WithJsonSchema({"type": ["integer", "string"]})] = Field(
+        1, description="which of its entries or starts, counted from 1, or `every`"
+    )
+    after: Duration = Field(None, description="duration from that entry or start")
     request: RequestNode | None = Field(None, description="an operator's request")
     value: dict[str, Any] | None = Field(None, description="live values and what they become")
+    event: EventNode | None = Field(None, description="what a plugin tells")
     fail: EndNode | None = Field(None, description="an operation under way fails")
     finish: EndNode | None = Field(None, description="an operation under way ends well")
+    server_gone: Names = Field([], description="operations whose server is not heard of from now on")
+    server_back: Names = Field([], description="operations whose server answers again")
+    restart: bool = Field(False, description="the machine is made anew from its snapshot, as after a crash")
+    expect: MomentNode | None = Field(None, description="what must be so then, after what happens here")
 
 
-class RefusedNode(Node):
+# -- what is expected ------------------------------------------------------------------------------------
+
+
+class CountNode(Node):
+    """How often. Short: a number."""
+
+    at_least: int = Field(0, ge=0, description="smallest number")
+    at_most: int | None = Field(None, ge=0, description="largest number")
+
+    @classmethod
+    def _long_form(cls, data: Any) -> Any:
+        is_number = isinstance(data, int) and not isinstance(data, bool)
+        return {"at_least": data, "at_most": data} if is_number else data
+
+    @classmethod
+    def __get_pydantic_json_schema__(
+        cls, core_schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> JsonSchemaValue:
+        """Describe both forms."""
+        return {"anyOf": [{"type": "integer", "minimum": 0}, handler(core_schema)]}
+
+    def __str__(self) -> str:
+        if self.at_most is None:
+            return f"at least {self.at_least}"
+        if self.at_least == self.at_most:
+            return str(self.at_least)
+        return f"{self.at_least} to {self.at_most}" if self.at_least else f"at most {self.at_most}"
+
+
+class PassNode(ShortNode):
+    """A state that is entered after the one before it in the list. Short: its name."""
+
+    state: str = Field(description="state")
+    within: Duration = Field(None, description="longest duration since the one before, or since the start")
+    at_least: Duration = Field(None, description="shortest duration since the one before")
+    by: Duration = Field(None, description="latest time from the start")
+
+    @classmethod
+    def _long_form(cls, data: Any) -> Any:
+        return {"state": data} if isinstance(data, str) else data
+
+
+class NeverNode(ShortNode):
+    """A state that is not entered. Short: its name."""
+
+    state: str = Field(description="state")
+    after: str | None = Field(None, description="not from the first entry of this state on")
+
+    @classmethod
+    def _long_form(cls, data: Any) -> Any:
+        return {"state": data} if isinstance(data, str) else data
+
+
+class LeadsNode(Node):
+    """Every entry of one state is followed by one of another."""
+
+    from_: str = Field(alias="from", description="state")
+    to: str = Field(description="state that follows each time, others between them")
+    within: Duration = Field(None, description="longest duration between the two")
+
+
+#: What can become of a target, and what a visit is called that has no outcome yet.
+STATUSES = ("OK", "UNREACHABLE", "SCAN_FAILED", "SKIPPED")
+OPEN = "open"
+
+
+class VisitNode(ShortNode):
+    """What became of a target. Short: `TARGET STATUS` or `TARGET STATUS CODE`."""
+
+    target: str = Field(description="target")
+    status: Literal["OK", "UNREACHABLE", "SCAN_FAILED", "SKIPPED", "open"] = Field(description="status")
+    code: str | None = Field(None, description="code; empty: none")
+    detail: str | None = Field(None, description="a piece of the detail")
+    reading: dict[str, Any] | None = Field(None, description="fields that the reading has")
+
+    @classmethod
+    def _long_form(cls, data: Any) -> Any:
+        if not isinstance(data, str):
+            return data
+        return dict(zip(("target", "status", "code"), data.split(maxsplit=2), strict=False))
+
+    def __str__(self) -> str:
+        parts = [self.target, self.status, self.code or "", repr(self.detail) if self.detail else ""]
+        reading = f"with {dict(self.reading)}" if self.reading else ""
+        return " ".join(filter(None, (*parts, reading)))
+
+
+class RefusedNode(ShortNode):
     """A request that is refused. Short: its code."""
 
     code: str = Field(description="why")
@@ -109,36 +281,50 @@ class RefusedNode(Node):
 
 
 class ExpectNode(Node):
-    """What must come of it. What is not named is not looked at, refusals excepted: there must be none."""
+    """What must come of it. What is not named is not looked at, with two exceptions: no request is refused
+    and no invariant broken unless it is said.
+    """
 
     lifecycle: list[str] | None = Field(None, description="published states, all of them, in order")
-    passes: list[str] = Field([], description="states entered in this order, others between them")
-    never: list[str] = Field([], description="states that are not entered")
-    visits: list[str] | None = Field(
-        None, description="'TARGET STATUS' or 'TARGET STATUS CODE' of every target"
-    )
-    published: list[str] | None = Field(None, description="the same, in the order of publication")
+    phases: list[str] = Field([], description="published phases in this order, others between them")
+    passes: list[PassNode] = Field([], description="states entered in this order, others between them")
+    leads_to: list[LeadsNode] = Field([], description="states that follow others every time")
+    never: list[NeverNode] = Field([], description="states that are not entered")
+    visits: list[VisitNode] | None = Field(None, description="what became of every target of the itinerary")
+    published: list[VisitNode] | None = Field(None, description="the same, in the order of publication")
+    statuses: dict[str, CountNode] = Field({}, description="how often each status was published")
     refused: list[RefusedNode] = Field([], description="refused requests, all of them, in order")
+    holds: list[str] | None = Field(None, description="holds that were engaged, all of them, in order")
+    broken: list[str] = Field([], description="invariants that were broken, all of them, in order")
     final: str | None = Field(None, description="published state at the end")
     paused: bool | None = Field(None, description="whether it waits for the operator at the end")
     last_error: str | None = Field(None, description="code reported last; empty: none")
-    counts: dict[str, int] = Field({}, description="how often an operation was started or an action done")
-    dropped: int | None = Field(None, description="results that came when nobody waited for them")
-    within: Written = Field(None, description="longest duration")
-    at_least: Written = Field(None, description="shortest duration")
+    counts: dict[str, CountNode] = Field(
+        {}, description="how often an operation was started or an action done"
+    )
+    cancels: dict[str, CountNode] = Field({}, description="how often an operation was cancelled")
+    dropped: CountNode | None = Field(None, description="results that came when nobody waited for them")
+    notes: list[str] = Field([], description="pieces of what the machine noted, in any order")
+    within: Duration = Field(None, description="longest duration of the whole")
+    at_least: Duration = Field(None, description="shortest duration of the whole")
 
 
 class ScenarioNode(Node):
     """A scenario: one mission, a script, and what is expected."""
 
+    ELSEWHERE = MappingProxyType(
+        {"timeout": ("a scenario has no timeout", "write 'limit: 10 min', or 'within' under 'expect'")}
+    )
+
     scenario: str = Field(description="one sentence: what is promised")
     mission: str = Field(description="mission, by name or file")
     request: dict[str, Any] = Field({}, description="what the request carries")
     parameters: dict[str, Written] = Field({}, description="settings")
+    seed: int = Field(0, description="what everything that comes by chance is drawn from")
     start: Literal["ready", "never"] = Field(
         "ready", description="whether the mission is started when possible"
     )
-    limit: Written = Field(None, description="virtual time after which the simulation stops")
+    limit: Duration = Field(None, description="virtual time after which the simulation stops")
     mocks: list[MockNode] = Field([], description="what operations come to")
     when: list[WhenNode] = Field([], description="what happens meanwhile")
     expect: ExpectNode = Field(description="what must come of it")

@@ -7,8 +7,9 @@ comes at once unless the script says otherwise.
 from __future__ import annotations
 
 import enum
+import random
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from lupin_engine.plugin.contract import Operation, Outlet
@@ -19,9 +20,17 @@ from lupin_engine.sim.agenda import Agenda
 class OnCancel(enum.Enum):
     """What a scripted server does when an accepted attempt is cancelled."""
 
-    END = "ends"  #: confirms at once
+    END = "ends"  #: confirms, after `cancel_after` seconds
     IGNORE = "ignored"  #: goes on, and ends as if nothing had been said
     SILENT = "unconfirmed"  #: stops, and never says so
+
+
+@dataclass(frozen=True)
+class Between:
+    """A duration in seconds that is drawn anew each time."""
+
+    low: float
+    high: float
 
 
 @dataclass(frozen=True)
@@ -34,14 +43,32 @@ class Outcome:
         progress: what the server says after it has accepted.
     """
 
-    after: float | None = None
+    after: float | Between | None = None
     code: str = ""
     detail: str = ""
     result: Mapping[str, Any] = field(default_factory=dict)
     never: bool = False
-    accepted_after: float | None = 0.0
+    accepted_after: float | Between | None = 0.0
     on_cancel: OnCancel = OnCancel.END
+    cancel_after: float | Between = 0.0
     progress: str = ""
+
+    @property
+    def is_random(self) -> bool:
+        """Whether anything about it is drawn."""
+        durations = (self.after, self.accepted_after, self.cancel_after)
+        return any(isinstance(duration, Between) for duration in durations)
+
+
+@dataclass(frozen=True)
+class AnyOf:
+    """One of several outcomes, each as likely as its weight says beside the others."""
+
+    outcomes: tuple[Outcome | AnyOf, ...]
+    weights: tuple[float, ...]
+
+    #: It is always drawn.
+    is_random = True
 
 
 @dataclass(frozen=True)
@@ -54,10 +81,15 @@ class Rule:
     """
 
     operation: str
-    outcomes: tuple[Outcome, ...]
+    outcomes: tuple[Outcome | AnyOf, ...]
     arguments: Mapping[str, Any] = field(default_factory=dict)
     target: str | None = None
     once: bool = False
+
+    @property
+    def is_random(self) -> bool:
+        """Whether anything about it is drawn."""
+        return any(outcome.is_random for outcome in self.outcomes)
 
     def covers(self, operation: str, arguments: Mapping[str, Any], target: str) -> bool:
         """Say whether an attempt falls under this rule."""
@@ -71,6 +103,48 @@ def contains(whole: Any, part: Any) -> bool:
     if isinstance(part, Mapping) and isinstance(whole, Mapping):
         return all(name in whole and contains(whole[name], value) for name, value in part.items())
     return bool(whole == part)
+
+
+def drawn(outcome: Outcome | AnyOf, dice: random.Random) -> Outcome:
+    """Return an outcome in which nothing is left to chance."""
+    while isinstance(outcome, AnyOf):
+        (outcome,) = dice.choices(outcome.outcomes, outcome.weights)
+    if not outcome.is_random:
+        return outcome
+    after, accepted = _drawn(outcome.after, dice), _drawn(outcome.accepted_after, dice)
+    cancel = _drawn(outcome.cancel_after, dice) or 0.0
+    return replace(outcome, after=after, accepted_after=accepted, cancel_after=cancel)
+
+
+def _drawn(duration: float | Between | None, dice: random.Random) -> float | None:
+    return dice.uniform(duration.low, duration.high) if isinstance(duration, Between) else duration
+
+
+class _Server:
+    """A rule in use: what is left of it, and how often it was used."""
+
+    def __init__(self, rule: Rule, number: int, seed: int) -> None:
+        self.rule = rule
+        self._left = list(rule.outcomes)
+        self._name = f"{seed}/{number}"
+        self._used = 0
+
+    def covers(self, operation: str, arguments: Mapping[str, Any], target: str) -> bool:
+        """Say whether an attempt falls under the rule and the rule is not spent."""
+        return bool(self._left) and self.rule.covers(operation, arguments, target)
+
+    def next_outcome(self) -> Outcome:
+        """Return what the next attempt comes to.
+
+        Every use of every rule has dice of its own: what one mock draws does not hang on how often another
+        one was asked before.
+        """
+        found = self._left.pop(0) if self.rule.once else self._left[0]
+        self._used += 1
+        if isinstance(found, Outcome) and not found.is_random:
+            return found
+        # Chance for tests: the same every time, and good enough to guess by.
+        return drawn(found, random.Random(f"{self._name}/{self._used}"))
 
 
 @dataclass
@@ -89,6 +163,7 @@ class Stage:
     Args:
         target: tells the itinerary's current target, for rules that name one.
         now: tells the time.
+        seed: what everything is drawn from that comes by chance.
     """
 
     def __init__(
@@ -99,14 +174,16 @@ class Stage:
         agenda: Agenda,
         now: Callable[[], float],
         target: Callable[[], str],
+        seed: int = 0,
     ) -> None:
         self._catalog = catalog
         self._parameters = parameters
-        self._rules = [(rule, list(rule.outcomes)) for rule in rules]
+        self._servers = [_Server(rule, number, seed) for number, rule in enumerate(rules)]
         self._agenda = agenda
         self._now = now
         self._target = target
         self._running: dict[str, _Running] = {}
+        self._gone: set[str] = set()
         self._outlet: Outlet | None = None
 
     def drivers(self, outlet: Outlet) -> dict[str, ScriptedDriver]:
@@ -120,15 +197,19 @@ class Stage:
         assert self._outlet is not None, "the stage has no drivers yet"
         return self._outlet
 
+    # -- what drivers ask for -----------------------------------------------------------------------------
+
     def start(self, attempt: str, operation: str, arguments: Mapping[str, Any]) -> None:
         """Hear of a request; accept it when its outcome says so."""
+        if operation in self._gone:
+            return
         running = _Running(operation, arguments, self._choose(operation, arguments))
         self._running[attempt] = running
         wait = running.outcome.accepted_after
         if wait == 0.0:
             self._accept(attempt)
         elif wait is not None:
-            self._agenda.note(self._now() + wait, lambda: self._accept(attempt))
+            self._later(wait, lambda: self._accept(attempt))
 
     def cancel(self, attempt: str) -> None:
         """Hear that nobody wants an attempt any more."""
@@ -136,26 +217,54 @@ class Stage:
         if running is None or not running.accepted or running.outcome.on_cancel is OnCancel.IGNORE:
             return
         del self._running[attempt]
-        if running.outcome.on_cancel is OnCancel.END:
+        if running.outcome.on_cancel is OnCancel.SILENT:
+            return
+        wait = running.outcome.cancel_after
+        if wait == 0.0:
             self.outlet.cancelled(attempt)
+        else:
+            self._later(wait, lambda: self.outlet.cancelled(attempt))
 
-    def end_current(self, operation: str, code: str, detail: str) -> bool:
-        """End the newest attempt of an operation now: done without a code, else failed; False without one."""
+    # -- what the world does ------------------------------------------------------------------------------
+
+    def end_current(self, operation: str, outcome: Outcome) -> bool:
+        """End the newest attempt of an operation now; False when there is none."""
         for attempt, running in reversed(list(self._running.items())):
             if running.operation == operation:
-                self._end(attempt, Outcome(code=code, detail=detail))
+                self._end(attempt, outcome)
                 return True
         return False
 
+    def leave(self, operation: str) -> None:
+        """The server is not heard of from now on, not even about what it was asked before."""
+        self._gone.add(operation)
+        mine = [attempt for attempt, running in self._running.items() if running.operation == operation]
+        for attempt in mine:
+            del self._running[attempt]
+
+    def come_back(self, operation: str) -> bool:
+        """The server answers what it is asked from now on; False when it was not away."""
+        away = operation in self._gone
+        self._gone.discard(operation)
+        return away
+
+    # -- how attempts go on -------------------------------------------------------------------------------
+
+    def _later(self, wait: float | Between, action: Callable[[], None]) -> None:
+        assert not isinstance(wait, Between), "every duration was drawn"
+        self._agenda.note(self._now() + wait, action)
+
     def _choose(self, operation: str, arguments: Mapping[str, Any]) -> Outcome:
         target = self._target()
-        for rule, left in self._rules:
-            if left and rule.covers(operation, arguments, target):
-                return left.pop(0) if rule.once else left[0]
+        for server in self._servers:
+            if server.covers(operation, arguments, target):
+                return server.next_outcome()
         return Outcome()
 
     def _accept(self, attempt: str) -> None:
-        running = self._running[attempt]
+        running = self._running.get(attempt)
+        if running is None:
+            return
         running.accepted = True
         outcome = running.outcome
         self.outlet.accepted(attempt)
@@ -163,7 +272,7 @@ class Stage:
             self.outlet.progress(attempt, outcome.progress)
         if not outcome.never:
             after = self._operation(running).mock.after if outcome.after is None else outcome.after
-            self._agenda.note(self._now() + after, lambda: self._end(attempt, outcome))
+            self._later(after, lambda: self._end(attempt, outcome))
 
     def _end(self, attempt: str, outcome: Outcome) -> None:
         running = self._running.pop(attempt, None)

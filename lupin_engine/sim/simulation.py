@@ -7,22 +7,25 @@ same steps.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 from lupin_engine.chart.model import Chart
-from lupin_engine.machine.event import Event, Publish, Report
+from lupin_engine.machine.environment import World
+from lupin_engine.machine.event import Event, Publish, Report, Start
 from lupin_engine.machine.machine import Machine
-from lupin_engine.machine.memory import Visit
+from lupin_engine.machine.memory import Memory, Visit
+from lupin_engine.machine.snapshot import restore
 from lupin_engine.machine.step import Step
-from lupin_engine.machine.view import View
+from lupin_engine.machine.view import View, target_of
 from lupin_engine.plugin.registry import Catalog
 from lupin_engine.runtime.clock import VirtualClock
 from lupin_engine.runtime.engine import Engine, EngineOutlet
-from lupin_engine.runtime.setup import make_machine
+from lupin_engine.runtime.setup import make_world
 from lupin_engine.sim.agenda import Agenda
-from lupin_engine.sim.scripted import Rule, Stage
+from lupin_engine.sim.scripted import Outcome, Rule, Stage
 
 #: Published states in which a mission is over.
 ENDED, FAULTED = "DONE", "FAULT"
@@ -48,29 +51,83 @@ class Tell:
 
 
 @dataclass(frozen=True)
+class Happen:
+    """A plugin tells one of its events."""
+
+    event: str
+    data: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
 class End:
     """The newest attempt of `operation` ends now: done without a code, else failed."""
 
     operation: str
     code: str = ""
     detail: str = ""
+    result: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Leave:
+    """The server of `operation` is not heard of any more, until it comes back."""
+
+    operation: str
+
+
+@dataclass(frozen=True)
+class ComeBack:
+    """The server of `operation` answers again."""
+
+    operation: str
+
+
+@dataclass(frozen=True)
+class Restart:
+    """The machine is made anew from its snapshot: what a crash and a restart do."""
+
+
+@dataclass(frozen=True)
+class Look:
+    """Nothing happens, but somebody looks: what there is to see is kept."""
+
+
+Effect = Ask | Tell | Happen | End | Leave | ComeBack | Restart | Look
 
 
 @dataclass(frozen=True)
 class Happening:
-    """Something that happens `after` seconds from the start, or from the `nth` entry of `state`."""
+    """Something that happens `after` seconds from the start.
 
-    effect: Ask | Tell | End
+    With a `state` the time counts from its `nth` entry, with an `operation` from its `nth` start; 0 means
+    every one of them. `number` says which piece of a script it comes from.
+    """
+
+    effect: Effect
     after: float = 0.0
     state: str | None = None
     nth: int = 1
+    operation: str | None = None
+    number: int = 0
+
+    @property
+    def waits(self) -> bool:
+        """Whether something must happen before its time counts."""
+        return self.state is not None or self.operation is not None
+
+    def is_meant(self, entered: str, started: str) -> bool:
+        """Say whether a state that was entered, or an operation that was started, is what it waits for."""
+        if self.state is not None:
+            return bool(entered) and is_named(entered, self.state)
+        return self.operation == started
 
 
 @dataclass(frozen=True)
 class Script:
     """What a simulation is of: a mission, its request, the servers' answers, and what else happens.
 
-    With `starts` the mission is started as soon as the chart can take the request.
+    With `starts` the mission is started as soon as the chart can take the request. `seed` is what is drawn
+    from by the servers and by the jitter of retries. With `stop_at` it is over when that state is entered.
     """
 
     mission: str
@@ -79,6 +136,23 @@ class Script:
     happenings: tuple[Happening, ...] = ()
     limit: float = LIMIT
     starts: bool = True
+    seed: int = 0
+    stop_at: str = ""
+
+    @property
+    def is_random(self) -> bool:
+        """Whether the servers draw anything."""
+        return any(rule.is_random for rule in self.rules)
+
+
+@dataclass(frozen=True)
+class Seen:
+    """What there was to see at one moment: after `steps` steps, at `time`."""
+
+    time: float
+    steps: int
+    view: View
+    context: Mapping[str, Any]
 
 
 @dataclass(frozen=True)
@@ -86,7 +160,12 @@ class Run:
     """What came of a simulation.
 
     `lifecycles` are the published states in the order of their appearance; `visits` the last itinerary's.
-    `cut_off`: the time limit was reached. `unfired`: happenings that never came to pass.
+    `cut_off`: the time limit was reached. `unfired`: happenings that never came to pass; `idle`: those that
+    found nothing to end or to bring back, with the time. `attempts` names for each attempt the state that
+    started it; `holds` and `broken` the holds that were engaged and the invariants that were broken, in
+    order, each with its step; `held` is what was held from when on. `looks` is what was seen, by the
+    happening's number. `context` are the variables at the end. `stopped`: the state was entered at which it
+    was to stop.
     """
 
     chart: Chart
@@ -99,6 +178,14 @@ class Run:
     seconds: float
     cut_off: bool
     unfired: tuple[Happening, ...]
+    idle: tuple[tuple[float, Happening], ...] = ()
+    attempts: Mapping[str, str] = field(default_factory=dict)
+    holds: tuple[tuple[Step, str], ...] = ()
+    broken: tuple[tuple[Step, str], ...] = ()
+    looks: Mapping[int, tuple[Seen, ...]] = field(default_factory=dict)
+    context: Mapping[str, Any] = field(default_factory=dict)
+    held: tuple[tuple[float, tuple[str, ...]], ...] = ()
+    stopped: bool = False
 
     @property
     def ended(self) -> bool:
@@ -110,94 +197,181 @@ class Run:
         """The requests that were refused."""
         return tuple(step for step in self.steps if step.accepted is False)
 
+    @cached_property
+    def phases(self) -> tuple[tuple[Step, str], ...]:
+        """The published phases in the order of their appearance, each with its step."""
+        found: list[tuple[Step, str]] = []
+        for step in self.steps:
+            for moment in step.trail:
+                if moment.phase != (found[-1][1] if found else ""):
+                    found.append((step, moment.phase))
+        return tuple(found)
+
 
 def simulate(
-    chart: Chart, catalog: Catalog, script: Script, parameters: Mapping[str, Any] | None = None
+    chart: Chart,
+    catalog: Catalog,
+    script: Script,
+    parameters: Mapping[str, Any] | None = None,
+    world: World | None = None,
 ) -> Run:
     """Run a script against a chart in virtual time.
+
+    Args:
+        world: of this chart and these parameters, for those who have one already.
 
     Raises:
         UsageError: a parameter does not exist or is out of range.
         LupinError: a plugin cannot work with the parameters, or the chart never comes to rest.
     """
-    return Simulation(chart, catalog, script, parameters or {}).run()
+    return Simulation(chart, catalog, script, parameters or {}, world).run()
 
 
 class Simulation:
     """One run of a script."""
 
-    def __init__(self, chart: Chart, catalog: Catalog, script: Script, parameters: Mapping[str, Any]) -> None:
+    def __init__(
+        self,
+        chart: Chart,
+        catalog: Catalog,
+        script: Script,
+        parameters: Mapping[str, Any],
+        world: World | None = None,
+    ) -> None:
         self._script = script
         self._clock = VirtualClock()
         self._agenda = Agenda()
-        self._machine: Machine = make_machine(chart, catalog, parameters)
+        self._world = replace(world or make_world(chart, catalog, parameters), seed=script.seed)
+        self._machine = Machine(self._world)
         self._stage = Stage(
             catalog,
-            self._machine.world.parameters,
+            self._world.parameters,
             script.rules,
             self._agenda,
             self._clock.now,
-            lambda: self._machine.view.target,
+            lambda: target_of(self._machine.memory),
+            script.seed,
         )
         drivers: dict[str, Any] = {}
         self._engine = Engine(self._machine, self._clock, drivers, self._stepped)
         # Nobody needs waking: the loop below drains after everything that it lets happen.
         drivers.update(self._stage.drivers(EngineOutlet(self._engine, lambda: None)))
-        self._steps: list[Step] = []
-        self._published: list[tuple[float, Publish]] = []
-        self._reports: list[Report] = []
-        self._lifecycles: list[str] = []
+        self._record = _Record(chart)
+        self._looks: dict[int, list[Seen]] = {}
+        self._idle: list[tuple[float, Happening]] = []
         self._missions = 0
         self._started = not script.starts
         self._waiting: dict[int, Happening] = dict(enumerate(script.happenings))
-        self._entered: dict[int, int] = {}
+        self._fired: set[int] = set()
+        self._counted: dict[int, int] = {}
         self._planned = 0
+        self._stopped = False
 
     def run(self) -> Run:
         """Run until the mission is over, nothing more will happen, or the time limit is reached."""
-        for index, happening in list(self._waiting.items()):
-            if happening.state is None:
-                self._plan(index, happening)
-        self._engine.start()
+        self.begin()
         cut_off = False
-        while not self._over():
-            due = self._next_due()
+        while not self.is_over:
+            due = self.next_due
             if due is None:
                 break
             if due > self._script.limit:
                 self._clock.move_to(self._script.limit)
                 cut_off = True
                 break
-            self._clock.move_to(due)
-            self._engine.drain()
-            if self._agenda.do_next(due):
-                self._engine.drain()
-        return self._result(cut_off)
+            self.go_on()
+        return self.result(cut_off)
 
-    def _over(self) -> bool:
-        """Say whether nothing of interest can follow: the mission is over, and the script told to its end."""
+    # -- the same in pieces, for those who look on ------------------------------------------------------
+
+    def begin(self) -> None:
+        """Enter the chart's initial states."""
+        for index, happening in list(self._waiting.items()):
+            if not happening.waits:
+                self._plan(index, happening)
+        self._engine.start()
+
+    @property
+    def machine(self) -> Machine:
+        """The machine as it is now: after a restart it is another one."""
+        return self._machine
+
+    @property
+    def now(self) -> float:
+        """The time."""
+        return self._clock.now()
+
+    @property
+    def steps(self) -> Sequence[Step]:
+        """The steps so far."""
+        return self._record.steps
+
+    @property
+    def is_over(self) -> bool:
+        """Whether nothing of interest can follow: the mission is over, and the script told to its end."""
+        if self._stopped:
+            return True
         idle = self._started and not self._planned
-        return idle and self._machine.view.lifecycle in (ENDED, FAULTED)
+        return idle and label_of(self._machine.chart, self._machine.memory.configuration) in (ENDED, FAULTED)
 
-    def _next_due(self) -> float | None:
+    @property
+    def next_due(self) -> float | None:
+        """When the next thing happens by itself; None when nothing will."""
         times = (self._engine.next_deadline, self._agenda.next_due)
         return min((time for time in times if time is not None), default=None)
+
+    def go_on(self) -> bool:
+        """Let the next thing happen; False when nothing will."""
+        due = self.next_due
+        if due is None:
+            return False
+        self._clock.move_to(due)
+        self._engine.drain()
+        if self._agenda.do_next(due):
+            self._engine.drain()
+        return True
+
+    def wait_until(self, time: float) -> None:
+        """Let pass what time there is until `time`; what is due before it must have happened."""
+        self._clock.move_to(time)
+
+    def do(self, effect: Effect) -> bool:
+        """Let something happen now that no script told; False when it found nothing to act on."""
+        done = _EFFECTS[type(effect)](self, effect)
+        self._engine.drain()
+        return done is not False
 
     # -- what the script lets happen --------------------------------------------------------------------
 
     def _plan(self, index: int, happening: Happening) -> None:
-        del self._waiting[index]
+        self._fired.add(index)
+        if happening.nth:
+            del self._waiting[index]
         self._planned += 1
-        self._agenda.note(self._clock.now() + happening.after, lambda: self._happen(happening.effect))
+        self._agenda.note(self._clock.now() + happening.after, lambda: self._happen(happening))
 
-    def _happen(self, effect: Ask | Tell | End) -> None:
+    def _happen(self, happening: Happening) -> None:
         self._planned -= 1
-        if isinstance(effect, Ask):
-            self._ask(effect.event, effect.data)
-        elif isinstance(effect, Tell):
-            self._stage.outlet.value(effect.value, effect.is_now, self._clock.now())
-        else:
-            self._stage.end_current(effect.operation, effect.code, effect.detail)
+        if isinstance(happening.effect, Look):
+            self._look(happening.number)
+        elif _EFFECTS[type(happening.effect)](self, happening.effect) is False:
+            self._idle.append((self._clock.now(), happening))
+
+    def _tell(self, effect: Tell) -> None:
+        self._stage.outlet.value(effect.value, effect.is_now, self._clock.now())
+
+    def _end(self, effect: End) -> bool:
+        outcome = Outcome(code=effect.code, detail=effect.detail, result=effect.result)
+        return self._stage.end_current(effect.operation, outcome)
+
+    def _restart(self, _: Restart) -> None:
+        memory = restore(self._machine.chart, self._machine.snapshot())
+        self._machine = self._engine.machine = Machine(self._world, memory)
+
+    def _look(self, number: int) -> None:
+        machine, steps = self._machine, len(self._record.steps)
+        seen = Seen(self._clock.now(), steps, machine.view, dict(machine.memory.context))
+        self._looks.setdefault(number, []).append(seen)
 
     def _ask(self, event: str, data: Mapping[str, Any]) -> None:
         if event == START:
@@ -213,45 +387,125 @@ class Simulation:
     # -- what the machine says --------------------------------------------------------------------------
 
     def _stepped(self, step: Step) -> None:
-        self._steps.append(step)
-        shown = [moment.lifecycle for moment in step.trail] or [self._machine.view.lifecycle]
-        for lifecycle in shown:
-            if lifecycle and lifecycle != (self._lifecycles or [""])[-1]:
-                self._lifecycles.append(lifecycle)
-        for command in step.commands:
-            if isinstance(command, Publish):
-                self._published.append((step.time, command))
-            elif isinstance(command, Report):
-                self._reports.append(command)
-        if step.entered:
-            self._notice_entries(step)
-
-    def _notice_entries(self, step: Step) -> None:
-        for name in step.entered:
-            for index, happening in list(self._waiting.items()):
-                if happening.state is not None and is_named(name, happening.state):
-                    self._entered[index] = self._entered.get(index, 0) + 1
-                    if self._entered[index] == happening.nth:
-                        self._plan(index, happening)
-        if not self._started and takes_start(self._machine.chart, step.configuration):
+        self._record.take(step, self._machine.memory)
+        if self._waiting:
+            self._notice_beginnings(step)
+        if self._script.stop_at and any(is_named(name, self._script.stop_at) for name in step.entered):
+            self._stopped = True
+        if not self._started and step.entered and takes_start(self._machine.chart, step.configuration):
             self._started = True
             self._planned += 1
             self._agenda.note(step.time, self._start_mission)
 
-    def _result(self, cut_off: bool) -> Run:
-        walk = self._machine.memory.walk
+    def _notice_beginnings(self, step: Step) -> None:
+        """Plan what waits for a state that was entered, or for an operation that was started."""
+        begun = [(name, "") for name in step.entered]
+        begun += [("", command.operation) for command in step.commands if isinstance(command, Start)]
+        for entered, started in begun:
+            for index, happening in list(self._waiting.items()):
+                if happening.is_meant(entered, started):
+                    count = self._counted[index] = self._counted.get(index, 0) + 1
+                    if happening.nth in (0, count):
+                        self._plan(index, happening)
+
+    def result(self, cut_off: bool = False) -> Run:
+        """Return what came of it so far."""
+        record, walk = self._record, self._machine.memory.walk
         return Run(
             chart=self._machine.chart,
-            steps=tuple(self._steps),
-            published=tuple(self._published),
-            reports=tuple(self._reports),
-            lifecycles=tuple(self._lifecycles),
+            steps=tuple(record.steps),
+            published=tuple(record.published),
+            reports=tuple(record.reports),
+            lifecycles=tuple(record.lifecycles),
             visits=tuple(walk.visits) if walk else (),
             view=self._machine.view,
             seconds=self._clock.now(),
             cut_off=cut_off,
-            unfired=tuple(self._waiting.values()),
+            unfired=tuple(h for index, h in self._waiting.items() if index not in self._fired),
+            idle=tuple(self._idle),
+            attempts=record.attempts,
+            holds=tuple(record.holds.seen),
+            broken=tuple(record.broken.seen),
+            looks={number: tuple(seen) for number, seen in self._looks.items()},
+            context=dict(self._machine.memory.context),
+            held=tuple(record.held),
+            stopped=self._stopped,
         )
+
+
+class _Appearances:
+    """The names that appear in a list that changes, each with its step."""
+
+    def __init__(self) -> None:
+        self.seen: list[tuple[Step, str]] = []
+        self._before: list[str] = []
+
+    def take(self, step: Step, now: list[str]) -> None:
+        """Look at the list after a step."""
+        if now != self._before:
+            self.seen += [(step, name) for name in now if name not in self._before]
+            self._before = list(now)
+
+
+class _Record:
+    """What is kept of every step while it is fresh."""
+
+    def __init__(self, chart: Chart) -> None:
+        self._chart = chart
+        self.steps: list[Step] = []
+        self.published: list[tuple[float, Publish]] = []
+        self.reports: list[Report] = []
+        self.lifecycles: list[str] = []
+        self.attempts: dict[str, str] = {}
+        self.holds = _Appearances()
+        self.broken = _Appearances()
+        self.held: list[tuple[float, tuple[str, ...]]] = []
+
+    def take(self, step: Step, memory: Memory) -> None:
+        """Keep a step; `memory` is that of the machine after it."""
+        self.steps.append(step)
+        shown = [moment.lifecycle for moment in step.trail] or [label_of(self._chart, step.configuration)]
+        for lifecycle in shown:
+            if lifecycle and lifecycle != (self.lifecycles or [""])[-1]:
+                self.lifecycles.append(lifecycle)
+        for command in step.commands:
+            if isinstance(command, Publish):
+                self.published.append((step.time, command))
+            elif isinstance(command, Report):
+                self.reports.append(command)
+            elif isinstance(command, Start):
+                self.attempts[command.attempt] = _state_of(memory.attempts[command.attempt].invocation)
+        self.holds.take(step, memory.held)
+        if memory.held or self.held:
+            self._note_held(step.time, tuple(memory.held))
+        self.broken.take(step, memory.broken)
+
+    def _note_held(self, time: float, held: tuple[str, ...]) -> None:
+        if held != (self.held[-1][1] if self.held else ()):
+            self.held.append((time, held))
+
+
+def _state_of(invocation: str) -> str:
+    """Return the state of an invocation, which is called STATE, or STATE[KEY] for an element of a list."""
+    return invocation.partition("[")[0]
+
+
+#: What is done for each kind of effect; False: there was nothing that it could be done to.
+_EFFECTS: Mapping[type, Callable[[Simulation, Any], object]] = {
+    Ask: lambda simulation, effect: simulation._ask(effect.event, effect.data),
+    Tell: Simulation._tell,
+    Happen: lambda simulation, effect: simulation._stage.outlet.event(effect.event, effect.data),
+    End: Simulation._end,
+    Leave: lambda simulation, effect: simulation._stage.leave(effect.operation),
+    ComeBack: lambda simulation, effect: simulation._stage.come_back(effect.operation),
+    Restart: Simulation._restart,
+}
+
+
+def label_of(chart: Chart, configuration: Iterable[str]) -> str:
+    """Return the published state of a configuration; '' when there is none."""
+    labels = (chart.states[name].label for name in configuration)
+    return next(filter(None, labels), "")
 
 
 def is_named(full: str, name: str) -> bool:

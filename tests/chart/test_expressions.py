@@ -31,9 +31,8 @@ def record(name: str, **fields: Type) -> Type:
     return Type("record", name, fields=fields)
 
 
-@pytest.fixture(scope="module")
-def scope(catalog: Catalog) -> Scope:
-    """A scope with one of everything."""
+def wide_scope(catalog: Catalog) -> Scope:
+    """Return a scope with one of everything."""
     names = {
         "param": record(
             "param", patience=DURATION, far=LENGTH, ratio=NUMBER, goal=COUNT, names=list_of(TEXT)
@@ -51,6 +50,12 @@ def scope(catalog: Catalog) -> Scope:
     }
     states = ("READY", "MISSION", "MISSION.A", "MISSION.A.READY")
     return Scope(names, catalog.functions, states, ("pause", "estop"), usage=Usage())
+
+
+@pytest.fixture(scope="module")
+def scope(catalog: Catalog) -> Scope:
+    """A scope with one of everything."""
+    return wide_scope(catalog)
 
 
 class Inputs(dict[str, Any]):

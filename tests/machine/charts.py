@@ -1,14 +1,15 @@
 """Charts from nested dicts, for tests of the machine that should not depend on the loader.
 
-A state is a dict: `initial`, `states`, `on` (event to rules), `always`, `on_done`, `on_error`, `after`
-(seconds to rules), `entry`, `exit`, `invoke`, `kind`, and any plain field of `chart.model.State`. A rule is
-a target, or a dict with fields of `Transition`; targets are found in the nearest enclosing scope. Guards and
-argument values may be functions of the environment. An action is a name, or (name, arguments).
+A state is a dict: `initial`, `states`, `on` (event to rules), `always`, `on_done`, `on_error`, `after` and
+`budget` (seconds to rules), `entry`, `exit`, `invoke`, `for_each`, `itinerary`, `kind`, and any plain field
+of `chart.model.State`. A rule is a target, or a dict with fields of `Transition`; targets are found in the
+nearest enclosing scope. Guards and argument values may be functions of the environment, or expressions. An
+action is a name, or (name, arguments).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 from lupin_engine.chart.model import (
@@ -17,8 +18,10 @@ from lupin_engine.chart.model import (
     Constant,
     Expression,
     Field,
+    ForEach,
     Hold,
     Input,
+    Invariant,
     Invoke,
     Itinerary,
     Kind,
@@ -32,26 +35,33 @@ from lupin_engine.chart.model import (
     Variable,
 )
 from lupin_engine.errors import Place, Severity
+from lupin_engine.machine import event as events
 from lupin_engine.machine.environment import World
 from lupin_engine.machine.event import Event, Start
 from lupin_engine.machine.machine import Machine
+from lupin_engine.machine.snapshot import restore
 from lupin_engine.machine.step import Step
 from lupin_engine.plugin.contract import Code, OnHold, Operation
 from lupin_engine.plugin.types import ANY, BOOL
 
 PLACE = Place("test.yaml", 1, 1)
 
-#: Operations that tests invoke: one that moves the robot, one that does not, a second that moves it.
+#: Operations that tests invoke: two that drive, one that uses nothing, one that uses the arm and may go on
+#: while held, one that uses both.
 DRIVE = Operation("drive", uses=("base",), on_hold=OnHold.CANCEL)
 DOCK = Operation("dock", uses=("base",), on_hold=OnHold.CANCEL)
 READ = Operation("read", on_hold=OnHold.FINISH)
-OPERATIONS = {"nav.go": DRIVE, "nav.dock": DOCK, "bridge.read": READ}
+LOOK = Operation("look", uses=("arm",), on_hold=OnHold.FINISH)
+CARRY = Operation("carry", uses=("base", "arm"), on_hold=OnHold.CANCEL)
+OPERATIONS = {"nav.go": DRIVE, "nav.dock": DOCK, "bridge.read": READ, "arm.look": LOOK, "arm.carry": CARRY}
 
 PAUSE: dict[str, Any] = {"engage": "operator.pause", "release": ("operator.resume",), "code": "paused"}
 
 
 def value(given: Any) -> Value:
-    """Return a constant, or an expression when `given` is a function of the environment."""
+    """Return a constant, or an expression when `given` is one or a function of the environment."""
+    if isinstance(given, Expression):
+        return given
     if callable(given):
         return expression(given)
     return Constant(given, PLACE, ANY)
@@ -60,6 +70,16 @@ def value(given: Any) -> Value:
 def expression(function: Callable[[Any], Any], source: str = "guard") -> Expression:
     """Return an expression that is a Python function of the environment."""
     return Expression(source, PLACE, BOOL, function)
+
+
+def optional(fields: Mapping[str, Any], name: str) -> Value | None:
+    """Return a field as a value, None when it is not given."""
+    return value(fields[name]) if name in fields else None
+
+
+def fails(_: Any) -> Any:
+    """Raise, as a value that cannot be computed does."""
+    return 1 / 0
 
 
 class Builder:
@@ -102,8 +122,7 @@ class Builder:
         )
         initial = described.get("initial")
         top = name.partition(".")[0]
-        invoke = described.get("invoke")
-        itinerary = described.get("itinerary")
+        budget = next((Timer("budget", value(t), PLACE) for t in described.get("budget", {})), None)
         children = self._children[name]
         first = next((child for child in children), None)
         plain = ("phase", "paused", "slot", "mission", "depth", "summary")
@@ -119,8 +138,10 @@ class Builder:
             exit=actions(described.get("exit", ())),
             transitions=self._transitions(name, described),
             timers=timers,
-            invoke=_invoke(name, invoke) if invoke else None,
-            itinerary=Itinerary(value(itinerary), PLACE) if itinerary is not None else None,
+            budget=budget,
+            invoke=_invoke(described["invoke"]) if "invoke" in described else None,
+            for_each=_for_each(described["for_each"]) if "for_each" in described else None,
+            itinerary=_itinerary(described["itinerary"]) if "itinerary" in described else None,
             resume_at=self._rules_of(name, "", described.get("resume_at", ())),
             **{key: described[key] for key in plain if key in described},
         )
@@ -135,6 +156,8 @@ class Builder:
         found.extend(self._rules_of(name, "error", described.get("on_error", ())))
         for index, rules in enumerate(described.get("after", {}).values()):
             found.extend(self._rules_of(name, f"after.{index}", rules))
+        for rules in described.get("budget", {}).values():
+            found.extend(self._rules_of(name, "budget", rules))
         return tuple(found)
 
     def _rules_of(self, source: str, event: str, rules: Any) -> tuple[Transition, ...]:
@@ -142,7 +165,7 @@ class Builder:
         return tuple(self._rule(source, event, rule) for rule in listed)
 
     def _rule(self, source: str, event: str, rule: str | dict[str, Any]) -> Transition:
-        fields = {"target": rule} if isinstance(rule, str) else dict(rule)
+        fields: dict[str, Any] = {"target": rule} if isinstance(rule, str) else dict(rule)
         self._rules += 1
         target = fields.pop("target", None)
         guard = fields.pop("guard", None)
@@ -156,7 +179,7 @@ class Builder:
             source=source,
             place=PLACE,
             target=self._resolve(target, source) if target else None,
-            guard=expression(guard) if guard else None,
+            guard=guard if isinstance(guard, Expression) else expression(guard) if guard else None,
             actions=done,
             **fields,
         )
@@ -169,25 +192,59 @@ def actions(given: Any) -> tuple[ActionCall, ...]:
 
 
 def _action(item: Any) -> ActionCall:
+    name: str
+    arguments: Mapping[str, Any]
     name, arguments = (item, {}) if isinstance(item, str) else item
     moves = name.startswith("!")
     return ActionCall(name.lstrip("!"), {k: value(v) for k, v in arguments.items()}, PLACE, moves)
 
 
-def _invoke(state: str, described: str | Mapping[str, Any]) -> Invoke:
-    fields = {"do": described} if isinstance(described, str) else described
+def _invoke(described: str | Mapping[str, Any]) -> Invoke:
+    fields: Mapping[str, Any] = {"do": described} if isinstance(described, str) else described
     retry = None
     if "attempts" in fields:
-        backoff = value(fields["backoff"]) if "backoff" in fields else None
-        retry = Retry(value(fields["attempts"]), backoff, frozenset(fields.get("unless", ())))
+        retry = Retry(
+            attempts=value(fields["attempts"]),
+            backoff=optional(fields, "backoff"),
+            unless=frozenset(fields.get("unless", ())),
+            factor=optional(fields, "factor"),
+            jitter=optional(fields, "jitter"),
+        )
     return Invoke(
         name=fields["do"],
         operation=OPERATIONS[fields["do"]],
         arguments={name: value(given) for name, given in fields.get("with", {}).items()},
         place=PLACE,
-        timeout=value(fields["timeout"]) if "timeout" in fields else None,
+        timeout=optional(fields, "timeout"),
         timeout_code=fields.get("timeout_code"),
         retry=retry,
+    )
+
+
+def _for_each(fields: Mapping[str, Any]) -> ForEach:
+    """Return a `for_each`: `items`, `key` (the element itself), `limit`, `when`, and an `invoke`'s fields."""
+    return ForEach(
+        name="item",
+        items=value(fields["items"]),
+        key=value(fields.get("key", lambda env: env["item"])),
+        invoke=_invoke({"with": {"item": lambda env: env["item"]}, **fields}),
+        place=PLACE,
+        limit=optional(fields, "limit"),
+        when=expression(fields["when"]) if "when" in fields else None,
+        on_done=actions(fields.get("on_done", ())),
+        on_error=actions(fields.get("on_error", ())),
+    )
+
+
+def _itinerary(given: Any) -> Itinerary:
+    """Return an itinerary from its items, or from a dict of its fields."""
+    fields = given if isinstance(given, Mapping) else {"items": given}
+    return Itinerary(
+        items=value(fields["items"]),
+        place=PLACE,
+        order=optional(fields, "order"),
+        sweeps=optional(fields, "sweeps"),
+        leaves_open=fields.get("leaves_open", False),
     )
 
 
@@ -202,6 +259,7 @@ def chart(
     missions: Mapping[str, Mapping[str, Any]] | None = None,
     codes: Mapping[str, str] | None = None,
     kind: str | None = None,
+    invariants: Mapping[str, Callable[[Any], Any]] | None = None,
 ) -> Chart:
     """Return a chart.
 
@@ -211,10 +269,11 @@ def chart(
         on: transitions of the root.
         holds: fields of `Hold` by name; guards are functions.
         context: variables and what they start with.
-        inputs: fields of `Input` by name; `levels` maps a level to (below, hysteresis).
+        inputs: fields of `Input` by name; `levels` maps a level to (below, hysteresis), or to a dict.
         missions: by name, with `state` and `request` (field name to fields of `Field`).
         codes: labels by code, all warnings; `paused` is always there, as information.
         kind: of the root, when it is not compound.
+        invariants: conditions by name; the name is also their source.
     """
     root: dict[str, Any] = {"states": states, "initial": initial, "label": "", "on": on or {}}
     if kind is not None:
@@ -229,6 +288,9 @@ def chart(
         context={name: Variable(name, ANY, value(start), PLACE) for name, start in (context or {}).items()},
         inputs={name: _input(name, fields) for name, fields in (inputs or {}).items()},
         codes={"paused": Code("paused", "paused by the operator", Severity.INFO), **labels},
+        invariants={
+            name: Invariant(name, expression(that, name), PLACE) for name, that in (invariants or {}).items()
+        },
     )
 
 
@@ -245,19 +307,24 @@ def _hold(name: str, fields: Mapping[str, Any]) -> Hold:
 
 
 def _input(name: str, fields: Mapping[str, Any]) -> Input:
-    levels = tuple(
-        Level(level, value(margin) if margin else None, PLACE, below=value(below))
-        for level, (below, margin) in fields.get("levels", {}).items()
-    )
-    rest = {key: given for key, given in fields.items() if key != "levels"}
-    return Input(name=name, value=rest.pop("value", name), type=ANY, place=PLACE, levels=levels, **rest)
+    levels = tuple(_level(level, given) for level, given in fields.get("levels", {}).items())
+    rest = {"value": name, "type": ANY, **fields, "levels": levels}
+    return Input(name=name, place=PLACE, **rest)
+
+
+def _level(name: str, given: Any) -> Level:
+    fields = given if isinstance(given, Mapping) else {"below": given[0], "hysteresis": given[1]}
+    bounds = {side: value(fields[side]) for side in ("below", "above") if side in fields}
+    return Level(name, optional(fields, "hysteresis"), PLACE, **bounds)
 
 
 class Bench:
     """A machine on a bench: what happens at which time is said by the test."""
 
-    def __init__(self, given: Chart, **parameters: Any) -> None:
-        self.machine = Machine(World(given, parameters, {}, {}))
+    machine_type: type[Machine] = Machine
+
+    def __init__(self, given: Chart, /, *, seed: int = 0, **parameters: Any) -> None:
+        self.machine = self.machine_type(World(given, parameters, {}, {}, seed))
         self.now = 0.0
         self.steps: list[Step] = [self.machine.start(0.0)]
 
@@ -267,6 +334,15 @@ class Bench:
         step = self.machine.handle(event, self.now)
         self.steps.append(step)
         return step
+
+    def observe(self, name: str, value: Any, stamp: float | None = None) -> Step:
+        """Let a live value be reported, as true now when nothing else is said."""
+        return self.send(events.observed(name, value, self.now if stamp is None else stamp))
+
+    def restart(self) -> None:
+        """Go on with a new machine that knows nothing but the snapshot."""
+        world = self.machine.world
+        self.machine = self.machine_type(world, restore(world.chart, self.machine.snapshot()))
 
     def wait(self, seconds: float) -> list[Step]:
         """Let time pass, firing every deadline at its time; return the steps that made."""
@@ -280,6 +356,14 @@ class Bench:
         self.steps.extend(found)
         return found
 
+    def wait_for_next(self) -> float:
+        """Let time pass until the next deadline has fired; return how long that took."""
+        due = self.machine.next_deadline
+        assert due is not None
+        passed, self.now = due - self.now, due
+        self.wait(0.0)
+        return passed
+
     @property
     def leaves(self) -> list[str]:
         """The innermost active states."""
@@ -287,10 +371,14 @@ class Bench:
         return [name for name in active if not any(other.startswith(f"{name}.") for other in active) and name]
 
     @property
+    def started(self) -> list[Start]:
+        """The attempts that were started, in their order."""
+        return [command for step in self.steps for command in step.commands if isinstance(command, Start)]
+
+    @property
     def attempt(self) -> str:
         """The id of the attempt that was started last."""
-        started = [command for step in self.steps for command in step.commands if isinstance(command, Start)]
-        return started[-1].attempt
+        return self.started[-1].attempt
 
     @property
     def context(self) -> dict[str, Any]:
@@ -301,6 +389,21 @@ class Bench:
     def commands(self) -> list[str]:
         """What the last step commands, one word and one name each."""
         return said(self.steps[-1])
+
+
+def legal(given: Chart, configuration: Iterable[str]) -> bool:
+    """Say whether states may be active together: one child of a compound state, all of a parallel one."""
+    active = set(configuration)
+    if tuple(configuration) != tuple(name for name in given.states if name in active):
+        return False
+    return all(_is_complete(given, given.states[name], active) for name in active)
+
+
+def _is_complete(given: Chart, state: State, active: set[str]) -> bool:
+    children = [child for child in state.children if given.states[child].kind is not Kind.HISTORY]
+    inside = [child for child in children if child in active]
+    complete = inside == children if state.kind is Kind.PARALLEL else len(inside) == min(1, len(children))
+    return complete and (state.parent is None or state.parent in active)
 
 
 def said(step: Step) -> list[str]:

@@ -320,7 +320,7 @@ def test_an_error_that_nobody_handles_leads_to_fault() -> None:
 
 
 def test_arguments_see_the_event_that_led_to_the_state() -> None:
-    """Where the operation drives was said by what happened before; a retry and a release drive there again."""
+    """Where to drive was said by what happened before; a retry and a release drive there again."""
     go = {"do": "nav.go", "with": {"to": lambda env: env["event"]["place"]}, "attempts": 2}
     states = {"A": {"on": {"found": "B"}}, "B": {"invoke": go, "on_done": "A", "on_error": "A"}}
     bench = Bench(chart(states, holds={"pause": PAUSE}))

@@ -399,3 +399,322 @@ def test_a_timer_of_no_time_still_lets_the_step_end() -> None:
     assert bench.leaves == ["A"]
     bench.wait(0.0)
     assert bench.leaves == ["B"]
+
+
+# -- patterns ---------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("pattern", "event", "heard"),
+    [
+        ("nav.*", "nav.gone", True),
+        ("nav.*", "nav.gone.far", True),
+        ("nav.*", "nav", False),
+        ("nav.*", "navigation.gone", False),
+        ("nav", "nav.gone", False),
+        ("*", "nav.gone", True),
+        ("*", "operator", True),
+    ],
+)
+def test_prefixes_and_the_wildcard(pattern: str, event: str, heard: bool) -> None:
+    """A prefix covers what stands below it, word by word; the wildcard covers everything from outside."""
+    bench = Bench(chart({"A": {"on": {pattern: "B"}}, "B": {}}))
+    bench.send(event)
+    assert (bench.leaves == ["B"]) == heard
+
+
+def test_the_wildcard_is_not_about_the_engines_own_events() -> None:
+    """The end of an operation, an error and a timer are heard by who asked for them."""
+    states: dict[str, Any] = {
+        "A": {
+            "states": {"x": {"on": {"go": "f"}}, "f": {"kind": "final"}},
+            "on": {"*": {"do": "heard"}},
+            "entry": ("set", {"n": lambda env: env["absent"]}),
+            "after": {1.0: {"do": "timed"}},
+        }
+    }
+    bench = Bench(chart(states, context={"n": 0}))
+    assert done(bench) == []
+    bench.wait(1.0)
+    assert done(bench) == ["timed"]
+    bench.send("go")
+    assert done(bench) == []
+    bench.send("other")
+    assert done(bench) == ["heard"]
+
+
+@pytest.mark.parametrize(
+    "name", ["", "done", "error.execution", "error", "after.0", "budget", "input.x", "input"]
+)
+def test_the_engines_own_events_come_from_nobody_else(name: str) -> None:
+    """Dropped, with a note; nothing is taken."""
+    rules: dict[str, Any] = {
+        "on_done": "B",
+        "on_error": "B",
+        "always": {"target": "B", "guard": lambda env: False},
+    }
+    states = {"A": {**rules, "after": {9.0: "B"}, "on": {"input.x": "B"}}, "B": {}, "FAULT": {}}
+    bench = Bench(chart(states, inputs={"x": {}}))
+    step = bench.send(name)
+    assert step.notes == (f"dropped: {name!r} is the engine's own event, and nobody else's",)
+    assert (bench.leaves, step.changed) == (["A"], False)
+
+
+# -- self transitions -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("rule", "expected"),
+    [
+        ({"do": "act"}, ["act"]),
+        ({"target": "M", "do": "act"}, ["exit.x", "exit.M", "act", "enter.M", "enter.x"]),
+        ({"target": "M", "do": "act", "internal": True}, ["exit.x", "exit.M", "act", "enter.M", "enter.x"]),
+        ({"target": "M.x", "do": "act"}, ["exit.x", "exit.M", "act", "enter.M", "enter.x"]),
+        ({"target": "M.x", "do": "act", "internal": True}, ["exit.x", "act", "enter.x"]),
+    ],
+    ids=["targetless", "external self", "internal self", "external", "internal"],
+)
+def test_transitions_to_oneself(rule: dict[str, Any], expected: list[str]) -> None:
+    """Only an internal transition to a descendant keeps its source; without a target nothing is left."""
+    bench = Bench(chart({"M": loud("M", states={"x": loud("x")}, on={"go": rule})}))
+    bench.send("go")
+    assert done(bench) == expected
+
+
+def test_an_internal_transition_of_a_parallel_state_is_external() -> None:
+    """SCXML: only a compound state can be kept."""
+    regions = {"R": loud("R"), "S": loud("S")}
+    rule = {"target": "P.S", "internal": True}
+    bench = Bench(chart({"P": loud("P", kind="parallel", states=regions, on={"go": rule})}))
+    bench.send("go")
+    assert done(bench) == ["exit.S", "exit.R", "exit.P", "enter.P", "enter.R", "enter.S"]
+
+
+# -- raise ------------------------------------------------------------------------------------------------
+
+
+def test_what_is_raised_comes_in_the_order_of_exits_actions_and_entries() -> None:
+    """One queue for all of a step; each event sees where the earlier ones led."""
+
+    def shout(word: str) -> tuple[str, dict[str, str]]:
+        return ("raise", {"event": word})
+
+    hear = {word: {"do": f"heard.{word}"} for word in ("left", "acted", "entered", "deeper")}
+    states = {
+        "A": {"exit": shout("left"), "on": {"go": {"target": "B", "do": shout("acted")}}},
+        "B": {"entry": shout("entered"), "states": {"C": {"entry": shout("deeper")}}, "on": hear},
+    }
+    bench = Bench(chart(states))
+    bench.send("go")
+    assert done(bench) == ["heard.left", "heard.acted", "heard.entered", "heard.deeper"]
+
+
+def test_what_is_raised_goes_before_the_next_event_from_outside() -> None:
+    """Events of one step are done with before the next one begins."""
+    states = {
+        "A": {"on": {"go": {"target": "B", "do": ("raise", {"event": "inner"})}}},
+        "B": {"on": {"inner": "C", "outer": "WRONG"}},
+        "C": {"on": {"outer": "D"}},
+        "D": {},
+        "WRONG": {},
+    }
+    bench = Bench(chart(states))
+    bench.send("go")
+    bench.send("outer")
+    assert bench.leaves == ["D"]
+
+
+def test_what_is_raised_for_nobody_is_told() -> None:
+    """As an event from outside would be."""
+    bench = Bench(chart({"A": {"entry": ("raise", {"event": "ping"})}}))
+    assert bench.steps[0].notes == ("nobody listens to ping",)
+
+
+# -- more of parallel states ------------------------------------------------------------------------------
+
+
+def test_a_transition_from_deeper_wins_over_an_earlier_one() -> None:
+    """SCXML's preemption: of two that leave the same, the descendant's goes before its ancestor's."""
+    inner = {"s": {"states": {"deep": {"on": {"go": "s2"}}, "s2": {}}, "on": {"go": "Z"}}}
+    regions = {"R": {"states": {"r": {}}}, "S": {"states": inner}}
+    bench = Bench(chart({"P": {"kind": "parallel", "states": regions, "on": {"go": "Z"}}, "Z": {}}))
+    step = bench.send("go")
+    assert (bench.leaves, len(step.taken)) == (["P.R.r", "P.S.s.s2"], 1)
+
+
+def test_three_regions_the_first_that_leaves_wins() -> None:
+    """Later ones in conflict are dropped, with their actions; what was chosen before them is dropped too."""
+    act = {"target": "x2", "do": "moved"}
+    regions = {
+        "R": {"states": {"x": {"on": {"go": act}}, "x2": {}}},
+        "S": {"states": {"x": {"on": {"go": {"target": "Y", "do": "left"}}}}},
+        "T": {"states": {"x": {"on": {"go": {"target": "Z", "do": "late"}}}}},
+    }
+    bench = Bench(chart({"P": {"kind": "parallel", "states": regions}, "Y": {}, "Z": {}}))
+    bench.send("go")
+    assert (bench.leaves, done(bench)) == (["P.R.x2", "P.S.x", "P.T.x"], ["moved"])
+
+
+def test_without_targets_there_is_no_conflict() -> None:
+    """What leaves nothing goes beside what leaves everything."""
+    regions = {
+        "R": {"states": {"x": {"on": {"go": {"do": "noted"}}}}},
+        "S": {"states": {"x": {"on": {"go": {"target": "Z", "do": "left"}}}}},
+    }
+    bench = Bench(chart({"P": {"kind": "parallel", "states": regions}, "Z": {}}))
+    bench.send("go")
+    assert (bench.leaves, done(bench)) == (["Z"], ["noted", "left"])
+
+
+def test_a_transition_that_all_regions_share_is_taken_once() -> None:
+    """Offered to every leaf, chosen for every leaf, and one transition all the same."""
+    regions = {"R": {"states": {"x": {}}}, "S": {"states": {"x": {}}}}
+    bench = Bench(chart({"P": {"kind": "parallel", "states": regions, "on": {"go": {"do": "once"}}}}))
+    bench.send("go")
+    assert done(bench) == ["once"]
+
+
+def test_a_root_may_be_parallel() -> None:
+    """Its regions end the chart together; nobody listens to that end, and nothing happens."""
+    region = {"states": {"x": {"on": {"go": "f"}}, "f": {"kind": "final"}}}
+    bench = Bench(chart({"R": region, "S": region}, kind="parallel"))
+    step = bench.send("go")
+    assert (bench.leaves, step.notes, step.trail) == (["R.f", "S.f"], (), ())
+
+
+ENDING = {"states": {"r": {"on": {"end": "f"}}, "f": {"kind": "final"}}}
+
+
+@pytest.mark.parametrize("order", [("i", "j", "r"), ("r", "j", "i"), ("i", "r", "j")])
+def test_nested_parallel_states_end_with_the_last_of_their_regions(order: tuple[str, ...]) -> None:
+    """Whichever is the last: the inner one's end is heard, then the outer one's."""
+
+    def ending(word: str) -> dict[str, Any]:
+        return {"states": {"x": {"on": {word: "f"}}, "f": {"kind": "final"}}}
+
+    inner = {
+        "kind": "parallel",
+        "states": {"I": ending("i"), "J": ending("j")},
+        "on_done": {"do": "inner.done"},
+    }
+    outer = {
+        "kind": "parallel",
+        "states": {"Q": inner, "R": ending("r")},
+        "on_done": {"target": "Z", "do": "outer.done"},
+    }
+    bench = Bench(chart({"P": outer, "Z": {}}))
+    heard = [word for event in order for word in (bench.send(event), done(bench))[1]]
+    assert (bench.leaves, heard) == (["Z"], ["inner.done", "outer.done"])
+
+
+def test_an_inner_parallel_state_that_has_ended_does_not_end_the_outer_one() -> None:
+    """Another region still works."""
+    inner = {"kind": "parallel", "states": {"I": ENDING, "J": ENDING}}
+    regions = {"Q": inner, "R": {"states": {"x": {}}}}
+    bench = Bench(chart({"P": {"kind": "parallel", "states": regions, "on_done": "Z"}, "Z": {}}))
+    bench.send("end")
+    assert bench.leaves == ["P.Q.I.f", "P.Q.J.f", "P.R.x"]
+
+
+def test_a_final_state_at_the_top_ends_the_chart() -> None:
+    """There is nobody above it who could hear."""
+    bench = Bench(chart({"A": {"on": {"go": "f"}}, "f": {"kind": "final"}}))
+    assert (bench.send("go").notes, bench.leaves) == ((), ["f"])
+
+
+# -- history in parallel states -----------------------------------------------------------------------------
+
+
+def two_regions(depth: int | None) -> dict[str, Any]:
+    """Return a parallel state whose first region remembers its past, `depth` levels deep."""
+    deep = {"states": {"x": {"on": {"next": "y"}}, "y": {}}}
+    first = {"states": {"A": {"on": {"next": "B"}}, "B": deep, "H": {"kind": "history", "depth": depth}}}
+    second = {"states": {"s": {"on": {"next": "t"}}, "t": {"on": {"again": "P.R.H"}}}}
+    parallel = {"kind": "parallel", "states": {"R": first, "S": second}, "on": {"out": "Z"}}
+    return {"P": parallel, "Z": {"on": {"back": "P.R.H"}}}
+
+
+@pytest.mark.parametrize(("depth", "expected"), [(1, "P.R.B.x"), (None, "P.R.B.y")])
+def test_the_history_of_one_region_enters_the_others_anew(depth: int | None, expected: str) -> None:
+    """Shallow comes back to the child, deep to the leaf; who has no history begins."""
+    bench = Bench(chart(two_regions(depth)))
+    for event in ("next", "next", "out", "back"):
+        bench.send(event)
+    assert bench.leaves == [expected, "P.S.s"]
+
+
+def test_a_region_may_send_another_to_its_past() -> None:
+    """The parallel state is left and entered; what the region was at that moment is its past."""
+    bench = Bench(chart(two_regions(None)))
+    bench.send("next")
+    assert bench.leaves == ["P.R.B.x", "P.S.t"]
+    step = bench.send("again")
+    assert bench.leaves == ["P.R.B.x", "P.S.s"]
+    assert set(step.exited) == {"P", "P.R", "P.R.B", "P.R.B.x", "P.S", "P.S.t"}
+
+
+def test_shallow_history_of_a_parallel_state_enters_its_regions_anew() -> None:
+    """One level down are the regions themselves."""
+    region = {"states": {"x": {"on": {"next": "y"}}, "y": {}}}
+    regions = {"R": region, "S": region, "H": {"kind": "history", "depth": 1}}
+    states = {"P": {"kind": "parallel", "states": regions, "on": {"out": "Z"}}, "Z": {"on": {"back": "P.H"}}}
+    bench = Bench(chart(states))
+    for event in ("next", "out", "back"):
+        bench.send(event)
+    assert bench.leaves == ["P.R.x", "P.S.x"]
+
+
+def test_two_histories_of_one_state_remember_differently() -> None:
+    """Each what it is asked for."""
+    inner = {"B": {"states": {"x": {"on": {"next": "y"}}, "y": {}}}}
+    past = {"H": {"kind": "history", "depth": 1}, "D": {"kind": "history", "depth": None}}
+    states = {
+        "M": {"states": {**inner, **past}, "on": {"out": "Z"}},
+        "Z": {"on": {"back": "M.H", "deep": "M.D"}},
+    }
+    for event, expected in (("back", "M.B.x"), ("deep", "M.B.y")):
+        bench = Bench(chart(states))
+        for name in ("next", "out", event):
+            bench.send(name)
+        assert bench.leaves == [expected]
+
+
+def test_resume_at_may_leave_it_to_the_first_child() -> None:
+    """Where none of its guards holds, or none is written, a state begins as always."""
+    walk = {
+        "states": {"DRIVE": {"on": {"next": "SCAN"}}, "SCAN": {}},
+        "resume_at": [{"target": "SCAN", "guard": lambda env: False}],
+    }
+    states = {
+        "M": {"states": {"W": walk, "H": {"kind": "history", "depth": 1}}, "on": {"out": "Z"}},
+        "Z": {"on": {"back": "M.H"}},
+    }
+    bench = Bench(chart(states))
+    for event in ("next", "out", "back"):
+        bench.send(event)
+    assert bench.leaves == ["M.W.DRIVE"]
+
+
+# -- a chart that never comes to rest -----------------------------------------------------------------------
+
+
+def test_a_cycle_through_fault_is_left_as_it_is() -> None:
+    """FAULT that does not rest either ends the step all the same; what it commanded is not lost."""
+    states = {
+        "A": {"always": {"target": "B", "id": "a-b"}},
+        "B": {"always": {"target": "A", "id": "b-a"}},
+        "FAULT": {"always": "A"},
+    }
+    bench = Bench(chart(states))
+    assert bench.steps[0].notes[-1] == "nor does it after the error: it is left as it is"
+    assert len(bench.steps[0].taken) > 1000
+    assert len(bench.leaves) == 1
+
+
+def test_a_cycle_of_raised_events_is_one_too() -> None:
+    """An event that raises itself is told by the transition that repeats."""
+    rule = {"id": "echo", "do": ("raise", {"event": "ping"})}
+    bench = Bench(chart({"A": {"on": {"ping": rule}}, "FAULT": {}}))
+    step = bench.send("ping")
+    assert step.notes == ("the chart does not come to rest after ping: it repeats echo",)
+    assert bench.leaves == ["FAULT"]

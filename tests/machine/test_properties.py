@@ -7,16 +7,18 @@ import copy
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lupin_engine.chart.model import Chart, Kind
+from lupin_engine.chart.model import Chart
 from lupin_engine.machine import event as events
 from lupin_engine.machine.event import OPERATOR_REQUESTS, Event, Publish
 from lupin_engine.machine.machine import Machine
 from lupin_engine.machine.memory import Memory, Phase
+from lupin_engine.machine.snapshot import restore
 from lupin_engine.machine.step import Step
 from lupin_engine.machine.timers import NEVER_FROZEN
 from lupin_engine.plugin.contract import OnHold
 from lupin_engine.runtime.setup import make_machine
 from tests import shipped
+from tests.machine.charts import legal
 
 READING = {"reading": {"tag_id": "1", "stamp": 0.0, "sim_time_of_day_seconds": 0.0, "readings": []}}
 START = Event("mission.start", {"mission_type": "InspectionMission", "tag_sequence": ["1", "2"]})
@@ -43,7 +45,15 @@ class World:
         self.now = 0.0
         self.published = 0
         self.attempts: list[str] = []
+        self.steps: list[Step] = []
         self.look(self.machine.start(0.0))
+
+    def twin(self) -> World:
+        """Return a second one whose machine knows nothing but this one's snapshot."""
+        other = copy.copy(self)
+        other.machine = Machine(self.machine.world, restore(self.chart, self.machine.snapshot()))
+        other.attempts, other.steps = list(self.attempts), list(self.steps)
+        return other
 
     @property
     def memory(self) -> Memory:
@@ -96,6 +106,7 @@ class World:
 
     def look(self, step: Step) -> None:
         """Check what must always be true."""
+        self.steps.append(step)
         self.attempts += [c.attempt for c in step.commands if isinstance(c, events.Start)]
         assert self.memory.code != "execution_error", self.memory.detail
         self._configuration()
@@ -104,13 +115,7 @@ class World:
         self._visits(step)
 
     def _configuration(self) -> None:
-        active = set(self.memory.configuration)
-        assert self.memory.configuration == tuple(name for name in self.chart.states if name in active)
-        for name in active:
-            state = self.chart.states[name]
-            children = [child for child in state.children if child in active]
-            assert name == "" or state.parent in active
-            assert len(children) == (1 if state.kind is Kind.COMPOUND else 0), name
+        assert legal(self.chart, self.memory.configuration)
 
     def _deadlines(self) -> None:
         owners = {"after": set(self.memory.configuration)}

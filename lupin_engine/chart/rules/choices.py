@@ -18,6 +18,7 @@ from lupin_engine.chart.guards import (
 )
 from lupin_engine.chart.model import Constant, Expression, Kind, State, Transition
 from lupin_engine.chart.rules.index import (
+    OF_ONE_STATE,
     Index,
     always_taken,
     condition,
@@ -29,8 +30,7 @@ from lupin_engine.chart.rules.index import (
 )
 from lupin_engine.errors import Diagnostic
 
-#: Beginnings of events that only the state they belong to hears.
-_OF_ONE_STATE = ("done", "error", "after.", "budget")
+_NEVER = "this can never be taken"
 
 # -- never-wins -------------------------------------------------------------------------------------------
 
@@ -54,14 +54,18 @@ def _never_true(transition: Transition) -> bool:
 
 def _hidden_by_earlier(index: Index, group: Sequence[Transition]) -> Iterator[Diagnostic]:
     """Find those of a group that the ones before them leave nothing to do."""
+    # Asked once for all of them; which ones it is before each is asked only when there is something to tell.
+    leaves_none = len(group) > 2 and total(_sure_conditions(index, group[:-1]))
     for at, later in enumerate(group):
         earlier = [other for other in group[:at] if _goes_before(other, later)]
         if not earlier or _never_true(later):
             continue
         problem = _why_hidden(index, earlier, later)
+        if not problem and leaves_none:
+            problem = _why_none_is_left(index, earlier, later)
         if problem:
             hint = "move it up, or guard that one" if "no guard" in problem else "move it up, or remove it"
-            yield Diagnostic(later.place, "never-wins", later.id, problem, hint)
+            yield Diagnostic(later.place, "never-wins", later.id, f"{_NEVER}: {problem}", hint)
 
 
 def _goes_before(earlier: Transition, later: Transition) -> bool:
@@ -78,24 +82,28 @@ def _goes_before(earlier: Transition, later: Transition) -> bool:
 
 
 def _why_hidden(index: Index, earlier: Sequence[Transition], later: Transition) -> str:
-    """Say why a transition cannot be taken after those before it; nothing when it can."""
-    never = "this can never be taken"
+    """Say which one before a transition is always taken instead; nothing when none is."""
     for other in earlier:
         line = line_of(other.place, later.place)
         if other.guard is None:
-            return f"{never}: the one in {line} comes first and has no guard"
+            return f"the one in {line} comes first and has no guard"
         if always_taken(other):
-            return f"{never}: the guard of the one in {line} before it is always true"
+            return f"the guard of the one in {line} before it is always true"
         if later.guard is not None and _covered(index, other, later):
-            return f"{never}: whenever its guard is true, that in {line} before it is too"
-    rest = [t for t in earlier if not _never_true(t)]
-    if len(rest) < 2 or not total(_sure_conditions(index, rest)):
+            return f"whenever its guard is true, that in {line} before it is too"
+    return ""
+
+
+def _why_none_is_left(index: Index, earlier: Sequence[Transition], later: Transition) -> str:
+    """Say which of those before a transition leave nothing over between them."""
+    told_of = [t for t in earlier if not _never_true(t)]
+    if not total(_sure_conditions(index, told_of)):
         return ""
     # Two of them are often enough, and easier to understand.
-    pairs = ([first, second] for at, second in enumerate(rest) for first in rest[:at])
-    rest = next((pair for pair in pairs if total(_sure_conditions(index, pair))), rest)
-    lines = " and ".join(line_of(t.place, later.place) for t in rest)
-    return f"{never}: one of the guards in {lines} before it is always true"
+    pairs = ([first, second] for at, second in enumerate(told_of) for first in told_of[:at])
+    told_of = next((pair for pair in pairs if total(_sure_conditions(index, pair))), told_of)
+    lines = " and ".join(line_of(t.place, later.place) for t in told_of)
+    return f"one of the guards in {lines} before it is always true"
 
 
 def _covered(index: Index, earlier: Transition, later: Transition) -> bool:
@@ -103,26 +111,26 @@ def _covered(index: Index, earlier: Transition, later: Transition) -> bool:
     assert later.guard is not None
     if earlier.guard.source == later.guard.source:
         return True
-    if index.may_be_unknown(earlier.guard):
+    if not index.is_sure(earlier.guard) or not index.understood(later.guard):
         return False
     return implies(condition_of(later.guard.source), condition_of(earlier.guard.source))
 
 
 def _sure_conditions(index: Index, transitions: Iterable[Transition]) -> list[Condition]:
-    """Return the conditions of those guards that are not also false while an input is unknown."""
+    """Return the conditions of those guards that are not also false for another reason."""
     guards = [t.guard for t in transitions if t.guard is not None]
-    return [condition_of(guard.source) for guard in guards if not index.may_be_unknown(guard)]
+    return [condition_of(guard.source) for guard in guards if index.is_sure(guard)]
 
 
 def _hidden_by_inner(index: Index, state: State) -> Iterator[Diagnostic]:
     """Find transitions of an outer state whose event never gets past the states inside."""
     inner = _resting(index, state)
     for transition in state.transitions:
-        if transition.event.startswith(_OF_ONE_STATE) or _never_true(transition):
+        if transition.event.startswith(OF_ONE_STATE) or _never_true(transition):
             continue
         if inner and all(_answers(index, child, transition) for child in inner):
             how = f"answers {transition.event!r}" if transition.event else "is left by an 'always'"
-            problem = f"this can never be taken: every state inside {how} without a guard"
+            problem = f"{_NEVER}: every state inside {how} without a guard"
             hint = "remove it, or guard one of those"
             yield Diagnostic(transition.place, "never-wins", transition.id, problem, hint)
 
@@ -205,7 +213,7 @@ def _answers_of_regions(index: Index) -> dict[str, list[Transition]]:
     found: dict[str, list[Transition]] = {state.name: [] for state in index.parallel}
     for name, around in index.region_of.items():
         for transition in index.chart.states[name].transitions:
-            heard = transition.event and not transition.event.startswith(_OF_ONE_STATE)
+            heard = transition.event and not transition.event.startswith(OF_ONE_STATE)
             if heard and transition.target is not None:
                 for parallel, _ in around:
                     found[parallel].append(transition)

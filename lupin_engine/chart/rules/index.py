@@ -23,8 +23,10 @@ from lupin_engine.chart.names import inputs_read
 from lupin_engine.chart.rules.written import Call, Read, Texts, calls_of, reads_of
 from lupin_engine.errors import Diagnostic, Place
 
-#: Beginnings of events that no wildcard listens to: they come from the engine and are meant for one state.
-_OWN = ("done", "error", "after.", "budget", "input.")
+#: Beginnings of events that only the state they belong to hears.
+OF_ONE_STATE = ("done", "error", "after.", "budget")
+#: Beginnings of those that no wildcard listens to: the engine's own.
+_OWN = (*OF_ONE_STATE, "input.")
 #: The top-level state that an error leads to when nobody handles it.
 FAULT = "FAULT"
 
@@ -86,7 +88,7 @@ class Index:
             self.outer.append(state)
         answers = False
         for transition in state.transitions:
-            if transition.guard is not None:
+            if transition.guard is not None and self.understood(transition.guard):
                 self.guarded.append(transition)
             event = transition.event
             if event == "" or event.startswith("input."):
@@ -178,11 +180,13 @@ class Index:
         inputs = self.chart.inputs.values()
         return frozenset(i.name for i in inputs if i.initial is None or i.freshness is not None)
 
-    def may_be_unknown(self, guard: Expression) -> bool:
-        """Tell whether a guard may be false because an input is unknown, whatever it says."""
-        if not self.unsure or "input." not in guard.source:
+    def is_sure(self, guard: Expression) -> bool:
+        """Tell whether a guard says all: it is not also false because of a mistake or an unknown input."""
+        if not self.understood(guard):
             return False
-        return not self.unsure.isdisjoint(inputs_read(guard.source))
+        if not self.unsure or "input." not in guard.source:
+            return True
+        return self.unsure.isdisjoint(inputs_read(guard.source))
 
     # -- everything that is written ------------------------------------------------------------------------
 

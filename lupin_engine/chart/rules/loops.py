@@ -54,7 +54,7 @@ class _Loops:
         self.by_id = {t.id: t for t in index.eventless}
         #: What is asked before each of those that may follow a transition.
         self._before: dict[tuple[str, str], list[Transition]] = {}
-        self.following = {t.id: self._follow(t) for t in index.eventless if _can_be_taken(t)}
+        self.following = {t.id: self._follow(t) for t in index.eventless if self._can_be_taken(t)}
 
     def name_of(self, state: str) -> str:
         """Return what a state is called in a message."""
@@ -64,6 +64,14 @@ class _Loops:
         """Return where a transition stands, to sort by."""
         place = self.by_id[name].place
         return (place.file, place.line, place.column)
+
+    def _can_be_taken(self, transition: Transition) -> bool:
+        """Tell whether a transition is ever taken: the hold that its level engages goes before it."""
+        holds = self._index.chart.holds.values()
+        passes = transition.during | transition.releases
+        if transition.event and any(h.engage == transition.event and h.name not in passes for h in holds):
+            return False
+        return transition.guard is None or constant(transition.guard.source) is not False
 
     def _follow(self, transition: Transition) -> list[str]:
         """Return what may be taken right after a transition."""
@@ -122,10 +130,6 @@ class _Loops:
 
     def _below(self, name: str, ancestor: str) -> bool:
         return name != ancestor and self._index.inside(name, ancestor)
-
-
-def _can_be_taken(transition: Transition) -> bool:
-    return transition.guard is None or constant(transition.guard.source) is not False
 
 
 def _written(call: ActionCall) -> set[str]:

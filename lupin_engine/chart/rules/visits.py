@@ -8,11 +8,12 @@ following all ways from entering the itinerary on, guards on `itinerary.open` in
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import lru_cache
 
 from lupin_engine.chart.guards import Condition, fact, negate, possible
 from lupin_engine.chart.model import ActionCall, Kind, State, Transition
-from lupin_engine.chart.rules.index import Index, always_taken, condition, covers, local
+from lupin_engine.chart.rules.index import OF_ONE_STATE, Index, always_taken, condition, covers, local
 from lupin_engine.errors import Diagnostic
 
 #: What a visit may be.
@@ -51,7 +52,7 @@ class _Call:
 
 @dataclass(frozen=True)
 class _Step:
-    """A transition taken in an innermost state: when, what it calls on the way, and where it comes to.
+    """What a transition does to the visit: when it is taken, what it calls, which innermost states it enters.
 
     Where a history state leads is not known, so after a `vague` step the visit may be either.
     """
@@ -70,8 +71,11 @@ class _Walk:
         self._index = index
         self._walker = walker
         self._inside = {state.name: state for state in inside}
+        leaving = {state.name: list(_walking(f"{state.name}.exit", state.exit)) for state in inside}
+        self._leaving = {name: calls for name, calls in leaving.items() if calls}
         leaves = [state for state in inside if state.kind is not Kind.HISTORY and not index.begun(state)]
         self._at: dict[str, Visit] = {leaf.name: frozenset() for leaf in leaves}
+        self._known: dict[str, _Step] = {}
         self._steps = {leaf.name: list(self._steps_of(leaf)) for leaf in leaves}
         self._settle()
 
@@ -91,15 +95,15 @@ class _Walk:
         """Yield what may happen in an innermost state, up to the state that walks."""
         around = [self._inside[name] for name in self._index.lineage[leaf.name] if name in self._inside]
         restless = any(not t.event and always_taken(t) for state in around for t in state.transitions)
-        asked: list[Transition] = []
+        sure: list[str] = []
         for state in around:
             for transition in state.transitions:
                 if (restless and transition.event) or not self._hears(leaf, transition):
                     continue
-                if not any(always_taken(t) and covers(t.event, transition.event) for t in asked):
-                    before = [t for t in asked if t.event == transition.event]
-                    yield self._step(leaf, transition, before)
-                    asked.append(transition)
+                if not any(covers(event, transition.event) for event in sure):
+                    yield self._step_from(leaf, transition)
+                if always_taken(transition) and not transition.event.startswith(OF_ONE_STATE):
+                    sure.append(transition.event)
 
     def _hears(self, leaf: State, transition: Transition) -> bool:
         """Tell whether an event can arrive in an innermost state; `done` means what has just ended."""
@@ -113,24 +117,40 @@ class _Walk:
         )
         return not left or not transition.event
 
-    def _step(self, leaf: State, transition: Transition, before: Sequence[Transition]) -> _Step:
-        when = (condition(transition), *(negate(condition(other)) for other in before))
-        own = list(_walking(f"{transition.id}.do", transition.actions))
+    def _step_from(self, leaf: State, transition: Transition) -> _Step:
+        """Return a step with what leaving the innermost state does."""
+        step = self._known.get(transition.id)
+        if step is None:
+            step = self._known[transition.id] = self._step(transition)
         if transition.target is None:
-            return _Step(transition, when, tuple(own), (leaf.name,))
+            return replace(step, leaves=(leaf.name,))
+        if self._leaving:
+            path = self._path(leaf.name, self._index.domain(transition, transition.target))
+            left = [call for state in path for call in self._leaving.get(state.name, ())]
+            return replace(step, calls=(*left, *step.calls))
+        return step
+
+    def _step(self, transition: Transition) -> _Step:
+        """Return what a transition does, from wherever inside its source it is taken."""
+        when = [condition(transition)] if _asks(transition) else []
+        for other in self._inside[transition.source].transitions:
+            if other is transition:
+                break
+            if other.event == transition.event and _asks(other):
+                when.append(negate(condition(other)))
+        calls = list(_walking(f"{transition.id}.do", transition.actions))
+        if transition.target is None:
+            return _Step(transition, tuple(when), tuple(calls), ())
         target = self._index.chart.states[transition.target]
-        domain = self._index.domain(transition, target.name)
-        for state in self._path(leaf.name, domain)[::-1]:
-            own[:0] = _walking(f"{state.name}.exit", state.exit)
         if target.kind is Kind.HISTORY:
             leaves = tuple(self._leaves_in(target.parent or ""))
-            return _Step(transition, when, tuple(own), leaves, vague=True)
+            return _Step(transition, tuple(when), tuple(calls), leaves, vague=True)
+        domain = self._index.domain(transition, target.name)
         begun = [self._inside[name] for name in self._index.entered(target.name) if name in self._inside]
-        path = {state.name: state for state in (*self._path(target.name, domain)[::-1], *begun)}
-        for state in path.values():
-            own += _walking(f"{state.name}.entry", state.entry)
+        for state in {s.name: s for s in (*self._path(target.name, domain)[::-1], *begun)}.values():
+            calls += _walking(f"{state.name}.entry", state.entry)
         leaves = tuple(state.name for state in begun if state.name in self._at)
-        return _Step(transition, when, tuple(own), leaves)
+        return _Step(transition, tuple(when), tuple(calls), leaves)
 
     def _path(self, name: str, domain: str) -> list[State]:
         """Return a state and those around it below `domain`, as far as they belong to the walk."""
@@ -215,19 +235,25 @@ class _Walk:
         """Yield where a state goes on that comes back: what `resume_at` says, else where it begins."""
         before: list[Condition] = []
         for transition in state.resume_at:
-            visit = _those(_EITHER, [condition(transition), *map(negate, before)])
+            visit = _those(_EITHER, (condition(transition), *map(negate, before)))
             before.append(condition(transition))
             yield from self._entered(transition.target or "", visit)
-        yield from self._entered(state.name, _those(_EITHER, [negate(found) for found in before]))
+        yield from self._entered(state.name, _those(_EITHER, tuple(map(negate, before))))
 
 
 #: What the visit must not be, all ways considered.
 _REFUSED = {"itinerary.close": frozenset([CLOSED]), "itinerary.advance": frozenset([OPEN])}
 
 
-def _those(visit: Visit, when: Iterable[Condition]) -> Visit:
+@lru_cache(256)
+def _those(visit: Visit, when: tuple[Condition, ...]) -> Visit:
     """Return what of the visit agrees with conditions."""
-    return frozenset(v for v in visit if possible(fact("itinerary.open", v == OPEN), *when))
+    return frozenset(v for v in visit if not when or possible(fact("itinerary.open", v == OPEN), *when))
+
+
+def _asks(transition: Transition) -> bool:
+    """Tell whether a guard asks for the visit; one that does not says nothing about it."""
+    return transition.guard is not None and "itinerary.open" in transition.guard.source
 
 
 def _walking(path: str, calls: Iterable[ActionCall]) -> Iterator[_Call]:

@@ -83,12 +83,13 @@ def _is_implied(index: Index, state: State) -> bool:
 def _reached(index: Index) -> set[str]:
     """Follow everything that can enter a state, from the root on, guards aside.
 
-    A state that is active because something inside it was entered has not begun with its first child.
+    A state that is active because something inside it was entered has not begun with its first child. To
+    FAULT an error leads that nobody handles.
     """
     states = index.chart.states
     active: set[str] = set()
     begun: set[str] = set()
-    waiting = [("", True)]
+    waiting = [("", True), *((name, True) for name in (FAULT,) if name in states)]
     while waiting:
         name, begins = waiting.pop()
         state = states[name]
@@ -99,19 +100,13 @@ def _reached(index: Index) -> set[str]:
             active.add(name)
             waiting += [(t.target, True) for t in state.transitions if t.target is not None]
             waiting += [(t.target, True) for t in state.resume_at if t.target is not None]
+            if state.kind is Kind.PARALLEL:
+                waiting += [(region.name, True) for region in index.regions(state)]
+            if state.kind is Kind.HISTORY and state.initial is not None:
+                waiting.append((state.initial, True))
             if state.parent is not None:
-                waiting += _around(index, state, states[state.parent])
+                waiting.append((state.parent, state.kind is Kind.HISTORY))
     return active
-
-
-def _around(index: Index, state: State, parent: State) -> list[tuple[str, bool]]:
-    """Return what is active beside a state, and whether it begins: the other regions, what history means."""
-    found = [(parent.name, state.kind is Kind.HISTORY)]
-    if parent.kind is Kind.PARALLEL:
-        found += [(region.name, True) for region in index.regions(parent) if region is not state]
-    if state.kind is Kind.HISTORY and state.initial is not None:
-        found.append((state.initial, True))
-    return found
 
 
 # -- dead-end ---------------------------------------------------------------------------------------------

@@ -1,0 +1,138 @@
+"""Findings as they are told: to people with line and carets, to programs as JSON, SARIF or annotations."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from types import MappingProxyType
+
+import click
+
+from lupin_engine.cli.excerpt import Sources, excerpt
+from lupin_engine.errors import Diagnostic, Severity
+
+#: How wide excerpts are where there is no terminal, in cells.
+WIDTH = 120
+_COLOURS: Mapping[Severity, str] = MappingProxyType({Severity.ERROR: "red", Severity.WARN: "yellow"})
+
+
+@dataclass(frozen=True)
+class Checked:
+    """What checking came to: how many missions, and every finding once."""
+
+    missions: int
+    found: tuple[Diagnostic, ...]
+
+    def count(self, severity: Severity) -> int:
+        """Return how many findings are so severe."""
+        return sum(diagnostic.severity is severity for diagnostic in self.found)
+
+    def exit_code(self, strict: bool) -> int:
+        """Return 1 when something is wrong; warnings are that only when one is strict."""
+        return 1 if self.count(Severity.ERROR) or (strict and self.found) else 0
+
+
+def wants_colour() -> bool | None:
+    """Say whether to colour; None: where there is a terminal."""
+    if os.environ.get("NO_COLOR"):
+        return False
+    return True if os.environ.get("FORCE_COLOR") else None
+
+
+def as_text(checked: Checked, width: int | None = None) -> str:
+    """Return the findings for people: a line each, under it the source with carets; last the counts."""
+    sources = Sources()
+    columns = width or shutil.get_terminal_size((WIDTH, 24)).columns
+    lines = [line for diagnostic in checked.found for line in _told(diagnostic, sources, columns)]
+    return "\n".join([*lines, _counts(checked)])
+
+
+def _told(diagnostic: Diagnostic, sources: Sources, width: int) -> Iterator[str]:
+    """Yield a finding, and the line that it is about."""
+    place, colour = diagnostic.place, _COLOURS[diagnostic.severity]
+    kind = click.style(_kind(diagnostic), fg=colour, bold=True)
+    yield f"{click.style(str(place), bold=True)}: {kind}: {_message(diagnostic)}"
+    line = sources.line(place)
+    if line is None or not line.strip():
+        return
+    number = f"{place.line:5} | "
+    shown, carets = excerpt(line, place.column, width - len(number))
+    yield click.style(number, dim=True) + shown
+    yield click.style(f"{'|':>7} ", dim=True) + click.style(carets, fg=colour, bold=True)
+
+
+def _counts(checked: Checked) -> str:
+    errors, warnings = checked.count(Severity.ERROR), checked.count(Severity.WARN)
+    counts = (
+        counted(checked.missions, "mission"),
+        counted(errors, "error"),
+        counted(warnings, "warning"),
+    )
+    colour = "red" if errors else "yellow" if warnings else "green"
+    return click.style(", ".join(counts), fg=colour)
+
+
+def counted(count: int, what: str) -> str:
+    """Return `3 missions`, `1 mission`, `no missions`."""
+    return f"{count or 'no'} {what}{'' if count == 1 else 's'}"
+
+
+def _as_json(checked: Checked) -> str:
+    sources = Sources()
+    return json.dumps(
+        [
+            {
+                "file": d.place.file,
+                "line": d.place.line,
+                "column": d.place.column,
+                "severity": _kind(d),
+                "rule": d.rule,
+                "path": d.path,
+                "problem": d.problem,
+                "hint": d.hint,
+                "source": sources.line(d.place),
+            }
+            for d in checked.found
+        ],
+        indent=2,
+        ensure_ascii=False,
+    )
+
+
+def _as_sarif(checked: Checked) -> str:
+    from lupin_engine.cli.sarif import sarif
+
+    return sarif(checked.found, Path.cwd())
+
+
+def _as_github(checked: Checked) -> str:
+    """Return the commands by which a step of a GitHub workflow says something about a line."""
+    return "\n".join(
+        f"::{_kind(d)} file={_escaped(d.place.file)},line={d.place.line},col={d.place.column},"
+        f"title={_escaped(d.rule)}::{_escaped(_message(d), ())}"
+        for d in checked.found
+    )
+
+
+def _escaped(text: str, more: Iterable[str] = (":", ",")) -> str:
+    for sign in ("%", "\r", "\n", *more):
+        text = text.replace(sign, f"%{ord(sign):02X}")
+    return text
+
+
+def _message(diagnostic: Diagnostic) -> str:
+    """Return what a finding says behind the place and the kind."""
+    return str(diagnostic).removeprefix(f"{diagnostic.place}: {_kind(diagnostic)}: ")
+
+
+def _kind(diagnostic: Diagnostic) -> str:
+    return "error" if diagnostic.severity is Severity.ERROR else "warning"
+
+
+FORMS: Mapping[str, Callable[[Checked], str]] = MappingProxyType(
+    {"text": as_text, "json": _as_json, "sarif": _as_sarif, "github": _as_github}
+)

@@ -1,0 +1,168 @@
+"""A picture before any drawing language: boxes within boxes, and labelled arrows. Every format is written from it."""
+
+from __future__ import annotations
+
+import enum
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+
+from lupin_engine.chart.model import Chart, Kind, State
+
+
+class Cause(enum.Enum):
+    """What leads along a way; pictures colour by it."""
+
+    DONE = "done"
+    ERROR = "error"
+    OPERATOR = "operator"
+    TIME = "time"
+    ALWAYS = "always"
+    EVENT = "event"
+
+
+class Tone(enum.Enum):
+    """How much a piece stands out: greyed neighbours, what a run visited and what it did not."""
+
+    PLAIN = "plain"
+    PALE = "pale"
+    VISITED = "visited"
+    NEVER = "never"
+
+
+class Role(enum.Enum):
+    """What a line of text in a box is about."""
+
+    WORK = "work"
+    NOTE = "note"
+    ACTION = "action"
+    WAY = "way"
+
+
+@dataclass(frozen=True)
+class Label:
+    """Why a way is gone: `event [guard] / actions`. `ids` are the transitions that it stands for."""
+
+    event: str
+    cause: Cause
+    guard: str = ""
+    actions: str = ""
+    ids: frozenset[str] = frozenset()
+    count: int | None = None
+
+    @property
+    def parts(self) -> tuple[str, ...]:
+        """The pieces of the text, between which it may be broken into lines."""
+        found = (self.event, self.guard, self.actions and f"/ {self.actions}", times(self.count))
+        return tuple(part for part in found if part)
+
+    def __str__(self) -> str:
+        return " ".join(self.parts)
+
+
+@dataclass(frozen=True)
+class Line:
+    """A line of text in a box. A way without an arrow has its label; `target` is the name that it leads to."""
+
+    text: str
+    role: Role
+    label: Label | None = None
+    target: str = ""
+
+    def __str__(self) -> str:
+        if self.label is None:
+            return self.text
+        return f"{self.label} → {self.target.rpartition('.')[2]}" if self.target else str(self.label)
+
+
+@dataclass(frozen=True)
+class Box:
+    """A state. `lines` stand under its name; `initial` names the child that is entered first, in full.
+
+    `hidden` is how many states a collapsed box does not show; `count` how often a run entered it.
+    """
+
+    name: str
+    title: str
+    state: State
+    lines: tuple[Line, ...] = ()
+    children: tuple[Box, ...] = ()
+    initial: str | None = None
+    hidden: int = 0
+    tone: Tone = Tone.PLAIN
+    count: int | None = None
+
+    @property
+    def kind(self) -> Kind:
+        """The kind of the state."""
+        return self.state.kind
+
+    @property
+    def phase(self) -> str:
+        """The phase that the state reports, where it is not called so itself."""
+        return self.state.phase if self.state.phase and self.state.phase != self.state.local_name else ""
+
+    @property
+    def more(self) -> str:
+        """The mark of a collapsed box."""
+        return f"… {self.hidden} state{'s' if self.hidden > 1 else ''}" if self.hidden else ""
+
+    @property
+    def text(self) -> tuple[str, ...]:
+        """All that stands under the name, for formats that know text only."""
+        phase = f"phase {self.phase}" if self.phase else ""
+        paused = "paused" if self.state.paused else ""
+        found = (phase, paused, *map(str, self.lines), self.more, times(self.count))
+        return tuple(line for line in found if line)
+
+    def below(self) -> Iterator[Box]:
+        """Yield this box and all within it, in the order of the file."""
+        yield self
+        for child in self.children:
+            yield from child.below()
+
+
+@dataclass(frozen=True)
+class Arrow:
+    """All ways from one box to another, each with its label. Without labels: where a history begins."""
+
+    source: str
+    target: str
+    labels: tuple[Label, ...]
+    tone: Tone = Tone.PLAIN
+
+    @property
+    def cause(self) -> Cause | None:
+        """What leads along all of its ways; None when that differs."""
+        causes = {label.cause for label in self.labels}
+        return next(iter(causes)) if len(causes) == 1 else None
+
+
+@dataclass(frozen=True)
+class Picture:
+    """Boxes at the top, the one that is entered first, arrows, and notes about the whole.
+
+    `run` says what a coloured picture was coloured by; '' for a plain one.
+    """
+
+    title: str
+    boxes: tuple[Box, ...]
+    initial: str | None
+    arrows: tuple[Arrow, ...]
+    chart: Chart = field(repr=False)
+    notes: tuple[Line, ...] = ()
+    run: str = ""
+
+    def every(self) -> Iterator[Box]:
+        """Yield all boxes, in the order of the file."""
+        for top in self.boxes:
+            yield from top.below()
+
+
+def times(count: int | None) -> str:
+    """Return how often, as a picture says it; '' for never and for a picture of no run."""
+    return f"×{count}" if count else ""
+
+
+def with_count(label: Label, count: int) -> Label:
+    """Return a label that says how often its ways were gone."""
+    return replace(label, count=count)

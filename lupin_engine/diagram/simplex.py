@@ -1,0 +1,216 @@
+"""Whole numbers for things that must keep apart, as close together as they can be: the network simplex.
+
+Gansner, Koutsofios, North and Vo, "A technique for drawing directed graphs" (1993), section 2.3. It gives the
+layers of a picture their ranks and the boxes in the layers their places.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+#: Exchanges after which a result is good enough; pictures of missions need some dozens.
+_PATIENCE = 4000
+
+
+@dataclass(frozen=True)
+class Rope:
+    """`head` must be at least `length` beyond `tail`; each further step costs `weight`."""
+
+    tail: int
+    head: int
+    length: int = 1
+    weight: int = 1
+
+
+def solve(count: int, ropes: Iterable[Rope]) -> list[int]:
+    """Return a number for each of `count` things, the smallest 0, with the least cost in all.
+
+    The ropes must not form a circle. Things that no rope ties to the rest begin at 0.
+    """
+    return _Network(count, list(ropes)).solve() if count else []
+
+
+class _Network:
+    def __init__(self, count: int, ropes: list[Rope]) -> None:
+        self._ropes = [*ropes, *self._ties(count, ropes)]
+        self._at: list[list[int]] = [[] for _ in range(count)]
+        for index, rope in enumerate(self._ropes):
+            self._at[rope.tail].append(index)
+            self._at[rope.head].append(index)
+        self._rank = self._first(count)
+        self._in_tree = [False] * len(self._ropes)
+        #: The tree hangs from thing 0: each one's rope towards it, and the span of numbers below it.
+        self._up = [-1] * count
+        self._low = [0] * count
+        self._high = [0] * count
+        self._cut = [0] * len(self._ropes)
+
+    @staticmethod
+    def _ties(count: int, ropes: list[Rope]) -> list[Rope]:
+        """Return weightless ropes that make one piece of all."""
+        group = list(range(count))
+
+        def leader(thing: int) -> int:
+            while group[thing] != thing:
+                group[thing] = group[group[thing]]
+                thing = group[thing]
+            return thing
+
+        for rope in ropes:
+            group[leader(rope.tail)] = leader(rope.head)
+        leaders = sorted({leader(thing) for thing in range(count)})
+        members = {first: min(t for t in range(count) if leader(t) == first) for first in leaders}
+        firsts = sorted(members.values())
+        return [Rope(firsts[0], other, 0, 0) for other in firsts[1:]]
+
+    def _first(self, count: int) -> list[int]:
+        """Return ranks that keep all lengths: every thing as early as it may be."""
+        waits = [0] * count
+        for rope in self._ropes:
+            waits[rope.head] += 1
+        ready = deque(thing for thing in range(count) if not waits[thing])
+        rank = [0] * count
+        while ready:
+            thing = ready.popleft()
+            for index in self._at[thing]:
+                rope = self._ropes[index]
+                if rope.tail == thing:
+                    rank[rope.head] = max(rank[rope.head], rank[thing] + rope.length)
+                    waits[rope.head] -= 1
+                    if not waits[rope.head]:
+                        ready.append(rope.head)
+        return rank
+
+    def solve(self) -> list[int]:
+        self._grow_tree()
+        self._hang()
+        start = 0
+        for _ in range(_PATIENCE):
+            leaving = self._leaving(start)
+            if leaving is None:
+                break
+            self._exchange(leaving, self._entering(leaving))
+            start = leaving + 1
+        least = min(self._rank)
+        return [rank - least for rank in self._rank]
+
+    def _slack(self, index: int) -> int:
+        rope = self._ropes[index]
+        return self._rank[rope.head] - self._rank[rope.tail] - rope.length
+
+    # -- a first tree of tight ropes --------------------------------------------------------------------
+
+    def _grow_tree(self) -> None:
+        inside = [False] * len(self._rank)
+        reached = self._reach(0, inside)
+        while len(reached) < len(self._rank):
+            index = min(
+                (i for i, rope in enumerate(self._ropes) if inside[rope.tail] != inside[rope.head]),
+                key=lambda i: (self._slack(i), i),
+            )
+            shift = self._slack(index) if inside[self._ropes[index].tail] else -self._slack(index)
+            for thing in reached:
+                self._rank[thing] += shift
+            rope = self._ropes[index]
+            self._in_tree[index] = True
+            reached += self._reach(rope.head if inside[rope.tail] else rope.tail, inside)
+
+    def _reach(self, first: int, inside: list[bool]) -> list[int]:
+        """Take what tight ropes lead to into the tree."""
+        inside[first] = True
+        reached = [first]
+        for thing in reached:
+            for index in self._at[thing]:
+                rope = self._ropes[index]
+                other = rope.head if rope.tail == thing else rope.tail
+                if not inside[other] and not self._slack(index):
+                    inside[other] = self._in_tree[index] = True
+                    reached.append(other)
+        return reached
+
+    def _hang(self) -> None:
+        """Number the tree from thing 0, and work out what cutting each of its ropes would save."""
+        order: list[int] = []
+        self._number(0, -1, 1, order)
+        for thing in order:
+            if self._up[thing] >= 0:
+                self._cut[self._up[thing]] = self._cut_value(thing)
+
+    def _number(self, root: int, up: int, low: int, order: list[int]) -> None:
+        """Number a branch, those below before those above, from `low` on."""
+        self._up[root], self._low[root] = up, low
+        number = low
+        stack = [(root, iter(self._at[root]))]
+        while stack:
+            thing, ropes = stack[-1]
+            for index in ropes:
+                if self._in_tree[index] and index != self._up[thing]:
+                    rope = self._ropes[index]
+                    other = rope.head if rope.tail == thing else rope.tail
+                    self._up[other], self._low[other] = index, number
+                    stack.append((other, iter(self._at[other])))
+                    break
+            else:
+                stack.pop()
+                self._high[thing] = number
+                number += 1
+                order.append(thing)
+
+    def _cut_value(self, thing: int) -> int:
+        """Return what lengthening the rope above a thing would cost; all below it are worked out."""
+        above = self._ropes[self._up[thing]]
+        total = above.weight
+        for index in self._at[thing]:
+            if index == self._up[thing]:
+                continue
+            rope = self._ropes[index]
+            along = (rope.tail == thing) == (above.tail == thing)
+            gain = rope.weight if along else -rope.weight
+            if self._in_tree[index]:
+                gain += -self._cut[index] if along else self._cut[index]
+            total += gain
+        return total
+
+    # -- one exchange -----------------------------------------------------------------------------------
+
+    def _leaving(self, start: int) -> int | None:
+        """Return a rope of the tree that is better longer, looking round from `start`."""
+        size = len(self._ropes)
+        for step in range(size):
+            index = (start + step) % size
+            if self._in_tree[index] and self._cut[index] < 0:
+                return index
+        return None
+
+    def _below(self, thing: int, root: int) -> bool:
+        return self._low[root] <= self._high[thing] <= self._high[root]
+
+    def _entering(self, leaving: int) -> int:
+        """Return the tightest rope that joins the two halves the other way round."""
+        rope = self._ropes[leaving]
+        root = rope.tail if self._up[rope.tail] == leaving else rope.head
+        outward = root == rope.tail
+        best, least = -1, 0
+        for index, other in enumerate(self._ropes):
+            if self._in_tree[index]:
+                continue
+            tail, head = self._below(other.tail, root), self._below(other.head, root)
+            if tail != head and head == outward:
+                slack = self._slack(index)
+                if best < 0 or slack < least:
+                    best, least = index, slack
+        assert best >= 0, "a rope that is better longer, and may be as long as it likes"
+        return best
+
+    def _exchange(self, leaving: int, entering: int) -> None:
+        rope, slack = self._ropes[leaving], self._slack(entering)
+        root = rope.tail if self._up[rope.tail] == leaving else rope.head
+        shift = -slack if self._below(self._ropes[entering].head, root) else slack
+        if shift:
+            for thing in range(len(self._rank)):
+                if self._below(thing, root):
+                    self._rank[thing] += shift
+        self._in_tree[leaving], self._in_tree[entering] = False, True
+        self._hang()

@@ -1,0 +1,151 @@
+"""The words of a picture: values, events and actions, short enough for a label."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+
+from lupin_engine.chart.model import (
+    ActionCall,
+    Chart,
+    Constant,
+    ForEach,
+    Hold,
+    Invoke,
+    Itinerary,
+    State,
+    Transition,
+    UnknownInput,
+    Value,
+)
+from lupin_engine.diagram.picture import Cause, Label, Line, Role
+
+#: Longest guard, value or list of actions, in characters.
+WIDTH = 44
+#: What an action is about -> the argument that says it.
+_ABOUT = {"raise": "event", "itinerary.close": "status", "itinerary.close_rest": "status"}
+_PREFIXES = ("operator.", "mission.")
+_CANNOT = (KeyError, TypeError, ValueError, ArithmeticError, UnknownInput)
+
+
+class Words:
+    """Says what a chart's states and transitions say, with the parameters' defaults filled in."""
+
+    def __init__(self, chart: Chart) -> None:
+        self._states = chart.states
+        self._defaults = {"param": {name: p.default for name, p in chart.parameters.items()}}
+
+    def label(self, rule: Transition) -> Label:
+        """Return the label of a way."""
+        guard = f"[{_cut(rule.guard.source)}]" if rule.guard else ""
+        event = self._event(rule) or ("" if guard else "always")
+        return Label(event, _cause(rule.event), guard, _actions(rule.actions), frozenset({rule.id}))
+
+    def lines(self, state: State) -> Iterator[Line]:
+        """Yield what a state does, ways aside."""
+        if state.itinerary is not None:
+            yield from (Line(text, Role.NOTE) for text in self._itinerary(state.itinerary))
+        if state.for_each is not None:
+            yield from self._for_each(state.for_each)
+        if state.invoke is not None:
+            yield from self._invoke(state.invoke)
+        yield from _doings(("entry", state.entry), ("exit", state.exit))
+
+    def seconds(self, value: Value) -> str:
+        """Return a duration as the parameters' defaults make it, else as it is written."""
+        try:
+            return f"{float(value.evaluate(self._defaults)):g} s"
+        except _CANNOT:
+            return self._short(value)
+
+    def _event(self, rule: Transition) -> str:
+        state = self._states[rule.source]
+        if rule in state.resume_at:
+            return "resume"
+        if rule.event.startswith("after."):
+            delay = next(timer.after for timer in state.timers if timer.event == rule.event)
+            return f"after {self.seconds(delay)}"
+        if rule.event == "budget" and state.budget is not None:
+            return f"budget {self.seconds(state.budget.after)}"
+        return plain_event(rule.event)
+
+    def _itinerary(self, itinerary: Itinerary) -> Iterator[str]:
+        yield f"for each of {self._short(itinerary.items)}"
+        if itinerary.order is not None:
+            yield f"smallest {self._short(itinerary.order)} first"
+        if itinerary.sweeps is not None:
+            sweeps = self._short(itinerary.sweeps)
+            yield f"sweeps: {'without end' if sweeps == '0' else sweeps}"
+
+    def _for_each(self, found: ForEach) -> Iterator[Line]:
+        limit = f", {self._short(found.limit)} at a time" if found.limit else ""
+        yield Line(f"for each {found.name} of {self._short(found.items)}{limit}", Role.NOTE)
+        if found.when is not None:
+            yield Line(f"[{_cut(found.when.source)}]", Role.NOTE)
+        yield from self._invoke(found.invoke)
+        yield from _doings(("done", found.on_done), ("error", found.on_error))
+
+    def _invoke(self, invoke: Invoke) -> Iterator[Line]:
+        limit = f" ≤ {self.seconds(invoke.timeout)}" if invoke.timeout else ""
+        yield Line(f"do / {invoke.name}{limit}", Role.WORK)
+        if invoke.retry is not None:
+            yield Line(f"tries: {self._short(invoke.retry.attempts)}", Role.NOTE)
+
+    def _short(self, value: Value) -> str:
+        if isinstance(value, Constant):
+            return _cut(str(value.value))
+        try:
+            found = value.evaluate(self._defaults)
+        except _CANNOT:
+            return _cut(value.source)
+        return _cut(f"{found:g}" if isinstance(found, float) else str(found))
+
+
+def plain_event(event: str) -> str:
+    """Return an event as a person would call it: `operator.abort` is `abort`."""
+    if event.startswith("input."):
+        return event.removeprefix("input.").replace(".", " ")
+    for prefix in _PREFIXES:
+        event = event.removeprefix(prefix)
+    return event
+
+
+def hold_line(hold: Hold) -> Line:
+    """Return what engages and what releases a hold."""
+    release = " or ".join(plain_event(event) for event in hold.release)
+    return Line(f"hold {hold.name}: from {plain_event(hold.engage)} until {release}", Role.NOTE)
+
+
+def _cause(event: str) -> Cause:
+    if event.startswith("after.") or event == "budget":
+        return Cause.TIME
+    if event.startswith(_PREFIXES):
+        return Cause.OPERATOR
+    return {"": Cause.ALWAYS, "done": Cause.DONE, "error": Cause.ERROR}.get(event, Cause.EVENT)
+
+
+def _doings(*doings: tuple[str, Iterable[ActionCall]]) -> Iterator[Line]:
+    for word, actions in doings:
+        if actions:
+            yield Line(f"{word} / {_actions(actions)}", Role.ACTION)
+
+
+def _actions(actions: Iterable[ActionCall]) -> str:
+    return _cut(", ".join(_action(action) for action in actions))
+
+
+def _action(action: ActionCall) -> str:
+    """Return an action with what it is about, as far as that is written out."""
+    if action.name == "set":
+        return ", ".join(_set(name, value) for name, value in action.arguments.items())
+    told = action.arguments.get(_ABOUT.get(action.name, ""))
+    name = action.name.removeprefix("itinerary.")
+    return f"{name} {told.value}" if isinstance(told, Constant) else name
+
+
+def _set(name: str, value: Value) -> str:
+    return f"{name} = {value.value!r}" if isinstance(value, Constant) else f"set {name}"
+
+
+def _cut(text: str) -> str:
+    plain = " ".join(text.split())
+    return plain if len(plain) <= WIDTH else plain[: WIDTH - 1].rstrip() + "…"

@@ -1,0 +1,1 @@
+"""What editors need: a schema of the language, and a language server."""

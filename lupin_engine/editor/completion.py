@@ -1,0 +1,487 @@
+"""What can be written where the cursor is.
+
+Names come from the last model that could be made, what is around the cursor from the text as it is. Every
+offer says what it replaces, so that a name with dots is one word whatever the editor thinks a word is.
+"""
+
+from __future__ import annotations
+
+import enum
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from lupin_engine.chart.actions import BUILTIN_ACTIONS, STATUSES
+from lupin_engine.chart.declare import REQUESTS, level_events
+from lupin_engine.chart.documents import (
+    KINDS,
+    ActionNode,
+    FileNode,
+    InvokeNode,
+    Node,
+    PartNode,
+    RetryNode,
+    StateNode,
+)
+from lupin_engine.chart.expressions import BUILTIN_CALLS, Scope
+from lupin_engine.chart.load import PARTS
+from lupin_engine.editor import docs
+from lupin_engine.editor.folder import Folder
+from lupin_engine.editor.grammar import Meaning, Shape, Spot, fields_of, shape_of, spot_at
+from lupin_engine.editor.mentions import Piece, expression_in, pieces, value_meaning
+from lupin_engine.editor.model import Model, states_of, type_of
+from lupin_engine.editor.scan import Cursor, Role, Scan, Steps
+from lupin_engine.plugin.contract import Argument
+from lupin_engine.plugin.registry import Catalog
+from lupin_engine.plugin.types import UNITS, Type
+
+_OPERATORS = ("and", "or", "not", "in", "if", "else", "true", "false")
+
+
+class Sort(enum.Enum):
+    """What an offer is, for the little picture beside it."""
+
+    KEY = "key"
+    STATE = "state"
+    FILE = "file"
+    OPERATION = "operation"
+    ACTION = "action"
+    ARGUMENT = "argument"
+    EVENT = "event"
+    CODE = "code"
+    HOLD = "hold"
+    TYPE = "type"
+    UNIT = "unit"
+    VALUE = "value"
+    FUNCTION = "function"
+    FIELD = "field"
+    WORD = "word"
+
+
+@dataclass(frozen=True)
+class Offer:
+    """One thing that can be written; `insert` is what is written when it is more than the label."""
+
+    label: str
+    sort: Sort
+    detail: str = ""
+    doc: str = ""
+    insert: str = ""
+
+
+@dataclass(frozen=True)
+class Offers:
+    """What can be written, the likeliest first, and the text from `start` to `end` that it replaces."""
+
+    start: int
+    end: int
+    found: tuple[Offer, ...] = ()
+
+
+def complete(folder: Folder, path: Path, offset: int) -> Offers:
+    """Return what can be written at an offset of a file."""
+    scan, root = folder.scan(path), folder.kind(path)
+    cursor = scan.cursor(offset)
+    if cursor is None:
+        return Offers(offset, offset)
+    if root is None or not scan.keys(()):
+        return _offers(cursor, _heads(scan))
+    return _Completion(folder, path, scan, root, cursor, offset).offers()
+
+
+def _offers(cursor: Cursor, found: Iterable[Offer]) -> Offers:
+    return Offers(cursor.start, cursor.end, tuple(found))
+
+
+def _heads(scan: Scan) -> Iterator[Offer]:
+    for word, model in KINDS.items():
+        if scan.key_token((word,)) is None:
+            doc = " ".join((model.__doc__ or "").split())
+            yield Offer(word, Sort.KEY, doc, docs.key(word, fields_of(model)[word]), f"{word}: ")
+
+
+class _Completion:
+    """One question, with what the answers look at."""
+
+    def __init__(
+        self, folder: Folder, path: Path, scan: Scan, root: type[FileNode], cursor: Cursor, offset: int
+    ) -> None:
+        self._folder = folder
+        self._path = path
+        self._scan = scan
+        self._root = root
+        self._cursor = cursor
+        self._offset = offset
+        self._catalog: Catalog = folder.catalog
+        self._model: Model | None = folder.model
+
+    def offers(self) -> Offers:
+        """Return what can be written."""
+        cursor = self._cursor
+        if cursor.role is Role.KEY:
+            mapping = cursor.path[:-1] if cursor.token else cursor.path
+            spot = spot_at(self._root, mapping)
+            expression = self._expression(Meaning.VALUE)
+            if expression is not None:
+                return expression
+            return _offers(cursor, self._keys(spot, mapping) if spot else ())
+        spot = spot_at(self._root, cursor.path)
+        if spot is None:
+            return _offers(cursor, ())
+        meaning = value_meaning(self._scan, spot)
+        expression = self._expression(meaning)
+        if expression is not None:
+            return expression
+        found = list(self._values(spot, meaning))
+        if cursor.role is Role.OPEN:
+            found = [*self._keys(spot, cursor.path), *found]
+        return _offers(cursor, found)
+
+    # -- keys ----------------------------------------------------------------------------------------------
+
+    def _keys(self, spot: Spot, mapping: Steps) -> Iterator[Offer]:
+        """Offer what can stand as a key in the mapping at a path, without what is there already."""
+        token = self._cursor.token
+        there = {key.text for key in self._scan.keys(mapping) if key is not token}
+        colon = "" if token is not None and token.role is Role.KEY and self._has_colon(token.end) else ": "
+        for offer in self._all_keys(spot):
+            if offer.label not in there:
+                yield replace(offer, insert=f"{offer.insert or offer.label}{colon}")
+
+    def _has_colon(self, end: int) -> bool:
+        return self._scan.text[end:].lstrip(" \t").startswith(":")
+
+    def _all_keys(self, spot: Spot) -> Iterable[Offer]:
+        meaning = spot.name_meaning
+        if meaning is Meaning.ACTION:
+            return (offer for offer in self._actions() if offer.insert)
+        if meaning in (Meaning.ARGUMENT, Meaning.BINDING):
+            return self._arguments(spot)
+        if meaning is Meaning.EVENT:
+            return self._events()
+        shape = spot.shape.item if spot.shape.item and not spot.shape.model else spot.shape
+        return _words_of(shape.model) if shape.model else ()
+
+    def _arguments(self, spot: Spot) -> Iterator[Offer]:
+        owner = _owner(self._scan, spot)
+        if spot.holder is StateNode:
+            yield from self._bindings(owner)
+        elif spot.holder is ActionNode and owner == "set":
+            yield from self._variables()
+        elif spot.holder is ActionNode and owner == "raise":
+            yield Offer("event", Sort.ARGUMENT, "text", docs.ACTIONS["raise"])
+        else:
+            for name, argument in _arguments_of(owner, spot.holder, self._catalog).items():
+                detail = f"{argument.type}{'' if _must(argument) else ' (optional)'}"
+                yield Offer(name, Sort.ARGUMENT, detail, docs.argument_line(name, argument))
+
+    def _bindings(self, part: str) -> Iterator[Offer]:
+        found = self._model.part(part) if self._model else None
+        if found is None or self._model is None:
+            return
+        declared = self._model.composed.declared.by_file.get(found.title, {})
+        for name, parameter in declared.items():
+            yield Offer(name, Sort.ARGUMENT, str(parameter.type), docs.parameter(name, parameter))
+
+    # -- values --------------------------------------------------------------------------------------------
+
+    def _values(self, spot: Spot, meaning: Meaning) -> Iterator[Offer]:
+        match meaning:
+            case Meaning.STATE:
+                yield from self._states(spot)
+            case Meaning.CHILD:
+                yield from self._children()
+            case Meaning.PART:
+                yield from self._parts(spot)
+            case Meaning.OPERATION:
+                for name, operation in self._catalog.operations.items():
+                    yield Offer(name, Sort.OPERATION, operation.doc, docs.operation(name, operation))
+            case Meaning.ACTION:
+                yield from (offer for offer in self._actions() if not offer.insert)
+            case Meaning.EVENT:
+                yield from self._events()
+            case Meaning.REQUEST:
+                yield from self._requests()
+            case Meaning.ENGAGE:
+                yield from self._requests()
+                yield from self._levels()
+            case Meaning.CODE:
+                yield from self._codes(spot)
+            case Meaning.HOLD:
+                yield from self._holds()
+            case Meaning.TYPE:
+                yield from self._types()
+            case Meaning.UNIT:
+                yield from (Offer(name, Sort.UNIT, docs.unit(name)) for name in UNITS)
+            case Meaning.LIVE_VALUE:
+                for name, value in self._catalog.values.items():
+                    yield Offer(name, Sort.VALUE, str(value.type), docs.live_value(name, value))
+            case _:
+                yield from self._plain(spot)
+        yield from (Offer(word, Sort.WORD) for word in _shape(spot).words)
+
+    def _plain(self, spot: Spot) -> Iterator[Offer]:
+        if spot.holder is ActionNode and spot.name == "status":
+            yield from (Offer(word, Sort.WORD) for word in STATUSES)
+
+    def _states(self, spot: Spot) -> Iterator[Offer]:
+        """Offer the states in scope, the nearest first; after a dot, what is inside the state before it."""
+        if self._model is None:
+            return
+        local = states_of(self._cursor.path)
+        before, dot, _ = self._typed().rpartition(".")
+        for draft in self._model.visible(self._path, local):
+            if not dot:
+                yield self._state(draft.local, draft.name)
+        if dot:
+            for name in self._inside(before, local):
+                yield self._state(f"{before}.{name.rpartition('.')[2]}", name)
+
+    def _inside(self, name: str, local: tuple[str, ...]) -> list[str]:
+        """Return the full names of the states inside the state that a dotted name means."""
+        first, *rest = name.split(".")
+        assert self._model is not None
+        found = next((d for d in self._model.visible(self._path, local) if d.local == first), None)
+        for word in rest:
+            found = found.children.get(word) if found is not None else None
+        return [child.name for child in found.children.values()] if found is not None else []
+
+    def _children(self) -> Iterator[Offer]:
+        if self._model is not None:
+            for draft in self._model.children(self._path, states_of(self._cursor.path)):
+                yield self._state(draft.local, draft.name)
+
+    def _state(self, label: str, name: str) -> Offer:
+        assert self._model is not None
+        state = self._model.composed.chart.states[name]
+        file = Path(state.place.file).name
+        return Offer(label, Sort.STATE, f"{name} ({file}:{state.place.line})", docs.state(name, state, file))
+
+    def _parts(self, spot: Spot) -> Iterator[Offer]:
+        if spot.holder is PartNode:
+            yield Offer(self._path.stem, Sort.FILE, "the name of the file")
+            return
+        for file in self._folder.files():
+            if file.parent.name == PARTS:
+                summary = self._folder.scan(file).value("summary") or ""
+                yield Offer(file.stem, Sort.FILE, summary, summary)
+
+    def _actions(self) -> Iterator[Offer]:
+        """Offer actions; those with arguments as keys, which `insert` tells."""
+        for name in ("set", "raise", *BUILTIN_ACTIONS):
+            takes = name in ("set", "raise") or bool(BUILTIN_ACTIONS[name])
+            yield Offer(name, Sort.ACTION, docs.ACTIONS[name], docs.builtin_action(name), name if takes else "")
+        for name, action in self._catalog.actions.items():
+            insert = name if action.arguments else ""
+            yield Offer(name, Sort.ACTION, action.doc, docs.action(name, action), insert)
+
+    def _events(self) -> Iterator[Offer]:
+        yield from self._requests()
+        yield from self._levels()
+        for name, event in self._catalog.events.items():
+            yield Offer(name, Sort.EVENT, event.doc, docs.event(name, event))
+        for name in self._raised():
+            yield Offer(name, Sort.EVENT, "raised in this chart")
+
+    def _requests(self) -> Iterator[Offer]:
+        for name in REQUESTS:
+            yield Offer(name, Sort.EVENT, docs.REQUESTS[name])
+
+    def _levels(self) -> Iterator[Offer]:
+        if self._model is not None:
+            for name in level_events(self._model.composed.declared.inputs):
+                yield Offer(name, Sort.EVENT, "while this is true")
+
+    def _raised(self) -> list[str]:
+        """Return the events that some file raises."""
+        found = set()
+        for file in self._folder.files():
+            for token in self._folder.scan(file).tokens:
+                if token.path[-2:] == ("raise", "event") and token.role is not Role.KEY:
+                    found.add(token.text)
+        return sorted(found)
+
+    def _codes(self, spot: Spot) -> Iterator[Offer]:
+        if self._model is None:
+            return
+        codes = self._model.composed.chart.codes
+        if spot.holder is RetryNode:
+            codes = {name: codes[name] for name in self._ends(spot.mapping[:-1]) if name in codes}
+        for name, found in codes.items():
+            yield Offer(name, Sort.CODE, found.label, docs.reason(found))
+
+    def _ends(self, invoke: Steps) -> list[str]:
+        """Return the codes that the operation at a path can fail with."""
+        operation = self._catalog.operations.get(self._scan.value(*invoke, "do") or "")
+        limit = self._scan.value(*invoke, "timeout", "code")
+        return [*(code.name for code in (operation.codes if operation else ())), *([limit] if limit else [])]
+
+    def _holds(self) -> Iterator[Offer]:
+        if self._model is not None:
+            for name, hold in self._model.composed.declared.holds.items():
+                yield Offer(name, Sort.HOLD, f"engaged by {hold.engage}", docs.hold(hold))
+
+    def _types(self) -> Iterator[Offer]:
+        for name, kind in self._catalog.known_types.items():
+            yield Offer(name, Sort.TYPE, docs.type_text(kind))
+        for name in self._catalog.known_types:
+            yield Offer(f"list of {name}", Sort.TYPE)
+
+    def _typed(self) -> str:
+        """Return what is typed of the word at the cursor."""
+        token = self._cursor.token
+        return self._scan.text[token.inner : self._offset] if token is not None else ""
+
+    # -- expressions ---------------------------------------------------------------------------------------
+
+    def _expression(self, meaning: Meaning) -> Offers | None:
+        """Return what an expression can go on with; None when the cursor is in none."""
+        token = self._cursor.token
+        if token is None:
+            return self._new_condition() if meaning is Meaning.CONDITION else None
+        found = expression_in(token, meaning)
+        if found is None or not found[1] <= self._offset <= found[1] + len(found[0]):
+            return None
+        return self._in_expression(*found)
+
+    def _new_condition(self) -> Offers:
+        return Offers(self._offset, self._offset, tuple(self._beginnings()))
+
+    def _in_expression(self, expression: str, start: int) -> Offers:
+        here = next(
+            (piece for piece in pieces(expression, start) if piece.start < self._offset <= piece.end), None
+        )
+        before = pieces(expression[: self._offset - start], start)
+        call = _open_call([piece.text for piece in before])
+        if call in ("held", "in_state"):
+            return self._named(call, here.start if here and here.text not in "(" else self._offset)
+        if here is not None and here.text[0] in "'\"":
+            return self._quoted(here, before)
+        word = here.text[: self._offset - here.start] if here and (here.text[0].isalpha()) else ""
+        if not word and self._scan.text[self._offset - 1] == ".":
+            word = (before[-2].text if len(before) > 1 else "") + "."
+        begin = self._offset - len(word)
+        owner, dot, _ = word.rpartition(".")
+        found = self._fields(owner) if dot else self._beginnings()
+        return Offers(begin, here.end if here and word and not word.endswith(".") else self._offset, tuple(found))
+
+    def _quoted(self, here: Piece, before: list[Piece]) -> Offers:
+        """Offer what the text can be that is compared: of some, all possible values are known."""
+        scope = self._scope()
+        kinds = (type_of(scope, piece.text.split(".")) for piece in reversed(before) if piece is not here)
+        values = next((kind.values for kind in kinds if kind is not None and kind.values), ())
+        end = here.end - (len(here.text) > 1 and here.text[-1] == here.text[0])
+        return Offers(here.start + 1, end, tuple(Offer(value, Sort.CODE) for value in values))
+
+    def _scope(self) -> Scope:
+        if self._model is None:
+            return Scope({})
+        return self._model.scope(self._path, self._cursor.path, self._scan)
+
+    def _beginnings(self) -> Iterator[Offer]:
+        scope = self._scope()
+        for name, kind in scope.names.items():
+            yield Offer(name, Sort.FIELD, kind.name, docs.ROOTS.get(name, ""))
+        for name, function in scope.functions.items():
+            yield Offer(name, Sort.FUNCTION, str(function.returns), docs.function(name, function), f"{name}(")
+        for name in BUILTIN_CALLS:
+            yield Offer(name, Sort.FUNCTION, docs.CALLS[name][0], docs.call(name), f"{name}(")
+        yield from (Offer(word, Sort.WORD) for word in _OPERATORS)
+
+    def _fields(self, owner: str) -> Iterator[Offer]:
+        """Offer what can be read of a record, by its whole name: editors do not agree on what a word is."""
+        scope = self._scope()
+        kind = type_of(scope, owner.split("."))
+        fields = dict(kind.fields) if kind else {}
+        nearest = self._nearest_parameters() if owner == "param" else []
+        for name in sorted(fields, key=lambda name: nearest.index(name) if name in nearest else len(nearest)):
+            inner = fields[name]
+            doc = self._field_doc(owner, name)
+            yield Offer(f"{owner}.{name}", Sort.FIELD, docs.type_text(inner), doc)
+        for name, function in scope.functions.items():
+            if name.startswith(f"{owner}."):
+                doc = docs.function(name, function)
+                yield Offer(name, Sort.FUNCTION, str(function.returns), doc, f"{name}(")
+
+    def _nearest_parameters(self) -> list[str]:
+        """Return the parameters of this file and of the lifecycle, in that order."""
+        files = [self._path, self._folder.lifecycle]
+        return [key.text for file in files for key in self._folder.scan(file).keys(("params",))]
+
+    def _field_doc(self, owner: str, name: str) -> str:
+        if self._model is None:
+            return ""
+        declared = self._model.composed.declared
+        parameter = declared.parameters.get(name) or self._catalog.parameters.get(name)
+        if owner == "param" and parameter is not None:
+            return docs.parameter(name, parameter)
+        if owner == "input" and name in declared.inputs:
+            found = declared.inputs[name]
+            return docs.live_input(found, "", self._catalog.values.get(found.value))
+        return ""
+
+    def _named(self, call: str, start: int) -> Offers:
+        """Offer holds or states as the argument of a call, in the quotes that are there already."""
+        text, end = self._scan.text, self._offset
+        quoted = start < end and text[start] in "'\""
+        begin = start + quoted
+        while end < len(text) and (text[end].isalnum() or text[end] in "_."):
+            end += 1
+        if call == "held":
+            return Offers(begin, end, tuple(self._holds()))
+        names = self._model.composed.drafts if self._model else {}
+        mark = "" if quoted else "'"
+        found = [self._state(name.rpartition(".")[2], name) for name in names if name]
+        unique = {offer.label: replace(offer, insert=f"{mark}{offer.label}{mark}") for offer in reversed(found)}
+        return Offers(begin, end, tuple(reversed(unique.values())))
+
+    def _variables(self) -> Iterator[Offer]:
+        if self._model is not None:
+            for name, found in self._model.composed.declared.context.items():
+                yield Offer(name, Sort.FIELD, str(found.type), docs.variable(found, ""))
+
+
+def _words_of(model: type[Node]) -> Iterator[Offer]:
+    for name, field in fields_of(model).items():
+        words = shape_of(field.annotation).words
+        yield Offer(name, Sort.KEY, field.description or "", docs.key(name, field, words))
+
+
+def _shape(spot: Spot) -> Shape:
+    return spot.shape.item if spot.shape.item is not None and not spot.shape.words else spot.shape
+
+
+def _owner(scan: Scan, spot: Spot) -> str:
+    """Return the operation, action or part whose arguments stand at a spot."""
+    if spot.holder is ActionNode:
+        return str(spot.mapping[-1])
+    key = {InvokeNode: "do", StateNode: "use"}.get(spot.holder or Node)
+    return (scan.value(*spot.mapping, key) or "") if key else ""
+
+
+def _arguments_of(owner: str, holder: type[Node] | None, catalog: Catalog) -> Mapping[str, Argument]:
+    if holder is InvokeNode:
+        operation = catalog.operations.get(owner)
+        return operation.arguments if operation else {}
+    action = catalog.actions.get(owner)
+    return action.arguments if action else BUILTIN_ACTIONS.get(owner, {})
+
+
+def _must(argument: Argument) -> bool:
+    return argument.default is None and not argument.optional
+
+
+def _open_call(words: list[str]) -> str:
+    """Return the function whose brackets are open where some pieces of an expression end."""
+    depth = 0
+    for index in range(len(words) - 1, -1, -1):
+        if words[index] == ")":
+            depth += 1
+        elif words[index] == "(":
+            if depth == 0:
+                return words[index - 1] if index else ""
+            depth -= 1
+    return ""
+
+
+__all__ = ["Offer", "Offers", "Sort", "complete"]

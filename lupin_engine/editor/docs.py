@@ -1,0 +1,273 @@
+"""What there is to say of a thing, as Markdown: for hover, and beside completions.
+
+Whatever the models, the catalog and the missions say of themselves is taken from there. The tables here hold
+what only the engine knows: its own calls, roots, actions and requests.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from types import MappingProxyType
+from typing import Any
+
+from pydantic.fields import FieldInfo
+
+from lupin_engine.chart.actions import BUILTIN_ACTIONS
+from lupin_engine.chart.model import Hold, Input, Kind, State, Variable
+from lupin_engine.errors import Severity
+from lupin_engine.plugin.contract import (
+    Action,
+    Argument,
+    Code,
+    EventKind,
+    Function,
+    LiveValue,
+    OnHold,
+    Operation,
+    Parameter,
+)
+from lupin_engine.plugin.types import UNITS, Type
+
+#: What an expression may call without a plugin: how it is written, and what comes of it.
+CALLS: Mapping[str, tuple[str, str]] = MappingProxyType(
+    {
+        "len": ("len(list or text) -> count", "How many elements, or characters."),
+        "min": ("min(list) or min(number, number, ...) -> number", "The smallest."),
+        "max": ("max(list) or max(number, number, ...) -> number", "The largest."),
+        "abs": ("abs(number) -> number", "The number without its sign."),
+        "round": ("round(number, digits) -> number", "The nearest number with so many digits, 0 to 9; "
+                  "without `digits` a whole number."),
+        "any": ("any(list of bool) -> bool", "Whether one of them is true."),
+        "all": ("all(list of bool) -> bool", "Whether all of them are true."),
+        "known": ("known(input.NAME) -> bool", "Whether that live value was reported and is still fresh."),
+        "held": ("held(HOLD) -> bool", "Whether that hold is engaged."),
+        "in_state": ("in_state('STATE') -> bool", "Whether a state is active whose full name ends so."),
+    }
+)
+#: The records that an expression reads from.
+ROOTS: Mapping[str, str] = MappingProxyType(
+    {
+        "param": "The settings: of this file, of the lifecycle, of the plugins.",
+        "request": "What the request carried that started the mission.",
+        "input": "The live values.",
+        "event": "What came with the event, or the result of the operation that has ended.",
+        "error": "Why the operation failed: `code` and `detail`.",
+        "target": "The element of the itinerary that is visited now.",
+        "itinerary": "How far the itinerary is: `open`, `remaining`, `total`, `closed`, `sweep`.",
+    }
+)
+#: What the engine's own actions do.
+ACTIONS: Mapping[str, str] = MappingProxyType(
+    {
+        "set": "Write variables: `set: {NAME: VALUE}`.",
+        "raise": "Let an event happen: `raise: {event: NAME}`.",
+        "itinerary.advance": "Go on to the next target of the itinerary.",
+        "itinerary.close": "End the visit of the current target, once.",
+        "itinerary.close_rest": "Close all targets that are still open.",
+        "report.clear": "Forget the last error.",
+        "report.summary": "Publish the summary of the mission.",
+        "publish.reading": "Publish a reading that belongs to no visit.",
+    }
+)
+#: What people ask for, and the other events that the engine makes.
+REQUESTS: Mapping[str, str] = MappingProxyType(
+    {
+        "mission.start": "Somebody asks to start a mission.",
+        "operator.abort": "The operator ends the mission.",
+        "operator.dock": "The operator sends the robot to the dock.",
+        "operator.pause": "The operator suspends the mission.",
+        "operator.reset": "The operator leaves FAULT.",
+        "operator.resume": "The operator lets the mission go on.",
+        "operator.skip_current": "The operator skips the current target.",
+    }
+)
+_KINDS = {
+    Kind.ATOMIC: "state",
+    Kind.COMPOUND: "state with states inside",
+    Kind.PARALLEL: "parallel state",
+    Kind.FINAL: "final state",
+    Kind.HISTORY: "history state",
+}
+_ON_HOLD = {
+    OnHold.CANCEL: "A hold cancels it; it is begun again when the hold is released.",
+    OnHold.FINISH: "A hold lets it finish; its answer waits for the release.",
+}
+
+
+def code(text: str) -> str:
+    """Return a signature or a declaration to be shown in one piece."""
+    return f"```text\n{text}\n```"
+
+
+def paragraphs(*texts: str) -> str:
+    """Join what is not empty."""
+    return "\n\n".join(text for text in texts if text)
+
+
+def type_text(kind: Type) -> str:
+    """Return a type as people read it: with the fields of a record and the unit of a number."""
+    shown = kind.name
+    if kind.kind == "number" and kind.unit and kind.unit not in shown:
+        shown += f" in {kind.unit}"
+    if kind.fields:
+        shown += " {" + ", ".join(f"{name}: {inner}" for name, inner in kind.fields.items()) + "}"
+    return shown
+
+
+def quantity(value: Any, kind: Type) -> str:
+    """Return a value as a file would write it."""
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, (int, float)):
+        return f"{value:g} {kind.unit}".strip()
+    if isinstance(value, Mapping):
+        return "{" + ", ".join(f"{k}: {quantity(v, kind.fields.get(k, kind))}" for k, v in value.items()) + "}"
+    return repr(value) if isinstance(value, str) else str(value)
+
+
+def range_text(low: float | None, high: float | None, kind: Type) -> str:
+    """Return the range of a number."""
+    if low is not None and high is not None:
+        return f"{quantity(low, kind)} to {quantity(high, kind)}"
+    if low is not None:
+        return f"at least {quantity(low, kind)}"
+    return f"at most {quantity(high, kind)}" if high is not None else ""
+
+
+def arguments(wanted: Mapping[str, Argument]) -> str:
+    """Return the arguments of something as a list."""
+    return "\n".join(f"- {argument_line(name, argument)}" for name, argument in wanted.items())
+
+
+def argument_line(name: str, argument: Argument) -> str:
+    """Return one argument in a line."""
+    extra = ""
+    if argument.default is not None:
+        extra = f" (default {quantity(argument.default, argument.type)})"
+    elif argument.optional:
+        extra = " (may be left out)"
+    return f"`{name}`: {type_text(argument.type)} — {argument.doc}{extra}"
+
+
+def operation(name: str, found: Operation) -> str:
+    """Say what an operation needs, gives, ends in and uses."""
+    signature = f"{name}({_names(found.arguments)})"
+    if found.result:
+        signature += " -> {" + ", ".join(f"{key}: {kind}" for key, kind in found.result.items()) + "}"
+    codes = ", ".join(f"`{each.name}` ({each.label})" for each in found.codes)
+    return paragraphs(
+        code(f"operation {signature}"),
+        found.doc,
+        arguments(found.arguments),
+        f"Fails with: {codes}." if codes else "",
+        f"Uses: {', '.join(found.uses)}." if found.uses else "",
+        _ON_HOLD[found.on_hold],
+    )
+
+
+def action(name: str, found: Action) -> str:
+    """Say what a plugin's action does."""
+    moves = "It moves the robot: while held it waits for the release." if found.moves else ""
+    head = code(f"action {name}({_names(found.arguments)})")
+    return paragraphs(head, found.doc, arguments(found.arguments), moves)
+
+
+def builtin_action(name: str) -> str:
+    """Say what one of the engine's own actions does."""
+    wanted = BUILTIN_ACTIONS.get(name, {})
+    return paragraphs(code(f"action {name}({_names(wanted)})"), ACTIONS.get(name, ""), arguments(wanted))
+
+
+def function(name: str, found: Function) -> str:
+    """Say what a function of a plugin gives."""
+    shown = ", ".join(f"{key}: {each.type}" for key, each in found.arguments.items())
+    head = code(f"{name}({shown}) -> {type_text(found.returns)}")
+    return paragraphs(head, found.doc, arguments(found.arguments))
+
+
+def call(name: str) -> str:
+    """Say what one of the engine's own calls gives."""
+    signature, doc = CALLS[name]
+    return paragraphs(code(signature), doc)
+
+
+def event(name: str, found: EventKind) -> str:
+    """Say what a plugin's event is and what comes with it."""
+    fields = "\n".join(f"- `event.{key}`: {type_text(kind)}" for key, kind in found.fields.items())
+    return paragraphs(code(f"event {name}"), found.doc, fields)
+
+
+def live_value(name: str, found: LiveValue) -> str:
+    """Say what a live value is."""
+    facts = [f"Known for {found.freshness:g} s." if found.freshness is not None else ""]
+    if found.initial is not None:
+        facts.append(f"Before the first report: {quantity(found.initial, found.type)}.")
+    return paragraphs(code(f"{name}: {type_text(found.type)}"), found.doc, " ".join(filter(None, facts)))
+
+
+def parameter(name: str, found: Parameter, origin: str = "") -> str:
+    """Say type, unit, default and range of a setting."""
+    facts = [f"Default: {quantity(found.default, found.type)}"]
+    limits = range_text(found.minimum, found.maximum, found.type)
+    facts += [f"range: {limits}"] if limits else []
+    head = code(f"param.{name}: {type_text(found.type)}")
+    return paragraphs(head, found.doc, "; ".join(facts) + ".", f"From {origin}." if origin else "")
+
+
+def reason(found: Code) -> str:
+    """Say label and severity of a code."""
+    return paragraphs(code(f"code {found.name}"), f"{found.label} ({Severity(found.severity).name.lower()})")
+
+
+def hold(found: Hold, summary: str = "") -> str:
+    """Say what engages and releases a hold."""
+    released = " or ".join(f"`{name}`" for name in found.release)
+    facts = f"Engaged by `{found.engage}`, released by {released}; reports `{found.code}`."
+    return paragraphs(code(f"hold {found.name}"), summary, facts)
+
+
+def live_input(found: Input, summary: str, source: LiveValue | None) -> str:
+    """Say what an input reads, and which levels are drawn from it."""
+    limits = range_text(found.minimum, found.maximum, found.type)
+    facts = [
+        f"The live value `{found.value}`" + (f": {source.doc}" if source else "") + ".",
+        f"Known for {found.freshness:g} s." if found.freshness is not None else "",
+        f"Before the first report: {quantity(found.initial, found.type)}." if found.initial is not None else "",
+        f"Range: {limits}." if limits else "",
+        f"Levels: {', '.join(f'`{level.name}`' for level in found.levels)}." if found.levels else "",
+    ]
+    return paragraphs(code(f"input.{found.name}: {type_text(found.type)}"), summary, *facts)
+
+
+def variable(found: Variable, summary: str) -> str:
+    """Say type and beginning of a context variable."""
+    source = getattr(found.default, "source", None)
+    begins = f"${{ {source} }}" if source else quantity(getattr(found.default, "value", None), found.type)
+    return paragraphs(code(f"{found.name}: {type_text(found.type)}"), summary, f"At start: {begins}.")
+
+
+def state(name: str, found: State, file: str) -> str:
+    """Say what a state is for, what it is called in full, and where it stands."""
+    facts = [_KINDS[found.kind]]
+    facts += [f"published as phase {found.phase}"] if found.phase else []
+    facts += [f"does `{found.invoke.name}`"] if found.invoke else []
+    return paragraphs(code(f"state {name}"), found.summary, f"{', '.join(facts)}; {file}")
+
+
+def key(name: str, field: FieldInfo | None, words: Iterable[str] = ()) -> str:
+    """Say what a word of the language is for."""
+    described = field.description or "" if field else ""
+    facts = [f"One of {', '.join(f'`{word}`' for word in words)}."] if words else []
+    if field is not None and field.is_required():
+        facts.append("Must be written.")
+    return paragraphs(f"**{name}** — {described}" if described else f"**{name}**", " ".join(facts))
+
+
+def unit(name: str) -> str:
+    """Say what a unit is."""
+    base, factor = UNITS[name]
+    return f"1 {name} is {factor:g} {base}".strip() if base != name else f"base unit {name}"
+
+
+def _names(wanted: Mapping[str, Argument]) -> str:
+    return ", ".join(f"{name}?" if each.optional else name for name, each in wanted.items())

@@ -1,0 +1,139 @@
+"""The missions of one folder while they are edited: unsaved texts, findings, and the last model of them.
+
+Two questions are asked after a change. `check` is about the changed file, in the context of what could be
+read last of the others; it is what a keystroke waits for. `survey` is about the whole folder, and makes the
+model that completion, hover and the rest ask.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+
+from lupin_engine.chart.documents import FileNode, LifecycleNode, MissionNode, PartNode
+from lupin_engine.chart.load import LIFECYCLE, PARTS, Inspection, inspect_chart, mission_files
+from lupin_engine.editor.grammar import kind_of
+from lupin_engine.editor.model import Model
+from lupin_engine.editor.scan import Scan, scan
+from lupin_engine.errors import Diagnostic
+from lupin_engine.plugin.registry import Catalog
+
+Found = tuple[Diagnostic, ...]
+
+
+class Folder:
+    """A folder with a lifecycle, missions, and parts in `parts/`."""
+
+    def __init__(self, path: Path, catalog: Catalog) -> None:
+        self.path = path
+        self.catalog = catalog
+        self.model: Model | None = None
+        self._open: dict[Path, str] = {}
+        self._readable: dict[Path, bytes] = {}
+
+    @property
+    def lifecycle(self) -> Path:
+        """The file around the missions."""
+        return self.path / LIFECYCLE
+
+    # -- texts ---------------------------------------------------------------------------------------------
+
+    def put(self, path: Path, text: str) -> None:
+        """Note what a file says in the editor."""
+        self._open[path] = text
+
+    def drop(self, path: Path) -> None:
+        """Note that a file is no longer open: it is as it was saved."""
+        self._open.pop(path, None)
+        self._readable.pop(path, None)
+
+    @property
+    def open(self) -> list[Path]:
+        """The files that are open."""
+        return list(self._open)
+
+    def text(self, path: Path) -> str:
+        """Return what a file says, in the editor or saved; empty when there is none."""
+        if path in self._open:
+            return self._open[path]
+        try:
+            return path.read_text(encoding="utf-8-sig")
+        except (OSError, UnicodeDecodeError):
+            return ""
+
+    def scan(self, path: Path) -> Scan:
+        """Return what stands where in a file."""
+        return scan(self.text(path))
+
+    def kind(self, path: Path) -> type[FileNode] | None:
+        """Return what a file is: by what it says, else by where it stands; None when it is none of ours."""
+        said = kind_of(self.scan(path))
+        if said is not None:
+            return said
+        if path == self.lifecycle:
+            return LifecycleNode
+        if path.suffixes != [".yaml"] or not self.lifecycle.is_file():
+            return None
+        return PartNode if path.parent != self.path else MissionNode
+
+    def missions(self) -> list[Path]:
+        """Return the files of the missions, saved or not."""
+        files = dict.fromkeys([*mission_files(self.path), *self._open])
+        ours = (path for path in files if path.parent == self.path and path != self.lifecycle)
+        return sorted(path for path in ours if path not in self._open or self.kind(path) is MissionNode)
+
+    def files(self) -> list[Path]:
+        """Return all files: lifecycle, missions, parts."""
+        parts = {*(self.path / PARTS).glob("*.yaml"), *(p for p in self._open if p.parent.name == PARTS)}
+        return [self.lifecycle, *self.missions(), *sorted(parts)]
+
+    # -- checking ------------------------------------------------------------------------------------------
+
+    def check(self, path: Path) -> Found:
+        """Return what is wrong with one file as it stands, and remember it when it could be read."""
+        kind = self.kind(path)
+        if kind is None:
+            return ()
+        current = self.text(path).encode()
+        missions = [path] if kind is MissionNode else self.missions()
+        inspection = self._inspect(missions, {**self._texts(), path: current})
+        if path in inspection.documents:
+            self._readable[path] = current
+        return tuple(d for d in inspection.found if d.place.file == str(path))
+
+    def survey(self) -> dict[Path, Found]:
+        """Return what is wrong with every file of the folder, and make the model anew."""
+        missions, texts = self.missions(), self._texts()
+        first = self._inspect(missions, texts)
+        readable = [path for path in missions if path in first.documents]
+        inspection = first if readable == missions else self._inspect(readable, texts)
+        if inspection.composed is not None:
+            self.model = Model(inspection, inspection.composed, self.catalog)
+        found = _by_file([*inspection.found, *(d for d in first.found if d not in inspection.found)])
+        for path in self._open:
+            if self._readable.get(path) != self._open[path].encode():
+                found[path] = self.check(path)
+        return found
+
+    def inspect_with(self, texts: Mapping[Path, str]) -> Inspection:
+        """Return what the folder would come to with other texts in some files."""
+        return self._inspect(self.missions(), {**self._texts(), **{p: t.encode() for p, t in texts.items()}})
+
+    def _texts(self) -> dict[Path, bytes]:
+        """Return what to read for the open files: what could be read of them last."""
+        return {path: self._readable.get(path, text.encode()) for path, text in self._open.items()}
+
+    def _inspect(self, missions: Iterable[Path], texts: Mapping[Path, bytes]) -> Inspection:
+        return inspect_chart(self.lifecycle, list(missions), self.catalog, texts)
+
+
+def _by_file(found: Iterable[Diagnostic]) -> dict[Path, Found]:
+    files: dict[Path, list[Diagnostic]] = {}
+    for diagnostic in found:
+        files.setdefault(Path(diagnostic.place.file), []).append(diagnostic)
+    return {path: tuple(diagnostics) for path, diagnostics in files.items()}
+
+
+def folder_of(path: Path) -> Path:
+    """Return the folder of the missions that a file belongs to."""
+    return path.parent.parent if path.parent.name == PARTS else path.parent

@@ -1,0 +1,182 @@
+"""What the name under the mouse means, as Markdown."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from lupin_engine.chart.actions import BUILTIN_ACTIONS
+from lupin_engine.chart.documents import MissionNode, Node
+from lupin_engine.editor import docs
+from lupin_engine.editor.folder import Folder
+from lupin_engine.editor.grammar import Meaning, shape_of, spot_at
+from lupin_engine.editor.mentions import STATES, Mention, mention_at
+from lupin_engine.editor.model import Model, type_of
+from lupin_engine.editor.places import meant
+
+
+@dataclass(frozen=True)
+class Hover:
+    """What to show, and the text that it is about."""
+
+    text: str
+    start: int
+    end: int
+
+
+def hover(folder: Folder, path: Path, offset: int) -> Hover | None:
+    """Return what there is to say of the name at an offset."""
+    root = folder.kind(path)
+    if root is None:
+        return None
+    mention = mention_at(folder.scan(path), root, offset)
+    if mention is None:
+        return None
+    text = _text(folder, path, root, mention)
+    return Hover(text, mention.start, mention.end) if text else None
+
+
+def _text(folder: Folder, path: Path, root: type[Node], mention: Mention) -> str:
+    meaning, model = meant(mention), folder.model
+    if meaning in (Meaning.KEY, Meaning.WORD, Meaning.FILE):
+        return _word(root, mention)
+    if meaning in STATES:
+        return _state(model, path, mention) if model else ""
+    if meaning is Meaning.PART:
+        return _part(folder, mention.name)
+    found = _of_plugin(folder, meaning, mention)
+    if found or model is None:
+        return found
+    return _of_chart(folder, model, path, meaning, mention)
+
+
+def _word(root: type[Node], mention: Mention) -> str:
+    """Say what a word of the language is for, or the key that one of a few words was chosen for."""
+    spot = spot_at(root, mention.path)
+    if spot is None or spot.field is None:
+        return ""
+    return docs.key(spot.key, spot.field, shape_of(spot.field.annotation).words)
+
+
+def _state(model: Model, path: Path, mention: Mention) -> str:
+    """Say what a state is; a name in a part may mean another one for each use."""
+    found = {draft.name: draft for draft in model.find(path, mention)}
+    texts = []
+    for name, draft in found.items():
+        state = model.composed.chart.states[name]
+        texts.append(docs.state(name or "(root)", state, Path(draft.place.file).name))
+    return "\n\n---\n\n".join(texts)
+
+
+def _part(folder: Folder, name: str) -> str:
+    part = folder.model.part(name) if folder.model else None
+    if part is None:
+        return ""
+    needs = f"Needs: {part.needs}." if part.needs else ""
+    names = ", ".join(f"`{key}`" for key in part.params)
+    return docs.paragraphs(docs.code(f"part {name}"), part.summary, needs, f"Parameters: {names}." if names else "")
+
+
+def _of_plugin(folder: Folder, meaning: Meaning, mention: Mention) -> str:
+    catalog, name = folder.catalog, mention.name
+    match meaning:
+        case Meaning.OPERATION if name in catalog.operations:
+            return docs.operation(name, catalog.operations[name])
+        case Meaning.ACTION if name in catalog.actions:
+            return docs.action(name, catalog.actions[name])
+        case Meaning.ACTION if name in docs.ACTIONS:
+            return docs.builtin_action(name)
+        case Meaning.FUNCTION if mention.whole in catalog.functions:
+            return docs.function(mention.whole, catalog.functions[mention.whole])
+        case Meaning.FUNCTION if mention.whole in docs.CALLS:
+            return docs.call(mention.whole)
+        case Meaning.EVENT if name in catalog.events:
+            return docs.event(name, catalog.events[name])
+        case Meaning.EVENT if name in docs.REQUESTS:
+            return docs.paragraphs(docs.code(f"request {name}"), docs.REQUESTS[name])
+        case Meaning.LIVE_VALUE if name in catalog.values:
+            return docs.live_value(name, catalog.values[name])
+        case Meaning.TYPE if name in catalog.known_types:
+            return docs.code(f"type {docs.type_text(catalog.known_types[name])}")
+        case Meaning.ARGUMENT:
+            return _argument(folder, mention)
+    return ""
+
+
+def _argument(folder: Folder, mention: Mention) -> str:
+    catalog = folder.catalog
+    owner = catalog.operations.get(mention.of) or catalog.actions.get(mention.of)
+    wanted = owner.arguments if owner else BUILTIN_ACTIONS.get(mention.of, {})
+    argument = wanted.get(mention.name)
+    return docs.argument_line(mention.name, argument) if argument else ""
+
+
+def _of_chart(folder: Folder, model: Model, path: Path, meaning: Meaning, mention: Mention) -> str:
+    declared, name = model.composed.declared, mention.name
+    match meaning:
+        case Meaning.PARAMETER | Meaning.BINDING:
+            return _parameter(folder, model, path, mention)
+        case Meaning.CODE if name in model.composed.chart.codes:
+            return docs.reason(model.composed.chart.codes[name])
+        case Meaning.HOLD if name in declared.holds:
+            return docs.hold(declared.holds[name], _summary(folder, "holds", name))
+        case Meaning.INPUT if name in declared.inputs:
+            found = declared.inputs[name]
+            source = folder.catalog.values.get(found.value)
+            return docs.live_input(found, _summary(folder, "inputs", name), source)
+        case Meaning.VARIABLE if name in declared.context:
+            return docs.variable(declared.context[name], _summary(folder, "context", name))
+        case Meaning.FIELD:
+            return _field(folder, model, path, mention)
+        case Meaning.INVARIANT:
+            return docs.paragraphs(docs.code(f"invariant {name}"), _summary(folder, "invariants", name))
+        case Meaning.ROOT | Meaning.ATTRIBUTE | Meaning.LEVEL | Meaning.VARIABLE:
+            return _typed(folder, model, path, mention)
+    return ""
+
+
+def _parameter(folder: Folder, model: Model, path: Path, mention: Mention) -> str:
+    """Say what a setting is: that of the file, of the part that is used, of the lifecycle, of a plugin."""
+    by_file = model.composed.declared.by_file
+    if mention.meaning is Meaning.BINDING:
+        part = model.part(mention.of)
+        files = [(part.title, f"part {part.name}")] if part else []
+    else:
+        own, lifecycle = model.file(path), model.file(folder.lifecycle)
+        files = [(file.title, Path(file.place.file).name) for file in (own, lifecycle) if file is not None]
+    for title, origin in files:
+        if mention.name in by_file.get(title, {}):
+            return docs.parameter(mention.name, by_file[title][mention.name], origin)
+    found = folder.catalog.parameters.get(mention.name)
+    if found is None:
+        return ""
+    return docs.parameter(mention.name, found, f"plugin {folder.catalog.owners['parameter', mention.name]}")
+
+
+def _field(folder: Folder, model: Model, path: Path, mention: Mention) -> str:
+    """Say what a field of the request is; a part reads those of the missions that use it."""
+    for mission in model.composed.chart.missions.values():
+        found = mission.request.get(mention.name)
+        if found is not None and (Path(mission.file) == path or not isinstance(model.file(path), MissionNode)):
+            summary = folder.scan(Path(mission.file)).value("request", mention.name, "summary") or ""
+            return docs.paragraphs(docs.code(f"request.{mention.name}: {docs.type_text(found.type)}"), summary)
+    return ""
+
+
+def _typed(folder: Folder, model: Model, path: Path, mention: Mention) -> str:
+    """Say of what type something in an expression is."""
+    scope = model.scope(path, mention.path, folder.scan(path))
+    kind = type_of(scope, mention.so_far.split("."))
+    if kind is None:
+        return ""
+    if mention.index == 0 and mention.name in docs.ROOTS:
+        shown = docs.code(f"{mention.name}: {docs.type_text(kind)}") if mention.name == "target" else ""
+        return docs.paragraphs(f"**{mention.name}** — {docs.ROOTS[mention.name]}", shown)
+    values = f"One of {', '.join(f'`{value}`' for value in kind.values)}." if kind.values else ""
+    return docs.paragraphs(docs.code(f"{mention.so_far}: {docs.type_text(kind)}"), values)
+
+
+def _summary(folder: Folder, section: str, name: str) -> str:
+    """Return the sentence that a declaration says of itself."""
+    texts = (folder.scan(file).value(section, name, "summary") for file in folder.files())
+    return next((text for text in texts if text), "")

@@ -1,0 +1,212 @@
+"""What names mean in the missions of a folder, as far as they could be read last.
+
+The text in the editor may be ahead of this; so everything here is asked by names and paths, never by places.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+
+from lupin_engine.chart.compose import Composed
+from lupin_engine.chart.documents import FileNode, PartNode
+from lupin_engine.chart.expressions import Scope
+from lupin_engine.chart.findings import Findings
+from lupin_engine.chart.invoke import names_when_done, names_when_failed
+from lupin_engine.chart.load import Inspection
+from lupin_engine.chart.model import Kind
+from lupin_engine.chart.tree import Draft, Forest
+from lupin_engine.editor.grammar import Meaning
+from lupin_engine.editor.mentions import STATES, Mention
+from lupin_engine.editor.scan import Scan, Steps
+from lupin_engine.plugin.registry import Catalog
+from lupin_engine.plugin.types import ANY, TEXT, Type
+
+#: A state where its text stands: the file, and the names from the top of that file.
+Written = tuple[Path, tuple[str, ...]]
+
+_NO_FIELDS = Type("record", "event")
+_START = Type("record", "event", fields={"mission_type": TEXT, "mission_id": TEXT})
+
+
+class Model:
+    """A composed chart, asked by file and path."""
+
+    def __init__(self, inspection: Inspection, composed: Composed, catalog: Catalog) -> None:
+        self.documents = inspection.documents
+        self.composed = composed
+        self.catalog = catalog
+        self._forest = Forest({}, Findings())
+        self._drafts: dict[Written, list[Draft]] = {}
+        self._written: dict[str, Written] = {}
+        for draft in composed.drafts.values():
+            self._enter(draft)
+
+    def _enter(self, draft: Draft) -> None:
+        """Note where the text of a state stands; the states of a part belong to the part's file."""
+        parent = draft.parent
+        file = Path(draft.file.place.file)
+        if parent is None or (draft.node is None and draft.kind is not Kind.HISTORY):
+            local: tuple[str, ...] = ()
+        elif parent.part is not None and draft.file is parent.part:
+            local = (draft.local,)
+        else:
+            local = (*self._written[parent.name][1], draft.local)
+        self._written[draft.name] = (file, local)
+        self._drafts.setdefault((file, local), []).append(draft)
+        if draft.part is not None:
+            self._drafts.setdefault((Path(draft.part.place.file), ()), []).append(draft)
+
+    def written(self, draft: Draft) -> Written:
+        """Return where the text of a state stands."""
+        return self._written[draft.name]
+
+    def drafts_at(self, written: Written) -> list[Draft]:
+        """Return the states that a text stands for: one for every use of a part."""
+        return self._drafts.get(written, [])
+
+    def nearest(self, file: Path, local: tuple[str, ...]) -> tuple[list[Draft], bool]:
+        """Return the states of a text or of the innermost text around it, and whether it is its own."""
+        for length in range(len(local), -1, -1):
+            found = self.drafts_at((file, local[:length]))
+            if found:
+                return found, length == len(local)
+        return [], False
+
+    # -- names of states -----------------------------------------------------------------------------------
+
+    def visible(self, file: Path, local: tuple[str, ...]) -> list[Draft]:
+        """Return the states that can be named from a text, the nearest first; hidden ones are left out."""
+        found: dict[str, Draft] = {}
+        for draft in self.nearest(file, local)[0]:
+            for scope in draft.up():
+                for name, child in scope.children.items():
+                    if not scope.slot or child.kind is Kind.HISTORY:
+                        found.setdefault(name, child)
+        return list(found.values())
+
+    def children(self, file: Path, local: tuple[str, ...]) -> list[Draft]:
+        """Return the states inside a text's state."""
+        found = [child for draft in self.nearest(file, local)[0] for child in draft.children.values()]
+        return list({child.local: child for child in found}.values())
+
+    def find(self, file: Path, mention: Mention) -> list[Draft]:
+        """Return the states that a word means, one for every use of the part it stands in."""
+        if mention.declares:
+            return self.drafts_at((file, states_of(mention.path)))
+        if mention.meaning is Meaning.ANYWHERE:
+            return self._anywhere(mention)
+        found = []
+        for draft in self.drafts_at((file, states_of(mention.path))):
+            if mention.meaning is Meaning.CHILD:
+                found += _descend(draft, mention.so_far)
+            else:
+                found += self._forest.find(mention.so_far, draft)[:1]
+        return found
+
+    def _anywhere(self, mention: Mention) -> list[Draft]:
+        """Return the states that in_state asks for, or those around them for an earlier word of the name."""
+        found = []
+        for name, draft in self.composed.drafts.items():
+            if name and (name == mention.whole or name.endswith(f".{mention.whole}")):
+                above = list(draft.up())
+                found.append(above[mention.whole.count(".") - mention.index])
+        return found
+
+    # -- other names ---------------------------------------------------------------------------------------
+
+    def part(self, name: str) -> PartNode | None:
+        """Return a part that was read."""
+        parts = (file for file in self.documents.values() if isinstance(file, PartNode))
+        return next((part for part in parts if part.name == name), None)
+
+    def file(self, path: Path) -> FileNode | None:
+        """Return what a file says, as far as it could be read."""
+        return self.documents.get(path)
+
+    # -- what expressions see ------------------------------------------------------------------------------
+
+    def scope(self, file: Path, path: Steps, scan: Scan) -> Scope:
+        """Return what an expression at a path of a file sees."""
+        local = states_of(path)
+        drafts, own = self.nearest(file, local)
+        draft = drafts[0] if drafts else self.composed.drafts[""]
+        scope = (draft.scope if own and not self._is_part_itself(file, local) else draft.inner) or Scope({})
+        rest = path[2 * len(local) :]
+        if not rest:
+            return scope
+        return self._with_event(draft, scope, file, path, rest, scan)
+
+    def _is_part_itself(self, file: Path, local: tuple[str, ...]) -> bool:
+        return not local and isinstance(self.documents.get(file), PartNode)
+
+    def _with_event(
+        self, draft: Draft, scope: Scope, file: Path, path: Steps, rest: Steps, scan: Scan
+    ) -> Scope:
+        state = self.composed.chart.states.get(draft.name)
+        key = rest[0]
+        if key == "on" and len(rest) > 1:
+            return scope.with_names({"event": self.event_type(str(rest[1]))})
+        if key == "on_done":
+            return scope.with_names(names_when_done(state.invoke if state else None))
+        if key == "on_error":
+            return scope.with_names(names_when_failed(state.invoke if state else None))
+        if key == "for_each":
+            return self._in_for_each(draft, scope, path, rest, scan)
+        if key in ("params", "inputs", "context", "itinerary", "budget", "invariants", "request", "holds"):
+            return scope
+        return scope.with_names({"event": ANY})
+
+    def _in_for_each(self, draft: Draft, scope: Scope, path: Steps, rest: Steps, scan: Scan) -> Scope:
+        state = self.composed.chart.states.get(draft.name)
+        for_each = state.for_each if state else None
+        begin = path[: len(path) - len(rest) + 1]
+        item = scan.value(*begin, "item")
+        if not item or rest[1:2] in (("in",), ("limit",)):
+            return scope
+        kind = (for_each.items.type.item if for_each else None) or ANY
+        scope = scope.with_item(item, kind)
+        ending = {"on_done": names_when_done, "on_error": names_when_failed}.get(str(rest[1:2][0]) if rest[1:2] else "")
+        return scope.with_names(ending(for_each.invoke if for_each else None)) if ending else scope
+
+    def event_type(self, event: str) -> Type:
+        """Return what comes with an event."""
+        if event == "mission.start":
+            return _START
+        if event in self.catalog.events:
+            return Type("record", "event", fields=self.catalog.events[event].fields)
+        return _NO_FIELDS if event.startswith("operator.") else ANY
+
+
+def states_of(path: Steps) -> tuple[str, ...]:
+    """Return the names of the states that a path leads through, from the top of its file."""
+    found = []
+    for at in range(0, len(path) - 1, 2):
+        if path[at] != "states":
+            break
+        found.append(str(path[at + 1]))
+    return tuple(found)
+
+
+def steps_of(local: Iterable[str]) -> Steps:
+    """Return the path of a state in its file."""
+    return tuple(step for name in local for step in ("states", name))
+
+
+def _descend(draft: Draft, name: str) -> list[Draft]:
+    found: Draft | None = draft
+    for word in name.split("."):
+        found = found.children.get(word) if found is not None else None
+    return [found] if found is not None else []
+
+
+def type_of(scope: Scope, words: Iterable[str], extra: Mapping[str, Type] | None = None) -> Type | None:
+    """Return the type of a chain such as `input.battery.low`; None where it leads nowhere."""
+    first, *rest = words
+    found = {**scope.names, **(extra or {})}.get(first)
+    for word in rest:
+        found = found.fields.get(word) if found is not None else None
+    return found
+
+
+__all__ = ["STATES", "Model", "Written", "states_of", "steps_of", "type_of"]

@@ -1,0 +1,238 @@
+"""Where a thing was declared: in a file of the folder, or in the catalog of its plugin."""
+
+from __future__ import annotations
+
+import ast
+import importlib.util
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from importlib import metadata
+from pathlib import Path
+
+from lupin_engine.chart.load import PARTS
+from lupin_engine.chart.model import Kind
+from lupin_engine.chart.tree import Draft
+from lupin_engine.editor.folder import Folder
+from lupin_engine.editor.grammar import Meaning
+from lupin_engine.editor.mentions import STATES, Mention
+from lupin_engine.editor.model import steps_of
+from lupin_engine.editor.scan import Steps
+from lupin_engine.plugin import builtin
+from lupin_engine.plugin.registry import GROUP
+
+
+@dataclass(frozen=True)
+class Spanned:
+    """A piece of a file."""
+
+    file: Path
+    start: int
+    end: int
+
+
+#: The mapping of a file that declares such a thing.
+_SECTIONS: Mapping[Meaning, str] = {
+    Meaning.PARAMETER: "params",
+    Meaning.INPUT: "inputs",
+    Meaning.CODE: "codes",
+    Meaning.VARIABLE: "context",
+    Meaning.HOLD: "holds",
+    Meaning.FIELD: "request",
+    Meaning.INVARIANT: "invariants",
+}
+#: What such a thing is made with in a plugin's catalog, and the family that says whose it is.
+_MADE_BY: Mapping[Meaning, tuple[str, str]] = {
+    Meaning.OPERATION: ("Operation", ""),
+    Meaning.ACTION: ("Action", ""),
+    Meaning.EVENT: ("EventKind", ""),
+    Meaning.FUNCTION: ("Function", "function"),
+    Meaning.LIVE_VALUE: ("LiveValue", "value"),
+    Meaning.PARAMETER: ("Parameter", "parameter"),
+    Meaning.TYPE: ("Type", "type"),
+}
+
+
+def definition(folder: Folder, path: Path, mention: Mention) -> list[Spanned]:
+    """Return where the thing that is mentioned in a file was declared; several where it depends on the use."""
+    meaning = meant(mention)
+    if meaning in STATES:
+        return _states(folder, path, mention)
+    if meaning is Meaning.PART:
+        return _part(folder, mention.name)
+    if meaning is Meaning.LEVEL:
+        return _declared(folder, path, ("inputs", mention.of, "levels", mention.name))
+    if meaning is Meaning.BINDING:
+        part = folder.path / PARTS / f"{mention.of}.yaml"
+        return _key(folder, part, ("params", mention.name))
+    if meaning in _SECTIONS:
+        found = _declared(folder, path, (_SECTIONS[meaning], mention.name))
+        if found or meaning not in (Meaning.PARAMETER, Meaning.CODE):
+            return found
+    return _in_plugin(folder, meaning, mention)
+
+
+def meant(mention: Mention) -> Meaning:
+    """Return what a mention is of; an argument of `set` is a variable."""
+    if mention.meaning is Meaning.ARGUMENT and mention.of == "set":
+        return Meaning.VARIABLE
+    return mention.meaning
+
+
+# -- in the folder ---------------------------------------------------------------------------------------------
+
+
+def place_of(folder: Folder, draft: Draft) -> Spanned | None:
+    """Return the name of a state where it is written, in the text as it is now."""
+    if folder.model is None:
+        return None
+    file, local = folder.model.written(draft)
+    scan = folder.scan(file)
+    if draft.node is None and draft.kind is not Kind.HISTORY:
+        head = next((key for key in scan.keys(()) if key.text in ("mission", "lifecycle")), None)
+        token = scan.value_token(head.path) if head else None
+    elif draft.node is None:
+        token = scan.key_token((*steps_of(local[:-1]), "history"))
+    else:
+        token = scan.key_token(steps_of(local))
+    return Spanned(file, token.inner, token.inner + len(token.text)) if token else None
+
+
+def _states(folder: Folder, path: Path, mention: Mention) -> list[Spanned]:
+    drafts = folder.model.find(path, mention) if folder.model else []
+    return list(dict.fromkeys(place for draft in drafts if (place := place_of(folder, draft)) is not None))
+
+
+def _part(folder: Folder, name: str) -> list[Spanned]:
+    file = folder.path / PARTS / f"{name}.yaml"
+    scan = folder.scan(file)
+    token = scan.value_token(("part",))
+    return [Spanned(file, token.inner, token.inner + len(token.text))] if token else []
+
+
+def _declared(folder: Folder, path: Path, steps: Steps) -> list[Spanned]:
+    """Look in the file itself, then in the lifecycle, then in the others."""
+    for file in dict.fromkeys([path, *folder.files()]):
+        found = _key(folder, file, steps)
+        if found:
+            return found
+    return []
+
+
+def _key(folder: Folder, file: Path, steps: Steps) -> list[Spanned]:
+    token = folder.scan(file).key_token(steps)
+    return [Spanned(file, token.inner, token.inner + len(token.text))] if token else []
+
+
+# -- in plugins ------------------------------------------------------------------------------------------------
+
+
+def _in_plugin(folder: Folder, meaning: Meaning, mention: Mention) -> list[Spanned]:
+    catalog = folder.catalog
+    if meaning is Meaning.CODE:
+        return [place for plugin in catalog.plugins for place in _code(plugin, mention.name)][:1]
+    if meaning is Meaning.ARGUMENT:
+        plugin, _, name = mention.of.partition(".")
+        return _made(plugin, name, ("Operation", "Action"), mention.name)
+    if meaning not in _MADE_BY:
+        return []
+    maker, family = _MADE_BY[meaning]
+    name = mention.whole or mention.name if meaning is Meaning.FUNCTION else mention.name
+    plugin, _, local = name.partition(".")
+    if family:
+        plugin, local = catalog.owners.get((family, name), ""), name
+    return _made(plugin, local, (maker,))
+
+
+def _made(plugin: str, name: str, makers: tuple[str, ...], argument: str = "") -> list[Spanned]:
+    file = catalog_file(plugin)
+    if file is None:
+        return []
+    found = next((node for node in _pairs(file, name, makers)), None)
+    if found is None:
+        return [Spanned(file, 0, 0)]
+    key, value = found
+    inner = next((k for k, _ in _keys_in(value) if k.value == argument), None) if argument else None
+    return [_span(file, inner or key)]
+
+
+def _code(plugin: str, name: str) -> list[Spanned]:
+    """Return where a catalog makes a code: `Code("name", ...)`."""
+    file = catalog_file(plugin)
+    for node in ast.walk(_tree(file)) if file else ():
+        if isinstance(node, ast.Call) and _called(node) == "Code" and node.args and file:
+            first = node.args[0]
+            if isinstance(first, ast.Constant) and first.value == name:
+                return [_span(file, first)]
+    return []
+
+
+def _pairs(file: Path, name: str, makers: tuple[str, ...]) -> Iterator[tuple[ast.Constant, ast.expr]]:
+    """Yield the pairs of a catalog's mappings that make a thing of that name; other pairs come last."""
+    pairs = [pair for pair in _keys_in(_tree(file)) if pair[0].value == name]
+    yield from (pair for pair in pairs if isinstance(pair[1], ast.Call) and _called(pair[1]) in makers)
+    yield from (pair for pair in pairs if not isinstance(pair[1], ast.Call))
+
+
+def _keys_in(tree: ast.AST) -> Iterator[tuple[ast.Constant, ast.expr]]:
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Dict):
+            for key, value in zip(node.keys, node.values, strict=True):
+                if isinstance(key, ast.Constant):
+                    yield key, value
+
+
+def _called(node: ast.Call) -> str:
+    return node.func.id if isinstance(node.func, ast.Name) else getattr(node.func, "attr", "")
+
+
+def _span(file: Path, node: ast.Constant) -> Spanned:
+    """Return a text in quotes, without them."""
+    start = sum(len(line) for line in _lines(file)[: node.lineno - 1])
+    row = _lines(file)[node.lineno - 1].encode()
+    start += len(row[: node.col_offset].decode()) + 1
+    return Spanned(file, start, start + len(str(node.value)))
+
+
+@lru_cache(32)
+def _source(file: Path) -> str:
+    return file.read_text(encoding="utf-8")
+
+
+@lru_cache(32)
+def _lines(file: Path) -> list[str]:
+    return _source(file).splitlines(keepends=True)
+
+
+@lru_cache(32)
+def _tree(file: Path) -> ast.Module:
+    return ast.parse(_source(file))
+
+
+@lru_cache(32)
+def catalog_file(plugin: str) -> Path | None:
+    """Return the file that makes the `Plugin` of that name."""
+    modules = [builtin.__name__] if plugin == builtin.BUILTIN else []
+    modules += [point.value.partition(":")[0] for point in metadata.entry_points(group=GROUP)]
+    for module in modules:
+        spec = importlib.util.find_spec(module)
+        if spec is None or spec.origin is None:
+            continue
+        if _names_plugin(Path(spec.origin), plugin):
+            return Path(spec.origin)
+    return None
+
+
+def _names_plugin(file: Path, plugin: str) -> bool:
+    """Tell whether a file makes a `Plugin` of that name."""
+    for node in ast.walk(_tree(file)):
+        if isinstance(node, ast.Call) and _called(node) == "Plugin":
+            name = next((k.value for k in node.keywords if k.arg == "name"), None)
+            if isinstance(name, ast.Constant) and name.value == plugin:
+                return True
+            if isinstance(name, ast.Name) and plugin == builtin.BUILTIN:
+                return True
+    return False
+
+
+__all__ = ["Spanned", "catalog_file", "definition", "meant", "place_of"]

@@ -1,0 +1,65 @@
+"""The checker's findings as an editor shows them: with an end, and with a spelling that mends them."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+from lupin_engine.editor.scan import Scan
+from lupin_engine.errors import Diagnostic
+
+_QUOTED = re.compile(r"'([^']+)'")
+_WORD = re.compile(r"\w+|\S")
+_MEANT = re.compile(r"did you mean '([^']+)'\?")
+
+
+@dataclass(frozen=True)
+class Problem:
+    """A finding, on the text from `start` to `end`."""
+
+    start: int
+    end: int
+    finding: Diagnostic
+
+    @property
+    def message(self) -> str:
+        """What is wrong, and what to do; where it is can be seen."""
+        hint = f"; {self.finding.hint}" if self.finding.hint else ""
+        return f"{self.finding.problem}{hint}"
+
+    @property
+    def unused(self) -> bool:
+        """Tell whether it is about something that could be left out."""
+        return self.finding.rule.startswith("unused-")
+
+
+def problem(scan: Scan, finding: Diagnostic) -> Problem:
+    """Return a finding with the text it is about, in the file as it is now."""
+    start = scan.lines.offset(finding.place.line - 1, finding.place.column - 1)
+    return Problem(start, max(_end(scan, start, finding.problem), start), finding)
+
+
+def _end(scan: Scan, start: int, text: str) -> int:
+    """Return where the name ends that a finding speaks of, else the key or value at its place."""
+    for name in _QUOTED.findall(text):
+        for quote in ("", "'", '"'):
+            if scan.text.startswith(f"{quote}{name}{quote}", start):
+                return start + len(name) + 2 * len(quote)
+    token = scan.token_at(start)
+    if token is not None and token.start == start:
+        return token.end
+    found = _WORD.match(scan.text, start)
+    line_end = scan.lines.end(scan.lines.position(start)[0])
+    return min(found.end(), line_end) if found else min(start + 1, line_end)
+
+
+def spelling(message: str) -> str:
+    """Return the spelling that a message offers; empty when it offers none."""
+    found = _MEANT.search(message)
+    return found.group(1) if found else ""
+
+
+def corrected(text: str, meant: str) -> str:
+    """Return what to write in place of a text that was meant otherwise: its quotes stay."""
+    quote = text[0] if text[:1] in ("'", '"') and text[-1:] == text[:1] else ""
+    return f"{quote}{meant}{quote}"

@@ -1,0 +1,171 @@
+"""Renaming a state: every word in the folder that means it, or a reason why not.
+
+What would come out is composed before anything is changed: states, targets and everything that in_state asks
+for must be the same as before, but for the name. So a new name that hides another state, or is hidden by one,
+is refused with what would happen.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from lupin_engine.chart.compose import Composed
+from lupin_engine.chart.declare import NAME
+from lupin_engine.chart.load import Inspection
+from lupin_engine.chart.model import Kind
+from lupin_engine.chart.tree import Draft
+from lupin_engine.editor.folder import Folder
+from lupin_engine.editor.grammar import Meaning
+from lupin_engine.editor.mentions import STATES, Mention
+from lupin_engine.editor.model import Model
+from lupin_engine.editor.navigation import Reference, all_mentions, identity, mention_under, references
+from lupin_engine.editor.places import place_of
+from lupin_engine.errors import LupinError, Severity
+
+
+class Refused(LupinError):
+    """The state cannot be renamed like that; the text says why."""
+
+
+@dataclass(frozen=True)
+class Edit:
+    """A new text for a piece of a file."""
+
+    start: int
+    end: int
+    text: str
+
+
+def renamable(folder: Folder, path: Path, offset: int) -> Mention:
+    """Return the name at an offset that can be changed.
+
+    Raises:
+        Refused: there is no name of a state there, or the files do not say which one it is.
+    """
+    mention = mention_under(folder, path, offset)
+    if mention is None or mention.meaning not in STATES:
+        raise Refused("only states can be renamed; this is none")
+    _drafts(folder, path, mention)
+    return mention
+
+
+def rename(folder: Folder, path: Path, offset: int, name: str) -> dict[Path, list[Edit]]:
+    """Return what to change so that a state gets another name.
+
+    Raises:
+        Refused: the text says why.
+    """
+    mention = renamable(folder, path, offset)
+    drafts = _drafts(folder, path, mention)
+    if not NAME.fullmatch(name):
+        raise Refused(f"{name!r} cannot be the name of a state; use letters, digits and underscores")
+    for draft in drafts:
+        if draft.parent is not None and name in draft.parent.children:
+            raise Refused(f"there is a state {draft.parent.children[name].name!r} already")
+    found = references(folder, path, mention)
+    _refuse_shared(folder, found, identity(folder, path, mention))
+    edits: dict[Path, list[Edit]] = {}
+    for each in found:
+        edits.setdefault(each.file, []).append(Edit(each.mention.start, each.mention.end, name))
+    _verify(folder, edits, {draft.name for draft in drafts}, name)
+    return edits
+
+
+def _drafts(folder: Folder, path: Path, mention: Mention) -> list[Draft]:
+    """Return the states that are to be renamed."""
+    model = folder.model
+    if model is None or not _is_current(folder):
+        raise Refused("a file of this folder cannot be read; mend that first")
+    found = model.find(path, mention)
+    if not found:
+        raise Refused(f"no state is called {mention.so_far or mention.name!r} here")
+    for draft in found:
+        if draft.node is None:
+            what = "is made by the key 'history'" if draft.kind is Kind.HISTORY else "is a mission"
+            raise Refused(f"{draft.local!r} {what}, and not a state that can be renamed")
+    places = {place_of(folder, draft) for draft in found}
+    if len(places) > 1:
+        names = " and ".join(sorted(repr(draft.name) for draft in found))
+        raise Refused(f"{mention.name!r} means {names} here; rename one of them where it is written")
+    return [draft for draft in model.composed.drafts.values() if place_of(folder, draft) in places]
+
+
+def _is_current(folder: Folder) -> bool:
+    """Tell whether all files can be read as they are now."""
+    return all(file in folder.inspect_with(folder.current()).documents for file in folder.open)
+
+
+def _refuse_shared(folder: Folder, found: Iterable[Reference], wanted: frozenset[object]) -> None:
+    """Refuse when a word means other states too: they would lose it."""
+    for each in found:
+        others = identity(folder, each.file, each.mention) - wanted
+        if others:
+            line = folder.scan(each.file).lines.position(each.mention.start)[0] + 1
+            where = f"{each.file.name}:{line}"
+            raise Refused(f"{each.mention.name!r} in {where} also means another state; change that by hand")
+
+
+def _verify(folder: Folder, edits: Mapping[Path, list[Edit]], renamed: set[str], name: str) -> None:
+    """Compare what the folder says before and after."""
+    texts = folder.current()
+    before = folder.inspect_with(texts)
+    changed = {path: apply(texts.get(path, folder.text(path)), found) for path, found in edits.items()}
+    after = folder.inspect_with({**texts, **changed})
+    known = {(d.place.file, d.place.line, d.rule) for d in before.found}
+    for finding in after.found:
+        if (finding.place.file, finding.place.line, finding.rule) not in known:
+            kind = "error" if finding.severity is Severity.ERROR else "warning"
+            raise Refused(f"this would make a new {kind}: {finding.place}: {finding.problem}")
+    if before.composed is None or after.composed is None:
+        raise Refused("a file of this folder cannot be read; mend that first")
+    if list(_meanings(before.composed, renamed, name)) != list(_meanings(after.composed, set(), name)):
+        raise Refused(f"with the name {name!r} something else would be meant somewhere")
+    if _asked(folder, before, renamed, name) != _asked(folder, after, set(), name):
+        raise Refused(f"with the name {name!r} an in_state would ask for another state")
+
+
+def _meanings(composed: Composed, renamed: set[str], name: str) -> Iterator[tuple[str | None, ...]]:
+    """Yield the states and where they lead, by the names they will have."""
+    for state in composed.chart.states.values():
+        yield (_renamed(state.name, renamed, name), _renamed(state.initial, renamed, name))
+        for transition in (*state.transitions, *state.resume_at):
+            yield (transition.event, _renamed(transition.target, renamed, name))
+
+
+def _asked(folder: Folder, inspection: Inspection, renamed: set[str], name: str) -> list[set[str | None]]:
+    """Return the states that each in_state of the folder asks for, by the names they will have."""
+    assert inspection.composed is not None
+    model = Model(inspection, inspection.composed, folder.catalog)
+    found = []
+    for each in all_mentions(folder):
+        mention = each.mention
+        if mention.meaning is Meaning.ANYWHERE and mention.index == mention.whole.count("."):
+            asked = _with_new_name(mention, folder, each.file, renamed, name, model)
+            found.append(asked)
+    return found
+
+
+def _with_new_name(
+    mention: Mention, folder: Folder, path: Path, renamed: set[str], name: str, model: Model
+) -> set[str | None]:
+    raise NotImplementedError
+
+
+def _renamed(full: str | None, renamed: set[str], name: str) -> str | None:
+    """Return the full name that a state will have."""
+    if full is None:
+        return None
+    words = full.split(".")
+    for index in range(len(words)):
+        if ".".join(full.split(".")[: index + 1]) in renamed:
+            words[index] = name
+    return ".".join(words)
+
+
+def apply(text: str, edits: Iterable[Edit]) -> str:
+    """Return a text with some of its pieces replaced."""
+    for edit in sorted(edits, key=lambda edit: edit.start, reverse=True):
+        text = text[: edit.start] + edit.text + text[edit.end :]
+    return text

@@ -1,0 +1,337 @@
+"""What scenarios have not reached: states, transitions, ends of operations, branches of guards.
+
+States, transitions and ends are read off the steps of a run. What guards came to is nowhere in a step, so a
+run that is to be counted uses a copy of the chart whose guards count (`Guards.counting`).
+
+A mission answers for its own states; those of the lifecycle around it are shared, and one mission that
+reaches them is enough.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+from lupin_engine.chart.model import Chart, Environment, Expression, Hold, Invoke, Kind, State, Transition
+from lupin_engine.errors import Place
+from lupin_engine.machine.event import Cancel, Start
+from lupin_engine.machine.step import Step
+from lupin_engine.sim.failure import near, shown
+from lupin_engine.sim.simulation import Run
+from lupin_engine.sim.story import short_name
+
+#: What can be reached, in the order in which it is told.
+STATE, TRANSITION, OUTCOME, GUARD = KINDS = ("states", "transitions", "outcomes", "guard branches")
+#: How the end of an operation is called that its timeout brings about.
+TIMEOUT = "timeout"
+
+#: A piece that can be reached: its kind, whose it is, and which of several.
+Key = tuple[str, str, str]
+Counts = Counter[Key]
+
+
+@dataclass(frozen=True)
+class Piece:
+    """Something that can be reached; `mission` is the mission it belongs to, '' for the lifecycle."""
+
+    key: Key
+    place: Place
+    text: str
+    mission: str
+
+    @property
+    def kind(self) -> str:
+        """What it is."""
+        return self.key[0]
+
+
+# -- what there is ---------------------------------------------------------------------------------------
+
+
+def pieces(chart: Chart) -> list[Piece]:
+    """Return everything of a chart that can be reached, in the order of the file."""
+    found = [piece for state in chart.states.values() for piece in _pieces(chart, state)]
+    for hold in chart.holds.values():
+        for guard, word in _guards_of_hold(hold):
+            found += _branches(guard, f"hold.{hold.name}.{word}", f"hold {hold.name}: {word}", "")
+    return found
+
+
+def _pieces(chart: Chart, state: State) -> Iterator[Piece]:
+    if state.name and state.kind is not Kind.HISTORY:
+        yield Piece((STATE, state.name, ""), state.place, short_name(chart, state.name), state.mission)
+    for rule in state.transitions:
+        text = _rule_text(chart, rule)
+        yield Piece((TRANSITION, rule.id, ""), rule.place, text, state.mission)
+        yield from _branches(rule.guard, rule.id, text, state.mission)
+    for rule in state.resume_at:
+        yield from _branches(rule.guard, rule.id, _rule_text(chart, rule), state.mission)
+    for invoke in _invokes(state):
+        yield from _ends(chart, state, invoke)
+    if state.for_each is not None:
+        name = short_name(chart, state.name)
+        yield from _branches(state.for_each.when, f"{state.name}.for_each", f"{name}: when", state.mission)
+
+
+def _invokes(state: State) -> Iterator[Invoke]:
+    if state.invoke is not None:
+        yield state.invoke
+    if state.for_each is not None:
+        yield state.for_each.invoke
+
+
+def _ends(chart: Chart, state: State, invoke: Invoke) -> Iterator[Piece]:
+    """Yield how an operation can end."""
+    words = ["done", *dict.fromkeys(code.name for code in invoke.operation.codes)]
+    ends = [(word, word) for word in words]
+    if invoke.timeout is not None:
+        ends.append((TIMEOUT, f"{invoke.timeout_code or TIMEOUT} (timeout)"))
+    for word, told in ends:
+        key = (OUTCOME, state.name, f"{invoke.name} {word}")
+        text = f"{short_name(chart, state.name)}: {invoke.name} {told}"
+        yield Piece(key, invoke.place, text, state.mission)
+
+
+def _branches(guard: Expression | None, name: str, text: str, mission: str) -> Iterator[Piece]:
+    for value in ("true", "false") if guard is not None else ():
+        assert guard is not None, "there is a guard"
+        told = f"{text}: {guard.source} is {value}"
+        yield Piece((GUARD, name, value), guard.place, told, mission)
+
+
+def _rule_text(chart: Chart, rule: Transition) -> str:
+    """Return a transition as people call it."""
+    if rule.refuse is not None:
+        leads = f"refused: {rule.refuse}"
+    else:
+        leads = f"-> {short_name(chart, rule.target)}" if rule.target is not None else "-> actions"
+    return f"{short_name(chart, rule.source)}: {rule.event or 'always'} {leads}"
+
+
+def _guards_of_hold(hold: Hold) -> Iterator[tuple[Expression | None, str]]:
+    yield hold.engage_guard, "engage"
+    yield hold.release_guard, "release"
+
+
+# -- guards that count -----------------------------------------------------------------------------------
+
+
+class Guards:
+    """Counts what the guards of charts come to."""
+
+    def __init__(self) -> None:
+        self._seen: Counts = Counter()
+
+    def counting(self, chart: Chart) -> Chart:
+        """Return a copy of a chart whose guards are counted here."""
+        states = {name: self._state(state) for name, state in chart.states.items()}
+        holds = {name: self._hold(hold) for name, hold in chart.holds.items()}
+        return replace(chart, states=states, holds=holds)
+
+    def take(self, steps: Iterable[Step]) -> Counts:
+        """Return what was counted in these steps, and begin anew.
+
+        A step that tells why nothing was taken has asked the guards once more than the machine did to decide.
+        """
+        found = self._seen
+        for step in steps:
+            for one in step.why:
+                key = (GUARD, one.transition, "true" if one.holds else "false")
+                if one.guard and key in found:
+                    found[key] -= 1
+        self._seen = Counter()
+        return +found
+
+    def _state(self, state: State) -> State:
+        each = state.for_each
+        if each is not None and each.when is not None:
+            each = replace(each, when=self._counted(each.when, f"{state.name}.for_each"))
+        return replace(
+            state,
+            transitions=tuple(map(self._rule, state.transitions)),
+            resume_at=tuple(map(self._rule, state.resume_at)),
+            for_each=each,
+        )
+
+    def _rule(self, rule: Transition) -> Transition:
+        return replace(rule, guard=self._counted(rule.guard, rule.id)) if rule.guard is not None else rule
+
+    def _hold(self, hold: Hold) -> Hold:
+        engage, release = (
+            guard and self._counted(guard, f"hold.{hold.name}.{word}")
+            for guard, word in _guards_of_hold(hold)
+        )
+        return replace(hold, engage_guard=engage, release_guard=release)
+
+    def _counted(self, guard: Expression, name: str) -> Expression:
+        # What explains a guard that is false must not count as asking it.
+        parts = guard.parts or ((guard.source, guard.evaluate),)
+        return replace(guard, evaluate=self._counter(guard.evaluate, name), parts=parts)
+
+    def _counter(self, evaluate: Callable[[Environment], Any], name: str) -> Callable[[Environment], Any]:
+        true, false = (GUARD, name, "true"), (GUARD, name, "false")
+
+        def counting(env: Environment) -> Any:
+            try:
+                value = evaluate(env)
+            except Exception:
+                self._seen[false] += 1  # as the machine takes it
+                raise
+            self._seen[true if value else false] += 1
+            return value
+
+        return counting
+
+
+# -- what was reached ------------------------------------------------------------------------------------
+
+
+def reached(run: Run) -> Counts:
+    """Return how often a run reached states, transitions and ends of operations."""
+    found: Counts = Counter()
+    ends = _Ends(run)
+    for step in run.steps:
+        found.update((STATE, name, "") for name in step.entered)
+        found.update((TRANSITION, name, "") for name in step.taken)
+        refusing = _refusing(step, _refusals(run.chart))
+        if refusing:
+            found[TRANSITION, refusing, ""] += 1
+        end = ends.of(step)
+        if end is not None:
+            found[end] += 1
+    return found
+
+
+@lru_cache(maxsize=32)
+def _refusals(chart: Chart) -> Mapping[str, str]:
+    """Return the transitions that refuse, each with its code."""
+    rules = (rule for state in chart.states.values() for rule in state.transitions)
+    return {rule.id: rule.refuse for rule in rules if rule.refuse is not None}
+
+
+def _refusing(step: Step, refusals: Mapping[str, str]) -> str:
+    """Return the transition that refused a request; '' when none did."""
+    if step.refusal is None:
+        return ""
+    able = (one.transition for one in step.why if one.holds)
+    return next((name for name in able if refusals.get(name) == step.refusal.code), "")
+
+
+class _Ends:
+    """Tells which end of which operation a step is about, as long as somebody waits for it."""
+
+    def __init__(self, run: Run) -> None:
+        self._states = run.attempts
+        self._operations: dict[str, str] = {}
+
+    def of(self, step: Step) -> Key | None:
+        """Return the end that a step brings; None: it brings none."""
+        found = self._end(step)
+        for command in step.commands:
+            if isinstance(command, Start):
+                self._operations[command.attempt] = command.operation
+            elif isinstance(command, Cancel):
+                self._operations.pop(command.attempt, None)
+        return found
+
+    def _end(self, step: Step) -> Key | None:
+        data, name = step.event.data, step.event.name
+        if name == "timer.timeout":
+            attempt, word = data["owner"], TIMEOUT
+        elif name == "attempt.done":
+            attempt, word = data["attempt"], "done"
+        elif name == "attempt.failed":
+            attempt, word = data["attempt"], data["code"]
+        else:
+            return None
+        operation = self._operations.get(attempt)
+        return (OUTCOME, self._states[attempt], f"{operation} {word}") if operation else None
+
+
+# -- the sum ---------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Tally:
+    """How much of one kind was reached, and what was not."""
+
+    kind: str
+    total: int
+    missing: tuple[Piece, ...]
+
+    @property
+    def taken(self) -> int:
+        """How many were reached."""
+        return self.total - len(self.missing)
+
+
+@dataclass
+class Part:
+    """A mission or a lifecycle: what there is in its file, parts included, and what was reached."""
+
+    title: str
+    file: str
+    pieces: dict[Key, Piece] = field(default_factory=dict)
+    counts: Counts = field(default_factory=Counter)
+
+    def tallies(self) -> list[Tally]:
+        """Return the sum for each kind."""
+        return [self._tally(kind) for kind in KINDS]
+
+    def _tally(self, kind: str) -> Tally:
+        mine = [piece for piece in self.pieces.values() if piece.kind == kind]
+        return Tally(kind, len(mine), tuple(piece for piece in mine if not self.counts[piece.key]))
+
+
+class Coverage:
+    """What many runs reached, of missions and of the lifecycles around them."""
+
+    def __init__(self) -> None:
+        self._parts: dict[str, Part] = {}
+        self.charts: dict[Path, tuple[Chart, Counts]] = {}
+
+    def add(self, mission: Path, chart: Chart, counts: Mapping[Key, int]) -> None:
+        """Add what one run of a mission reached."""
+        if mission not in self.charts:
+            self.charts[mission] = (chart, Counter())
+            for piece in pieces(chart):
+                self._part(chart, piece.mission).pieces.setdefault(piece.key, piece)
+        self.charts[mission][1].update(counts)
+        for name in {"", *chart.missions}:
+            self._part(chart, name).counts.update(counts)
+
+    def _part(self, chart: Chart, mission: str) -> Part:
+        file = chart.missions[mission].file if mission else chart.states[""].place.file
+        return self._parts.setdefault(file, Part(Path(file).stem, near(file)))
+
+    @property
+    def parts(self) -> list[Part]:
+        """The missions, then the lifecycles."""
+        lifecycles = {chart.states[""].place.file for chart, _ in self.charts.values()}
+        return sorted(self._parts.values(), key=lambda part: part.file in map(near, lifecycles))
+
+    @property
+    def percent(self) -> float:
+        """How much of all was reached."""
+        tallies = [tally for part in self.parts for tally in part.tallies()]
+        total = sum(tally.total for tally in tallies)
+        return 100.0 * sum(tally.taken for tally in tallies) / total if total else 100.0
+
+    def record(self) -> dict[str, Any]:
+        """Return the sum as JSON data."""
+        return {
+            "percent": round(self.percent, 1),
+            "parts": [
+                {"name": part.title, "file": part.file, **{t.kind: _tally_record(t) for t in part.tallies()}}
+                for part in self.parts
+            ],
+        }
+
+
+def _tally_record(tally: Tally) -> dict[str, Any]:
+    missing = [{"place": shown(piece.place), "what": piece.text} for piece in tally.missing]
+    return {"taken": tally.taken, "of": tally.total, "missing": missing}

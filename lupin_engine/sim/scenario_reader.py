@@ -1,0 +1,426 @@
+"""From the words of a scenario file to a script: every name looked up, every mistake told."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Iterator, Mapping
+from types import MappingProxyType
+from typing import Any
+
+from lupin_engine.chart.documents import Node, show
+from lupin_engine.chart.findings import Findings
+from lupin_engine.chart.model import Chart
+from lupin_engine.errors import Place
+from lupin_engine.machine.event import OPERATOR_REQUESTS
+from lupin_engine.plugin.contract import Operation
+from lupin_engine.plugin.registry import Catalog
+from lupin_engine.plugin.types import DURATION, NUMBER, Type, convert
+from lupin_engine.runtime.setup import check_value
+from lupin_engine.sim.scenario_file import (
+    END,
+    EVERY,
+    STATUSES,
+    EndNode,
+    ExpectNode,
+    MockNode,
+    MomentNode,
+    OutcomeNode,
+    ScenarioNode,
+    WhenNode,
+)
+from lupin_engine.sim.scripted import AnyOf, Between, OnCancel, Outcome, Rule
+from lupin_engine.sim.simulation import (
+    LIMIT,
+    START,
+    Ask,
+    ComeBack,
+    Effect,
+    End,
+    Happen,
+    Happening,
+    Leave,
+    Look,
+    Restart,
+    Script,
+    Tell,
+    is_named,
+)
+
+#: The keys of an outcome that say how it ends; one of them at most.
+_ENDS = ("done", "fail", "never", "any_of")
+#: What is looked up -> the rule that a wrong name breaks, where that is not `unknown-WHAT`.
+_RULES: Mapping[str, str] = MappingProxyType(
+    {
+        "code": "undeclared-code",
+        "field": "unknown-argument",
+        "invariant": "unknown-name",
+        "operation or action": "unknown-operation",
+        "phase": "unknown-name",
+        "published state": "unknown-state",
+        "request": "unknown-event",
+        "status": "unknown-name",
+        "variable": "unknown-name",
+        "word": "unknown-name",
+    }
+)
+
+
+class Words:
+    """Looks up names and reads values; what is wrong becomes a finding, and None."""
+
+    def __init__(self, chart: Chart, catalog: Catalog, findings: Findings) -> None:
+        self.chart = chart
+        self.catalog = catalog
+        self.findings = findings
+
+    def known(self, place: Place, what: str, name: str, allowed: Collection[str], path: str = "") -> bool:
+        """Say whether a name is one of those allowed."""
+        if name not in allowed:
+            rule = _RULES.get(what, f"unknown-{what}")
+            self.findings.unknown(place, rule, path, what, name, allowed)
+        return name in allowed
+
+    def wrong(self, place: Place, path: str, problem: str, hint: str = "") -> None:
+        """Tell that something has the wrong shape."""
+        self.findings.add(place, "wrong-shape", path, problem, hint)
+
+    def operation(self, place: Place, name: str) -> Operation | None:
+        """Find an operation."""
+        self.known(place, "operation", name, self.catalog.operations)
+        return self.catalog.operations.get(name)
+
+    def state(self, place: Place, name: str) -> None:
+        """Look for a state by its full name or its last parts."""
+        names = [state for state in self.chart.states if state]
+        if not any(is_named(state, name) for state in names):
+            self.known(place, "state", name, {state.rpartition(".")[2] for state in names})
+
+    def code(self, place: Place, code: str, name: str, operation: Operation) -> None:
+        """Look for a code of an operation."""
+        self.known(place, "code", code, [known.name for known in operation.codes], name)
+
+    def value(self, place: Place, path: str, value: Any, kind: Type) -> Any:
+        """Convert a value."""
+        try:
+            return convert(value, kind)
+        except ValueError as problem:
+            self.findings.add(place, "wrong-type", path, str(problem))
+            return None
+
+    def fields(
+        self, node: Node, key: str, given: Mapping[str, Any], declared: Mapping[str, Type], path: str
+    ) -> dict[str, Any]:
+        """Convert the fields written under `key`, each to its declared type."""
+        found = {}
+        for name, value in given.items():
+            if self.known(node.key_at(key, name), "field", name, declared, path):
+                found[name] = self.value(node.value_at(key, name), f"{path}.{name}", value, declared[name])
+        return found
+
+    def duration(self, place: Place, path: str, value: Any) -> float | None:
+        """Read a duration; nothing written is None."""
+        if value is None:
+            return None
+        if isinstance(value, (int, float)) and value != 0:
+            problem = f"a duration needs a unit, got {show(value)}"
+            self.findings.add(place, "no-unit", path, problem, f"write '{value} s'")
+            return None
+        try:
+            return float(convert(value, DURATION))
+        except ValueError:
+            problem = f"expected a duration, got {show(value)}"
+            self.findings.add(place, "wrong-type", path, problem, "write a duration such as '5 s'")
+            return None
+
+    def latency(self, place: Place, path: str, value: Any) -> float | Between | None:
+        """Read a duration or two that it lies between."""
+        if not isinstance(value, Mapping):
+            return self.duration(place, path, value)
+        bounds = value.get("between")
+        if set(value) != {"between"} or not isinstance(bounds, list) or len(bounds) != 2:
+            self.wrong(place, path, f"expected a duration, got {show(value)}", "write 'between: [1 s, 3 s]'")
+            return None
+        low, high = (self.duration(place, path, bound) for bound in bounds)
+        if low is None or high is None:
+            return None
+        if low > high:
+            self.wrong(place, path, "the shortest duration comes first", f"write 'between: {bounds[::-1]}'")
+        return Between(low, high)
+
+
+class ScriptReader:
+    """Reads what is simulated."""
+
+    def __init__(self, node: ScenarioNode, words: Words) -> None:
+        self._node = node
+        self._words = words
+
+    def script(self) -> Script:
+        """Return the script, as far as it can be understood."""
+        node = self._node
+        limit = self._words.duration(node.at("limit"), "limit", node.limit)
+        return Script(
+            mission=next(iter(self._words.chart.missions)),
+            request=node.request,
+            rules=tuple(rule for mock in node.mocks for rule in self._rules(mock)),
+            happenings=tuple(
+                happening
+                for index, when in enumerate(node.when)
+                for happening in self._happenings(index, when)
+            ),
+            limit=LIMIT if limit is None else limit,
+            starts=node.start == "ready",
+            seed=node.seed,
+        )
+
+    def parameters(self) -> dict[str, Any]:
+        """Return the settings, checked."""
+        found = {}
+        declared = self._words.chart.parameters
+        for name, value in self._node.parameters.items():
+            key = self._node.key_at("parameters", name)
+            if not self._words.known(key, "parameter", name, declared, "parameters"):
+                continue
+            try:
+                found[name] = check_value(declared[name], value)
+            except ValueError as problem:
+                place = self._node.value_at("parameters", name)
+                self._words.findings.add(place, "wrong-type", f"parameters.{name}", str(problem))
+        return found
+
+    # -- mocks ------------------------------------------------------------------------------------------
+
+    def _rules(self, mock: MockNode) -> Iterator[Rule]:
+        operation = self._words.operation(mock.at("do"), mock.do)
+        if operation is None:
+            return
+        for name in mock.with_:
+            self._words.known(mock.key_at("with", name), "argument", name, operation.arguments, mock.do)
+        outcomes = tuple(self._outcome(outcome, mock.do, operation) for outcome in mock.then)
+        yield Rule(mock.do, outcomes, mock.with_, mock.target, mock.in_turn)
+
+    def _outcome(self, node: OutcomeNode, name: str, operation: Operation) -> Outcome | AnyOf:
+        ends = [word for word in _ENDS if getattr(node, word) not in (None, False)]
+        if len(ends) > 1:
+            self._words.wrong(node.place, name, f"an attempt ends once, not in {' and '.join(ends)}")
+        if node.any_of is not None:
+            return self._any_of(node.any_of, name, operation)
+        if node.fail is not None:
+            self._words.code(node.at("fail"), node.fail, name, operation)
+        on_cancel, cancel_after = self._cancel(node)
+        return Outcome(
+            after=self._latency(node, "after"),
+            code=node.fail or "",
+            detail=node.detail,
+            result=self._words.fields(node, "done", node.done or {}, operation.result, name),
+            never=node.never,
+            accepted_after=None if node.accepted == "never" else self._latency(node, "accepted") or 0.0,
+            on_cancel=on_cancel,
+            cancel_after=cancel_after,
+            progress=node.progress,
+        )
+
+    def _any_of(self, nodes: list[OutcomeNode], name: str, operation: Operation) -> AnyOf:
+        outcomes = tuple(self._outcome(node, name, operation) for node in nodes)
+        return AnyOf(outcomes, tuple(map(self._weight, nodes)))
+
+    def _weight(self, node: OutcomeNode) -> float:
+        weight = self._words.value(node.at("weight"), "weight", node.weight, NUMBER)
+        if weight is None or weight > 0.0:
+            return float(weight or 1.0)
+        problem = f"expected a number above 0, got {show(node.weight)}"
+        self._words.findings.add(node.at("weight"), "wrong-type", "weight", problem)
+        return 1.0
+
+    def _latency(self, node: OutcomeNode, key: str) -> float | Between | None:
+        return self._words.latency(node.at(key), key, getattr(node, key))
+
+    def _cancel(self, node: OutcomeNode) -> tuple[OnCancel, float | Between]:
+        """Return what a cancel does, and after how long it is confirmed."""
+        words = {kind.value: kind for kind in OnCancel}
+        if isinstance(node.cancel, str) and node.cancel in words:
+            return words[node.cancel], 0.0
+        if isinstance(node.cancel, str) and node.cancel.isalpha():
+            self._words.known(node.at("cancel"), "word", node.cancel, words, "cancel")
+            return OnCancel.END, 0.0
+        return OnCancel.END, self._latency(node, "cancel") or 0.0
+
+    # -- happenings -------------------------------------------------------------------------------------
+
+    def _happenings(self, index: int, node: WhenNode) -> Iterator[Happening]:
+        """Yield what a `when` asks for; its number leads back to it."""
+        triggers = [word for word in ("at", "on", "start_of") if getattr(node, _attribute(word)) is not None]
+        if len(triggers) != 1:
+            problem = "say one of 'at' (a duration), 'on' (a state) and 'start_of' (an operation)"
+            self._words.wrong(node.place, "when", problem)
+            return
+        effects: list[Effect] = [*self._effects(node)]
+        if node.expect is not None:
+            MomentChecker(self._words).check(node.expect)
+            effects.append(Look())
+        if node.at_ == END:
+            self._check_end(node, effects)
+            return
+        if not effects:
+            hint = "say request, value, event, fail, finish, server_gone, server_back, restart or expect"
+            self._words.wrong(node.place, "when", "nothing happens", hint)
+        if node.on is not None:
+            self._words.state(node.at("on"), node.on)
+        if node.start_of is not None:
+            self._words.operation(node.at("start_of"), node.start_of)
+        key = "after" if node.at_ is None else "at"
+        wait = self._words.duration(node.at(key), key, getattr(node, _attribute(key))) or 0.0
+        nth = self._nth(node)
+        for effect in effects:
+            yield Happening(effect, wait, node.on, nth, node.start_of, index)
+
+    def _check_end(self, node: WhenNode, effects: list[Effect]) -> None:
+        if [type(effect) for effect in effects] != [Look]:
+            self._words.wrong(node.place, "when", "at the end nothing can happen", "say 'expect' only")
+
+    def _nth(self, node: WhenNode) -> int:
+        """Return which entry or start is meant; 0 is every one."""
+        if node.nth == EVERY:
+            return 0
+        if isinstance(node.nth, int) and not isinstance(node.nth, bool) and node.nth >= 1:
+            return node.nth
+        problem = f"expected a number from 1 or '{EVERY}', got {show(node.nth)}"
+        self._words.wrong(node.at("nth"), "when.nth", problem)
+        return 1
+
+    def _effects(self, node: WhenNode) -> Iterator[Effect]:
+        words = self._words
+        if node.request is not None:
+            allowed = (START, *(f"operator.{verb}" for verb in OPERATOR_REQUESTS))
+            words.known(node.at("request"), "request", node.request.name, allowed, "when")
+            yield Ask(node.request.name, node.request.data)
+        for name, value in (node.value or {}).items():
+            yield from self._tell(node, name, value)
+        if node.event is not None:
+            yield from self._event(node)
+        if node.fail is not None:
+            yield self._end(node.fail, needs_code=True)
+        if node.finish is not None:
+            yield self._end(node.finish, needs_code=False)
+        for key, effect in (("server_gone", Leave), ("server_back", ComeBack)):
+            for index, name in enumerate(getattr(node, key)):
+                words.operation(node.at(key, index), name)
+                yield effect(name)
+        if node.restart:
+            yield Restart()
+
+    def _tell(self, node: WhenNode, name: str, value: Any) -> Iterator[Tell]:
+        """Yield the change of a live value, which may be named as the plugin or as the chart names it."""
+        inputs = self._words.chart.inputs.values()
+        known = {spec.value: spec.value for spec in inputs} | {spec.name: spec.value for spec in inputs}
+        if self._words.known(node.key_at("value", name), "value", name, known, "when.value"):
+            kind = self._words.catalog.values[known[name]].type
+            place = node.value_at("value", name)
+            yield Tell(known[name], self._words.value(place, f"when.value.{name}", value, kind))
+
+    def _event(self, node: WhenNode) -> Iterator[Happen]:
+        assert node.event is not None, "there is an event"
+        events, name = self._words.catalog.events, node.event.name
+        if not self._words.known(node.at("event"), "event", name, events, "when"):
+            return
+        given, fields = node.event.data, events[name].fields
+        key = "data" if node.event.written and "data" in node.event.model_fields_set else "event"
+        data = self._words.fields(node.event, key, given, fields, name)
+        missing = [field for field in fields if field not in given]
+        if missing:
+            self._words.wrong(node.at("event"), name, f"the event has no {', '.join(missing)}")
+        yield Happen(name, data)
+
+    def _end(self, node: EndNode, needs_code: bool) -> End:
+        operation = self._words.operation(node.at("do"), node.do)
+        if operation is None:
+            return End(node.do)
+        if needs_code and not node.code:
+            codes = ", ".join(code.name for code in operation.codes)
+            self._words.wrong(node.place, "when.fail", f"{node.do} fails in a code", f"say one of {codes}")
+        elif node.code:
+            self._words.code(node.at("code"), node.code, node.do, operation)
+        result = self._words.fields(node, "done", node.done, operation.result, node.do)
+        return End(node.do, node.code, node.detail, result)
+
+
+def _attribute(key: str) -> str:
+    return "at_" if key == "at" else key
+
+
+class MomentChecker:
+    """Looks up the names of what must be so at a moment."""
+
+    def __init__(self, words: Words) -> None:
+        self._words = words
+
+    def check(self, node: MomentNode) -> None:
+        """Look up every name."""
+        words = self._words
+        for key in ("state", "not_state"):
+            for index, name in enumerate(getattr(node, key)):
+                words.state(node.at(key, index), name)
+        for index, name in enumerate(node.held or ()):
+            words.known(node.at("held", index), "hold", name, words.chart.holds, "expect.held")
+        for index, name in enumerate(node.running or ()):
+            words.operation(node.at("running", index), name)
+        for name in node.variables:
+            place, known = node.key_at("variables", name), words.chart.context
+            words.known(place, "variable", name, known, "expect.variables")
+        check_published(words, node, "lifecycle", [node.lifecycle] if node.lifecycle else [])
+        check_published(words, node, "phase", [node.phase] if node.phase else [])
+
+
+class ExpectChecker:
+    """Looks up the names of what is expected."""
+
+    def __init__(self, words: Words) -> None:
+        self._words = words
+
+    def check(self, node: ExpectNode) -> None:
+        """Look up every name."""
+        words = self._words
+        self._check_states(node)
+        self._check_durations(node)
+        operations = words.catalog.operations
+        for key, known in (("counts", (*operations, *words.catalog.actions)), ("cancels", operations)):
+            for name in getattr(node, key):
+                what = "operation or action" if key == "counts" else "operation"
+                words.known(node.key_at(key, name), what, name, known, f"expect.{key}")
+        for index, name in enumerate(node.holds or ()):
+            words.known(node.at("holds", index), "hold", name, words.chart.holds, "expect.holds")
+        for index, name in enumerate(node.broken):
+            invariants = words.chart.invariants
+            words.known(node.at("broken", index), "invariant", name, invariants, "expect.broken")
+        for name in node.statuses:
+            words.known(node.key_at("statuses", name), "status", name, STATUSES, "expect.statuses")
+        check_published(words, node, "lifecycle", node.lifecycle or ())
+        check_published(words, node, "phases", node.phases)
+        check_published(words, node, "final", [node.final] if node.final else [])
+
+    def _check_states(self, node: ExpectNode) -> None:
+        words = self._words
+        for passed in node.passes:
+            words.state(passed.at("state"), passed.state)
+        for unwanted in node.never:
+            words.state(unwanted.at("state"), unwanted.state)
+            if unwanted.after is not None:
+                words.state(unwanted.at("after"), unwanted.after)
+        for pair in node.leads_to:
+            words.state(pair.at("from"), pair.from_)
+            words.state(pair.at("to"), pair.to)
+
+    def _check_durations(self, node: ExpectNode) -> None:
+        keys = ("within", "at_least", "by")
+        for part in (node, *node.passes, *node.leads_to):
+            for key in keys:
+                self._words.duration(part.at(key), key, getattr(part, key, None))
+
+
+def check_published(words: Words, node: Node, key: str, names: Iterable[str]) -> None:
+    """Look up published states, or phases."""
+    states = words.chart.states.values()
+    is_phase = key in ("phase", "phases")
+    known = {(state.phase or "") if is_phase else state.label for state in states} - {""}
+    for index, name in enumerate(names):
+        what = "phase" if is_phase else "published state"
+        words.known(node.at(key, index), what, name, known, f"expect.{key}")

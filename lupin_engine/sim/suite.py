@@ -1,0 +1,152 @@
+"""Many scenarios: each mission loaded once, in one process or in several, with one seed or with many."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import threading
+import time
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass, field, replace
+from multiprocessing.context import BaseContext
+from pathlib import Path
+
+from lupin_engine.errors import LupinError
+from lupin_engine.plugin.registry import Catalog, load_catalog
+from lupin_engine.sim import SUFFIX
+from lupin_engine.sim.coverage import Counts, Coverage, Guards, reached
+from lupin_engine.sim.failure import Failure
+from lupin_engine.sim.scenario import Missions, Scenario, load_scenario
+
+#: From so many runs on it pays to begin further processes.
+WORTH_SHARING = 400
+
+
+@dataclass(frozen=True)
+class Result:
+    """How a scenario went.
+
+    `problem` says why it could not be run at all. `runs` is how many seeds were tried, `seed` the one that
+    the failures are of; None where chance plays no part. `seconds` is the virtual time of the last run,
+    `took` the real time of all. `mission` and `counts` are there when what was reached is counted.
+    """
+
+    file: Path
+    promise: str = ""
+    problem: str = ""
+    failures: tuple[Failure, ...] = ()
+    seed: int | None = None
+    runs: int = 0
+    seconds: float = 0.0
+    took: float = 0.0
+    mission: Path | None = None
+    counts: Counts = field(default_factory=Counts)
+
+    @property
+    def name(self) -> str:
+        """What the scenario is called."""
+        return self.file.name.removesuffix(SUFFIX)
+
+    @property
+    def holds(self) -> bool:
+        """Whether everything that was promised came true."""
+        return not self.failures and not self.problem
+
+
+class Suite:
+    """Runs scenarios one after the other.
+
+    Args:
+        catalog: what the plugins offer.
+        counts: whether what is reached is counted as well.
+    """
+
+    def __init__(self, catalog: Catalog, counts: bool = False) -> None:
+        self._guards = Guards() if counts else None
+        self.missions = Missions(catalog, self._guards.counting) if self._guards else Missions(catalog)
+
+    def run(self, file: Path, seeds: Sequence[int] = (0,)) -> Result:
+        """Run a scenario with each seed until one fails; without anything random the first seed will do."""
+        begun = time.perf_counter()
+        try:
+            scenario = load_scenario(file, self.missions.catalog, self.missions)
+            result = self._tried(scenario, seeds)
+        except LupinError as problem:
+            result = Result(file, problem=str(problem))
+        return replace(result, took=time.perf_counter() - begun)
+
+    def _tried(self, scenario: Scenario, seeds: Sequence[int]) -> Result:
+        is_random = scenario.is_random
+        counts: Counts = Counts()
+        runs, seconds, failures, last = 0, 0.0, [], None
+        for seed in seeds if is_random else seeds[:1]:
+            run = scenario.run(seed)
+            runs, seconds, last = runs + 1, run.seconds, seed
+            if self._guards is not None:
+                counts.update(reached(run))
+                counts.update(self._guards.take(run.steps))
+            failures = scenario.failures(run)
+            if failures:
+                break
+        return Result(
+            scenario.file,
+            scenario.promise,
+            failures=tuple(failures),
+            seed=last if is_random else None,
+            runs=runs,
+            seconds=seconds,
+            mission=scenario.mission,
+            counts=counts,
+        )
+
+
+def run_all(
+    catalog: Catalog, files: Sequence[Path], seeds: Sequence[int] = (0,), jobs: int = 0, counts: bool = False
+) -> Iterator[Result]:
+    """Yield how each scenario went, in the order of `files`, as soon as it is known.
+
+    Args:
+        jobs: how many processes; 0: as many as it is worth.
+    """
+    workers = min(jobs or _useful(len(files) * len(seeds)), len(files))
+    if workers <= 1:
+        suite = Suite(catalog, counts)
+        for file in files:
+            yield suite.run(file, seeds)
+        return
+    with ProcessPoolExecutor(workers, _context(), _begin, (counts,)) as pool:
+        yield from pool.map(_run, files, [seeds] * len(files), chunksize=max(1, len(files) // (4 * workers)))
+
+
+def add_up(results: Sequence[Result], missions: Missions) -> Coverage:
+    """Return what the scenarios reached together."""
+    coverage = Coverage()
+    for result in results:
+        if result.mission is not None:
+            coverage.add(result.mission, missions.chart(result.mission), result.counts)
+    return coverage
+
+
+def _useful(runs: int) -> int:
+    return len(os.sched_getaffinity(0)) if runs >= WORTH_SHARING else 1
+
+
+def _context() -> BaseContext:
+    """Return how processes begin: as copies of this one, unless its threads could hold a lock meanwhile."""
+    can_copy = "fork" in multiprocessing.get_all_start_methods() and threading.active_count() == 1
+    return multiprocessing.get_context("fork" if can_copy else "spawn")
+
+
+#: The suite of a worker process.
+_suite: Suite | None = None
+
+
+def _begin(counts: bool) -> None:
+    global _suite
+    _suite = Suite(load_catalog(), counts)
+
+
+def _run(file: Path, seeds: Sequence[int]) -> Result:
+    assert _suite is not None, "a worker begins before it works"
+    return _suite.run(file, seeds)

@@ -1,0 +1,71 @@
+"""What a run came to in figures: time in each state, targets by status, attempts by how they ended."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+from lupin_engine.sim.simulation import Run
+from lupin_engine.sim.timeline import CANCELLED, DONE, FAILED, OPEN, TIMED_OUT, Lane, Timeline
+
+#: In this order they are told.
+OUTCOMES = (DONE, FAILED, TIMED_OUT, CANCELLED, OPEN)
+
+
+@dataclass(frozen=True)
+class Attempted:
+    """What became of the attempts of one operation; `retries` are those that were not a first try."""
+
+    operation: str
+    attempts: int
+    retries: int
+    outcomes: Mapping[str, int]
+    seconds: float
+
+
+@dataclass(frozen=True)
+class Summary:
+    """The figures of a run; times in seconds. `dropped` are results that nobody waited for any more."""
+
+    seconds: float
+    states: Mapping[str, float]
+    phases: Mapping[str, float]
+    targets: Mapping[str, int]
+    operations: tuple[Attempted, ...]
+    held: Mapping[str, float]
+    refused: int
+    dropped: int
+
+
+def summarise(run: Run, lanes: Timeline) -> Summary:
+    """Return the figures of a run, of which `lanes` is the timeline."""
+    return Summary(
+        seconds=run.seconds,
+        states=_times([lanes.states]),
+        phases=_times([lanes.phases]),
+        targets=dict(Counter(visit.status or "open" for visit in run.visits)),
+        operations=tuple(_attempted(lane) for lane in lanes.operations),
+        held=_times(lanes.holds),
+        refused=len(run.refused),
+        dropped=run.view.dropped,
+    )
+
+
+def _times(lanes: Iterable[Lane]) -> dict[str, float]:
+    found: dict[str, float] = {}
+    for lane in lanes:
+        for bar in lane.bars:
+            found[bar.text] = found.get(bar.text, 0.0) + bar.seconds
+    return found
+
+
+def _attempted(lane: Lane) -> Attempted:
+    counted = Counter(bar.outcome for bar in lane.bars)
+    return Attempted(
+        operation=lane.name,
+        attempts=len(lane.bars),
+        retries=sum(bar.tries > 1 for bar in lane.bars),
+        outcomes={outcome: counted[outcome] for outcome in OUTCOMES if counted[outcome]},
+        seconds=sum(bar.seconds for bar in lane.bars),
+    )

@@ -1,0 +1,559 @@
+"""Charts that are nearly wrong: each stands right beside what a rule finds, and nothing may be said of it.
+
+What the rules do find, and how they tell it, is tested in test_broken_charts.
+"""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import pytest
+
+from lupin_engine.chart.guards import condition_of, constant, exclusive, fact, implies, total
+from lupin_engine.chart.load import LIFECYCLE, check_chart
+from lupin_engine.chart.names import inputs_read, names_read
+from lupin_engine.plugin.registry import Catalog
+
+CHARTS = Path(__file__).parents[1] / "charts"
+MISSIONS = Path(__file__).parents[2] / "missions"
+
+#: What every mission here begins with.
+HEAD = """\
+mission: M
+context:
+  laps: {type: count, default: 0}
+inputs:
+  pose: {value: robot.pose}
+initial: A
+entry:
+  - set: {laps: "${ laps + (1 if known(input.pose) and reason == '' else 0) }"}
+"""
+DOCK = "{do: nav.dock, with: {pose: '${ param.dock_pose }'}, timeout: {after: 5 s, code: late}}"
+LOOK = "{do: nav.localize, with: {max_variance: 1}, timeout: {after: 5 s, code: late}}"
+
+RIGHT = {
+    "never-wins: a guard that is not always false": """\
+  A:
+    on:
+      operator.dock: {target: done, guard: laps > 2 and laps < 9 and not reason == 'late'}
+  done: {type: final}
+""",
+    "never-wins: an exact name before the wildcard that covers it": """\
+  A:
+    on:
+      operator.dock: done
+      operator.*: {target: done, guard: laps > 2}
+  done: {type: final}
+""",
+    "never-wins: a level that one transition takes while held and the other does not": """\
+  A:
+    on:
+      input.estop:
+        - target: B
+        - {target: done, during: estop}
+  B: {after: {1 s: done}}
+  done: {type: final}
+""",
+    "never-wins: one inner state leaves the event to the outer one": """\
+  A:
+    on:
+      operator.dock: done
+    initial: B
+    states:
+      B: {on: {operator.dock: C}}
+      C: {on: {operator.dock: {target: B, guard: laps > 2}}}
+  done: {type: final}
+""",
+    "never-wins: both guards are false while the pose is not known": """\
+  A:
+    always:
+      - {target: B, guard: known(input.pose) and input.pose.x > '1 m'}
+      - {target: done, guard: known(input.pose) and input.pose.x <= '1 m'}
+  B: {after: {1 s: done}}
+  done: {type: final}
+""",
+    "both-can-win: guards that exclude each other": """\
+  A:
+    on:
+      operator.dock:
+        - {target: B, guard: "reason in ('late', 'lost') and laps > 2"}
+        - {target: C, guard: reason == 'lost' and not laps > 2}
+        - {target: done, guard: "reason not in ['late', 'lost']"}
+      operator.skip_current:
+        - {target: B, guard: laps < 3}
+        - {target: C, guard: 3 <= laps and laps < 5}
+        - {target: done, guard: laps >= 5}
+  B: {after: {1 s: done}}
+  C: {after: {1 s: done}}
+  done: {type: final}
+""",
+    "both-can-win: if, else": """\
+  A:
+    always:
+      - {target: B, guard: laps > 2}
+      - target: done
+  B: {after: {1 s: done}}
+  done: {type: final}
+""",
+    "both-can-win: a refusal in front is an exception": """\
+  A:
+    on:
+      operator.dock:
+        - {refuse: late, guard: laps > 2}
+        - {refuse: stopped, guard: reason == 'late'}
+        - {target: done, guard: known(input.pose)}
+  done: {type: final}
+""",
+    "both-can-win: whichever is taken, the same follows": """\
+  A:
+    on:
+      operator.dock:
+        - {target: done, guard: laps > 2, do: [set: {laps: 0}]}
+        - {target: done, guard: reason == 'late', do: [set: {laps: 0}]}
+  done: {type: final}
+""",
+    "both-can-win: two regions answer an event and neither leaves": """\
+  A:
+    type: parallel
+    on:
+      operator.skip_current: done
+    states:
+      LEFT: {initial: B, states: {B: {on: {operator.dock: C}}, C: {on: {operator.dock: B}}}}
+      RIGHT: {initial: D, states: {D: {on: {operator.dock: E}}, E: {on: {operator.dock: D}}}}
+  done: {type: final}
+""",
+    "both-can-win: one region leaves when the other does not move": """\
+  A:
+    type: parallel
+    states:
+      LEFT: {initial: B, states: {B: {on: {operator.dock: {target: C, guard: laps < 2}}}, C: {}}}
+      RIGHT: {on: {operator.dock: {target: done, guard: laps >= 2}}}
+  done: {type: final}
+""",
+    "unhandled-outcome: every code has its guard": f"""\
+  A:
+    invoke: {DOCK}
+    on_done: done
+    on_error:
+      - {{target: done, guard: "error.code in ['nav_rejected', 'late', 'amcl_drift_var']"}}
+      - {{target: B, guard: error.code == 'nav_status_5' or error.code == 'nav_status_6'}}
+  B: {{after: {{1 s: done}}}}
+  done: {{type: final}}
+""",
+    "unhandled-outcome: one of the guards is true": f"""\
+  A:
+    invoke: {LOOK}
+    on_done:
+      - {{target: B, guard: laps < 3 or reason == 'late'}}
+      - {{target: done, guard: laps >= 3 and reason != 'late'}}
+    on_error: done
+  B: {{after: {{1 s: done}}}}
+  done: {{type: final}}
+""",
+    "unhandled-outcome: an end that something else leaves": """\
+  A:
+    after: {10 s: done}
+    states:
+      B: {after: {1 s: over}}
+      over: {type: final}
+  done: {type: final}
+""",
+    "unhandled-outcome: the end of a region is the parallel state's": """\
+  A:
+    type: parallel
+    on_done: done
+    states:
+      LEFT: {states: {B: {after: {1 s: over}}, over: {type: final}}}
+      RIGHT: {states: {C: {after: {2 s: over}}, over: {type: final}}}
+  done: {type: final}
+""",
+    "always-loop: counting ends it": """\
+  A:
+    always: {target: B, guard: laps < 3, do: [set: {laps: "${ laps + 1 }"}]}
+    after: {1 s: done}
+  B: {always: {target: A, guard: laps < 5}, after: {1 s: done}}
+  done: {type: final}
+""",
+    "always-loop: what leads there does not lead back": """\
+  A: {always: {target: B, guard: laps < 3}, after: {1 s: done}}
+  B:
+    always:
+      - {target: done, guard: laps < 3}
+      - target: A
+  done: {type: final}
+""",
+    "always-loop: actions that end themselves": """\
+  A:
+    always: {guard: laps < 3, do: [set: {laps: "${ laps + 1 }"}]}
+    after: {1 s: done}
+  done: {type: final}
+""",
+    "always-loop: a state that waits lies in between": """\
+  A: {always: B}
+  B: {after: {1 s: A}, on: {operator.dock: done}}
+  done: {type: final}
+""",
+    "always-loop: where one is counts too": """\
+  A:
+    always: {target: B, guard: in_state('A')}
+    after: {1 s: done}
+  B: {always: {target: A, guard: in_state('B')}}
+  done: {type: final}
+""",
+    "double-close: closed only where it is open": """\
+  A:
+    itinerary: {items: "${ tags.numeric_order() }"}
+    on_done: done
+    on:
+      operator.skip_current: {guard: itinerary.open, target: NEXT, do: [itinerary.close: {status: SKIPPED}]}
+    initial: GOING
+    states:
+      GOING: {after: {1 s: {target: THERE, do: [itinerary.close: {status: OK}]}}}
+      THERE: {after: {1 s: NEXT}}
+      NEXT:
+        always:
+          - {target: GOING, guard: itinerary.remaining > 0, do: itinerary.advance}
+          - target: toured
+      toured: {type: final}
+  done: {type: final}
+""",
+    "double-close: closed on one way only": """\
+  A:
+    itinerary: {items: "${ tags.numeric_order() }"}
+    on_done: done
+    initial: GOING
+    states:
+      GOING:
+        after:
+          1 s: {target: THERE, do: [itinerary.close: {status: OK}]}
+          2 s: THERE
+      THERE:
+        always:
+          - target: GOING
+            guard: itinerary.remaining > 0
+            do: [itinerary.close: {status: OK}, itinerary.advance]
+          - target: toured
+      toured: {type: final}
+  done: {type: final}
+""",
+    "open-visit: the rest is closed before going on": """\
+  A:
+    itinerary: {items: "${ tags.numeric_order() }"}
+    on_done: done
+    initial: GOING
+    states:
+      GOING: {after: {1 s: {target: THERE, do: [itinerary.close_rest: {status: SKIPPED}]}}}
+      THERE:
+        always:
+          - {target: GOING, guard: itinerary.remaining > 0, do: itinerary.advance}
+          - target: toured
+      toured: {type: final}
+  done: {type: final}
+""",
+    "unknown-input: asked first": """\
+  A:
+    entry:
+      - set: {home: "${ input.pose if known(input.pose) else param.dock_pose }"}
+    on:
+      operator.dock:
+        - {target: B, guard: known(input.pose) and input.pose.x > '1 m'}
+        - {target: done, guard: not known(input.pose) or input.pose.x <= '1 m'}
+      operator.skip_current: {target: done, guard: input.battery.low or input.estop or home.x > '1 m'}
+  B: {after: {1 s: done}}
+  done: {type: final}
+""",
+    "shared-resource: one after the other": f"""\
+  A:
+    type: parallel
+    on_done: done
+    states:
+      LEFT:
+        initial: B
+        states:
+          B: {{invoke: {DOCK}, on_done: C, on_error: C}}
+          C: {{invoke: {DOCK}, on_done: over, on_error: over}}
+          over: {{type: final}}
+      RIGHT:
+        states:
+          D: {{invoke: {LOOK}, on_done: over, on_error: over}}
+          over: {{type: final}}
+  done: {{type: final}}
+""",
+    "region-leak: back into the own region, or anew into the whole": """\
+  A:
+    type: parallel
+    on:
+      operator.dock: LEFT.C
+      operator.skip_current: done
+    states:
+      LEFT: {initial: B, states: {B: {after: {1 s: C}}, C: {after: {1 s: B}}}}
+      RIGHT: {after: {5 s: A}}
+  done: {type: final}
+""",
+    "unheard-event: heard by name, by its beginning, by anybody": """\
+  A:
+    entry:
+      - raise: {event: door.opened}
+      - raise: {event: lamp.lit}
+    exit:
+      - raise: {event: bell.rung}
+    on:
+      door.opened: B
+      lamp.*: done
+  B: {on: {"*": done}}
+  done: {type: final}
+""",
+    "unreachable-state: by history, by a budget, by coming back, as a region": """\
+  A:
+    history: shallow
+    budget: {after: 1 min, code: late, target: B}
+    resume_at: C
+    initial: D
+    states:
+      C: {after: {1 s: D}}
+      D: {on: {operator.dock: W}}
+  B:
+    type: parallel
+    states:
+      E: {after: {1 s: done}}
+      F:
+        initial: G
+        states:
+          G: {on: {operator.dock: back}}
+          H: {after: {1 s: done}}
+          back: {type: history, initial: H}
+  W: {on: {operator.resume: A.history}}
+  done: {type: final}
+""",
+    "dead-end: a round that only its budget ends": """\
+  A:
+    budget: {after: 1 min, code: late, target: done}
+    initial: B
+    states:
+      B: {after: {1 s: C}}
+      C: {after: {1 s: B}}
+  done: {type: final}
+""",
+    "no-deadline: the budget around ends it": """\
+  A:
+    budget: {after: 1 min, code: late, target: done}
+    states:
+      B: {invoke: {do: nav.localize, with: {max_variance: 1}, timeout: never}, on_done: done}
+  done: {type: final}
+""",
+}
+
+
+@pytest.mark.parametrize("name", RIGHT)
+def test_nothing_is_said_of_what_is_only_nearly_wrong(name: str, tmp_path: Path, catalog: Catalog) -> None:
+    """A rule that cries wolf is switched off in people's heads."""
+    head = HEAD.replace("context:\n", "context:\n  home: {type: pose, default: '${ param.dock_pose }'}\n")
+    mission = tmp_path / "m.yaml"
+    mission.write_text(
+        (head if "home" in RIGHT[name] else HEAD) + "states:\n" + RIGHT[name], encoding="utf-8"
+    )
+    chart, found = check_chart(CHARTS / "mini" / LIFECYCLE, [mission], catalog)
+    assert [str(diagnostic) for diagnostic in found] == []
+    assert chart is not None
+
+
+def test_what_is_declared_counts_as_used_wherever_it_is_said(tmp_path: Path, catalog: Catalog) -> None:
+    """In what a part is given, in an event, in a text of an expression."""
+    (tmp_path / "parts").mkdir()
+    for path in (CHARTS / "mini" / LIFECYCLE, CHARTS / "good" / "parts" / "knock.yaml"):
+        target = tmp_path / ("parts" if path.name == "knock.yaml" else "") / path.name
+        shutil.copy(path, target)
+    (tmp_path / "m.yaml").write_text("""\
+mission: M
+inputs:
+  charge: {value: robot.battery, levels: {empty: {below: 5 %}, full: {above: 90 %}}}
+codes:
+  charged: {label: charged}
+  emptied: {label: emptied}
+context:
+  laps: {type: count, default: 0}
+request:
+  pause: {type: duration, default: 1 s}
+initial: A
+states:
+  A:
+    use: knock
+    with: {knock_pause_s: "${ request.pause * laps }"}
+    on_done: B
+  B:
+    itinerary: {items: "${ tags.numeric_order() }"}
+    on:
+      operator.skip_current: {do: [raise: {event: door.opened}]}
+      input.charge.empty: {target: done, code: emptied}
+      operator.dock:
+        target: done
+        guard: itinerary.open
+        do:
+          - itinerary.close: {status: OK, code: "${ 'charged' if input.charge.full else '' }"}
+  done: {type: final}
+""")
+    _, found = check_chart(tmp_path / LIFECYCLE, [tmp_path / "m.yaml"], catalog)
+    assert [str(diagnostic) for diagnostic in found] == []
+
+
+def test_an_error_that_nobody_handles_leads_to_fault(tmp_path: Path, catalog: Catalog) -> None:
+    """So FAULT can be entered, although no transition is written."""
+    text = (CHARTS / "mini" / LIFECYCLE).read_text(encoding="utf-8")
+    (tmp_path / LIFECYCLE).write_text(text + "  FAULT: {on: {operator.reset: READY}}\n", encoding="utf-8")
+    _, found = check_chart(tmp_path / LIFECYCLE, [CHARTS / "mini" / "idle.yaml"], catalog)
+    assert found == ()
+
+
+def test_the_shipped_part_needs_its_guard(tmp_path: Path, catalog: Catalog) -> None:
+    """An operator may skip a target that was just read: without its guard the visit would be closed twice."""
+    shutil.copytree(MISSIONS, tmp_path, dirs_exist_ok=True)
+    part = tmp_path / "parts" / "visit_targets.yaml"
+    text = part.read_text(encoding="utf-8")
+    guard = next(line for line in text.split("\n") if line.lstrip().startswith("guard: itinerary.open"))
+    part.write_text(text.replace(f"{guard}\n", ""), encoding="utf-8")
+    _, found = check_chart(tmp_path / LIFECYCLE, [tmp_path / "inspection.yaml"], catalog)
+    assert [(d.rule, d.problem) for d in found] == [
+        ("double-close", "the visit is closed already in 'DWELLING', so this would be refused")
+    ]
+
+
+def test_the_mistakes_of_a_part_are_told_once(tmp_path: Path, catalog: Catalog) -> None:
+    """However often it is used."""
+    (tmp_path / "parts").mkdir()
+    shutil.copy(CHARTS / "mini" / LIFECYCLE, tmp_path)
+    (tmp_path / "parts" / "p.yaml").write_text("""\
+part: p
+states:
+  A:
+    after: {1 s: over}
+    on:
+      operator.dock: {target: over, guard: false}
+  over: {type: final}
+""")
+    (tmp_path / "m.yaml").write_text("""\
+mission: M
+initial: A
+states:
+  A: {use: p, on_done: B}
+  B: {use: p, on_done: done}
+  done: {type: final}
+""")
+    _, found = check_chart(tmp_path / LIFECYCLE, [tmp_path / "m.yaml"], catalog)
+    assert [(d.rule, d.path) for d in found] == [("never-wins", "MISSION.M.A.A.on.operator.dock.0")]
+
+
+# -- conditions -------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("first", "second"),
+    [
+        ("x == 'a'", "x == 'b'"),
+        ("x", "not x"),
+        ("x == true", "not x"),
+        ("x < 5", "x >= 5"),
+        ("x < y", "y <= x"),
+        ("x in ('a', 'b')", "x in ['c']"),
+        ("x in ('a', 'b')", "x not in ('a', 'b', 'c')"),
+        ("a and x < 1", "x > 2 and b"),
+        ("x < '5 s'", "x > '1 min'"),
+        ("x > -1", "x < -2"),
+        ("a or b", "not a and not b"),
+        ("0 < x < 5", "x == 7"),
+        ("len(x) == 0", "len(x) > 0"),
+        ("f(x)", "not f(x)"),
+        ("x in y", "x not in y"),
+        ("a", "b and false"),
+    ],
+)
+def test_conditions_that_exclude_each_other(first: str, second: str) -> None:
+    """What is provable by comparing one operand with constants, or with one other operand."""
+    assert exclusive(condition_of(first), condition_of(second))
+    assert exclusive(condition_of(second), condition_of(first))
+
+
+@pytest.mark.parametrize(
+    ("first", "second"),
+    [
+        ("x", "y"),
+        ("x <= 5", "x >= 5"),
+        ("a or b", "not a"),
+        ("x != 'a'", "x != 'b'"),
+        ("x < y", "x < z"),
+        ("x in y", "x in z"),
+        ("x < 5", "y >= 5"),
+        ("x == '60 s'", "x == '1 min'"),
+        ("not an expression", "x"),
+    ],
+)
+def test_conditions_that_may_hold_together(first: str, second: str) -> None:
+    """What is not certain counts as possible."""
+    assert not exclusive(condition_of(first), condition_of(second))
+
+
+def test_conditions_of_which_one_is_always_true() -> None:
+    """Together they leave nothing out."""
+    assert total([condition_of("x < 1"), condition_of("1 <= x and x < 5"), condition_of("x >= 5")])
+    assert not total([condition_of("x < 1"), condition_of("x > 1")])
+    assert total([condition_of("x == 'a'")], fact("x", "a"))
+
+
+def test_conditions_that_follow_from_each_other() -> None:
+    """A narrower one from a wider one."""
+    assert implies(condition_of("x > 5"), condition_of("x > 3"))
+    assert implies(condition_of("x == 'a' and y"), condition_of("x in ('a', 'b')"))
+    assert not implies(condition_of("x > 3"), condition_of("x > 5"))
+
+
+@pytest.mark.parametrize(
+    ("source", "value"),
+    [
+        ("true", True),
+        ("False", False),
+        ("1 > 2", False),
+        ("2 in (1, 2)", True),
+        ("x in []", False),
+        ("x and false", False),
+        ("x or not x", True),
+        ("x > 5 and x < 3", False),
+        ("'a' == 'b'", False),
+        ("x and y", None),
+        ("x == 'true'", None),
+        ("0 < x < 5", None),
+        ("x == 'a' or y == 'a'", None),
+    ],
+)
+def test_conditions_that_depend_on_nothing(source: str, value: bool | None) -> None:
+    """Constants, however they are hidden."""
+    assert constant(source) is value
+
+
+def test_too_many_alternatives_are_taken_to_be_possible() -> None:
+    """The search is bounded: a condition of any size costs milliseconds."""
+    wide = " and ".join(f"(a{n} == 1 or a{n} == 2)" for n in range(30))
+    assert not exclusive(condition_of(wide), condition_of("b == 1 and b == b and c in (1, 2) or d"))
+
+
+@pytest.mark.parametrize(
+    ("source", "read"),
+    [
+        ("input.a > 1 and input.b.low", ("a", "b")),
+        ("known(input.a) and input.a > 1", ()),
+        ("input.a > 1 and known(input.a)", ("a",)),
+        ("not known(input.a) or input.a > 1", ()),
+        ("known(input.a) or input.a > 1", ("a",)),
+        ("input.a if known(input.a) else input.b", ("b",)),
+        ("0 if not known(input.a) else input.a", ()),
+        ("(known(input.a) or known(input.b)) and input.a", ("a",)),
+        ("known(input.a) and x and max(input.a, input.b) > 1", ("b",)),
+    ],
+)
+def test_inputs_that_are_read_without_asking(source: str, read: tuple[str, ...]) -> None:
+    """Asking counts from where it is asked on, on the branch where the answer is yes."""
+    assert inputs_read(source) == read
+
+
+def test_names_that_are_read() -> None:
+    """The first words, functions included."""
+    assert names_read("in_state('A') and input.a > laps") == {"in_state", "input", "laps"}

@@ -1,0 +1,544 @@
+"""Mutation testing: change the engine in one small way after the other, and see whether a test notices.
+
+    python tools/mutate.py 'lupin_engine/machine/*.py' --json mutants.json
+
+One pytest session collects the tests and never runs them itself. Every test is first run alone, in a fork, to
+know its time and which lines it reaches; then every mutant gets a fork of its own that runs the tests which
+reach its line, fastest first, until one fails. Nothing is written but the JSON: in a fork the code of living
+functions is exchanged, and what has its effect when it is imported (constants, defaults, class bodies) is
+imported anew from the changed syntax tree, in a session of its own.
+
+What the JSON calls killed is not tried again while the module is unchanged; survivors are, for tests may have
+been added. Property tests run with fewer examples, always the same ones.
+"""
+
+from __future__ import annotations
+
+import argparse
+import ast
+import gc
+import hashlib
+import importlib.util
+import json
+import os
+import random
+import resource
+import select
+import shutil
+import signal
+import sys
+import tempfile
+import time
+import types
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, field
+from importlib.machinery import ModuleSpec, SourceFileLoader
+from pathlib import Path
+from typing import Any
+
+import coverage
+import pytest
+from _pytest.runner import runtestprotocol
+from hypothesis import HealthCheck, Phase, settings
+
+ROOT = Path(__file__).resolve().parents[1]
+TESTS = ["tests/chart", "tests/machine", "tests/test_determinism.py", "tests/scenarios"]
+MODULES = ["lupin_engine/machine/**/*.py", "lupin_engine/chart/**/*.py"]
+OPTIONS = ["-q", "-s", "-p", "no:cacheprovider", "-W", "ignore::pytest.PytestAssertRewriteWarning"]
+EXAMPLES, MEMORY, WALL = 30, 6 << 30, 180.0  # of a property test; bytes and seconds that a fork may use
+
+COMPARISONS: dict[type[ast.cmpop], tuple[type[ast.cmpop], ...]] = {
+    ast.Lt: (ast.LtE, ast.GtE), ast.LtE: (ast.Lt, ast.Gt),
+    ast.Gt: (ast.GtE, ast.LtE), ast.GtE: (ast.Gt, ast.Lt),
+    ast.Eq: (ast.NotEq,), ast.NotEq: (ast.Eq,), ast.Is: (ast.IsNot,), ast.IsNot: (ast.Is,),
+    ast.In: (ast.NotIn,), ast.NotIn: (ast.In,),
+}  # fmt: skip
+ARITHMETIC: dict[type[ast.operator], type[ast.operator]] = {
+    ast.Add: ast.Sub, ast.Sub: ast.Add, ast.Mult: ast.Div, ast.Div: ast.Mult, ast.FloorDiv: ast.Mult,
+    ast.Mod: ast.Mult, ast.Pow: ast.Mult, ast.LShift: ast.RShift, ast.RShift: ast.LShift,
+    ast.BitOr: ast.BitAnd, ast.BitAnd: ast.BitOr,
+}  # fmt: skip
+NAMES = {"any": "all", "all": "any", "min": "max", "max": "min"}
+FUNCTIONS = (ast.FunctionDef, ast.AsyncFunctionDef)
+
+
+@dataclass
+class Mutant:
+    """One change. `span` are the lines of its statement; `inside` a function it takes effect when called."""
+
+    line: int
+    was: str
+    now: str
+    span: range
+    inside: bool
+    change: Callable[[], None] = field(repr=False)
+    number: int = 0
+
+    @property
+    def key(self) -> str:
+        """What the JSON knows it by: stable while the module is unchanged."""
+        return f"{self.line}: {self.was} -> {self.now} #{self.number}"
+
+
+def alternatives(node: ast.AST, place: str, inside: bool) -> Iterator[ast.AST]:
+    """Yield what may stand in place of `node`, which is the field `place` of its parent."""
+    if place in ("test", "ifs", "guard") and not isinstance(node, (ast.Compare, ast.UnaryOp)):
+        yield ast.UnaryOp(ast.Not(), node)  # type: ignore[arg-type]
+    if isinstance(node, ast.Compare):
+        for index, operator in enumerate(node.ops):
+            for other in COMPARISONS[type(operator)]:
+                ops = [*node.ops[:index], other(), *node.ops[index + 1 :]]
+                yield ast.Compare(node.left, ops, node.comparators)
+    elif isinstance(node, ast.BoolOp):
+        yield ast.BoolOp(ast.And() if isinstance(node.op, ast.Or) else ast.Or(), node.values)
+    elif isinstance(node, ast.UnaryOp) and isinstance(node.op, (ast.Not, ast.USub)):
+        yield node.operand
+    elif isinstance(node, ast.BinOp) and type(node.op) in ARITHMETIC and (inside or not _is_type(node)):
+        yield ast.BinOp(node.left, ARITHMETIC[type(node.op)](), node.right)
+    elif isinstance(node, ast.Constant) and isinstance(node.value, (bool, int, float, str)):
+        value = node.value
+        yield ast.Constant(
+            not value if isinstance(value, bool) else f"XX{value}" if isinstance(value, str) else value + 1
+        )
+    elif isinstance(node, ast.Name) and node.id in NAMES:
+        yield ast.Name(NAMES[node.id], ast.Load())
+    elif isinstance(node, ast.Return):
+        if node.value is None:
+            yield ast.Pass()
+        elif not (isinstance(node.value, ast.Constant) and not node.value.value):
+            yield ast.Return(ast.Constant(None))
+    elif isinstance(node, (ast.Continue, ast.Break)):
+        yield ast.Break() if isinstance(node, ast.Continue) else ast.Continue()
+    elif isinstance(node, ast.AugAssign) and type(node.op) in ARITHMETIC:
+        yield ast.AugAssign(node.target, ARITHMETIC[type(node.op)](), node.value)
+    if isinstance(node, (ast.Expr, ast.Raise, ast.Delete, ast.AugAssign)) or (inside and _writes(node)):
+        yield ast.Pass()
+
+
+def _is_type(node: ast.BinOp) -> bool:
+    return isinstance(node.op, ast.BitOr)
+
+
+def _writes(node: ast.AST) -> bool:
+    """Tell whether it assigns to something that is there without it: no plain name."""
+    targets = node.targets if isinstance(node, ast.Assign) else [getattr(node, "target", None)]
+    return isinstance(node, (ast.Assign, ast.AnnAssign)) and not any(isinstance(t, ast.Name) for t in targets)
+
+
+def _is_skipped(node: ast.AST, place: str) -> bool:
+    """Docstrings, annotations, assertions, slots, and what only the type checker or a dataclass reads."""
+    if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant):
+        return True
+    if isinstance(node, ast.Assign) and getattr(node.targets[0], "id", "") in ("__slots__", "__all__"):
+        return True
+    if isinstance(node, ast.Call) and getattr(node.func, "id", "") in ("dataclass", "TypeVar"):
+        return True
+    typing_only = isinstance(node, ast.If) and getattr(node.test, "id", "") == "TYPE_CHECKING"
+    return typing_only or isinstance(node, ast.Assert) or place in ("annotation", "returns", "format_spec")
+
+
+def mutants_of(tree: ast.Module) -> list[Mutant]:
+    """Return every mutant of a module, in the order of the source."""
+    found = list(_below(tree, range(0), False))
+    seen: Counter[str] = Counter()
+    for mutant in found:
+        seen[mutant.key] += 1
+        mutant.number = seen[mutant.key] - 1
+    return found
+
+
+def _below(parent: ast.AST, span: range, inside: bool) -> Iterator[Mutant]:
+    for place, value in ast.iter_fields(parent):
+        within = inside or (place == "body" and isinstance(parent, FUNCTIONS))
+        for index, node in enumerate(value if isinstance(value, list) else [value]):
+            if not isinstance(node, ast.AST) or _is_skipped(node, place):
+                continue
+            lines = _lines(node, span)
+            for other in alternatives(node, place, within):
+                ast.copy_location(other, node)
+                change = _change(parent, place, index if isinstance(value, list) else None, other)
+                line = getattr(node, "lineno", lines.start)
+                yield Mutant(line, _text(node), _text(other), lines, within, change)
+            yield from _below(node, lines, within)
+
+
+def _lines(node: ast.AST, span: range) -> range:
+    """Return the lines of a statement without its body; an expression belongs to its statement's."""
+    if not isinstance(node, (ast.stmt, ast.match_case)):
+        return span
+    first = node.pattern.lineno if isinstance(node, ast.match_case) else node.lineno
+    body = getattr(node, "body", None) or getattr(node, "cases", None)
+    if body is None:
+        return range(first, (getattr(node, "end_lineno", None) or first) + 1)
+    return range(first, max(first, getattr(body[0], "lineno", first + 1) - 1) + 1)
+
+
+def _change(parent: ast.AST, place: str, index: int | None, node: ast.AST) -> Callable[[], None]:
+    def change() -> None:
+        if index is None:
+            setattr(parent, place, node)
+        else:
+            getattr(parent, place)[index] = node
+
+    return change
+
+
+def _text(node: ast.AST) -> str:
+    text = ast.unparse(node) if not isinstance(node, ast.JoinedStr) else "f-string"
+    return " ".join(text.split())[:100]
+
+
+class Module:
+    """A module that is to be changed, with its mutants and what became of them."""
+
+    def __init__(self, path: Path, known: dict[str, Any]) -> None:
+        self.path = path
+        self.name = path.relative_to(ROOT).as_posix()
+        source = path.read_bytes()
+        self.source = source.decode().splitlines()
+        self.digest = hashlib.sha256(source).hexdigest()
+        self.tree = ast.parse(source)
+        self.mutants = mutants_of(self.tree)
+        same = known if known.get("digest") == self.digest else {}
+        self.verdicts: dict[str, dict[str, Any]] = same.get("verdicts", {})
+
+    def changed(self, mutant: Mutant) -> types.CodeType:
+        """Return the module's code with one change; good for one mutant in each process."""
+        mutant.change()
+        code = compile(ast.fix_missing_locations(self.tree), str(self.path), "exec", dont_inherit=True)
+        assert isinstance(code, types.CodeType)
+        return code
+
+    def count(self, verdict: str) -> int:
+        """Return how many mutants had a verdict."""
+        return sum(found["verdict"] == verdict for found in self.verdicts.values())
+
+
+def exchange(code: types.CodeType, living: Iterable[types.FunctionType]) -> bool:
+    """Give living functions the code they have in `code`; tell whether exactly that was possible."""
+    codes: dict[tuple[str, int], list[types.CodeType]] = {}
+    found = [code]
+    while found:
+        inner = [const for const in found.pop().co_consts if isinstance(const, types.CodeType)]
+        found += inner
+        for one in inner:
+            codes.setdefault((one.co_name, one.co_firstlineno), []).append(one)
+    exchanged = False
+    for function in living:
+        new = codes.get((function.__code__.co_name, function.__code__.co_firstlineno), [])
+        if function.__code__ not in new:
+            if len(new) != 1:
+                return False
+            try:
+                function.__code__ = new[0]
+            except ValueError:  # it closes over something else now, such as `super`
+                return False
+            exchanged = True
+    return exchanged
+
+
+class Changed(SourceFileLoader):
+    """Imports one module from a code object; never from, and never into, a cache."""
+
+    code: types.CodeType
+
+    def get_code(self, fullname: str) -> types.CodeType:
+        """Return the code."""
+        return self.code
+
+    def find_spec(self, name: str, path: object = None, target: object = None) -> ModuleSpec | None:
+        """Be a finder as well."""
+        if name != self.name:
+            return None
+        return importlib.util.spec_from_file_location(name, self.path, loader=self)
+
+
+def first_failure(items: list[pytest.Item], seconds: dict[str, float]) -> str | None:
+    """Run tests until one fails, and return its name; a test that takes too long ends the process."""
+    for item, after in zip(items, [*items[1:], None], strict=True):
+        signal.setitimer(signal.ITIMER_PROF, 1.0 + 5 * seconds.get(item.nodeid, 10.0))
+        if any(report.failed for report in runtestprotocol(item, log=False, nextitem=after)):
+            return item.nodeid
+    return None
+
+
+def tame(items: list[pytest.Item]) -> None:
+    """Make property tests short and repeatable."""
+    for item in items:
+        test = getattr(item, "obj", None)
+        given = getattr(test, "_hypothesis_internal_use_settings", None)
+        if getattr(test, "is_hypothesis_test", False):
+            examples = min(EXAMPLES, given.max_examples if given else EXAMPLES)
+            test._hypothesis_internal_use_settings = settings(  # type: ignore[union-attr]
+                given, max_examples=examples, derandomize=True, database=None, deadline=None,
+                phases=(Phase.explicit, Phase.generate), suppress_health_check=list(HealthCheck),
+            )  # fmt: skip
+
+
+class Again:
+    """The session of a fork that imports everything anew."""
+
+    def __init__(self, wanted: list[str], seconds: dict[str, float]) -> None:
+        self.wanted, self.seconds = wanted, seconds
+        self.failed: str | None = "collection"
+
+    def pytest_runtestloop(self, session: pytest.Session) -> bool:
+        """Run the wanted tests."""
+        if not session.testsfailed:
+            tame(session.items)
+            items = {item.nodeid: item for item in session.items}
+            self.failed = first_failure([items[i] for i in self.wanted if i in items], self.seconds)
+        return True
+
+
+def fork(work: Callable[[], Any]) -> tuple[int, int]:
+    """Let a child do some work and send the result as JSON; return its id and where to read."""
+    reader, writer = os.pipe()
+    child = os.fork()
+    if child:
+        os.close(writer)
+        return child, reader
+    try:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+        os.dup2(1, 2)
+        resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
+        signal.setitimer(signal.ITIMER_PROF, 60.0)
+        result = work()
+    except BaseException as problem:
+        result = {"verdict": "crash", "by": repr(problem)}
+    with open(writer, "w", encoding="utf-8") as pipe:
+        json.dump(result, pipe)
+    os._exit(0)
+
+
+def collect(children: dict[int, tuple[int, float, Any]], until: int) -> Iterator[tuple[Any, Any]]:
+    """Wait until fewer than `until` children are left; yield (about, result), None for one that died."""
+    while len(children) >= max(1, until):
+        ready, _, _ = select.select(list(children), [], [], 1.0)
+        late = [fd for fd, (_, since, _) in children.items() if time.monotonic() - since > WALL]
+        for fd in {*ready, *late}:
+            child, _, about = children.pop(fd)
+            if fd not in ready:
+                os.kill(child, signal.SIGKILL)
+            with open(fd, encoding="utf-8") as pipe:
+                told = pipe.read()
+            os.waitpid(child, 0)
+            yield about, json.loads(told) if told else None
+
+
+class Session:
+    """The session whose forks do everything."""
+
+    def __init__(self, options: argparse.Namespace, modules: list[Module], seen: coverage.Coverage) -> None:
+        self.options, self.modules, self.importing = options, modules, seen
+        self.items: dict[str, pytest.Item] = {}
+        self.seconds: dict[str, float] = {}
+        self.reached: dict[str, dict[str, set[int]]] = {}
+        self.living: dict[str, list[types.FunctionType]] = {}
+
+    def pytest_runtestloop(self, session: pytest.Session) -> bool:
+        """Measure the tests, then try the mutants; no test runs in this process."""
+        self.importing.stop()
+        imported = lines_of(self.importing, self.modules)
+        tame(session.items)
+        self.items = {item.nodeid: item for item in session.items}
+        for found in gc.get_objects():
+            if isinstance(found, types.FunctionType):
+                self.living.setdefault(found.__code__.co_filename, []).append(found)
+        gc.freeze()
+        if session.testsfailed:
+            say(f"{session.testsfailed} test files cannot be imported and are left out")
+        self.measure()
+        for module in self.modules:
+            self.try_all(module, set(imported.get(module.name, ())))
+        return True
+
+    def measure(self) -> None:
+        """Run every test alone; leave out those that fail as it is."""
+        for name, told in self.each(self.items, lambda name: self.alone(self.items[name])):
+            if told is None or told["by"]:
+                say(f"fails without any change, left out: {name} ({told and told['by']})")
+                continue
+            self.seconds[name] = told["seconds"]
+            for module, lines in told["lines"].items():
+                self.reached.setdefault(module, {})[name] = set(lines)
+        say(f"{len(self.seconds)} tests, {sum(self.seconds.values()):.0f} s one by one")
+
+    def alone(self, item: pytest.Item) -> dict[str, Any]:
+        """Run one test; return its outcome, its time and the lines it reaches."""
+        seen = watch(self.modules)
+        start = time.process_time()
+        failed = first_failure([item], {})
+        spent = time.process_time() - start
+        seen.stop()
+        return {"by": failed, "seconds": spent, "lines": lines_of(seen, self.modules)}
+
+    def each(self, names: Iterable[Any], work: Callable[[Any], Any]) -> Iterator[tuple[Any, Any]]:
+        """Yield (name, result) of work done in forks, `--jobs` at a time."""
+        children: dict[int, tuple[int, float, Any]] = {}
+        for name in names:
+            child, fd = fork(lambda name=name: work(name))  # type: ignore[misc]
+            children[fd] = (child, time.monotonic(), name)
+            yield from collect(children, self.options.jobs)
+        yield from collect(children, 0)
+
+    def try_all(self, module: Module, imported: set[int]) -> None:
+        """Try the mutants of a module that are not known to be killed."""
+        chosen = sample(module, self.options)
+        known = {key for key, found in module.verdicts.items() if found["verdict"] in ("killed", "timeout")}
+        open_ones = [mutant for mutant in chosen if mutant.key not in known]
+        kills: Counter[str] = Counter()
+        start = time.monotonic()
+        for done, (mutant, told) in enumerate(
+            self.each(open_ones, lambda mutant: self.attempt(module, mutant, imported, kills)), 1
+        ):
+            found = told or {"verdict": "timeout"}
+            kills[found.get("by") or ""] += 1
+            module.verdicts[mutant.key] = {"line": mutant.line, "was": mutant.was, "now": mutant.now, **found}
+            if done % 25 == 0:
+                say(f"  {module.name}: {done} of {len(open_ones)}, {module.count('survived')} survived")
+                save(self.options, self.modules)
+        spent = time.monotonic() - start
+        say(f"{module.name}: {len(open_ones)} tried in {spent:.0f} s, {module.count('survived')} survived")
+        save(self.options, self.modules)
+
+    def attempt(
+        self, module: Module, mutant: Mutant, imported: set[int], kills: Counter[str]
+    ) -> dict[str, Any]:
+        """Try one mutant, in a fork."""
+
+        def rank(name: str) -> float:
+            return -(kills[name] + 0.1) / (self.seconds[name] + 0.001)
+
+        reached = self.reached.get(module.name, {})
+        code = module.changed(mutant)
+        if mutant.inside and imported.isdisjoint(mutant.span):
+            wanted = sorted((n for n in reached if not reached[n].isdisjoint(mutant.span)), key=rank)
+            if not wanted:
+                return {"verdict": "survived", "by": "no test reaches it"}
+            if exchange(code, self.living.get(str(module.path), [])):
+                by = first_failure([self.items[name] for name in wanted], self.seconds)
+                return {"verdict": "killed" if by else "survived", "by": by}
+        else:
+            wanted = sorted(reached or self.seconds, key=rank)
+        by = import_anew(module, code, wanted, self.seconds)
+        return {"verdict": "killed" if by else "survived", "by": by, "imported": True}
+
+
+def import_anew(
+    module: Module, code: types.CodeType, wanted: list[str], seconds: dict[str, float]
+) -> str | None:
+    """Forget all modules of this tree and run tests in a new session; return the first that fails."""
+    for name in [name for name, loaded in sys.modules.items() if is_ours(loaded)]:
+        del sys.modules[name]
+    loader = Changed(module.name.removesuffix(".py").replace("/", "."), str(module.path))
+    loader.code = code
+    sys.meta_path.insert(0, loader)
+    again = Again(wanted, seconds)
+    signal.setitimer(signal.ITIMER_PROF, 60.0)
+    pytest.main([*OPTIONS, *sorted({name.partition("::")[0] for name in wanted})], [again])
+    return again.failed
+
+
+def is_ours(loaded: types.ModuleType) -> bool:
+    """Tell whether a module or namespace lies in this tree."""
+    where = getattr(loaded, "__file__", None) or next(iter(getattr(loaded, "__path__", ())), "")
+    return where.startswith(f"{ROOT}{os.sep}") and not where.startswith(f"{ROOT}{os.sep}.venv")
+
+
+def watch(modules: list[Module]) -> coverage.Coverage:
+    """Begin to note the lines that are reached."""
+    seen = coverage.Coverage(data_file=None, config_file=False, include=[str(m.path) for m in modules])
+    seen.set_option("run:disable_warnings", ["no-data-collected"])
+    seen.start()
+    return seen
+
+
+def lines_of(seen: coverage.Coverage, modules: list[Module]) -> dict[str, list[int]]:
+    """Return the lines reached, by module."""
+    data = seen.get_data()
+    found = {module.name: data.lines(str(module.path)) for module in modules}
+    return {name: lines for name, lines in found.items() if lines}
+
+
+def sample(module: Module, options: argparse.Namespace) -> list[Mutant]:
+    """Return the mutants to try: all, or as many as asked for, the same ones for the same seed."""
+    if not options.sample or len(module.mutants) <= options.sample:
+        return module.mutants
+    chosen = random.Random(f"{options.seed}:{module.name}").sample(module.mutants, options.sample)
+    return sorted(chosen, key=lambda mutant: mutant.line)
+
+
+def save(options: argparse.Namespace, modules: list[Module]) -> None:
+    """Write what is known, so that an interrupted run can go on."""
+    if options.json:
+        told = json.loads(options.json.read_text()) if options.json.exists() else {}
+        for module in modules:
+            if module.verdicts:
+                told[module.name] = {
+                    "digest": module.digest, "mutants": len(module.mutants), "verdicts": module.verdicts
+                }  # fmt: skip
+        options.json.write_text(json.dumps(told, indent=1))
+
+
+def say(text: str) -> None:
+    """Show progress."""
+    print(text, flush=True)
+
+
+def report(modules: list[Module]) -> None:
+    """Print the figures by module, and every survivor."""
+    total: Counter[str] = Counter()
+    say("\n| module | mutants | tried | killed | of these by timeout | survived | score |")
+    say("|---|---|---|---|---|---|---|")
+    for module in modules:
+        tried, survived, late = len(module.verdicts), module.count("survived"), module.count("timeout")
+        total.update(mutants=len(module.mutants), tried=tried, survived=survived, late=late)
+        say(f"| `{module.name}` | {_row(len(module.mutants), tried, survived, late)} |")
+    say(f"| all | {_row(total['mutants'], total['tried'], total['survived'], total['late'])} |\n")
+    for module in modules:
+        for found in sorted(module.verdicts.values(), key=lambda found: found["line"]):
+            if found["verdict"] not in ("killed", "timeout"):
+                line, told = module.source[found["line"] - 1].strip(), found.get("by")
+                about = f"  ({found['verdict']}: {told})" if told else ""
+                say(f"{module.name}:{found['line']}: {line}\n    {found['was']} -> {found['now']}{about}")
+
+
+def _row(mutants: int, tried: int, survived: int, late: int) -> str:
+    score = f"{100 * (tried - survived) / tried:.1f} %" if tried else ""
+    return f"{mutants} | {tried} | {tried - survived} | {late} | {survived} | {score}"
+
+
+def main() -> None:
+    """Read the command line and do it."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser.add_argument("modules", nargs="*", default=MODULES, help="globs, from the root of the checkout")
+    parser.add_argument("--tests", nargs="+", default=TESTS, help="what to run")
+    parser.add_argument("--sample", type=int, default=0, help="at most that many mutants of each module")
+    parser.add_argument("--seed", type=int, default=1, help="which ones")
+    parser.add_argument("--jobs", type=int, default=1, help="forks at a time")
+    parser.add_argument("--json", type=Path, help="where the verdicts are kept, and go on from")
+    parser.add_argument("--count", action="store_true", help="only say how many mutants there are")
+    options = parser.parse_args()
+    options.json = options.json and options.json.resolve()
+    os.chdir(ROOT)
+    known = json.loads(options.json.read_text()) if options.json and options.json.exists() else {}
+    paths = sorted({path for glob in options.modules for path in ROOT.glob(glob) if path.suffix == ".py"})
+    modules = [Module(path, known.get(path.relative_to(ROOT).as_posix(), {})) for path in paths]
+    if options.count:
+        for module in modules:
+            say(f"{len(module.mutants):5}  {module.name}")
+        return
+    sys.path[:0] = [str(ROOT), str(ROOT / "plugins")]
+    scratch = tempfile.mkdtemp(prefix="mutate-")
+    os.environ.update(PYTEST_DEBUG_TEMPROOT=scratch, HYPOTHESIS_STORAGE_DIRECTORY=f"{scratch}/hypothesis")
+    try:
+        pytest.main([*OPTIONS, *options.tests], [Session(options, modules, watch(modules))])
+    finally:
+        shutil.rmtree(scratch, ignore_errors=True)
+    report(modules)
+
+
+if __name__ == "__main__":
+    main()

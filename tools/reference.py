@@ -1,0 +1,441 @@
+"""Write the reference pages from the source: the rules of the checker, the words of the language.
+
+    .venv/bin/python tools/reference.py rules > docs/rules.md
+    .venv/bin/python tools/reference.py language > docs/language.md
+
+A page is a function of what stands in the checkout, so a test can tell when it is out of date. The rules come
+with the smallest of the charts in tests/charts/broken that breaks them, the words with the examples in
+docs/examples (one file a model, named like it: a state's content, or a whole file).
+"""
+
+from __future__ import annotations
+
+import re
+import sys
+import types
+import typing
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from pathlib import Path
+from typing import Annotated, Any
+
+from pydantic import WithJsonSchema
+from pydantic.fields import FieldInfo
+
+from lupin_engine.chart.actions import BUILTIN_ACTIONS
+from lupin_engine.chart.declare import REQUESTS
+from lupin_engine.chart.documents import (
+    KINDS,
+    ActionNode,
+    Bound,
+    Condition,
+    FileNode,
+    Node,
+    StateNode,
+    TransitionNode,
+    Written,
+)
+from lupin_engine.chart.expressions import BUILTIN_CALLS, ROOTS
+from lupin_engine.chart.findings import SUBJECTS
+from lupin_engine.plugin.types import BUILTIN_TYPES, UNITS
+
+ROOT = Path(__file__).resolve().parents[1]
+CHARTS = ROOT / "tests" / "charts"
+BROKEN = CHARTS / "broken"
+EXAMPLES = ROOT / "docs" / "examples"
+
+#: More lines of one rule than this say nothing new.
+MAX_LINES = 6
+
+# -- the rules --------------------------------------------------------------------------------------------
+
+RULES_HEAD = """\
+# What the checker finds
+
+`lupin check` reads a mission with its lifecycle and its parts and tells everything that is wrong with it at
+once, without a robot, ROS or a plugin's node:
+
+```text
+missions/inspection.yaml:29:16: error: MISSION.InspectionMission.PREPARE.LOCALIZING.on_done: no state is \
+called 'INSPECTNG' here; did you mean 'INSPECTING'? [unknown-state]
+```
+
+That is: file, line and column; whether it is an error or a warning; where in the chart; what is wrong; what
+to do about it, with what is allowed or the nearest spelling; and in brackets the rule, which you find below.
+A mission with an error is not loaded. A warning is probably a mistake, and the mission can be run all the
+same.
+
+The examples are the tests of the checker (`tests/charts/broken`, each beside its exact text). The missions
+among them are checked in a small lifecycle (`tests/charts/mini`), which is where states, holds and codes come
+from that they do not declare themselves; of an example that breaks several rules only the one in question is
+shown.
+"""
+
+
+def rules() -> Iterator[str]:
+    """Yield the page of the rules, line by line."""
+    yield from (*RULES_HEAD.splitlines(), "")
+    for subject, found in SUBJECTS.items():
+        yield from (f"## {subject}", "")
+        for rule in sorted(found):
+            yield from (f"### {rule}", "", f"{_sentence(found[rule])} *{_severities(rule)}*", "")
+            yield from _broken(rule)
+
+
+def _sentence(text: str) -> str:
+    return f"{text[0].upper()}{text[1:]}."
+
+
+def _told(rule: str, case: Path) -> list[str]:
+    """Return what the checker prints of a rule for a broken chart."""
+    lines = case.with_suffix(".txt").read_text(encoding="utf-8").splitlines()
+    return [line for line in lines if line.endswith(f"[{rule}]")]
+
+
+def _cases() -> list[Path]:
+    return sorted(path.with_suffix("") for path in BROKEN.glob("*.txt"))
+
+
+def _severities(rule: str) -> str:
+    found = {line.split(": ")[1] for case in _cases() for line in _told(rule, case)}
+    return " or ".join(sorted(found))
+
+
+def _broken(rule: str) -> Iterator[str]:
+    """Yield the charts that show a rule: those named like it, else the one that says least besides."""
+    cases = [case for case in _cases() if _told(rule, case)]
+    named = [case for case in cases if case.name.startswith(rule.replace("-", "_"))]
+    for case in named or [min(cases, key=lambda case: _size(rule, case))]:
+        lines = _told(rule, case)
+        file = CHARTS / lines[0].partition(":")[0]
+        if file.is_file():
+            yield from _block("yaml", file.read_text(encoding="utf-8"))
+        else:
+            names = sorted(path.name for path in file.parent.iterdir())
+            yield f"A folder with {' and '.join(f'`{name}`' for name in names)} and no `{file.name}`:"
+        yield ""
+        yield from _block("text", "\n".join(lines[:MAX_LINES]))
+        yield ""
+
+
+def _size(rule: str, case: Path) -> tuple[int, int, str]:
+    """Return how much a broken chart says that has nothing to do with a rule, and how long it is."""
+    others = len(case.with_suffix(".txt").read_text(encoding="utf-8").splitlines()) - len(_told(rule, case))
+    file = case.with_suffix(".yaml")
+    return others, len(file.read_text(encoding="utf-8")) if file.is_file() else 0, case.name
+
+
+def _block(language: str, text: str) -> Iterator[str]:
+    yield f"```{language}"
+    yield from text.strip("\n").splitlines()
+    yield "```"
+
+
+# -- the language -----------------------------------------------------------------------------------------
+
+LANGUAGE_HEAD = """\
+# The language of missions
+
+A mission is a statechart in YAML. There are three kinds of file, told apart by their first key: a *lifecycle*
+is what all missions share (starting up, pausing, driving home), a *mission* is what a robot is asked to do
+and stands in the lifecycle's slot, a *part* is a piece that missions use. `lifecycle.yaml` stands beside the
+missions, the parts in the folder `parts` there. The shipped ones in `missions/` are the best introduction;
+this page is for looking things up. What `lupin check` says about a file is explained in [rules.md](rules.md).
+
+## How a chart runs
+
+- A state is active or not. With a state one of its children is active, with a parallel one all of them
+  (its *regions*). Targets are looked for in the nearest state around that has a child of that name, and
+  further down with dots (`RETURNING.DOCKED`).
+- An event is offered to the innermost active states first, then outwards; within a state in the order
+  written. The first transition whose guard is true is taken. One without a target runs its actions and
+  leaves nothing.
+- Taking a transition leaves states (`exit`), runs its actions (`do`) and enters states (`entry`). Then
+  whatever is enabled without an event follows (`always`, levels), then what was raised, until nothing more
+  happens. Only then operations begin. No time passes meanwhile.
+- An operation lives as long as its state: leaving the state cancels it. Its end is `on_done` or `on_error`.
+  An error that nobody handles leads to the lifecycle's FAULT.
+- A *hold* (a pause, an emergency stop) suspends the whole chart: what moves the robot is cancelled and begun
+  again on release, clocks stand still, answers wait. A request is answered at once all the same: a transition
+  that says `during` or `releases` is taken, anything else refused.
+- A *code* is why something happened. The one that was reported last is published with its label, as
+  `last_error`; a request that is refused is answered with one.
+- A live value is *unknown* before its first report, or when that is too old. A guard that reads it is then
+  false, so ask with `known(...)`.
+
+## How to read the tables
+
+*Value* is something written out (`30 s`, `home`, `[1, 2]`) or an expression in `${ }`, *condition* is an
+expression without `${ }`, and *one or more* means that a list of one may be written without the list. A key
+in **bold** must be written.
+"""
+
+ACTIONS_HEAD = """\
+## Actions
+
+Under `entry`, `exit` and `do`: a name, or a mapping of one name to its arguments. A plugin's are called
+`PLUGIN.ACTION`.
+"""
+EXPRESSIONS_HEAD = """\
+## Expressions
+
+A safe piece of Python, checked when the file is read: `and`, `or`, `not`, comparisons and `in`,
+`+ - * / // %`, `x if c else y`, fields of records, elements of lists, texts, numbers, `true`, `false`. A
+number with a unit is written as a text where it meets another (`param.patience > '5 s'`). There are no
+methods and no loops.
+
+What can be read, besides variables of the context and the element of a `for_each`, by their names:
+"""
+TYPES_HEAD = """\
+## Types and units
+
+Types of parameters, variables and request fields; any of them may follow `list of`. Plugins add their own.
+"""
+
+#: How the shape of a key that may be computed is told.
+_COMPUTED = {"Written": "value", "Condition": "condition", "Bound": "number, with its unit"}
+#: What expressions read, with what it is.
+ROOT_TEXTS: Mapping[str, str] = {
+    "param": "parameters, as `param.NAME`",
+    "request": "fields of the request that started the mission, as `request.NAME`",
+    "input": "live values, as `input.NAME`; with levels `input.NAME.value` and `input.NAME.LEVEL`",
+    "event": "what the event carries: in `on_done` the result of the operation, as `event.FIELD`",
+    "error": "in `on_error`: `error.code` and `error.detail`",
+    "target": "the element of the itinerary that is being visited",
+    "itinerary": "`itinerary.open` (the visit has no outcome yet), `.remaining` (targets after this one), "
+    "`.total`, `.closed`, `.sweep` (1 in the first)",
+}
+CALL_TEXTS: Mapping[str, str] = {
+    "len": "`len(list or text)`",
+    "min": "`min(list)` or `min(a, b, ...)`",
+    "max": "`max(list)` or `max(a, b, ...)`",
+    "abs": "`abs(number)`",
+    "round": "`round(number)`, or `round(number, 2)` for two digits",
+    "any": "`any(list of yes or no)`: one of them is true",
+    "all": "`all(list of yes or no)`: none of them is false",
+    "known": "`known(input.NAME)`: there is a report, and it is not too old",
+    "held": "`held(HOLD)`: the hold is engaged",
+    "in_state": "`in_state('NAME')`: a state of that name is active",
+}
+ACTION_TEXTS: Mapping[str, str] = {
+    "set": "write variables of the context: `set: {NAME: VALUE, ...}`",
+    "raise": "tell the whole chart of an event: `raise: {event: door.opened}`",
+    "itinerary.advance": "go on to the next target; refused while the visit is open",
+    "itinerary.close": "give the visit its outcome, once, and publish it",
+    "itinerary.close_rest": "close every visit that is still open",
+    "report.clear": "forget the code that was reported last",
+    "report.summary": "publish what became of every target",
+    "publish.reading": "publish a reading that belongs to no visit",
+}
+EVENTS: tuple[tuple[str, str], ...] = (
+    (
+        ", ".join(f"`{name}`" for name in REQUESTS),
+        "requests; who asks is answered, with a reason when refused",
+    ),
+    (
+        "`input.NAME`, `input.NAME.LEVEL`",
+        "a yes or no that is true: taken as long as it is, also on entering",
+    ),
+    ("`PLUGIN.EVENT`", "what a plugin tells of, with the fields that it declares"),
+    ("any other name with dots, such as `door.opened`", "raised by an action of the chart"),
+    ("`door.*`", "every event that begins like that"),
+    ('`"*"`', "every event, but none of those of one state: endings, timers, levels"),
+)
+
+
+def language() -> Iterator[str]:
+    """Yield the page of the language, line by line."""
+    yield from LANGUAGE_HEAD.splitlines()
+    yield from ("", "## Words")
+    for model in models():
+        yield from _model(model)
+    yield from ("", *ACTIONS_HEAD.splitlines(), "")
+    yield from _table(("action", "arguments", "what it does"), _actions())
+    yield from ("", "## Events", "", "Under `on`:", "")
+    yield from _table(("event", "what it is"), EVENTS)
+    yield from _expressions()
+    yield from _types()
+
+
+def models() -> list[type[Node]]:
+    """Return the models that an author writes: files, then what stands in a state, then declarations."""
+    files: list[type[Node]] = [*KINDS.values()]
+    found = [*files]
+    _collect(StateNode, found)
+    for kind in files:
+        _collect(kind, found)
+    return [model for model in found if model is not ActionNode]
+
+
+def _collect(model: type[Node], found: list[type[Node]]) -> None:
+    """Add a model and those that its keys may hold, each after what it stands in."""
+    if model not in found:
+        found.append(model)
+    for field in model.model_fields.values():
+        for child in _models_in(field.annotation):
+            if child not in found:
+                _collect(child, found)
+
+
+def _models_in(annotation: Any) -> Iterator[type[Node]]:
+    if isinstance(annotation, type) and issubclass(annotation, Node):
+        yield annotation
+    for inner in typing.get_args(annotation):
+        yield from _models_in(inner)
+
+
+def snake(model: type[Node]) -> str:
+    """Return what a model is called in file names: `request_field` for RequestFieldNode."""
+    return re.sub(r"(?<!^)(?=[A-Z])", "_", model.__name__.removesuffix("Node")).lower()
+
+
+def _title(model: type[Node]) -> str:
+    return snake(model).replace("_", " ").capitalize()
+
+
+def _model(model: type[Node]) -> Iterator[str]:
+    yield from ("", f"### {_title(model)}", "")
+    yield (model.__doc__ or "").strip()
+    places = _places_of(model)
+    if places:
+        yield f"Stands under {places}."
+    yield ""
+    yield from _block("yaml", (EXAMPLES / f"{snake(model)}.yaml").read_text(encoding="utf-8"))
+    yield ""
+    own = list(model.model_fields)
+    if issubclass(model, FileNode):  # what gives the file its kind and name stands first, as in a file
+        first = next(word for word, kind in KINDS.items() if kind is model)
+        own.sort(key=lambda name: name != first)
+    rows = (_row(model.model_fields[name], name) for name in own)
+    yield from _table(("key", "shape", "when not written", "meaning"), rows)
+
+
+def _places_of(model: type[Node]) -> str:
+    """Return the keys that a model stands under, with what they belong to."""
+    found: dict[str, list[str]] = {}
+    for holder in models():
+        for name, field in holder.model_fields.items():
+            if model in _models_in(field.annotation):
+                found.setdefault(f"`{field.alias or name}`", []).append(_title(holder).lower())
+    if model is TransitionNode:
+        return ", ".join(found)
+    return ", ".join(f"{key} ({', '.join(holders)})" for key, holders in found.items())
+
+
+def _row(field: FieldInfo, name: str) -> tuple[str, ...]:
+    key = f"`{field.alias or name}`"
+    if field.is_required():
+        return f"**{key}**", _shape(field), "", field.description or ""
+    return key, _shape(field), _default(field.get_default(call_default_factory=True)), field.description or ""
+
+
+def _default(value: Any) -> str:
+    if isinstance(value, bool):
+        return f"`{str(value).lower()}`"
+    return f"`{value}`" if value not in (None, "", (), [], {}) else ""
+
+
+def _shape(field: FieldInfo) -> str:
+    annotation = Annotated[(field.annotation, *field.metadata)] if field.metadata else field.annotation
+    return shape_of(annotation)
+
+
+def shape_of(annotation: Any) -> str:
+    """Return the shape of a key's value in words."""
+    origin, inner = typing.get_origin(annotation), typing.get_args(annotation)
+    if origin is Annotated:
+        return _schema_shape(annotation) or shape_of(inner[0])
+    if origin in (typing.Union, types.UnionType):
+        return " or ".join(shape_of(one) for one in inner if one is not type(None))
+    if origin is typing.Literal:
+        return " or ".join(f"`{word}`" for word in inner)
+    if origin is list:
+        return f"one or more {_plural(shape_of(inner[0]))}"
+    if origin is dict:
+        return f"mapping of {_plural(shape_of(inner[1]).removeprefix('one or more '))}"
+    if isinstance(annotation, type) and issubclass(annotation, Node):
+        anchor = "actions" if annotation is ActionNode else _title(annotation).lower().replace(" ", "-")
+        return f"[{_title(annotation).lower()}](#{anchor})"
+    return {str: "text", bool: "`true` or `false`"}[annotation]
+
+
+def _plural(shape: str) -> str:
+    """Return the shape of several; a link's text comes first in brackets."""
+    return re.sub(r"^(\[?[a-z ]*[a-rt-z])(?=$|\])", r"\1s", shape)
+
+
+def _schema_shape(annotation: Any) -> str | None:
+    """Return the shape of what may be computed, which is any value to pydantic."""
+    known = {"Written": Written, "Condition": Condition, "Bound": Bound}
+    schemas = [meta for meta in typing.get_args(annotation)[1:] if isinstance(meta, WithJsonSchema)]
+    names = [name for name, alias in known.items() if typing.get_args(alias)[1] in schemas]
+    return _COMPUTED[names[0]] if names else None
+
+
+def _actions() -> Iterator[tuple[str, ...]]:
+    for name, text in ACTION_TEXTS.items():
+        arguments = BUILTIN_ACTIONS.get(name, {})
+        shown = [
+            f"`{word}`{' (optional)' if argument.optional else ''}: {argument.doc}"
+            for word, argument in arguments.items()
+        ]
+        yield f"`{name}`", "<br>".join(shown), text
+
+
+def _expressions() -> Iterator[str]:
+    yield from ("", *EXPRESSIONS_HEAD.splitlines(), "")
+    yield from _table(("name", "what it is"), ((f"`{name}`", ROOT_TEXTS[name]) for name in sorted(ROOTS)))
+    yield from ("", "What can be called, besides the functions of the plugins:", "")
+    yield from _table(("function", "what it is"), ((f"`{name}`", CALL_TEXTS[name]) for name in BUILTIN_CALLS))
+
+
+def _types() -> Iterator[str]:
+    yield from ("", *TYPES_HEAD.splitlines(), "")
+    rows = ((f"`{name}`", _type_text(name)) for name in BUILTIN_TYPES)
+    yield from _table(("type", "what it is"), rows)
+    yield from ("", "A number that has a dimension is written with one of its units:", "")
+    by_base: dict[str, list[str]] = {}
+    for unit, (base, _) in UNITS.items():
+        by_base.setdefault(base, []).append(f"`{unit}`")
+    yield from _table(
+        ("kept in", "units"),
+        ((f"`{base}`" if base else "a plain number", ", ".join(units)) for base, units in by_base.items()),
+    )
+
+
+def _type_text(name: str) -> str:
+    found = BUILTIN_TYPES[name]
+    if found.fields:
+        return "a record of " + ", ".join(f"`{word}` ({kind})" for word, kind in found.fields.items())
+    text = {"bool": "`true` or `false`", "integer": "a whole number", "any": "anything"}.get(
+        found.kind, found.kind
+    )
+    text = f"a number in `{found.unit}`" if found.unit else text
+    return f"{text}, at least {found.minimum:g}" if found.minimum is not None else text
+
+
+def _table(head: Iterable[str], rows: Iterable[Iterable[str]]) -> Iterator[str]:
+    names = list(head)
+    yield f"| {' | '.join(names)} |"
+    yield f"|{'---|' * len(names)}"
+    for row in rows:
+        yield f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in row)} |"
+
+
+#: The pages by name; the name is also that of the file in docs.
+PAGES: Mapping[str, Callable[[], Iterator[str]]] = {"rules": rules, "language": language}
+
+
+def page(name: str) -> str:
+    """Return a page."""
+    return "\n".join(PAGES[name]()).rstrip("\n") + "\n"
+
+
+def main() -> None:
+    """Write the page that the command line names."""
+    if len(sys.argv) != 2 or sys.argv[1] not in PAGES:
+        sys.exit(__doc__)
+    sys.stdout.write(page(sys.argv[1]))
+
+
+if __name__ == "__main__":
+    main()
