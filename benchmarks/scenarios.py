@@ -2,10 +2,10 @@
 
     .venv/bin/python benchmarks/scenarios.py [--runs 1000] [--rounds 5] [PATH ...]
 
-The scenarios are those of the shipped missions, run again and again until there are enough. As in `lupin test`
-a mission is loaded once; everything else, the reading of the file included, is done for every run. Seconds are
-those of the processor, so that what else the machine does counts little; of the rounds the median is told,
-with the fastest in brackets.
+The scenarios are those of the shipped missions, run again and again until there are enough. As in
+`lupin test` a mission is loaded once; everything else, the reading of the file included, is done for every
+run. Seconds are those of the processor, so that what else the machine does counts little; of the rounds the
+median is told, with the fastest in brackets.
 """
 
 from __future__ import annotations

@@ -8,11 +8,16 @@ a defect of the engine.
 
 from __future__ import annotations
 
+import bisect
 import difflib
 import enum
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import NamedTuple
+
+#: How many names are compared with one that is misspelt, and how many are listed when none is like it.
+MAX_COMPARED = 400
+MAX_LISTED = 100
 
 
 class Severity(enum.IntEnum):
@@ -79,9 +84,18 @@ class ChartError(LupinError):
 def nearest(name: str, allowed: Iterable[str]) -> str:
     """Say what was probably meant by `name`, else list all that is allowed, sorted so the text is stable."""
     names = sorted(set(allowed))
-    close = difflib.get_close_matches(name, names, n=1, cutoff=0.6)
+    close = difflib.get_close_matches(name, _around(name, names), n=1, cutoff=0.6)
     if close:
         return f"did you mean {close[0]!r}?"
     if not names:
         return "nothing is allowed here"
-    return "allowed: " + ", ".join(repr(n) for n in names)
+    more = f" and {len(names) - MAX_LISTED} more" if len(names) > MAX_LISTED else ""
+    return "allowed: " + ", ".join(repr(n) for n in names[:MAX_LISTED]) + more
+
+
+def _around(name: str, names: list[str]) -> list[str]:
+    """Return the sorted names that begin most like `name`: of thousands, not all are compared by letters."""
+    if len(names) <= MAX_COMPARED:
+        return names
+    first = max(0, bisect.bisect(names, name) - MAX_COMPARED // 2)
+    return names[first : first + MAX_COMPARED]

@@ -45,7 +45,13 @@ from hypothesis import HealthCheck, Phase, settings
 ROOT = Path(__file__).resolve().parents[1]
 TESTS = ["tests/chart", "tests/machine", "tests/test_determinism.py", "tests/scenarios"]
 MODULES = ["lupin_engine/machine/**/*.py", "lupin_engine/chart/**/*.py"]
-OPTIONS = ["-q", "-s", "-p", "no:cacheprovider", "-W", "ignore::pytest.PytestAssertRewriteWarning"]
+#: What would load itself is named here instead: whose distribution has a plugin, its modules are rewritten by
+#: pytest when they are imported, and a mutant would be replaced by the original.
+PLUGINS = ["pytest_timeout", "_hypothesis_pytestplugin", "lupin_engine.pytest_plugin"]
+OPTIONS = [
+    *("-q", "-s", "-p", "no:cacheprovider", "-W", "ignore::pytest.PytestAssertRewriteWarning"),
+    *(option for plugin in PLUGINS for option in ("-p", plugin)),
+]
 EXAMPLES, MEMORY, WALL = 30, 6 << 30, 180.0  # of a property test; bytes and seconds that a fork may use
 
 COMPARISONS: dict[type[ast.cmpop], tuple[type[ast.cmpop], ...]] = {
@@ -351,6 +357,7 @@ class Session:
             say(f"{session.testsfailed} test files cannot be imported and are left out")
         self.measure()
         for module in self.modules:
+            self.control(module)
             self.try_all(module, set(imported.get(module.name, ())))
         return True
 
@@ -373,6 +380,14 @@ class Session:
         spent = time.process_time() - start
         seen.stop()
         return {"by": failed, "seconds": spent, "lines": lines_of(seen, self.modules)}
+
+    def control(self, module: Module) -> None:
+        """Make sure that tests pass when a module is imported anew without any change."""
+        code = compile(module.path.read_bytes(), str(module.path), "exec", dont_inherit=True)
+        wanted = sorted(self.seconds, key=self.seconds.__getitem__)
+        for _, failed in self.each([module], lambda module: import_anew(module, code, wanted, self.seconds)):
+            if failed is not None:
+                raise SystemExit(f"{module.name} imported anew as it is does not pass: {failed}")
 
     def each(self, names: Iterable[Any], work: Callable[[Any], Any]) -> Iterator[tuple[Any, Any]]:
         """Yield (name, result) of work done in forks, `--jobs` at a time."""
@@ -532,7 +547,11 @@ def main() -> None:
         return
     sys.path[:0] = [str(ROOT), str(ROOT / "plugins")]
     scratch = tempfile.mkdtemp(prefix="mutate-")
-    os.environ.update(PYTEST_DEBUG_TEMPROOT=scratch, HYPOTHESIS_STORAGE_DIRECTORY=f"{scratch}/hypothesis")
+    os.environ.update(
+        PYTEST_DEBUG_TEMPROOT=scratch,
+        HYPOTHESIS_STORAGE_DIRECTORY=f"{scratch}/hypothesis",
+        PYTEST_DISABLE_PLUGIN_AUTOLOAD="1",
+    )
     try:
         pytest.main([*OPTIONS, *options.tests], [Session(options, modules, watch(modules))])
     finally:

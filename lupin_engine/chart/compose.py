@@ -478,7 +478,7 @@ class _Composer:
     def _any_event(self, draft: Draft) -> Scope:
         """Return a state's scope with the event that led there, of which nothing is known beforehand."""
         assert draft.scope is not None
-        return draft.scope.with_names({"event": ANY})
+        return draft.scope.with_event(ANY)
 
     # -- transitions ---------------------------------------------------------------------------------------
 
@@ -522,7 +522,7 @@ class _Composer:
 
     def _copy(self, draft: Draft, event: str, node: TransitionNode, path: str) -> Iterator[Transition]:
         """Compose another state's transitions for an event again, with this state as their source."""
-        name = self._forest.resolve(node.use or "", draft, node.at("use"), path)
+        name = self._forest.resolve(node.use or "", draft, node, "use", path)
         other = self._forest.drafts[name] if name is not None else None
         if other is None:
             return
@@ -544,7 +544,7 @@ class _Composer:
             event="budget",
             source=draft.name,
             place=node.place,
-            target=self._forest.resolve(node.target, draft, node.at("target"), path),
+            target=self._forest.resolve(node.target, draft, node, "target", path),
             actions=self._actions.read(node.do, self._any_event(draft), f"{path}.do"),
             code=node.code,
         )
@@ -576,11 +576,11 @@ class _Composer:
     def _event_scope(self, draft: Draft, event: str) -> Scope:
         assert draft.scope is not None
         if event == "mission.start":
-            return draft.scope.with_names({"event": _START})
+            return draft.scope.with_event(_START)
         if event in self._catalog.events:
             fields = self._catalog.events[event].fields
-            return draft.scope.with_names({"event": Type("record", "event", fields=fields)})
-        return draft.scope.with_names({"event": _NOTHING if event.startswith("operator.") else ANY})
+            return draft.scope.with_event(Type("record", "event", fields=fields))
+        return draft.scope.with_event(_NOTHING if event.startswith("operator.") else ANY)
 
     def _list(
         self, source: Draft, owner: Draft, nodes: list[TransitionNode], key: str, event: str, scope: Scope
@@ -599,7 +599,7 @@ class _Composer:
             self._findings.add(node.key_at("use"), "wrong-shape", path, problem)
         target = None
         if node.target is not None:
-            target = self._forest.resolve(node.target, owner, node.at("target"), path)
+            target = self._forest.resolve(node.target, owner, node, "target", path)
         for word in ("refuse", "code"):
             code = getattr(node, word)
             if code is not None:
@@ -614,8 +614,8 @@ class _Composer:
             guard=self._guard(node, scope, path),
             actions=self._actions.read(node.do, scope, f"{path}.do"),
             refuse=node.refuse,
-            during=self._hold_names(node, "during", path),
-            releases=self._hold_names(node, "releases", path),
+            during=self._hold_names(node, "during", path) if node.during else _NO_HOLDS,
+            releases=self._hold_names(node, "releases", path) if node.releases else _NO_HOLDS,
             code=node.code,
             internal=node.internal,
         )
@@ -641,11 +641,8 @@ class _Composer:
             self._findings.add(node.place, "level-without-target", path, problem, "add 'target: STATE'")
 
     def _hold_names(self, node: TransitionNode, key: str, path: str) -> frozenset[str]:
-        names = getattr(node, key)
-        if not names:
-            return _NO_HOLDS
         found = set()
-        for index, name in enumerate(names):
+        for index, name in enumerate(getattr(node, key)):
             place = node.at(key, index)
             hold = self._declared.holds.get(name)
             if hold is None:

@@ -85,17 +85,26 @@ class Scope:
     open_states: bool = False
     item: str = ""
 
-    # The states of one family have one scope, and say the same in it again and again.
+    # The states of one family have one scope and say the same in it again and again. So it remembers what
+    # was derived from it, and the names and expressions that were read in it.
     _derived: dict[Any, Scope] = field(init=False, repr=False, compare=False, default_factory=dict)
+    _names: dict[tuple[str, str], Typed] = field(init=False, repr=False, compare=False, default_factory=dict)
     _compiled: dict[Any, _Checked] = field(init=False, repr=False, compare=False, default_factory=dict)
 
     def with_names(self, names: Mapping[str, Type]) -> Scope:
         """Return this scope with further names, or other types for the same ones."""
-        key = tuple(names.items())
+        key: Any = tuple(names.items())
         derived = self._derived.get(key)
         if derived is None:
             absent = {name: reason for name, reason in self.absent.items() if name not in names}
             derived = self._derived[key] = replace(self, names={**self.names, **names}, absent=absent)
+        return derived
+
+    def with_event(self, kind: Type) -> Scope:
+        """Return this scope with an event of a type: what most transitions and actions see."""
+        derived = self._derived.get(kind)
+        if derived is None:
+            derived = self._derived[kind] = self.with_names({"event": kind})
         return derived
 
     def with_item(self, name: str, kind: Type) -> Scope:
@@ -153,6 +162,8 @@ def literal(value: Any, kind: Type) -> Typed:
 
 def fragment_of(text: Text) -> Fragment | None:
     """Return the expression that a value consists of (`${ ... }`), or None when it is a plain text."""
+    if text.startswith("${") and text.endswith("}"):
+        return None if "${" in text[2:] else Fragment(text[2:-1], text, 2)
     match = _WHOLE.fullmatch(text)
     return None if match is None or "${" in match.group(1) else Fragment(match.group(1), text, match.start(1))
 
@@ -447,6 +458,17 @@ class _Checker:
         return self._wrong(node, "unknown-name", f"unknown name {name!r}", nearest(name, scope.names))
 
     def _attribute(self, node: ast.Attribute) -> Typed:
+        if not isinstance(node.value, ast.Name):
+            return self._field(node)
+        key = (node.value.id, node.attr)
+        known = self._scope._names.get(key)
+        if known is None:
+            known = self._field(node)
+            if not self._failed and not self._grown:
+                self._scope._names[key] = known
+        return known
+
+    def _field(self, node: ast.Attribute) -> Typed:
         if node.attr.startswith("_"):
             problem = f"unknown name {node.attr!r}: no name begins with an underscore"
             self._wrong_at(self._attribute_offset(node), "unknown-name", problem)
@@ -849,7 +871,8 @@ def _tree(source: str) -> ast.expr:
 
 
 def _parsed(source: str) -> ast.expr:
-    root: ast.Expression = compile(source, "<expression>", "eval", ast.PyCF_ONLY_AST)
+    root = compile(source, "<expression>", "eval", ast.PyCF_ONLY_AST)
+    assert isinstance(root, ast.Expression)
     return root.body
 
 

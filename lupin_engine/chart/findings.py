@@ -124,6 +124,11 @@ class Findings:
         self._found.setdefault((diagnostic.place, diagnostic.rule, diagnostic.problem), diagnostic)
 
     @property
+    def count(self) -> int:
+        """How many there are."""
+        return len(self._found)
+
+    @property
     def all(self) -> tuple[Diagnostic, ...]:
         """Everything found, in file order."""
         return tuple(sorted(self._found.values(), key=lambda d: (d.place, d.rule, d.problem)))

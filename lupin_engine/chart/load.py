@@ -9,7 +9,7 @@ parsed again, and a chart of which no file has changed is not composed again.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
@@ -42,6 +42,10 @@ PARTS = "parts"
 MAX_DOCUMENTS = 64
 MAX_CHARTS = 32
 
+#: After so many findings nobody reads on, and each costs time: names are compared with all that are allowed.
+MAX_FINDINGS = 1000
+
+_T = TypeVar("_T")
 _D = TypeVar("_D", bound=FileNode)
 _D_co = TypeVar("_D_co", bound=FileNode, covariant=True)
 
@@ -62,7 +66,7 @@ class _Document(Generic[_D_co]):
 class _Made:
     """What was made of documents and a catalog: a chart, and what is to be said of it."""
 
-    composed: Composed
+    composed: Composed | None
     found: tuple[Diagnostic, ...]
     catalog: Catalog
 
@@ -84,6 +88,29 @@ SAVED: Mapping[Path, bytes] = MappingProxyType({})
 
 _documents: Recent[tuple[str, type[FileNode], bytes], _Document[Any]] = Recent(MAX_DOCUMENTS)
 _charts: Recent[tuple[Any, ...], _Made] = Recent(MAX_CHARTS)
+
+
+class _TooMany(Exception):
+    """There are more findings than anybody reads; the last of them says so."""
+
+
+class _Findings(Findings):
+    """Findings, until there are too many."""
+
+    def add(self, place: Place, rule: str, path: str, problem: str, hint: str = "") -> None:
+        """Report an error."""
+        super().add(place, rule, path, problem, hint)
+        if self.count > MAX_FINDINGS:
+            problem = f"more than {MAX_FINDINGS} findings, the rest is not told"
+            super().add(place, "too-large", "", problem, "mend these first")
+            raise _TooMany
+
+    def whole(self, work: Callable[[], _T]) -> _T | None:
+        """Do what makes findings; None when there were too many."""
+        try:
+            return work()
+        except _TooMany:
+            return None
 
 
 def forget() -> None:
@@ -142,13 +169,14 @@ def _make(
     found: Iterable[Diagnostic],
 ) -> _Made:
     """Compose and check documents that all could be read; `found` is what was found in them before."""
-    assert lifecycle.node is not None
-    findings = Findings()
+    root, findings = lifecycle.node, _Findings()
+    assert root is not None
     findings.extend(found)
     whole = [document.node for document in missions.values() if document.node is not None]
     named = {name: document.node for name, document in parts.items() if document.node is not None}
-    composed = compose(lifecycle.node, whole, named, catalog, findings)
-    check_composed(composed, findings)
+    composed = findings.whole(lambda: compose(root, whole, named, catalog, findings))
+    if composed is not None:
+        check_composed(composed, findings)
     return _Made(composed, findings.all, catalog)
 
 
@@ -214,9 +242,9 @@ def _read(path: Path, model: type[_D], findings: Findings, texts: Mapping[Path, 
 
 
 def _document(name: str, model: type[_D], raw: bytes) -> _Document[_D]:
-    findings = Findings()
-    parsed = parse_bytes(raw, name, findings)
-    node = None if parsed is None else read_document(parsed, model, findings)
+    findings = _Findings()
+    parsed = findings.whole(lambda: parse_bytes(raw, name, findings))
+    node = None if parsed is None else findings.whole(lambda: read_document(parsed, model, findings))
     uses = () if node is None else tuple(_uses(node.states, node, ""))
     return _Document(node, findings.all, uses)
 

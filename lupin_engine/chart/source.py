@@ -121,8 +121,9 @@ class Text(str):
         Characters other than blanks come in the same order in the file and in the value, so the n-th of the
         value is the n-th of the file; blanks may have been folded.
         """
-        if offset < len(self) and not self[offset].isspace() and self._is_literal():
-            return self.file.place(self.start + offset + bool(self.style))
+        start = self.start + 1 if self.style else self.start
+        if offset < len(self) and not self[offset].isspace() and self._stands_at(start):
+            return self.file.place(start + offset)
         wanted, there = _ink(self[:offset]), _ink(self)
         if wanted < there or self.style in _QUOTES:
             return self.file.place(self._inked(wanted))  # behind the last one stands the closing quote
@@ -132,11 +133,10 @@ class Text(str):
         """Return the position of the character with that number, blanks not counted."""
         return next(islice(_inked(self), number, None), self.start)
 
-    def _is_literal(self) -> bool:
-        """Tell whether the file has exactly these characters, in one line."""
-        line, column = self.start >> _LINE_SHIFT, self.start & _COLUMN_MASK
-        lines = self.file.lines
-        return line < len(lines) and lines[line].startswith(self, column + bool(self.style))
+    def _stands_at(self, start: int) -> bool:
+        """Tell whether the file has exactly these characters there, in one line."""
+        line, lines = start >> _LINE_SHIFT, self.file.lines
+        return line < len(lines) and lines[line].startswith(self, start & _COLUMN_MASK)
 
 
 def text_at(value: str, place: Place) -> Text:
@@ -222,11 +222,6 @@ class Map(dict[str, Any]):
         """Where the mapping begins."""
         return self.file.place(self.start)
 
-    @property
-    def places(self) -> dict[str, Place]:
-        """Where each value stands."""
-        return {key: self.file.place(start) for key, start in self.starts.items()}
-
     def value_place(self, key: str) -> Place:
         """Return where a value stands."""
         return self.file.place(self.starts[key])
@@ -238,10 +233,11 @@ class Map(dict[str, Any]):
     def key_text(self, key: str) -> Text:
         """Return a key as it was written, where it is an expression or a quantity."""
         start = self.key_starts[key]
-        line, column = start >> _LINE_SHIFT, start & _COLUMN_MASK
-        written = self.file.lines[line][column:]
-        anchor = _ANCHOR.match(written)
-        first = written[anchor.end() if anchor else 0 :][:1]
+        row, column = self.file.lines[start >> _LINE_SHIFT], start & _COLUMN_MASK
+        anchor = _ANCHOR.match(row, column)
+        if anchor:
+            column = anchor.end()
+        first = row[column : column + 1]
         return _text(key, self.file, start, first if first in _QUOTES else None)
 
 
@@ -260,11 +256,6 @@ class Seq(list[Any]):
         self.file = file
         self.start = start
         self.starts: list[int] = []
-
-    @property
-    def place(self) -> Place:
-        """Where the list begins."""
-        return self.file.place(self.start)
 
     @property
     def places(self) -> list[Place]:

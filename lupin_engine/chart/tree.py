@@ -13,7 +13,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
 from lupin_engine.chart.declare import NAME
-from lupin_engine.chart.documents import FileNode, LifecycleNode, MissionNode, PartNode, StateNode
+from lupin_engine.chart.documents import FileNode, LifecycleNode, MissionNode, Node, PartNode, StateNode
 from lupin_engine.chart.expressions import Scope
 from lupin_engine.chart.findings import Findings
 from lupin_engine.chart.model import Kind
@@ -279,17 +279,25 @@ class Forest:
         """Return the states that `name` means seen from `start`, the nearest first."""
         first, *rest = name.split(".")
         found = []
-        for scope in start.up():
+        scope: Draft | None = start
+        while scope is not None:
             draft = scope.children.get(first)
             for word in rest:
                 draft = draft.children.get(word) if draft is not None else None
             if draft is not None:
                 found.append(draft)
+            scope = scope.parent
         return found
 
-    def resolve(self, name: str, start: Draft, place: Place, path: str) -> str | None:
-        """Return the full name of the state that `name` means seen from `start`; None after a finding."""
+    def resolve(self, name: str, start: Draft, node: Node, key: str, path: str) -> str | None:
+        """Return the full name of the state that `name` means seen from `start`; None after a finding.
+
+        The name stands in `node` under `key`.
+        """
         found = self.find(name, start)
+        if len(found) == 1:
+            return found[0].name
+        place = node.at(key)
         if not found:
             visible = {child for scope in start.up() for child in scope.children if not scope.slot}
             hint = self._hint(name, start, visible)

@@ -16,7 +16,7 @@ from lupin_engine.chart.expressions import Fragment, Scope, compile_expression, 
 from lupin_engine.chart.findings import Findings
 from lupin_engine.chart.model import Constant, Expression, Value
 from lupin_engine.chart.quantities import describe, is_number
-from lupin_engine.chart.source import Map, Seq, Text, text_at
+from lupin_engine.chart.source import Map, Seq, Text, map_at, text_at
 from lupin_engine.errors import Place, nearest
 from lupin_engine.plugin.contract import Argument
 from lupin_engine.plugin.types import ANY, BOOL, UNITS, Type, convert, parse_quantity
@@ -151,7 +151,7 @@ def _fits_scalar(raw: Any, place: Place, wanted: Type, findings: Findings, path:
 def _is_plain(raw: Any, place: Place, findings: Findings, path: str) -> bool:
     children: list[tuple[Any, Place]] = []
     if isinstance(raw, Map):
-        children = [(raw[key], raw.places[key]) for key in raw]
+        children = [(raw[key], raw.value_place(key)) for key in raw]
     elif isinstance(raw, Seq):
         children = list(zip(raw, raw.places, strict=True))
     for value, where in children:
@@ -213,7 +213,7 @@ def _fits_record(raw: Map, wanted: Type, findings: Findings, path: str) -> bool:
             problem, hint = f"a {wanted} has no {name!r}", nearest(name, wanted.fields)
             findings.add(raw.key_place(name), "wrong-type", path, problem, hint)
             fits = False
-        elif not _fits(raw[name], raw.places[name], wanted.fields[name], findings, f"{path}.{name}"):
+        elif not _fits(raw[name], raw.value_place(name), wanted.fields[name], findings, f"{path}.{name}"):
             fits = False
     missing = [name for name in wanted.fields if name not in raw]
     if missing:
@@ -232,18 +232,18 @@ def read_arguments(
 ) -> dict[str, Value]:
     """Read the arguments of an operation or action called `what`; defaults stand in for what is not given."""
     found: dict[str, Value] = {}
-    for name in given or ():
-        if given is not None and name in wanted:
-            value = read_value(
-                given[name], given.value_place(name), wanted[name].type, scope, findings, f"{path}.{name}"
-            )
-            if value is not None:
-                found[str(name)] = value
-        elif given is not None:
-            problem, hint = f"{what} has no argument {str(name)!r}", nearest(name, wanted)
-            findings.add(given.key_place(name), "unknown-argument", path, problem, hint)
+    written = map_at(place) if given is None else given
+    for name, raw in written.items():
+        if name not in wanted:
+            problem, hint = f"{what} has no argument {name!r}", nearest(name, wanted)
+            findings.add(written.key_place(name), "unknown-argument", path, problem, hint)
+            continue
+        at = written.value_place(name)
+        value = read_value(raw, at, wanted[name].type, scope, findings, f"{path}.{name}")
+        if value is not None:
+            found[name] = value
     for name, argument in wanted.items():
-        if given is not None and name in given:
+        if name in written:
             continue
         if argument.default is not None:
             found[name] = Constant(convert(argument.default, argument.type), place, argument.type)

@@ -6,7 +6,7 @@ Exit codes: 0 nothing is wrong; 1 there are errors, or with `--strict` warnings;
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 
 import click
@@ -22,7 +22,7 @@ from lupin_engine.chart.load import (
 )
 from lupin_engine.chart.source import head
 from lupin_engine.cli.findings import FORMS, Checked, as_text, counted, wants_colour
-from lupin_engine.errors import LupinError, UsageError
+from lupin_engine.errors import Diagnostic, LupinError, Severity, UsageError
 from lupin_engine.plugin.registry import Catalog, load_catalog
 from lupin_engine.sim import SUFFIX
 
@@ -124,8 +124,19 @@ def run_check(paths: Sequence[str | Path], catalog: Catalog) -> Checked:
     for path in paths or [default_missions_folder()]:
         lifecycle, missions = _meant_by(str(path))
         groups.setdefault(lifecycle, {}).update(dict.fromkeys(missions))
-    found = {d: None for root, files in groups.items() for d in check_chart(root, list(files), catalog)[1]}
+    found = {
+        d: None
+        for root, files in groups.items()
+        for d in check_chart(root, list(files), catalog)[1]
+        if not _is_elsewhere(d, root, files)
+    }
     return Checked(sum(map(len, groups.values())), tuple(found))
+
+
+def _is_elsewhere(diagnostic: Diagnostic, lifecycle: Path, missions: Iterable[Path]) -> bool:
+    """Say whether this warns of a lifecycle that was only lent to a mission which stands alone."""
+    lent = all(mission.parent != lifecycle.parent for mission in missions)
+    return lent and diagnostic.severity < Severity.ERROR and diagnostic.place.file == str(lifecycle)
 
 
 def _meant_by(name: str) -> tuple[Path, list[Path]]:

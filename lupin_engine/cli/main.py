@@ -27,11 +27,14 @@ VERBS: Mapping[str, str] = MappingProxyType(
     {
         "run": "Run a mission over ROS 2 and watch it.",
         "up": "Start the nodes of missions; an operator starts the missions.",
+        "new": "Begin a mission: its file, the lifecycle around it, a scenario.",
         "check": "Check missions and tell everything that is wrong with them.",
         "simulate": "Run a mission in virtual time, without ROS.",
         "test": "Run scenarios against missions, without ROS.",
         "diagram": "Draw a mission.",
         "node": "Run one node, with ROS arguments; without a name, list the nodes.",
+        "schema": "Print the JSON Schema of the files, for editors.",
+        "lsp": "Serve editors: completion, hover, definition, rename, findings as you type.",
         "doctor": "Look at this machine and say what is missing.",
     }
 )

@@ -31,7 +31,7 @@ def read_settings(option: str, given: Iterable[str], declared: Mapping[str, Para
         else:
             problems.append(f"{item!r} has no '='; write {option} NAME=VALUE")
     types = {name: declared[name].type if name in declared else TEXT for name in texts}
-    values = {name: _value(text, types[name]) for name, text in texts.items()}
+    values = {name: read_value(text, types[name]) for name, text in texts.items()}
     try:
         checked = check_parameters(declared, values)
     except UsageError as problem:
@@ -42,7 +42,7 @@ def read_settings(option: str, given: Iterable[str], declared: Mapping[str, Para
     return {name: checked[name] for name in texts}
 
 
-def _value(text: str, kind: Type) -> Any:
+def read_value(text: str, kind: Type) -> Any:
     """Return the text as data; unchanged where it does not fit, which the check then tells."""
     return _READERS.get(kind.kind, _as_yaml)(text, kind)
 
@@ -69,7 +69,7 @@ def _as_list(text: str, kind: Type) -> Any:
     inner = text[1:-1] if text.startswith("[") and text.endswith("]") else text
     if kind.item is None:
         return text
-    return [_value(part.strip().strip("'\""), kind.item) for part in inner.split(",") if part.strip()]
+    return [read_value(part.strip().strip("'\""), kind.item) for part in inner.split(",") if part.strip()]
 
 
 def _as_yaml(text: str, kind: Type) -> Any:

@@ -10,12 +10,14 @@ from typing import Any
 import click
 
 from lupin_engine.errors import UsageError
-from lupin_engine.plugin.registry import load_catalog
+from lupin_engine.plugin.registry import Catalog, load_catalog
+from lupin_engine.sim import SUFFIX
 from lupin_engine.sim import failure as told
 from lupin_engine.sim.coverage import Coverage
 from lupin_engine.sim.coverage_text import coverage_lines
 from lupin_engine.sim.failure import shown
-from lupin_engine.sim.scenario import Missions, scenario_files
+from lupin_engine.sim.junit import junit
+from lupin_engine.sim.scenario import Missions, is_scenario, scenario_files
 from lupin_engine.sim.suite import Result, add_up, run_all
 
 #: Where scenarios are looked for when none is named, nearest first.
@@ -49,6 +51,13 @@ _STYLES: dict[str, dict[str, Any]] = {
 )
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 @click.option("--quiet", "-q", is_flag=True, help="Print failures and the last line only.")
+@click.option(
+    "--record",
+    "recording",
+    type=click.Path(exists=True, dir_okay=False, path_type=Path),
+    help="Make a scenario of a recorded run: the output of 'lupin simulate --json', or steps.",
+)
+@click.option("-o", "output", type=click.Path(path_type=Path), help="The scenario that --record makes.")
 def test(
     paths: tuple[Path, ...],
     words: tuple[str, ...],
@@ -60,6 +69,8 @@ def test(
     min_coverage: float | None,
     as_json: bool,
     quiet: bool,
+    recording: Path | None,
+    output: Path | None,
 ) -> int:
     """Run scenarios against missions, without ROS.
 
@@ -69,6 +80,8 @@ def test(
     Exit code: 0 when every scenario holds and enough was reached, else 1; 2 when there is nothing to run.
     """
     catalog = load_catalog()
+    if recording is not None or output is not None:
+        return _make_scenario(recording, output, paths, catalog)
     files = _chosen(paths, words)
     counts = covers or min_coverage is not None
     results = []
@@ -78,7 +91,7 @@ def test(
             _show(result, quiet)
     coverage = add_up(results, Missions(catalog)) if counts else None
     if junit_file is not None:
-        _write_junit(junit_file, results)
+        _write(junit_file, junit(results))
     if as_json:
         click.echo(json.dumps(_record(results, coverage), default=str))
     else:
@@ -108,6 +121,40 @@ def _default() -> Iterable[Path]:
     raise UsageError(f"name scenario files or a folder; neither {_PLACES[0]} nor {_PLACES[1]} is here")
 
 
+def _make_scenario(
+    recording: Path | None, output: Path | None, paths: Sequence[Path], catalog: Catalog
+) -> int:
+    """Make a scenario of a recorded run; nothing is written over."""
+    from lupin_engine.sim.recorded import read_recording, scenario_text
+
+    if recording is None or output is None or paths:
+        raise UsageError("write 'lupin test --record RUN.json -o NAME.scenario.yaml'")
+    if not is_scenario(output.name):
+        raise UsageError(f"{str(output)!r} must end in {SUFFIX}")
+    if output.exists():
+        raise UsageError(f"{str(output)!r} exists; remove it, or choose another name")
+    recorded = read_recording(_text(recording), str(recording))
+    promise = f"{recorded.mission} as it was recorded in {recording.name}"
+    _write(output, scenario_text(recorded, promise, output, Missions(catalog)))
+    click.echo(f"wrote {output}")
+    return 0
+
+
+def _text(file: Path) -> str:
+    try:
+        return file.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as problem:
+        raise UsageError(f"cannot read {str(file)!r}: {problem}") from None
+
+
+def _write(file: Path, text: str) -> None:
+    try:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_text(text, encoding="utf-8")
+    except OSError as problem:
+        raise UsageError(f"cannot write {str(file)!r}: {problem.strerror}") from None
+
+
 def _show(result: Result, quiet: bool) -> None:
     """Tell how a scenario went; one that cannot be read is one that fails."""
     if result.problem:
@@ -115,9 +162,8 @@ def _show(result: Result, quiet: bool) -> None:
     elif result.failures or not quiet:
         word = click.style("FAIL ", fg="red") if result.failures else click.style("ok   ", fg="green")
         click.echo(f"{word} {result.name}: {result.promise} ({_how(result)})")
-    for failure in result.failures:
-        for kind, line in failure.lines():
-            click.echo(click.style(line, **_STYLES.get(kind, {})))
+    for kind, line in told.report(result.failures):
+        click.echo(click.style(line, **_STYLES.get(kind, {})))
 
 
 def _how(result: Result) -> str:
@@ -136,16 +182,6 @@ def _sum_up(results: Sequence[Result], coverage: Coverage | None) -> None:
     failed = sum(1 for result in results if not result.holds)
     count = f"{len(results)} scenario{'s' if len(results) != 1 else ''}"
     click.echo(f"{failed} of {count} failed" if failed else f"{count}: all hold")
-
-
-def _write_junit(file: Path, results: Sequence[Result]) -> None:
-    from lupin_engine.sim.junit import junit
-
-    try:
-        file.parent.mkdir(parents=True, exist_ok=True)
-        file.write_text(junit(results), encoding="utf-8")
-    except OSError as problem:
-        raise UsageError(f"cannot write {str(file)!r}: {problem.strerror}") from None
 
 
 def _record(results: Sequence[Result], coverage: Coverage | None) -> dict[str, Any]:

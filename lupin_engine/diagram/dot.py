@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from lupin_engine.chart.model import Kind
-from lupin_engine.diagram.outline import Arrow, Box, Outline
+from lupin_engine.diagram.picture import Arrow, Box, Cause, Picture, Tone
 
 _FONT = 'fontname="Helvetica"'
 _HEAD = f"""digraph chart {{{{
@@ -13,12 +13,16 @@ _HEAD = f"""digraph chart {{{{
   node [shape=box, style="rounded,filled", fillcolor="#f5f7fa", color="#52606d", {_FONT}, fontsize=11]
   edge [color="#52606d", {_FONT}, fontsize=9, arrowsize=0.7]"""
 _POINT = 'shape=point, width=0.12, label="", style=filled, fillcolor=black'
+_CAUSES = {Cause.ERROR: "#dc2626", Cause.OPERATOR: "#2563eb", Cause.TIME: "#d97706", Cause.ALWAYS: "#94a3b8"}
+_GREY = 'color="#cbd5e1", fontcolor="#94a3b8"'
+_TONES = {Tone.PALE: _GREY, Tone.NEVER: _GREY, Tone.VISITED: 'color="#15803d", penwidth=2'}
 
 
-def dot(picture: Outline) -> str:
+def dot(picture: Picture) -> str:
     """Return the text of a picture."""
-    boxes = {box.name: box for top in picture.boxes for box in top.below()}
-    lines = [_HEAD.format(title=_quoted(picture.title))]
+    boxes = {box.name: box for box in picture.every()}
+    heads = (picture.title, *map(str, picture.notes), *filter(None, [picture.run]))
+    lines = [_HEAD.format(title=_quoted(*heads))]
     lines += [f"  {line}" for line in _within("", picture.boxes, picture.initial)]
     lines += [f"  {_arrow(arrow, boxes)}" for arrow in picture.arrows]
     return "\n".join([*lines, "}"]) + "\n"
@@ -31,39 +35,40 @@ def _within(name: str, boxes: tuple[Box, ...], initial: str | None) -> Iterator[
         yield from _box(box)
     if initial is not None:
         within = {box.name: box for top in boxes for box in top.below()}
-        yield f"{_start(name)} -> {_anchor(within[initial])}{_clusters({'lhead': within[initial]})}"
+        yield f"{_start(name)} -> {_anchor(within[initial])}{_ends({'lhead': within[initial]})}"
 
 
 def _box(box: Box) -> Iterator[str]:
+    tone = f", {_TONES[box.tone]}" if box.tone in _TONES else ""
     if box.children:
         yield f"subgraph {_cluster(box)} {{"
-        yield f'  label={_left(*_text(box))}; labeljust=l; fontsize=11; style={_style(box)}; color="#9aa5b1"'
+        colour = tone.replace(", ", "; ") or '; color="#9aa5b1"'
+        yield f"  label={_left(box.title, *box.text)}; labeljust=l; fontsize=11; style={_style(box)}{colour}"
         yield from (f"  {line}" for line in _within(box.name, box.children, box.initial))
         yield "}"
     elif box.kind is Kind.HISTORY:
-        yield f"{_quoted(box.name)} [label={_quoted(box.title)}, shape=circle, width=0.3, fixedsize=true]"
-    elif box.kind is Kind.FINAL:
-        yield f"{_quoted(box.name)} [label={_quoted(*_text(box))}, peripheries=2]"
+        yield f"{_quoted(box.name)} [label={_quoted(box.title)}, shape=circle, width=0.3, fixedsize=true{tone}]"
     else:
-        yield f"{_quoted(box.name)} [label={_quoted(*_text(box))}]"
+        rings = ", peripheries=2" if box.kind is Kind.FINAL else ""
+        yield f"{_quoted(box.name)} [label={_quoted(box.title, *box.text)}{rings}{tone}]"
 
 
 def _style(box: Box) -> str:
     return '"rounded,dashed"' if box.kind is Kind.PARALLEL else "rounded"
 
 
-def _text(box: Box) -> tuple[str, ...]:
-    return (box.title, *box.lines)
-
-
 def _arrow(arrow: Arrow, boxes: dict[str, Box]) -> str:
     source, target = boxes[arrow.source], boxes[arrow.target]
-    ends = _clusters({"ltail": source, "lhead": target}, f"label={_quoted(*arrow.labels)}")
-    return f"{_anchor(source)} -> {_anchor(target)}{ends}"
+    more = [f"label={_quoted(*map(str, arrow.labels))}"] if arrow.labels else []
+    if arrow.tone in _TONES:
+        more.append(_TONES[arrow.tone])
+    elif arrow.cause in _CAUSES:
+        more.append(f'color="{_CAUSES[arrow.cause]}"')
+    return f"{_anchor(source)} -> {_anchor(target)}{_ends({'ltail': source, 'lhead': target}, *more)}"
 
 
-def _clusters(ends: dict[str, Box], *more: str) -> str:
-    """Return the attributes of an arrow that begins or ends at the border of a composite state."""
+def _ends(ends: dict[str, Box], *more: str) -> str:
+    """Return the attributes of an arrow, with the composite states at whose borders it begins or ends."""
     found = [*more, *(f"{word}={_cluster(box)}" for word, box in ends.items() if box.children)]
     return f" [{', '.join(found)}]" if found else ""
 

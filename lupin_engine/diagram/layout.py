@@ -135,7 +135,6 @@ class _Layouter:
         for index, (source, target) in enumerate(self._paths):
             falls = self._falls[index]
             label = self._links[index].label
-            begins_here = len(source) >= 2 and source[-2] == block.name
             if source[0] == block.name:
                 ends = numbers[source[1]], numbers[target[1]]
             elif block.name in source[1:-1]:
@@ -145,7 +144,12 @@ class _Layouter:
             else:
                 continue
             upper, lower = ends if falls else ends[::-1]
-            yield Strand(index, upper, lower, falls, label if begins_here else None)
+            yield Strand(index, upper, lower, falls, label if self._home(index) == block.name else None)
+
+    def _home(self, index: int) -> str:
+        """Return the block with the label of a link: the one around its source, but none between regions."""
+        around = self._paths[index][0][:-1]
+        return around[-2] if self._blocks[around[-1]].row and len(around) > 1 else around[-1]
 
     # -- drawing ----------------------------------------------------------------------------------------
 
@@ -213,7 +217,7 @@ class _Layouter:
         return _simple(corners)
 
     def _label(self, index: int, drawn: dict[str, Drawn], rects: dict[str, Rect]) -> Point | None:
-        name = self._paths[index][0][-2]
+        name = self._home(index)
         place = drawn[name].labels.get(index)
         return None if place is None else (rects[name].x + place[0], rects[name].y + place[1])
 

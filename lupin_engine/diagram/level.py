@@ -459,23 +459,23 @@ class _Level:
             jogs = [Jog(*piece.x) for piece in pieces]
             found = tracks(jogs)
             high = max((t for t in found if t is not None), default=-1) + 1
-            gap = self._gap(index)
+            gap = self._gap(index, bool(high))
             for piece, track in zip(pieces, found, strict=True):
                 if track is not None:
                     bends[numbers[id(piece)]] = y + gap[0] + track * _TRACK
             y += gap[0] + gap[1] + max(0, high - 1) * _TRACK
         return tops, bends
 
-    def _gap(self, above: int) -> tuple[int, int]:
+    def _gap(self, above: int, bends: bool) -> tuple[int, int]:
         """Return the room above and below the bends between a layer and the next."""
-        upper, lower = self._has_cells(above), self._has_cells(above + 1)
-        edge = self._row or above in (0, self._last - 1)
-        low = _ARROW_GAP if lower else _GAP
-        if self._row and not self._between[above]:
+        if self._row and not bends:
             return 0, 0
-        if not self._between[above] and edge:
-            return (0 if not self._layers[above] else 4, 4) if above == 0 else (MARGIN // 2, MARGIN // 2)
-        return (_ARROW_GAP if upper and self._rises(above) else _GAP), low
+        if above == 0 and not self._between[0]:
+            return (4, 4) if self._layers[0] else (MARGIN // 2, MARGIN // 2)
+        if not self._between[above]:
+            return MARGIN // 2, MARGIN // 2
+        upper, lower = self._has_cells(above), self._has_cells(above + 1)
+        return (_ARROW_GAP if upper and self._rises(above) else _GAP), (_ARROW_GAP if lower else _GAP)
 
     def _rises(self, above: int) -> bool:
         return any(not self._strands[p.strand].falls for p in self._between[above])
@@ -495,7 +495,7 @@ class _Level:
         first, last = mine[0][1], mine[-1][1]
         start = 0
         if strand.upper != TOP:
-            start = cells[strand.upper][1] + self._cells[strand.upper].height
+            start = cells[strand.upper][1] + self._foot(strand, tops)
         corners = [(first.x[0], start)]
         for number, piece in mine:
             if number in bends:
@@ -504,6 +504,13 @@ class _Level:
         if strand.lower != BOTTOM:
             end = cells[strand.lower][1] + self._cells[strand.lower].above
         return [*corners, (last.x[1], end)]
+
+
+    def _foot(self, strand: Strand, tops: list[tuple[int, int]]) -> int:
+        """Return how far below the top of its upper cell a strand begins; regions are as high as their layer."""
+        cell = self._cells[strand.upper]
+        whole = self._row and (strand.link, True) not in cell.ports and not cell.beside
+        return tops[self._slots[self._at_cell[strand.upper]].layer][1] if whole else cell.height
 
 
 def _rooms(

@@ -6,28 +6,30 @@ import itertools
 from collections.abc import Iterator
 
 from lupin_engine.chart.model import Kind
-from lupin_engine.diagram.outline import Arrow, Box, Outline
+from lupin_engine.diagram.picture import Arrow, Box, Picture, Tone
 
 #: What would end or change a label, and what stands for it.
 _ESCAPES = {"#": "#35;", ";": "#59;", "<": "#lt;", ">": "#gt;", '"': "#quot;", "{": "#123;", "}": "#125;"}
-
-
 #: Words of the language that are no names of states.
-_RESERVED = frozenset({"as", "class", "default", "direction", "end", "note", "state", "style"})
+_RESERVED = frozenset({"as", "class", "classdef", "default", "direction", "end", "note", "state", "style"})
+_TONES = {
+    Tone.PALE: "fill:#f8fafc,stroke:#cbd5e1,color:#94a3b8",
+    Tone.VISITED: "fill:#d6f0de,stroke:#15803d,color:#1e293b",
+    Tone.NEVER: "fill:#f8fafc,stroke:#cbd5e1,color:#94a3b8",
+}
 
 
-def mermaid(picture: Outline) -> str:
+def mermaid(picture: Picture) -> str:
     """Return the text of a picture."""
     return _Writer(picture).text()
 
 
 class _Writer:
-    def __init__(self, picture: Outline) -> None:
+    def __init__(self, picture: Picture) -> None:
         self._picture = picture
         self._ids: dict[str, str] = {}
-        for top in picture.boxes:
-            for box in top.below():
-                self._ids[box.name] = self._new_id(box)
+        for box in picture.every():
+            self._ids[box.name] = self._new_id(box)
 
     def _new_id(self, box: Box) -> str:
         """Return a short name that no other state has: the last parts of its own, as many as are needed."""
@@ -40,9 +42,11 @@ class _Writer:
 
     def text(self) -> str:
         picture = self._picture
-        lines = ["---", f"title: {picture.title}", "---", "stateDiagram-v2"]
+        lines = ["---", f"title: {_quoted(picture.title)}", "---", "stateDiagram-v2"]
+        lines += [f"    %% {line}" for line in (*picture.notes, picture.run) if str(line)]
         lines += [f"    {line}" for line in self._within(picture.boxes, picture.initial)]
         lines += [f"    {self._arrow(arrow)}" for arrow in picture.arrows]
+        lines += [f"    {line}" for line in self._tones()]
         return "\n".join(lines) + "\n"
 
     def _within(self, boxes: tuple[Box, ...], initial: str | None) -> Iterator[str]:
@@ -55,7 +59,7 @@ class _Writer:
                 yield f"{self._ids[box.name]} --> [*]"
 
     def _box(self, box: Box) -> Iterator[str]:
-        label = "<br/>".join(_escaped(line) for line in (box.title, *box.lines))
+        label = "<br/>".join(_escaped(line) for line in (box.title, *box.text))
         if not box.children:
             yield f'state "{label}" as {self._ids[box.name]}'
             return
@@ -73,8 +77,21 @@ class _Writer:
             yield from self._box(region)
 
     def _arrow(self, arrow: Arrow) -> str:
-        label = "<br/>".join(_escaped(label) for label in arrow.labels)
-        return f"{self._ids[arrow.source]} --> {self._ids[arrow.target]} : {label}"
+        label = "<br/>".join(_escaped(str(label)) for label in arrow.labels)
+        return f"{self._ids[arrow.source]} --> {self._ids[arrow.target]}{f' : {label}' if label else ''}"
+
+    def _tones(self) -> Iterator[str]:
+        """Yield the classes of a picture that is not all of one tone; Mermaid colours no boxes in boxes."""
+        for tone, style in _TONES.items():
+            names = [self._ids[box.name] for box in self._picture.every() if box.tone is tone and not box.children]
+            if names:
+                yield f"classDef {tone.value} {style}"
+                yield f"class {','.join(names)} {tone.value}"
+
+
+def _quoted(title: str) -> str:
+    """Return a title for the YAML at the head of the text."""
+    return f'"{title}"' if ":" in title else title
 
 
 def _escaped(text: str) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import enum
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 from lupin_engine.chart.model import Chart, Kind, State
 
@@ -161,8 +161,3 @@ class Picture:
 def times(count: int | None) -> str:
     """Return how often, as a picture says it; '' for never and for a picture of no run."""
     return f"×{count}" if count else ""
-
-
-def with_count(label: Label, count: int) -> Label:
-    """Return a label that says how often its ways were gone."""
-    return replace(label, count=count)

@@ -207,10 +207,24 @@ class _Network:
     def _exchange(self, leaving: int, entering: int) -> None:
         rope, slack = self._ropes[leaving], self._slack(entering)
         root = rope.tail if self._up[rope.tail] == leaving else rope.head
-        shift = -slack if self._below(self._ropes[entering].head, root) else slack
+        tail, head = self._ropes[entering].tail, self._ropes[entering].head
+        shift = -slack if self._below(head, root) else slack
         if shift:
             for thing in range(len(self._rank)):
                 if self._below(thing, root):
                     self._rank[thing] += shift
+        saved = self._cut[leaving]
+        meeting = self._climb(tail, head, saved)
+        self._climb(head, tail, -saved)
+        self._cut[leaving], self._cut[entering] = 0, -saved
         self._in_tree[leaving], self._in_tree[entering] = False, True
-        self._hang()
+        self._number(meeting, self._up[meeting], self._low[meeting], [])
+
+    def _climb(self, thing: int, other: int, saved: int) -> int:
+        """Correct the cuts from a thing up to what it has above it in common with another; return that."""
+        while not self._below(other, thing):
+            index = self._up[thing]
+            rope = self._ropes[index]
+            self._cut[index] += saved if rope.tail == thing else -saved
+            thing = rope.head if rope.tail == thing else rope.tail
+        return thing

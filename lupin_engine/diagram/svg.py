@@ -51,7 +51,8 @@ _DOT_ROOM = 25
 _LOOP = 24
 #: Longest line of a label, as far as it can be broken.
 _LABEL_WIDTH = 190
-_ROUND = 26
+#: Size of a history, and the room around one that stands beside regions.
+_ROUND, _AIR = 26, 12
 
 
 def svg(picture: Picture) -> str:
@@ -100,7 +101,8 @@ def _broken(parts: Iterable[str]) -> list[str]:
     lines: list[str] = []
     for part in parts:
         joined = f"{lines[-1]} {part}" if lines else part
-        if lines and text_width(joined, _TEXT) <= _LABEL_WIDTH:
+        most = _LABEL_WIDTH + (60 if lines and len(lines[-1]) < 8 else 0)
+        if lines and text_width(joined, _TEXT) <= most:
             lines[-1] = joined
         else:
             lines.append(part)
@@ -143,8 +145,8 @@ def _block(box: Box, initial: bool, loops: dict[str, float], among_regions: bool
     """Return a box as the layout sees it."""
     above = _DOT_ROOM if initial else 0
     if box.kind is Kind.HISTORY:
-        air = 20 if among_regions else 0
-        return Block(box.name, _ROUND + air, _ROUND + air, above=above)
+        air = _AIR if among_regions else 0
+        return Block(box.name, _ROUND, _ROUND, above=air, beside=air)
     texts = _texts(box)
     width = max([_bar_width(box), *(text.width + 2 * _PAD for text in texts), _LEAST])
     height = _BAR_HEIGHT + (len(texts) * _LEADING + 9 if texts else 4)

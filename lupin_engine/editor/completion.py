@@ -27,13 +27,13 @@ from lupin_engine.chart.expressions import BUILTIN_CALLS, Scope
 from lupin_engine.chart.load import PARTS
 from lupin_engine.editor import docs
 from lupin_engine.editor.folder import Folder
-from lupin_engine.editor.grammar import Meaning, Shape, Spot, fields_of, shape_of, spot_at
+from lupin_engine.editor.grammar import Meaning, Shape, Spot, fields_of, shapes_of, spot_at
 from lupin_engine.editor.mentions import Piece, expression_in, pieces, value_meaning
 from lupin_engine.editor.model import Model, states_of, type_of
 from lupin_engine.editor.scan import Cursor, Role, Scan, Steps
 from lupin_engine.plugin.contract import Argument
 from lupin_engine.plugin.registry import Catalog
-from lupin_engine.plugin.types import UNITS, Type
+from lupin_engine.plugin.types import UNITS
 
 _OPERATORS = ("and", "or", "not", "in", "if", "else", "true", "false")
 
@@ -270,7 +270,9 @@ class _Completion:
         """Offer actions; those with arguments as keys, which `insert` tells."""
         for name in ("set", "raise", *BUILTIN_ACTIONS):
             takes = name in ("set", "raise") or bool(BUILTIN_ACTIONS[name])
-            yield Offer(name, Sort.ACTION, docs.ACTIONS[name], docs.builtin_action(name), name if takes else "")
+            yield Offer(
+                name, Sort.ACTION, docs.ACTIONS[name], docs.builtin_action(name), name if takes else ""
+            )
         for name, action in self._catalog.actions.items():
             insert = name if action.arguments else ""
             yield Offer(name, Sort.ACTION, action.doc, docs.action(name, action), insert)
@@ -363,7 +365,9 @@ class _Completion:
         begin = self._offset - len(word)
         owner, dot, _ = word.rpartition(".")
         found = self._fields(owner) if dot else self._beginnings()
-        return Offers(begin, here.end if here and word and not word.endswith(".") else self._offset, tuple(found))
+        return Offers(
+            begin, here.end if here and word and not word.endswith(".") else self._offset, tuple(found)
+        )
 
     def _quoted(self, here: Piece, before: list[Piece]) -> Offers:
         """Offer what the text can be that is compared: of some, all possible values are known."""
@@ -432,7 +436,9 @@ class _Completion:
         names = self._model.composed.drafts if self._model else {}
         mark = "" if quoted else "'"
         found = [self._state(name.rpartition(".")[2], name) for name in names if name]
-        unique = {offer.label: replace(offer, insert=f"{mark}{offer.label}{mark}") for offer in reversed(found)}
+        unique = {
+            offer.label: replace(offer, insert=f"{mark}{offer.label}{mark}") for offer in reversed(found)
+        }
         return Offers(begin, end, tuple(reversed(unique.values())))
 
     def _variables(self) -> Iterator[Offer]:
@@ -443,7 +449,7 @@ class _Completion:
 
 def _words_of(model: type[Node]) -> Iterator[Offer]:
     for name, field in fields_of(model).items():
-        words = shape_of(field.annotation).words
+        words = shapes_of(model)[name].words
         yield Offer(name, Sort.KEY, field.description or "", docs.key(name, field, words))
 
 

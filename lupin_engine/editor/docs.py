@@ -35,8 +35,10 @@ CALLS: Mapping[str, tuple[str, str]] = MappingProxyType(
         "min": ("min(list) or min(number, number, ...) -> number", "The smallest."),
         "max": ("max(list) or max(number, number, ...) -> number", "The largest."),
         "abs": ("abs(number) -> number", "The number without its sign."),
-        "round": ("round(number, digits) -> number", "The nearest number with so many digits, 0 to 9; "
-                  "without `digits` a whole number."),
+        "round": (
+            "round(number, digits) -> number",
+            "The nearest number with so many digits, 0 to 9; without `digits` a whole number.",
+        ),
         "any": ("any(list of bool) -> bool", "Whether one of them is true."),
         "all": ("all(list of bool) -> bool", "Whether all of them are true."),
         "known": ("known(input.NAME) -> bool", "Whether that live value was reported and is still fresh."),
@@ -121,7 +123,9 @@ def quantity(value: Any, kind: Type) -> str:
     if isinstance(value, (int, float)):
         return f"{value:g} {kind.unit}".strip()
     if isinstance(value, Mapping):
-        return "{" + ", ".join(f"{k}: {quantity(v, kind.fields.get(k, kind))}" for k, v in value.items()) + "}"
+        return (
+            "{" + ", ".join(f"{k}: {quantity(v, kind.fields.get(k, kind))}" for k, v in value.items()) + "}"
+        )
     return repr(value) if isinstance(value, str) else str(value)
 
 
@@ -180,9 +184,13 @@ def builtin_action(name: str) -> str:
 
 def function(name: str, found: Function) -> str:
     """Say what a function of a plugin gives."""
+    return paragraphs(code(signature(name, found)), found.doc, arguments(found.arguments))
+
+
+def signature(name: str, found: Function) -> str:
+    """Return how a function is called."""
     shown = ", ".join(f"{key}: {each.type}" for key, each in found.arguments.items())
-    head = code(f"{name}({shown}) -> {type_text(found.returns)}")
-    return paragraphs(head, found.doc, arguments(found.arguments))
+    return f"{name}({shown}) -> {type_text(found.returns)}"
 
 
 def call(name: str) -> str:
@@ -232,7 +240,9 @@ def live_input(found: Input, summary: str, source: LiveValue | None) -> str:
     facts = [
         f"The live value `{found.value}`" + (f": {source.doc}" if source else "") + ".",
         f"Known for {found.freshness:g} s." if found.freshness is not None else "",
-        f"Before the first report: {quantity(found.initial, found.type)}." if found.initial is not None else "",
+        f"Before the first report: {quantity(found.initial, found.type)}."
+        if found.initial is not None
+        else "",
         f"Range: {limits}." if limits else "",
         f"Levels: {', '.join(f'`{level.name}`' for level in found.levels)}." if found.levels else "",
     ]

@@ -30,6 +30,7 @@ class Folder:
         self.model: Model | None = None
         self._open: dict[Path, str] = {}
         self._readable: dict[Path, bytes] = {}
+        self._changed = True
 
     @property
     def lifecycle(self) -> Path:
@@ -41,11 +42,21 @@ class Folder:
     def put(self, path: Path, text: str) -> None:
         """Note what a file says in the editor."""
         self._open[path] = text
+        self._changed = True
 
     def drop(self, path: Path) -> None:
         """Note that a file is no longer open: it is as it was saved."""
         self._open.pop(path, None)
         self._readable.pop(path, None)
+        self._changed = True
+
+    def touch(self) -> None:
+        """Note that a file was changed outside of the editor."""
+        self._changed = True
+
+    def current(self) -> dict[Path, str]:
+        """Return what the open files say now, whether it could be read or not."""
+        return dict(self._open)
 
     @property
     def open(self) -> list[Path]:
@@ -67,12 +78,14 @@ class Folder:
 
     def kind(self, path: Path) -> type[FileNode] | None:
         """Return what a file is: by what it says, else by where it stands; None when it is none of ours."""
+        if path.suffixes != [".yaml"] or self.scan(path).key_token(("scenario",)) is not None:
+            return None  # a scenario names its mission, too
         said = kind_of(self.scan(path))
         if said is not None:
             return said
         if path == self.lifecycle:
             return LifecycleNode
-        if path.suffixes != [".yaml"] or not self.lifecycle.is_file():
+        if not self.lifecycle.is_file():
             return None
         return PartNode if path.parent != self.path else MissionNode
 
@@ -101,6 +114,14 @@ class Folder:
             self._readable[path] = current
         return tuple(d for d in inspection.found if d.place.file == str(path))
 
+    def refresh(self) -> None:
+        """See that the model is of what can be read now."""
+        if self._changed:
+            for path in self._open:
+                if self._readable.get(path) != self._open[path].encode():
+                    self.check(path)
+            self.survey()
+
     def survey(self) -> dict[Path, Found]:
         """Return what is wrong with every file of the folder, and make the model anew."""
         missions, texts = self.missions(), self._texts()
@@ -109,6 +130,7 @@ class Folder:
         inspection = first if readable == missions else self._inspect(readable, texts)
         if inspection.composed is not None:
             self.model = Model(inspection, inspection.composed, self.catalog)
+        self._changed = False
         found = _by_file([*inspection.found, *(d for d in first.found if d not in inspection.found)])
         for path in self._open:
             if self._readable.get(path) != self._open[path].encode():

@@ -215,6 +215,11 @@ def fields_of(model: type[Node]) -> Mapping[str, FieldInfo]:
 
 
 @cache
+def shapes_of(model: type[Node]) -> Mapping[str, Shape]:
+    """Return what may be written under each key of a model."""
+    return {key: shape_of(field.annotation) for key, field in fields_of(model).items()}
+
+
 def shape_of(annotation: Any) -> Shape:
     """Return what a type of the models lets one write."""
     origin, arguments = typing.get_origin(annotation), typing.get_args(annotation)
@@ -253,11 +258,12 @@ def kind_of(found: Scan) -> type[FileNode] | None:
 
 def spot_at(root: type[Node], path: Steps) -> Spot | None:
     """Return the place in the language at a path; None where the language has nothing."""
-    spot: Spot | None = Spot(Shape(model=root))
+    spot = Spot(Shape(model=root))
     for at, step in enumerate(path):
-        spot = _below(spot, step, path[:at])
-        if spot is None:
+        below = _below(spot, step, path[:at])
+        if below is None:
             return None
+        spot = below
     return spot
 
 
@@ -270,8 +276,8 @@ def _below(spot: Spot, step: str | int, mapping: Steps) -> Spot | None:
     if shape.model is ActionNode:
         return Spot(Shape(names=Shape()), ActionNode, "arguments", (*mapping, step))
     if shape.model is not None:
-        field = fields_of(shape.model).get(step)
-        return Spot(shape_of(field.annotation), shape.model, step, mapping) if field else None
+        inner = shapes_of(shape.model).get(step)
+        return Spot(inner, shape.model, step, mapping) if inner else None
     if shape.names is not None:
         return replace(spot, shape=shape.names, name=step)
     return None
@@ -288,5 +294,6 @@ __all__ = [
     "fields_of",
     "kind_of",
     "shape_of",
+    "shapes_of",
     "spot_at",
 ]

@@ -9,7 +9,7 @@ from lupin_engine.chart.actions import BUILTIN_ACTIONS
 from lupin_engine.chart.documents import MissionNode, Node
 from lupin_engine.editor import docs
 from lupin_engine.editor.folder import Folder
-from lupin_engine.editor.grammar import Meaning, shape_of, spot_at
+from lupin_engine.editor.grammar import Meaning, shapes_of, spot_at
 from lupin_engine.editor.mentions import STATES, Mention, mention_at
 from lupin_engine.editor.model import Model, type_of
 from lupin_engine.editor.places import meant
@@ -53,9 +53,9 @@ def _text(folder: Folder, path: Path, root: type[Node], mention: Mention) -> str
 def _word(root: type[Node], mention: Mention) -> str:
     """Say what a word of the language is for, or the key that one of a few words was chosen for."""
     spot = spot_at(root, mention.path)
-    if spot is None or spot.field is None:
+    if spot is None or spot.holder is None or spot.field is None:
         return ""
-    return docs.key(spot.key, spot.field, shape_of(spot.field.annotation).words)
+    return docs.key(spot.key, spot.field, shapes_of(spot.holder)[spot.key].words)
 
 
 def _state(model: Model, path: Path, mention: Mention) -> str:
@@ -74,7 +74,9 @@ def _part(folder: Folder, name: str) -> str:
         return ""
     needs = f"Needs: {part.needs}." if part.needs else ""
     names = ", ".join(f"`{key}`" for key in part.params)
-    return docs.paragraphs(docs.code(f"part {name}"), part.summary, needs, f"Parameters: {names}." if names else "")
+    return docs.paragraphs(
+        docs.code(f"part {name}"), part.summary, needs, f"Parameters: {names}." if names else ""
+    )
 
 
 def _of_plugin(folder: Folder, meaning: Meaning, mention: Mention) -> str:
@@ -157,9 +159,13 @@ def _field(folder: Folder, model: Model, path: Path, mention: Mention) -> str:
     """Say what a field of the request is; a part reads those of the missions that use it."""
     for mission in model.composed.chart.missions.values():
         found = mission.request.get(mention.name)
-        if found is not None and (Path(mission.file) == path or not isinstance(model.file(path), MissionNode)):
+        if found is not None and (
+            Path(mission.file) == path or not isinstance(model.file(path), MissionNode)
+        ):
             summary = folder.scan(Path(mission.file)).value("request", mention.name, "summary") or ""
-            return docs.paragraphs(docs.code(f"request.{mention.name}: {docs.type_text(found.type)}"), summary)
+            return docs.paragraphs(
+                docs.code(f"request.{mention.name}: {docs.type_text(found.type)}"), summary
+            )
     return ""
 
 

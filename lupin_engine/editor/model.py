@@ -166,7 +166,9 @@ class Model:
             return scope
         kind = (for_each.items.type.item if for_each else None) or ANY
         scope = scope.with_item(item, kind)
-        ending = {"on_done": names_when_done, "on_error": names_when_failed}.get(str(rest[1:2][0]) if rest[1:2] else "")
+        ending = {"on_done": names_when_done, "on_error": names_when_failed}.get(
+            str(rest[1:2][0]) if rest[1:2] else ""
+        )
         return scope.with_names(ending(for_each.invoke if for_each else None)) if ending else scope
 
     def event_type(self, event: str) -> Type:

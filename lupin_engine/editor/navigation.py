@@ -70,12 +70,12 @@ def identity(folder: Folder, path: Path, mention: Mention) -> frozenset[Hashable
     return frozenset([(meaning, mention.whole if meaning is Meaning.FUNCTION else mention.name)])
 
 
-# -- outline ---------------------------------------------------------------------------------------------------
+# -- outline -------------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
 class Symbol:
-    """An entry of the outline: `start` to `end` is all of it, `name_start` to `name_end` what it is called."""
+    """An entry of the outline: where all of it stands, and where its name does."""
 
     name: str
     kind: str

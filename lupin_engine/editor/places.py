@@ -54,7 +54,7 @@ _MADE_BY: Mapping[Meaning, tuple[str, str]] = {
 
 
 def definition(folder: Folder, path: Path, mention: Mention) -> list[Spanned]:
-    """Return where the thing that is mentioned in a file was declared; several where it depends on the use."""
+    """Return where a thing that a file mentions was declared; in several places when its uses differ."""
     meaning = meant(mention)
     if meaning in STATES:
         return _states(folder, path, mention)
@@ -79,7 +79,7 @@ def meant(mention: Mention) -> Meaning:
     return mention.meaning
 
 
-# -- in the folder ---------------------------------------------------------------------------------------------
+# -- in the folder -------------------------------------------------------------------------------------------
 
 
 def place_of(folder: Folder, draft: Draft) -> Spanned | None:
@@ -124,7 +124,7 @@ def _key(folder: Folder, file: Path, steps: Steps) -> list[Spanned]:
     return [Spanned(file, token.inner, token.inner + len(token.text))] if token else []
 
 
-# -- in plugins ------------------------------------------------------------------------------------------------
+# -- in plugins ----------------------------------------------------------------------------------------------
 
 
 def _in_plugin(folder: Folder, meaning: Meaning, mention: Mention) -> list[Spanned]:

@@ -13,16 +13,20 @@ from pathlib import Path
 
 from lupin_engine.chart.compose import Composed
 from lupin_engine.chart.declare import NAME
-from lupin_engine.chart.load import Inspection
+from lupin_engine.chart.documents import FileNode
 from lupin_engine.chart.model import Kind
+from lupin_engine.chart.rules.index import FAULT
 from lupin_engine.chart.tree import Draft
 from lupin_engine.editor.folder import Folder
 from lupin_engine.editor.grammar import Meaning
-from lupin_engine.editor.mentions import STATES, Mention
-from lupin_engine.editor.model import Model
-from lupin_engine.editor.navigation import Reference, all_mentions, identity, mention_under, references
+from lupin_engine.editor.mentions import STATES, Mention, mentions_in
+from lupin_engine.editor.navigation import Reference, identity, mention_under, references
 from lupin_engine.editor.places import place_of
+from lupin_engine.editor.scan import Scan, scan
 from lupin_engine.errors import LupinError, Severity
+
+#: Top-level states that the engine looks for by name: where what breaks leads, where a run begins and ends.
+KNOWN_TO_ENGINE = (FAULT, "BOOT", "DONE")
 
 
 class Refused(LupinError):
@@ -76,7 +80,7 @@ def rename(folder: Folder, path: Path, offset: int, name: str) -> dict[Path, lis
 def _drafts(folder: Folder, path: Path, mention: Mention) -> list[Draft]:
     """Return the states that are to be renamed."""
     model = folder.model
-    if model is None or not _is_current(folder):
+    if model is None or folder.inspect_with(folder.current()).composed is None:
         raise Refused("a file of this folder cannot be read; mend that first")
     found = model.find(path, mention)
     if not found:
@@ -85,16 +89,13 @@ def _drafts(folder: Folder, path: Path, mention: Mention) -> list[Draft]:
         if draft.node is None:
             what = "is made by the key 'history'" if draft.kind is Kind.HISTORY else "is a mission"
             raise Refused(f"{draft.local!r} {what}, and not a state that can be renamed")
+        if draft.name in KNOWN_TO_ENGINE:
+            raise Refused(f"the engine knows {draft.name!r} by its name")
     places = {place_of(folder, draft) for draft in found}
     if len(places) > 1:
         names = " and ".join(sorted(repr(draft.name) for draft in found))
         raise Refused(f"{mention.name!r} means {names} here; rename one of them where it is written")
     return [draft for draft in model.composed.drafts.values() if place_of(folder, draft) in places]
-
-
-def _is_current(folder: Folder) -> bool:
-    """Tell whether all files can be read as they are now."""
-    return all(file in folder.inspect_with(folder.current()).documents for file in folder.open)
 
 
 def _refuse_shared(folder: Folder, found: Iterable[Reference], wanted: frozenset[object]) -> None:
@@ -122,7 +123,10 @@ def _verify(folder: Folder, edits: Mapping[Path, list[Edit]], renamed: set[str],
         raise Refused("a file of this folder cannot be read; mend that first")
     if list(_meanings(before.composed, renamed, name)) != list(_meanings(after.composed, set(), name)):
         raise Refused(f"with the name {name!r} something else would be meant somewhere")
-    if _asked(folder, before, renamed, name) != _asked(folder, after, set(), name):
+    if not all(
+        _asks_the_same(before.composed, after.composed, renamed, name, *pair)
+        for pair in _asked(folder, changed)
+    ):
         raise Refused(f"with the name {name!r} an in_state would ask for another state")
 
 
@@ -134,23 +138,29 @@ def _meanings(composed: Composed, renamed: set[str], name: str) -> Iterator[tupl
             yield (transition.event, _renamed(transition.target, renamed, name))
 
 
-def _asked(folder: Folder, inspection: Inspection, renamed: set[str], name: str) -> list[set[str | None]]:
-    """Return the states that each in_state of the folder asks for, by the names they will have."""
-    assert inspection.composed is not None
-    model = Model(inspection, inspection.composed, folder.catalog)
-    found = []
-    for each in all_mentions(folder):
-        mention = each.mention
-        if mention.meaning is Meaning.ANYWHERE and mention.index == mention.whole.count("."):
-            asked = _with_new_name(mention, folder, each.file, renamed, name, model)
-            found.append(asked)
-    return found
+def _asked(folder: Folder, changed: Mapping[Path, str]) -> Iterator[tuple[str, str]]:
+    """Yield the names that in_state asks for, as they are and as they will be."""
+    for file in folder.files():
+        root = folder.kind(file)
+        if root is not None and file in changed:
+            yield from zip(_names(folder.scan(file), root), _names(scan(changed[file]), root), strict=True)
+        elif root is not None:
+            yield from ((whole, whole) for whole in _names(folder.scan(file), root))
 
 
-def _with_new_name(
-    mention: Mention, folder: Folder, path: Path, renamed: set[str], name: str, model: Model
-) -> set[str | None]:
-    raise NotImplementedError
+def _names(found: Scan, root: type[FileNode]) -> list[str]:
+    mentions = mentions_in(found, root)
+    return [each.whole for each in mentions if each.meaning is Meaning.ANYWHERE and each.index == 0]
+
+
+def _asks_the_same(
+    before: Composed, after: Composed, renamed: set[str], name: str, old: str, new: str
+) -> bool:
+    return {_renamed(full, renamed, name) for full in _ending(before, old)} == _ending(after, new)
+
+
+def _ending(composed: Composed, name: str) -> set[str | None]:
+    return {full for full in composed.drafts if f".{full}".endswith(f".{name}")}
 
 
 def _renamed(full: str | None, renamed: set[str], name: str) -> str | None:

@@ -26,6 +26,8 @@ _ANCHOR = re.compile(r"&\S+[ \t]*")
 _BLANKS = re.compile(r"[ \t]*")
 _DOUBLE = re.compile(r'(?:[^"\\\n]|\\.)*')
 _SINGLE = re.compile(r"(?:[^'\n]|'')*")
+#: A line like this in a text in quotes means that a quote is missing.
+_KEY = re.compile(r"[ \t]*(- )*[\w.]+:([ \t]|$)", re.MULTILINE)
 _CLOSERS = {"{": "}", "[": "]"}
 _QUOTES = ("'", '"')
 #: What begins a value that cannot be a key.
@@ -157,7 +159,7 @@ class Scan:
         return self._on_blank_line(line, column, offset) if not row.strip() else None
 
     def _token_before(self, offset: int) -> Token | None:
-        """Return the value that goes on here, once there is more than the blanks that were typed behind it."""
+        """Return the value that goes on here once more is typed than blanks."""
         index = bisect.bisect_right(self._starts, offset) - 1
         if index < 0:
             return None
@@ -423,7 +425,7 @@ class _Scanner:
         if found is not None:
             return found
         quote, line_end = self._text[at], end
-        while (begin := self._continued(end, base)) is not None:
+        while (begin := self._continued(end, base)) is not None and not _KEY.match(self._text, begin):
             end = self._lines.end(self._lines.position(begin)[0])
             pattern = _DOUBLE if quote == '"' else _SINGLE
             match = pattern.match(self._text, begin, end)
@@ -452,4 +454,3 @@ class _Scanner:
             return False
         self.comments[self._lines.position(at)[0]] = at
         return True
-

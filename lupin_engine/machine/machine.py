@@ -232,7 +232,8 @@ class Machine:
         if key in answers or len(answers) >= MAX_PLANS:
             return
         row = self._row
-        answers[key] = shortcut(self._core.chart, candidates, lambda rules: self._plan(row, rules), fixed)
+        structure = self._planner.structure
+        answers[key] = shortcut(structure, candidates, lambda rules: self._plan(row, rules), fixed)
 
     def _finish(self) -> Step:
         turn, memory = self._turn, self.memory

@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Mapping
+from itertools import takewhile
 from types import MappingProxyType
 from typing import Any
 
@@ -226,12 +227,9 @@ class Operations:
 
     def _before(self, attempt: Attempt) -> Attempt | None:
         """Return the earlier attempt that still uses what this one needs."""
-        for other in self._core.memory.attempts.values():
-            if other is attempt:
-                break
-            if other.phase is not Phase.LOST and set(other.uses) & set(attempt.uses):
-                return other
-        return None
+        earlier = takewhile(lambda other: other is not attempt, self._core.memory.attempts.values())
+        busy = (other for other in earlier if other.phase is not Phase.LOST)
+        return next((other for other in busy if set(other.uses) & set(attempt.uses)), None)
 
     def _start(self, attempt: Attempt, turn: Turn) -> None:
         self._move(attempt, "resource free", turn)
@@ -351,9 +349,8 @@ class Operations:
 
     def retry(self, invocation_id: str, turn: Turn) -> None:
         """The back-off is over: try again."""
-        for invocation in list(self._core.memory.invocations.values()):
-            if invocation.id == invocation_id:
-                self._issue(invocation, turn)
+        invocations = self._core.memory.invocations.values()
+        self._issue(next(found for found in invocations if found.id == invocation_id), turn)
 
     def _failed(self, invocation: Invocation, code: str, detail: str, turn: Turn) -> None:
         self._core.report(code, detail)

@@ -171,12 +171,9 @@ class Planner:
         plan = row.plans.get(key)
         if plan is None:
             plan = self._make(row, chosen, mission, remembered, resume)
-            if len(row.plans) < MAX_PLANS and not any(map(self._through_history, plan.rules)):
+            if len(row.plans) < MAX_PLANS and not any(map(self.structure.is_to_history, plan.rules)):
                 row.plans[key] = plan
         return plan
-
-    def _through_history(self, rule: Transition) -> bool:
-        return rule.target is not None and self.structure.chart.states[rule.target].kind is Kind.HISTORY
 
     def _make(
         self,

@@ -23,11 +23,11 @@ from bisect import insort
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
-from lupin_engine.chart.model import Chart, Compiled, Constant, Environment, Kind, State, Timer, Transition
+from lupin_engine.chart.model import Compiled, Constant, Environment, Kind, State, Timer, Transition
 from lupin_engine.machine.event import Event
 from lupin_engine.machine.plan import Plan
 from lupin_engine.machine.step import Step
-from lupin_engine.machine.structure import FAULT_RULE
+from lupin_engine.machine.structure import FAULT_RULE, Structure
 from lupin_engine.machine.timers import seconds
 
 if TYPE_CHECKING:
@@ -45,7 +45,7 @@ Arm = tuple[float, tuple[str, str]]
 
 
 def shortcut(
-    chart: Chart,
+    structure: Structure,
     candidates: Sequence[Sequence[Transition]],
     plan_of: Callable[[Sequence[Transition]], Plan],
     fixed: Event | None = None,
@@ -53,14 +53,15 @@ def shortcut(
     """Return the shortcut for an event, or None where it must go the general way.
 
     Args:
-        chart: the machine's.
+        structure: that of the machine's chart.
         candidates: the transitions that listen to the event, for each leaf in order of preference.
         plan_of: what taking transitions does.
         fixed: the event that steps are recorded with, when it is not the one that is handed in.
     """
     offered = [rules for rules in candidates if rules]
-    varies = any(rule.id == FAULT_RULE or _to_history(chart, rule) for rules in offered for rule in rules)
-    if chart.invariants or varies or not offered:
+    rules = [rule for rules in offered for rule in rules]
+    varies = any(rule.id == FAULT_RULE or structure.is_to_history(rule) for rule in rules)
+    if structure.chart.invariants or varies or not offered:
         return None
     if all(rules[0].guard is None for rules in offered):
         plan = plan_of([rules[0] for rules in offered])
@@ -72,11 +73,6 @@ def shortcut(
         return None
     options = _options(offered[0], plan_of)
     return _guarded(options, fixed) if options else None
-
-
-def _to_history(chart: Chart, rule: Transition) -> bool:
-    """Say whether where a transition leads depends on the past."""
-    return rule.target is not None and chart.states[rule.target].kind is Kind.HISTORY
 
 
 def _options(

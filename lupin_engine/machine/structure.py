@@ -86,10 +86,11 @@ def build_machine(chart: Chart) -> ChartMachine:
 
 
 def _fault_transition(chart: Chart, state: State) -> tuple[Transition, ...]:
-    """Return the one transition that no author writes: an error nobody handles leads to FAULT."""
+    """Return what no author writes: an error that nobody handles leads to FAULT, also while held."""
     if state.name != "" or FAULT not in chart.states:
         return ()
-    return (Transition(FAULT_RULE, EXECUTION_ERROR, "", state.place, target=FAULT),)
+    through = frozenset(chart.holds)
+    return (Transition(FAULT_RULE, EXECUTION_ERROR, "", state.place, target=FAULT, during=through),)
 
 
 def _describe(chart: Chart, name: str) -> dict[str, Any]:
@@ -206,6 +207,10 @@ class Structure:
         """Say whether `name` is a proper descendant of `ancestor`."""
         return ancestor in self._lineage[name][1:]
 
+    def is_to_history(self, rule: Transition) -> bool:
+        """Say whether where a transition leads depends on the past."""
+        return rule.target is not None and self.chart.states[rule.target].kind is Kind.HISTORY
+
     def domain(self, rule: Transition, target: str) -> str:
         """Return the innermost compound state that holds source and target and is itself not left.
 
@@ -256,11 +261,11 @@ class Structure:
         entered = set(entry.entered).difference(kept)
         return tuple(sorted(entered, key=self.order.__getitem__)), frozenset(entry.back)
 
-    def default_child(self, state: State, mission: str) -> str | None:
+    def default_child(self, state: State, mission: str) -> str:
         """Return the child that a compound state begins with; the slot with the branch of its mission."""
         if state.slot and mission:
             return self.chart.missions[mission].state
-        return state.initial or next(iter(state.children), None)
+        return state.initial or state.children[0]
 
     def remembers(
         self, configuration: tuple[str, ...], exits: Iterable[str]
@@ -328,10 +333,9 @@ class _Entry:
         if target.kind is not Kind.HISTORY:
             return (target.name,)
         parent = target.parent or ""
-        first = self._child(self._structure.chart.states[parent]) if parent == domain else parent
-        return (first,) if first is not None else ()
+        return (self._child(self._structure.chart.states[parent]) if parent == domain else parent,)
 
-    def _child(self, state: State) -> str | None:
+    def _child(self, state: State) -> str:
         return self._structure.default_child(state, self._mission)
 
     def _enter(self, name: str, domain: str, targets: Sequence[str], resuming: bool) -> None:
@@ -355,8 +359,7 @@ class _Entry:
                 self._enter_defaults(region, resuming=False)
         elif state.kind is Kind.COMPOUND:
             chosen = (self._resume(state) if resuming else None) or self._child(state)
-            if chosen is not None:
-                self._enter(chosen, name, (chosen,), resuming=False)
+            self._enter(chosen, name, (chosen,), resuming=False)
 
 
 def matches(pattern: str, event: str) -> bool:

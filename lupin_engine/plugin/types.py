@@ -36,6 +36,9 @@ UNITS: Mapping[str, tuple[str, float]] = MappingProxyType(
     }
 )
 
+#: How many lists may be in each other.
+MAX_LISTS = 8
+
 _QUANTITY = re.compile(r"^([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*([A-Za-z/%]+)$")
 
 
@@ -101,11 +104,18 @@ def parse_type(text: str, known: Mapping[str, Type]) -> Type:
         ValueError: the name is not known; the text says what is.
     """
     words = text.split()
-    if words[:2] == ["list", "of"] and len(words) > 2:
-        return list_of(parse_type(" ".join(words[2:]), known))
-    if text in known:
-        return known[text]
-    raise ValueError(f"unknown type {text!r}; {nearest(text, known)}")
+    lists = 0
+    while words[2 * lists : 2 * lists + 2] == ["list", "of"] and len(words) > 2 * lists + 2:
+        lists += 1
+    if lists > MAX_LISTS:
+        raise ValueError(f"more than {MAX_LISTS} lists in each other; use fewer")
+    name = " ".join(words[2 * lists :]) if lists else text
+    if name not in known:
+        raise ValueError(f"unknown type {name!r}; {nearest(name, known)}")
+    kind = known[name]
+    for _ in range(lists):
+        kind = list_of(kind)
+    return kind
 
 
 @lru_cache(maxsize=1024)

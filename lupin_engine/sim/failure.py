@@ -6,7 +6,7 @@ Nothing here knows colours: `Failure.lines` names what each line is, and whoever
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -40,6 +40,11 @@ class Failure:
 
     def lines(self) -> Iterator[tuple[str, str]]:
         """Yield the lines of the report, each with what it is."""
+        yield from self.about()
+        yield from self.told()
+
+    def about(self) -> Iterator[tuple[str, str]]:
+        """Yield what differs, and the lines of both files."""
         yield HEAD, f"{shown(self.place)}: {self.what}"
         yield EXPECTED, f"    expected: {self.expected}"
         yield ACTUAL, f"    actual:   {self.actual}"
@@ -47,9 +52,22 @@ class Failure:
         for what, place in self.concerned:
             yield CHART, f"  {shown(place)}: {what}"
             yield from excerpt(place)
+
+    def told(self) -> Iterator[tuple[str, str]]:
+        """Yield the story around it."""
         for index, line in enumerate(self.story):
             marked = index == self.marked
             yield (MARKED if marked else STORY), f"    {'>' if marked else '|'} {line}"
+
+
+def report(failures: Iterable[Failure]) -> Iterator[tuple[str, str]]:
+    """Yield the lines of several failures of one run; a story that was just told is not told again."""
+    before: Failure | None = None
+    for failure in failures:
+        yield from failure.about()
+        if before is None or (failure.story, failure.marked) != (before.story, before.marked):
+            yield from failure.told()
+        before = failure
 
 
 def shown(place: Place) -> str:

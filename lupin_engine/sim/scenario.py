@@ -22,7 +22,7 @@ from lupin_engine.chart.load import (
     load_chart,
 )
 from lupin_engine.chart.model import Chart
-from lupin_engine.chart.source import Map, read
+from lupin_engine.chart.source import Map, parse, read
 from lupin_engine.errors import ChartError, UsageError
 from lupin_engine.machine.environment import World
 from lupin_engine.plugin.registry import Catalog
@@ -81,7 +81,6 @@ class Scenario:
     promise: str
     mission: Path
     chart: Chart
-    catalog: Catalog
     script: Script
     parameters: Mapping[str, Any]
     node: ScenarioNode
@@ -104,6 +103,11 @@ class Scenario:
         script = replace(self.script, seed=self.script.seed + shift) if shift else self.script
         world = self.missions.world(self.chart, self.parameters)
         return simulate(self.chart, self.catalog, script, self.parameters, world)
+
+    @property
+    def catalog(self) -> Catalog:
+        """What the plugins offer."""
+        return self.missions.catalog
 
     def failures(self, run: Run) -> list[Failure]:
         """Return every expectation that `run` does not meet, in the order of the file's words."""
@@ -142,22 +146,29 @@ def load_scenario(file: str | Path, catalog: Catalog, missions: Missions | None 
         ChartError: with everything that is wrong with the scenario, or with its mission.
         UsageError: the mission does not exist.
     """
-    path = Path(file)
     findings = Findings()
-    raw = read(path, findings)
+    return _load(read(Path(file), findings), Path(file), missions or Missions(catalog), findings)
+
+
+def load_scenario_text(text: str, file: Path, missions: Missions) -> Scenario:
+    """As `load_scenario`, of a text that could stand in `file`."""
+    findings = Findings()
+    return _load(parse(text, str(file), findings), file, missions, findings)
+
+
+def _load(raw: Map | None, path: Path, missions: Missions, findings: Findings) -> Scenario:
     node = validate(raw, ScenarioNode, findings) if isinstance(raw, Map) else None
     if node is None:
         raise ChartError(findings.all)
-    shared = missions or Missions(catalog)
-    mission = shared.file(node.mission, path)
-    chart = shared.chart(mission)
-    words = Words(chart, catalog, findings)
+    mission = missions.file(node.mission, path)
+    chart = missions.chart(mission)
+    words = Words(chart, missions.catalog, findings)
     ExpectChecker(words).check(node.expect)
     reader = ScriptReader(node, words)
     script, parameters = reader.script(), reader.parameters()
     if findings.errors:
         raise ChartError(findings.errors)
-    return Scenario(path, node.scenario, mission, chart, catalog, script, parameters, node, shared)
+    return Scenario(path, node.scenario, mission, chart, script, parameters, node, missions)
 
 
 def _folders(scenario: Path) -> list[Path]:

@@ -28,7 +28,22 @@ def _to_list(value: Any) -> Any:
 #: `5 s`, or 0.
 Duration = Annotated[Any, WithJsonSchema({"type": ["string", "integer"], "examples": ["5 s", "2 min"]})]
 #: A duration, or `{between: [1 s, 3 s]}`: another one each time.
-Latency = Annotated[Any, WithJsonSchema({"type": ["string", "integer", "object"], "examples": ["5 s"]})]
+Latency = Annotated[
+    Any,
+    WithJsonSchema(
+        {
+            "anyOf": [
+                {"type": ["string", "integer"], "examples": ["5 s"]},
+                {
+                    "type": "object",
+                    "properties": {"between": {"type": "array", "minItems": 2, "maxItems": 2}},
+                    "required": ["between"],
+                    "additionalProperties": False,
+                },
+            ]
+        }
+    ),
+]
 #: Names, or one of them.
 Names = Annotated[list[str], BeforeValidator(_to_list, json_schema_input_type=str | list[str])]
 
@@ -59,12 +74,6 @@ def _named(data: Any) -> Any:
 # -- mocks ---------------------------------------------------------------------------------------------
 
 
-class BetweenNode(Node):
-    """A duration that is another one each time."""
-
-    between: list[Duration] = Field(min_length=2, max_length=2, description="the shortest and the longest")
-
-
 class OutcomeNode(ShortNode):
     """How one attempt ends; nothing said: done, as the plugin's mock does it. Short: `done`, `never`."""
 
@@ -78,7 +87,7 @@ class OutcomeNode(ShortNode):
         "ends", description="what a cancel does: `ends`, `ignored`, `unconfirmed`, or a duration to the end"
     )
     progress: str = Field("", description="what the server says when it has accepted")
-    any_of: list[OutcomeNode] | None = Field(None, min_length=1, description="one of these, by chance")
+    any_of: list[OutcomeNode] | None = Field(None, description="one of these, by chance")
     weight: Annotated[Any, WithJsonSchema({"type": ["number", "string"]})] = Field(
         1, description="how likely this is beside the others of `any_of`, such as 3 or 20 %"
     )
@@ -187,8 +196,8 @@ class WhenNode(Node):
 class CountNode(Node):
     """How often. Short: a number."""
 
-    at_least: int = Field(0, ge=0, description="smallest number")
-    at_most: int | None = Field(None, ge=0, description="largest number")
+    at_least: int = Field(0, description="smallest number")
+    at_most: int | None = Field(None, description="largest number")
 
     @classmethod
     def _long_form(cls, data: Any) -> Any:

@@ -47,6 +47,18 @@ from lupin_engine.sim.simulation import (
 
 #: The keys of an outcome that say how it ends; one of them at most.
 _ENDS = ("done", "fail", "never", "any_of")
+#: The keys of a `when` that say what happens then.
+_EFFECTS = (
+    "request",
+    "value",
+    "event",
+    "fail",
+    "finish",
+    "server_gone",
+    "server_back",
+    "restart",
+    "expect",
+)
 #: What is looked up -> the rule that a wrong name breaks, where that is not `unknown-WHAT`.
 _RULES: Mapping[str, str] = MappingProxyType(
     {
@@ -143,7 +155,8 @@ class Words:
         if low is None or high is None:
             return None
         if low > high:
-            self.wrong(place, path, "the shortest duration comes first", f"write 'between: {bounds[::-1]}'")
+            hint = f"write 'between: [{bounds[1]}, {bounds[0]}]'"
+            self.wrong(place, path, "the shortest duration comes first", hint)
         return Between(low, high)
 
 
@@ -203,7 +216,7 @@ class ScriptReader:
         if len(ends) > 1:
             self._words.wrong(node.place, name, f"an attempt ends once, not in {' and '.join(ends)}")
         if node.any_of is not None:
-            return self._any_of(node.any_of, name, operation)
+            return self._any_of(node, name, operation)
         if node.fail is not None:
             self._words.code(node.at("fail"), node.fail, name, operation)
         on_cancel, cancel_after = self._cancel(node)
@@ -219,8 +232,11 @@ class ScriptReader:
             progress=node.progress,
         )
 
-    def _any_of(self, nodes: list[OutcomeNode], name: str, operation: Operation) -> AnyOf:
-        outcomes = tuple(self._outcome(node, name, operation) for node in nodes)
+    def _any_of(self, node: OutcomeNode, name: str, operation: Operation) -> AnyOf:
+        nodes = node.any_of or []
+        if not nodes:
+            self._words.wrong(node.at("any_of"), name, "there is nothing to choose from")
+        outcomes = tuple(self._outcome(one, name, operation) for one in nodes)
         return AnyOf(outcomes, tuple(map(self._weight, nodes)))
 
     def _weight(self, node: OutcomeNode) -> float:
@@ -260,9 +276,8 @@ class ScriptReader:
         if node.at_ == END:
             self._check_end(node, effects)
             return
-        if not effects:
-            hint = "say request, value, event, fail, finish, server_gone, server_back, restart or expect"
-            self._words.wrong(node.place, "when", "nothing happens", hint)
+        if not node.model_fields_set.intersection(_EFFECTS):
+            self._words.wrong(node.place, "when", "nothing happens", f"say {' or '.join(_EFFECTS)}")
         if node.on is not None:
             self._words.state(node.at("on"), node.on)
         if node.start_of is not None:
@@ -323,7 +338,7 @@ class ScriptReader:
         if not self._words.known(node.at("event"), "event", name, events, "when"):
             return
         given, fields = node.event.data, events[name].fields
-        key = "data" if node.event.written and "data" in node.event.model_fields_set else "event"
+        key = "data" if node.event.mapping("data") is not None else name
         data = self._words.fields(node.event, key, given, fields, name)
         missing = [field for field in fields if field not in given]
         if missing:

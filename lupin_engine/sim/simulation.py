@@ -162,10 +162,10 @@ class Run:
     `lifecycles` are the published states in the order of their appearance; `visits` the last itinerary's.
     `cut_off`: the time limit was reached. `unfired`: happenings that never came to pass; `idle`: those that
     found nothing to end or to bring back, with the time. `attempts` names for each attempt the state that
-    started it; `holds` and `broken` the holds that were engaged and the invariants that were broken, in
-    order, each with its step; `held` is what was held from when on. `looks` is what was seen, by the
-    happening's number. `context` are the variables at the end. `stopped`: the state was entered at which it
-    was to stop.
+    started it, `tries` says which try it was. `holds` and `broken` are the holds that were engaged and the
+    invariants that were broken, in order, each with its step; `held` is what was held from when on. `looks`
+    is what was seen, by number. `context` are the variables at the end. `stopped`: the state was entered at
+    which it was to stop.
     """
 
     chart: Chart
@@ -185,6 +185,7 @@ class Run:
     looks: Mapping[int, tuple[Seen, ...]] = field(default_factory=dict)
     context: Mapping[str, Any] = field(default_factory=dict)
     held: tuple[tuple[float, tuple[str, ...]], ...] = ()
+    tries: Mapping[str, int] = field(default_factory=dict)
     stopped: bool = False
 
     @property
@@ -429,6 +430,7 @@ class Simulation:
             looks={number: tuple(seen) for number, seen in self._looks.items()},
             context=dict(self._machine.memory.context),
             held=tuple(record.held),
+            tries=record.tries,
             stopped=self._stopped,
         )
 
@@ -460,6 +462,7 @@ class _Record:
         self.holds = _Appearances()
         self.broken = _Appearances()
         self.held: list[tuple[float, tuple[str, ...]]] = []
+        self.tries: dict[str, int] = {}
 
     def take(self, step: Step, memory: Memory) -> None:
         """Keep a step; `memory` is that of the machine after it."""
@@ -474,11 +477,17 @@ class _Record:
             elif isinstance(command, Report):
                 self.reports.append(command)
             elif isinstance(command, Start):
-                self.attempts[command.attempt] = _state_of(memory.attempts[command.attempt].invocation)
+                self._begun(command.attempt, memory)
         self.holds.take(step, memory.held)
         if memory.held or self.held:
             self._note_held(step.time, tuple(memory.held))
         self.broken.take(step, memory.broken)
+
+    def _begun(self, attempt: str, memory: Memory) -> None:
+        invocation = memory.attempts[attempt].invocation
+        self.attempts[attempt] = _state_of(invocation)
+        if invocation in memory.invocations:
+            self.tries[attempt] = memory.invocations[invocation].tries
 
     def _note_held(self, time: float, held: tuple[str, ...]) -> None:
         if held != (self.held[-1][1] if self.held else ()):

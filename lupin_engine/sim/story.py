@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from textwrap import wrap
 from typing import Any
 
 from lupin_engine.chart.model import Chart, Kind
@@ -12,6 +13,18 @@ from lupin_engine.machine.step import Step
 
 #: Longest text of one argument.
 _WIDTH = 48
+
+#: A text and what it is about: "time", "state", "event", "refused", "note", "command" or a target's status.
+Piece = tuple[str, str]
+#: Width of the column of the time, in cells.
+_TIME = 12
+#: A column is at most so wide, so that one long text does not take the room of all others.
+_MOST_STATE, _MOST_EVENT = 30, 36
+#: With less room than this commands stand under their event.
+_LEAST_COMMAND = 28
+#: A command is cut after so many lines.
+_COMMAND_LINES = 2
+_GAP = 2
 
 
 @dataclass(frozen=True)
@@ -34,13 +47,99 @@ class Line:
         return "   ".join(part for part in (*parts, *self.notes) if part)
 
 
+class Teller:
+    """Tells steps one after the other; it remembers which attempt was of which operation."""
+
+    def __init__(self, chart: Chart) -> None:
+        self._narrator = _Narrator(chart)
+
+    def tell(self, steps: Iterable[Step]) -> Iterator[Line]:
+        """Tell the steps in which something happened, in order."""
+        for step in steps:
+            line = self._narrator.line(step)
+            if step.changed or line.notes or step.accepted is not None or step.event.name == "value":
+                yield line
+
+
 def tell(chart: Chart, steps: Iterable[Step]) -> Iterator[Line]:
-    """Tell the steps in which something happened, in order."""
-    narrator = _Narrator(chart)
-    for step in steps:
-        line = narrator.line(step)
-        if step.changed or line.notes or step.accepted is not None or step.event.name == "value":
-            yield line
+    """Tell the steps of a run in which something happened, in order."""
+    return Teller(chart).tell(steps)
+
+
+# -- lines in columns -------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Columns:
+    """How wide the columns of a story are, in cells; with `command` 0 commands stand under their event."""
+
+    state: int
+    event: int
+    command: int
+
+
+def columns_for(lines: Sequence[Line], width: int) -> Columns:
+    """Return the columns in which lines are told in `width` cells."""
+    state = min(_MOST_STATE, width // 3, max((_longest(line.moved) for line in lines), default=0))
+    event = min(_MOST_EVENT, width // 3, max((len(line.event) for line in lines), default=0))
+    command = width - _TIME - state - event - 2 * _GAP
+    if command < _LEAST_COMMAND:
+        return Columns(state, max(1, width - _TIME - state - _GAP), 0)
+    return Columns(state, event, command)
+
+
+def laid_out(line: Line, columns: Columns) -> Iterator[list[Piece]]:
+    """Yield one line of a story in columns: the time, the state that it led to, the event, the commands."""
+    states = [(text, "state") for text in wrap(line.moved, columns.state or 1)]
+    events = [(text, "refused" if line.refused else "event") for text in wrap(line.event, columns.event)]
+    commands = [
+        (text, _tone(command))
+        for command in line.commanded
+        for text in wrap(
+            command, columns.command or columns.event, max_lines=_COMMAND_LINES, placeholder=" ..."
+        )
+    ]
+    if not columns.command:
+        events, commands = events + commands, []
+    for index in range(max(len(states), len(events), len(commands))):
+        time = f"{line.time:8.1f} s" if index == 0 else ""
+        yield _row(
+            [
+                (time, "time", _TIME),
+                (*_at(states, index), columns.state + _GAP),
+                (*_at(events, index), columns.event + _GAP),
+                (*_at(commands, index), 0),
+            ]
+        )
+    room = columns.event + (columns.command + _GAP if columns.command else 0)
+    for note in line.notes:
+        for text in wrap(f"({note})", room):
+            yield _row([("", "time", _TIME), ("", "", columns.state + _GAP), (text, "note", 0)])
+
+
+def _longest(moved: str) -> int:
+    """Return the length of the longest piece between which a text may be broken."""
+    return max(map(len, moved.split()), default=0)
+
+
+def _at(pieces: list[Piece], index: int) -> Piece:
+    return pieces[index] if index < len(pieces) else ("", "")
+
+
+def _row(cells: list[tuple[str, str, int]]) -> list[Piece]:
+    """Return cells as pieces of one line, padded to their widths, without blanks at its end."""
+    while cells and not cells[-1][0]:
+        cells.pop()
+    padded = [(f"{text:<{width}}", tone) for text, tone, width in cells[:-1]]
+    return padded + [(text, tone) for text, tone, _ in cells[-1:]]
+
+
+def _tone(command: str) -> str:
+    words = command.split()
+    return words[2] if words[0] == "publish" and len(words) > 2 else "command"
+
+
+# -- one step ---------------------------------------------------------------------------------------------
 
 
 def short_name(chart: Chart, name: str) -> str:

@@ -41,7 +41,7 @@ class Summary:
 def summarise(run: Run, lanes: Timeline) -> Summary:
     """Return the figures of a run, of which `lanes` is the timeline."""
     return Summary(
-        seconds=run.seconds,
+        seconds=_rounded(run.seconds),
         states=_times([lanes.states]),
         phases=_times([lanes.phases]),
         targets=dict(Counter(visit.status or "open" for visit in run.visits)),
@@ -57,7 +57,7 @@ def _times(lanes: Iterable[Lane]) -> dict[str, float]:
     for lane in lanes:
         for bar in lane.bars:
             found[bar.text] = found.get(bar.text, 0.0) + bar.seconds
-    return found
+    return {text: _rounded(seconds) for text, seconds in found.items()}
 
 
 def _attempted(lane: Lane) -> Attempted:
@@ -67,5 +67,10 @@ def _attempted(lane: Lane) -> Attempted:
         attempts=len(lane.bars),
         retries=sum(bar.tries > 1 for bar in lane.bars),
         outcomes={outcome: counted[outcome] for outcome in OUTCOMES if counted[outcome]},
-        seconds=sum(bar.seconds for bar in lane.bars),
+        seconds=_rounded(sum(bar.seconds for bar in lane.bars)),
     )
+
+
+def _rounded(seconds: float) -> float:
+    """Return a sum of times without what the arithmetic of floats has added to it."""
+    return round(seconds, 6)

@@ -173,7 +173,6 @@ class _Attempt:
     """An attempt while the steps are gone through."""
 
     operation: str
-    state: str
     begin: float
     tries: int
     cancelled: float | None = None
@@ -187,7 +186,6 @@ class _Attempts:
 
     run: Run
     running: dict[str, _Attempt] = field(default_factory=dict)
-    tries: dict[tuple[str, str], int] = field(default_factory=dict)
 
     def ended_by(self, step: Step) -> Iterator[Bar]:
         """Take in a step; yield the attempts that it ends."""
@@ -204,20 +202,12 @@ class _Attempts:
             yield _bar(attempt, step.time)
         for command in step.commands:
             if isinstance(command, Start):
-                self._start(command, step)
+                self.running[command.attempt] = self._started(command, step.time)
             elif isinstance(command, Cancel) and command.attempt in self.running:
                 self.running[command.attempt].cancelled = step.time
 
-    def _start(self, command: Start, step: Step) -> None:
-        state = self.run.attempts.get(command.attempt, "")
-        key = state, command.operation
-        if state in step.entered:
-            self.tries[key] = 1
-        elif not step.event.is_request:  # what a hold broke off is begun again, which is no further try
-            self.tries[key] = self.tries.get(key, 0) + 1
-        self.running[command.attempt] = _Attempt(
-            command.operation, state, step.time, self.tries.setdefault(key, 1)
-        )
+    def _started(self, command: Start, time: float) -> _Attempt:
+        return _Attempt(command.operation, time, self.run.tries.get(command.attempt, 1))
 
 
 #: `timer.cancel`: the server did not confirm the cancel in time, and nobody listens to it any more.
@@ -295,6 +285,6 @@ def _ticks(steps: Iterable[Step]) -> Iterator[Tick]:
     for step in steps:
         name = step.event.name
         if step.accepted is not None:
-            yield Tick(step.time, name.removeprefix("operator."), not step.accepted)
+            yield Tick(step.time, name.rpartition(".")[2], not step.accepted)
         elif name != "start" and name != "value" and name.partition(".")[0] not in ("attempt", "timer"):
             yield Tick(step.time, name)

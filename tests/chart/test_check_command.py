@@ -51,7 +51,7 @@ def test_a_mistake_is_told_whatever_is_named(
 ) -> None:
     """Folder, mission and lifecycle mean the same chart here."""
     assert check_paths([folder / name if name else folder]) == 1
-    first, last = capsys.readouterr().out.splitlines()
+    first, *_, last = capsys.readouterr().out.splitlines()
     problem = "A.M.WAITING.after.0: expected duration (s), got '1'; write '1 s' [no-unit]"
     assert first == f"{folder}/m.yaml:4:13: error: {problem}"
     assert last == "1 mission, 1 error, no warnings"

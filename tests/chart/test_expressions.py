@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
+from types import FunctionType
 from typing import Any
 
 import pytest
@@ -13,15 +15,29 @@ from lupin_engine.chart.expressions import (
     Fragment,
     Scope,
     Usage,
+    check_expression,
     compile_expression,
     fragment_of,
+    literal,
 )
 from lupin_engine.chart.findings import Findings
-from lupin_engine.chart.model import Expression, UnknownInput
+from lupin_engine.chart.model import Compiled, Expression, UnknownInput
 from lupin_engine.chart.source import text_at
 from lupin_engine.errors import Place
 from lupin_engine.plugin.registry import Catalog
-from lupin_engine.plugin.types import ANY, BOOL, COUNT, DURATION, LENGTH, NUMBER, POSE, TEXT, Type, list_of
+from lupin_engine.plugin.types import (
+    ANY,
+    BOOL,
+    COUNT,
+    DURATION,
+    INTEGER,
+    LENGTH,
+    NUMBER,
+    POSE,
+    TEXT,
+    Type,
+    list_of,
+)
 
 PLACE = Place("m.yaml", 3, 5)
 
@@ -44,6 +60,7 @@ def wide_scope(catalog: Catalog) -> Scope:
         "event": ANY,
         "target": catalog.types["tag"],
         "itinerary": ITINERARY,
+        "operator": record("operator"),
         "reason": TEXT,
         "visits": COUNT,
         "done": BOOL,
@@ -149,6 +166,9 @@ def refusals(source: str, scope: Scope, wanted: Type = ANY) -> list[str]:
         ("tags.named(['x', 'y'])", ["x", "y"]),
         ("itinerary.open and itinerary.remaining > 0", True),
         ("'ü' == reason or visits == 4", True),
+        ("('5 s' if done else '6 s') < param.patience", True),
+        ("1if done else 2", 1),
+        ("event.pose.x < 3", True),
     ],
 )
 def test_expressions_mean_what_the_same_python_means(source: str, value: Any, scope: Scope) -> None:
@@ -228,6 +248,23 @@ def test_an_expression_notes_what_it_reads(catalog: Catalog) -> None:
         ("in_state('REDY')", BOOL, ["9: no state is called 'REDY' [unknown-state]"]),
         ("in_state(reason + '')", BOOL, ["9: in_state takes the name of a state [wrong-type]"]),
         ("approach", ANY, ["0: 'approach' is a function [wrong-type]"]),
+        ("approach()", ANY, ["0: approach needs the argument 'target': tag [missing-argument]"]),
+        ("approach(target, 3)", ANY, ["17: approach takes one argument [unknown-argument]"]),
+        ("operator.x", ANY, ["9: 'operator' has no fields to read [unknown-name]"]),
+        ("3 in param.names", BOOL, ["0: '3' is a plain number and cannot be in list of text [wrong-type]"]),
+        ("max(3)", ANY, ["4: max of one value needs a list [wrong-type]"]),
+        ("max(visits, reason)", ANY, ["12: expected a number, but 'reason' is text [wrong-type]"]),
+        ("abs(reason)", ANY, ["4: expected a number, but 'reason' is text [wrong-type]"]),
+        ("round()", ANY, ["0: round takes one argument, got 0 [missing-argument]"]),
+        ("round(reason)", ANY, ["6: expected a number, but 'reason' is text [wrong-type]"]),
+        ("any()", BOOL, ["0: any takes one argument, got 0 [missing-argument]"]),
+        ("known()", BOOL, ["0: known takes one argument, got 0 [missing-argument]"]),
+        ("held()", BOOL, ["0: held takes one argument, got 0 [missing-argument]"]),
+        (
+            "('5 s' if done else '1 m') < param.patience",
+            BOOL,
+            ["1: expected a number, but \"'5 s' if done else '1 m'\" is text [wrong-type]"],
+        ),
         ("approach(3)", POSE, ["9: expected tag, but '3' is a plain number [wrong-type]"]),
         ("round(2.5, visits)", ANY, ["11: the digits of round must be written out, 0 to 9 [wrong-type]"]),
         ("None", ANY, ["0: None is not allowed in an expression [bad-expression]"]),
@@ -352,8 +389,72 @@ def test_a_product_of_integers_is_bounded_when_it_is_computed(scope: Scope) -> N
 
 def test_compiled_code_has_no_builtins(scope: Scope) -> None:
     """What the checker would let slip could still not reach Python's own functions."""
-    code = compiled("len(param.names)", scope).evaluate.compiled()
-    assert code.__globals__["__builtins__"] == {}
+    evaluate = compiled("len(param.names)", scope).evaluate
+    assert isinstance(evaluate, Compiled)
+    function = evaluate.compiled()
+    assert isinstance(function, FunctionType)
+    assert function.__globals__["__builtins__"] == {}
+
+
+def test_an_expression_is_compiled_once_and_when_it_is_first_needed(scope: Scope) -> None:
+    """A thousand states are loaded without compiling what is never evaluated; the plain function can be had."""
+    first, second = compiled("visits + 1", scope), compiled(" visits + 1", scope)
+    assert isinstance(first.evaluate, Compiled)
+    assert first.evaluate is second.evaluate
+    function = first.evaluate.compiled()
+    assert isinstance(function, FunctionType)
+    assert first.evaluate.compiled() is function
+    assert (first.evaluate(environment()), function(environment())) == (5, 5)
+    assert first.place != second.place
+
+
+def test_the_same_words_in_another_scope_are_another_expression(scope: Scope) -> None:
+    """A name may have another type there, and a part's parameter another value."""
+    event = Type("record", "event", fields={"x": COUNT})
+    assert scope.with_event(event) is scope.with_event(event)
+    assert compiled("event.x + 1", scope.with_event(event)).type is INTEGER
+    assert refusals("event.x + 1", scope) == ["0: expected a number, but 'event.x' is any [wrong-type]"]
+    bound = replace(scope, bound={"goal": literal(7, COUNT), "names": literal(["c"], list_of(TEXT))})
+    assert compiled("param.goal + 1", scope).evaluate(environment()) == 4
+    assert compiled("param.goal + 1", bound).evaluate(environment()) == 8
+    assert compiled("param.names[0]", bound).evaluate(environment()) == "c"
+
+
+def test_a_text_that_a_part_was_given_may_be_a_quantity(scope: Scope) -> None:
+    """As a written one may be."""
+    bound = replace(scope, bound={"goal": literal("5 s", TEXT), "far": literal(3, ANY)})
+    assert compiled("param.goal < param.patience", bound).evaluate(environment()) is True
+    with pytest.raises(TypeError):
+        compiled("param.far.x", bound).evaluate(environment())
+
+
+def test_values_in_values_are_bounded(scope: Scope) -> None:
+    """A part that doubles what it is given, given to another that does, and so on."""
+    value = literal(1, COUNT)
+    for _ in range(11):
+        doubled = check_expression(
+            doubling(), replace(scope, bound={"goal": value}), COUNT, Findings(), "here"
+        )
+        assert doubled is not None
+        value = doubled
+    bound = replace(scope, bound={"goal": value})
+    problem = "the expression is too large with the values that stand for its parameters"
+    assert refusals("param.goal + param.goal", bound) == [f"0: {problem} [bad-expression]"]
+
+
+def doubling() -> Fragment:
+    """Return an expression that reads a parameter twice."""
+    return Fragment("param.goal + param.goal", text_at("param.goal + param.goal", PLACE))
+
+
+def test_values_in_values_may_be_too_deep(scope: Scope) -> None:
+    """Small, but nested deeper than Python reads."""
+    deep = literal(1, COUNT)
+    for _ in range(250):
+        deep = deep._replace(code=f"(-{deep.code})")
+    bound = replace(scope, bound={"goal": deep})
+    problem = "the expression is too large with the values that stand for its parameters"
+    assert refusals("param.goal", bound) == [f"0: {problem} [bad-expression]"]
 
 
 @pytest.mark.parametrize(
@@ -363,6 +464,8 @@ def test_compiled_code_has_no_builtins(scope: Scope) -> None:
         ("  ${a}  ", "a"),
         ("${ 'x}y' }", " 'x}y' "),
         ("a", None),
+        ("${ a } }", " a } "),
+        ("${ a ${ b }", None),
         ("x ${ a }", None),
         ("${ a } ${ b }", None),
         ("$ { a }", None),

@@ -335,6 +335,10 @@ RIGHT = {
       C: {after: {1 s: B}}
   done: {type: final}
 """,
+    "never-happens: a mission that only the operator ends": """\
+  A: {after: {1 s: B}}
+  B: {after: {1 s: A}}
+""",
     "no-deadline: the budget around ends it": """\
   A:
     budget: {after: 1 min, code: late, target: done}

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import pytest
 
 from lupin_engine.chart import source
 from lupin_engine.chart.findings import Findings
-from lupin_engine.chart.source import Map, Seq, Text, head, parse, read
+from lupin_engine.chart.source import Map, Seq, Text, head, map_at, parse, read, text_at
 from lupin_engine.errors import Place
 
 
@@ -74,11 +75,11 @@ def test_every_key_and_value_has_its_place() -> None:
     """Places count from 1 and survive nesting."""
     found = parsed("a:\n  b: [x, y]\n  c: {d: 1}\n")
     inner = found["a"]
-    assert (found.key_place("a"), found.places["a"]) == (Place("m.yaml", 1, 1), Place("m.yaml", 2, 3))
+    assert (found.key_place("a"), found.value_place("a")) == (Place("m.yaml", 1, 1), Place("m.yaml", 2, 3))
     assert isinstance(inner["b"], Seq)
     assert [place.column for place in inner["b"].places] == [7, 10]
     assert inner["c"].key_place("d") == Place("m.yaml", 3, 7)
-    assert inner["c"].places["d"] == Place("m.yaml", 3, 10)
+    assert inner["c"].value_place("d") == Place("m.yaml", 3, 10)
 
 
 @pytest.mark.parametrize(
@@ -190,3 +191,62 @@ def test_the_head_of_a_file_names_it_even_when_the_rest_is_broken(tmp_path: Path
     path.write_text("# mission: No\nmission: 'Yes'\nstates: [\n")
     assert head(path) == ("mission", "Yes")
     assert head(tmp_path / "none.yaml") is None
+
+
+def test_an_anchor_is_not_part_of_a_text() -> None:
+    """Neither of a value nor of a key; the place of either is where the anchor stands."""
+    found = parsed("a: &x 'b c'\n&y 'd e': *x\n&z f g: &n 5\nh: *n\n")
+    assert (found["a"].place, found["a"].at(2)) == (Place("m.yaml", 1, 4), Place("m.yaml", 1, 10))
+    assert found.key_text("d e").at(2) == Place("m.yaml", 2, 7)
+    assert (found.key_text("f g").place, found.key_text("f g").at(2)) == (
+        Place("m.yaml", 3, 1),
+        Place("m.yaml", 3, 6),
+    )
+    assert (found["f g"], found["h"]) == (5, 5)
+
+
+@pytest.mark.parametrize(
+    ("text", "offset", "column"),
+    [
+        ("k: ''", 0, 5),
+        ("k: '  '", 1, 7),
+        ("k: 'a '", 1, 7),
+        ("k: 'a '", 2, 7),
+        ("k: ab", 2, 6),
+        ("k: |\n  \n", 0, 4),
+    ],
+)
+def test_behind_the_last_character_stands_what_ends_the_text(text: str, offset: int, column: int) -> None:
+    """The closing quote, or the first column after it: an expression that ends too early is told there."""
+    assert parsed(text)["k"].at(offset).column == column
+
+
+def test_a_text_without_its_file_stands_where_it_begins() -> None:
+    """No place is better than a wrong one, and neither is an exception."""
+    text = text_at("a b", Place("m.yaml", 3, 5))
+    assert text.at(2) == Place("m.yaml", 3, 7)
+    text.file = source.File("m.yaml", "")
+    assert text.at(2) == Place("m.yaml", 3, 5)
+
+
+def test_what_is_not_written_stands_where_it_is_missed() -> None:
+    """An empty mapping with a place."""
+    found = map_at(Place("m.yaml", 3, 5))
+    assert (found, found.place) == ({}, Place("m.yaml", 3, 5))
+
+
+def test_a_pipe_is_not_waited_for(tmp_path: Path) -> None:
+    """Nor a device read to its end."""
+    path = tmp_path / "m.yaml"
+    os.mkfifo(path)
+    findings = Findings()
+    assert read(path, findings) is None
+    assert [(d.problem, d.rule) for d in findings.all] == [("cannot read the file: it is no file", "no-file")]
+    assert head(path) is None
+
+
+def test_a_folder_is_no_file(tmp_path: Path) -> None:
+    """It is told in the words of the system."""
+    findings = Findings()
+    assert read(tmp_path, findings) is None
+    assert [d.problem for d in findings.all] == ["cannot read the file: Is a directory"]

@@ -530,6 +530,24 @@ def test_what_is_raised_for_nobody_is_told() -> None:
     assert bench.steps[0].notes == ("nobody listens to ping",)
 
 
+def test_an_end_that_comes_too_late_is_dropped() -> None:
+    """What was raised before it has led out of the state; nobody there could hear."""
+    inner = {"x": {"on": {"end": "f"}}, "f": {"kind": "final", "entry": ("raise", {"event": "leave"})}}
+    bench = Bench(
+        chart({"M": {"states": inner, "on": {"leave": "Z"}, "on_done": "WRONG"}, "Z": {}, "WRONG": {}})
+    )
+    step = bench.send("end")
+    assert (bench.leaves, step.notes) == (["Z"], ("dropped: done of M, which was left",))
+
+
+def test_nothing_is_fired_before_its_time() -> None:
+    """Nor when nothing is armed."""
+    bench = Bench(chart({"A": {"after": {5.0: "B"}}, "B": {}}))
+    assert bench.machine.advance(4.9) is None
+    assert bench.wait(5.0) != []
+    assert (bench.machine.next_deadline, bench.machine.advance(99.0)) == (None, None)
+
+
 # -- more of parallel states ------------------------------------------------------------------------------
 
 

@@ -8,15 +8,14 @@ from typing import Any
 import pytest
 from hypothesis import given, settings
 
-from lupin_engine.chart.model import Chart, Constant
-from lupin_engine.errors import Place
+from lupin_engine.chart.model import Chart
 from lupin_engine.machine import machine as machines
 from lupin_engine.machine import plan as plans
 from lupin_engine.machine.event import Event
 from lupin_engine.machine.machine import Machine
-from lupin_engine.plugin.types import ANY
 from tests.machine.charts import Bench, chart, expression, fails, legal
 from tests.machine.random_charts import HAPPENINGS, Happening, charts, drive
+from tests.machine.test_snapshot import RICH, RICH_HAPPENINGS, happen
 
 
 class Plodder(Machine):
@@ -61,7 +60,7 @@ def compare(one: Bench, other: Bench, happenings: list[Happening]) -> None:
         assert legal(one.machine.chart, one.machine.memory.configuration)
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=120, deadline=None)
 @given(charts(), HAPPENINGS)
 def test_shortcuts_change_nothing(given_chart: Chart, happenings: list[Happening]) -> None:
     """A machine with shortcuts and one without take the same steps, also when all have been learned."""
@@ -69,7 +68,19 @@ def test_shortcuts_change_nothing(given_chart: Chart, happenings: list[Happening
     compare(Bench(given_chart), Plodding(given_chart), happenings)
 
 
-@settings(max_examples=75, deadline=None)
+@settings(max_examples=50, deadline=None)
+@given(RICH_HAPPENINGS)
+def test_shortcuts_change_nothing_beside_operations(happenings: list[Any]) -> None:
+    """Nor where operations, walks, budgets and holds of other states are under way."""
+    quick, plodding = Bench(RICH), Plodding(RICH)
+    for happening in happenings:
+        for bench in (quick, plodding):
+            happen(bench, happening)
+        assert quick.steps == plodding.steps
+    assert quick.machine.snapshot() == plodding.machine.snapshot()
+
+
+@settings(max_examples=50, deadline=None)
 @given(charts(), HAPPENINGS)
 def test_what_is_not_kept_is_made_anew(given_chart: Chart, happenings: list[Happening]) -> None:
     """Beyond the number of rows and plans that are kept, steps cost more and are the same."""
@@ -87,6 +98,17 @@ def test_what_is_not_kept_is_made_anew(given_chart: Chart, happenings: list[Happ
         drive(rich, happening)
     assert poor.steps == rich.steps
     assert poor.machine.memory == rich.machine.memory
+
+
+def test_more_configurations_than_are_kept() -> None:
+    """They are worked out every time; the steps are the same, and memory is not spent on them."""
+    moves = {name: {"on": {"go": after}} for name, after in ("AB", "BC", "CA")}
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(plans, "MAX_ROWS", 2)
+        bench = Bench(chart(moves))
+        entered = [bench.send("go").entered for _ in range(6)]
+    assert entered == [("B",), ("C",), ("A",)] * 2
+    assert len(bench.machine._planner._rows) == 2
 
 
 def learned(bench: Bench, event: str) -> bool:
@@ -206,9 +228,9 @@ def test_a_value_that_cannot_be_written_is_told() -> None:
 
 def test_constants_are_values() -> None:
     """A variable may be set to what is written out."""
-    place = Place("test.yaml", 1, 1)
-    rule = {"do": ("set", {"n": 5})}
-    bench = Bench(chart({"A": {"on": {"go": rule}}}, context={"n": 0}))
+    bench = Bench(chart({"A": {"on": {"go": {"do": ("set", {"n": 5})}}}}, context={"n": 0}))
     bench.send("go")
+    assert learned(bench, "go")
+    bench.context["n"] = 0
     bench.send("go")
-    assert (bench.context["n"], Constant(5, place, ANY).evaluate({})) == (5, 5)
+    assert bench.context["n"] == 5

@@ -5,13 +5,18 @@ Each test shows both. If a new version of the library changes its answer, the te
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
+import pytest
 from transitions import MachineError
 from transitions.extensions.nesting import HierarchicalMachine
 
+from lupin_engine.chart.load import default_missions_folder, load_chart
+from lupin_engine.errors import ChartError
 from lupin_engine.machine.structure import build_machine
-from tests.machine.charts import Bench, chart
+from tests import shipped
+from tests.machine.charts import Bench, chart, fails
 
 
 class Model:
@@ -212,6 +217,57 @@ def test_9_the_first_state_is_entered() -> None:
     assert bench.commands == ["act enter.A"]
 
 
+# 10 ------------------------------------------------------------------------------------------------------
+
+
+def test_10_an_error_keeps_the_queue() -> None:
+    """Stock: the new state stays, and what was queued is lost with the exception."""
+    model = Model()
+    model.boom = _boom  # type: ignore[attr-defined]
+    rule = {"trigger": "go", "source": "A", "dest": "B", "before": lambda: model.next()}  # type: ignore[attr-defined]
+    stock(model, ["A", {"name": "B", "on_enter": "boom"}, "C"], [rule, ["next", "B", "C"]], initial="A")
+    with pytest.raises(ValueError, match="boom"):
+        model.go()  # type: ignore[attr-defined]
+    assert model.state == "B"
+
+    moves = {"target": "B", "do": ("raise", {"event": "next"})}
+    states = {"A": {"on": {"go": moves}}, "B": {"entry": ("act", {"x": fails}), "on": {"next": "C"}}, "C": {}}
+    bench = Bench(chart(states))
+    step = bench.send("go")
+    assert bench.leaves == ["C"]
+    assert step.notes[0] == "test.yaml:1:1: act: division by zero"
+
+
+def _boom() -> None:
+    raise ValueError("boom")
+
+
+# 11 ------------------------------------------------------------------------------------------------------
+
+
+def test_11_what_does_not_exist_is_told_before_anything_runs(tmp_path: Path) -> None:
+    """Stock: unknown states and callbacks are accepted; the callback fails when the state has changed."""
+    model = Model()
+    missing = {"trigger": "call", "source": "A", "dest": "B", "after": "absent"}
+    stock(model, ["A", "B"], [["go", "A", "NOWHERE"], ["back", "GHOST", "A"], missing], initial="A")
+    with pytest.raises(ValueError, match="NOWHERE"):
+        model.go()  # type: ignore[attr-defined]
+    with pytest.raises(AttributeError, match="absent"):
+        model.call()  # type: ignore[attr-defined]
+    assert model.state == "B"
+
+    file = tmp_path / "trap.yaml"
+    file.write_text(
+        "mission: Trap\nsummary: A trap.\nstates:\n  A:\n    entry: [arm.absent]\n    always: NOWHERE\n",
+        encoding="utf-8",
+    )
+    lifecycle = default_missions_folder() / "lifecycle.yaml"
+    with pytest.raises(ChartError) as told:
+        load_chart(lifecycle, [file], shipped.catalog())
+    found = {(one.rule, one.place.line) for one in told.value.diagnostics}
+    assert {("unknown-action", 5), ("unknown-state", 6)} <= found
+
+
 # 12 ------------------------------------------------------------------------------------------------------
 
 
@@ -257,11 +313,8 @@ def test_the_stock_machine_refuses_what_it_does_not_know() -> None:
     model = Model()
     build_machine(given).add_model(model)
     model.trigger("go", environment={})  # type: ignore[attr-defined]
-    try:
+    with pytest.raises(MachineError):
         model.trigger("go", environment={})  # type: ignore[attr-defined]
-    except MachineError:
-        refused = True
-    assert refused
     bench = Bench(given)
     bench.send("go")
     assert not bench.send("go").changed

@@ -1,16 +1,24 @@
-"""Scenario files: every mistake told with its place, every failure with its story."""
+"""Scenario files: every mistake told with its place, every failure with its story and both files' lines."""
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 
 import pytest
 
+from lupin_engine.chart.load import LIFECYCLE, default_missions_folder
 from lupin_engine.errors import ChartError, UsageError
-from lupin_engine.sim.scenario import chart_loader, load_scenario, scenario_files
+from lupin_engine.sim.failure import report
+from lupin_engine.sim.scenario import Missions, Scenario, load_scenario, scenario_files
+from lupin_engine.sim.scenario_file import CountNode, ScenarioNode, VisitNode
+from lupin_engine.sim.simulation import Run
 from tests import shipped
+from tests.chart.test_words import wide_catalog
 
-CHARTS = chart_loader(shipped.catalog())
+#: A scenario in which everything is wrong, beside what is told about it.
+BROKEN = Path(__file__).parents[1] / "scenarios" / "broken" / "everything"
+MISSIONS = Missions(shipped.catalog())
 HEAD = 'scenario: a test\nmission: inspection\nrequest: {tag_sequence: ["1"]}\n'
 
 
@@ -21,16 +29,29 @@ def written(folder: Path, text: str) -> Path:
     return file
 
 
+def loaded(folder: Path, text: str) -> Scenario:
+    """Return the scenario of a text."""
+    return load_scenario(written(folder, text), shipped.catalog(), MISSIONS)
+
+
+def ran(folder: Path, text: str) -> Run:
+    """Return what comes of a scenario that holds."""
+    scenario = loaded(folder, HEAD + text)
+    run = scenario.run()
+    assert not scenario.failures(run), "\n".join(map(str, scenario.failures(run)))
+    return run
+
+
 def problems(folder: Path, text: str) -> list[str]:
     """Return what is told about a scenario, without the file's name."""
     with pytest.raises(ChartError) as caught:
-        load_scenario(written(folder, text), shipped.catalog(), CHARTS)
+        loaded(folder, text)
     return [str(line).removeprefix(f"{folder}/x.scenario.yaml:") for line in caught.value.diagnostics]
 
 
 def failures(folder: Path, text: str) -> list[str]:
     """Return the first three lines of each failure of a scenario."""
-    scenario = load_scenario(written(folder, HEAD + text), shipped.catalog(), CHARTS)
+    scenario = loaded(folder, HEAD + text)
     found = scenario.failures(scenario.run())
     return [
         " | ".join(line.strip() for line in str(failure).splitlines()[:3]).partition("yaml:")[2]
@@ -38,61 +59,13 @@ def failures(folder: Path, text: str) -> list[str]:
     ]
 
 
-BROKEN = """\
-scenario: everything is wrong
-mission: inspection
-parameters: {nav_timeout: 3 s, scan_timeout_s: 0 s}
-limit: 90
-mocks:
-  - {do: nav.goto, then: done}
-  - {do: nav.go_to, with: {pos: 1}, then: {fail: nav_status_7}}
-  - {do: bridge.read_tag, then: {done: {reeding: 1}, never: true}}
-when:
-  - {at: 1, request: operator.pauze}
-  - {on: NAVIGATE, value: {batery: 10 %}}
-  - {on: NAVIGATING, value: {battery: full}}
-  - {on: NAVIGATING, at: 1 s, request: operator.pause}
-  - {on: NAVIGATING}
-  - {on: NAVIGATING, fail: {do: nav.go_to, code: late}}
-expect:
-  passes: [READING, REDING]
-  counts: {nav.go: 1}
-  within: 3
-"""
-
-TOLD = [
-    "3:14: error: parameters: unknown parameter 'nav_timeout';"
-    " did you mean 'nav_timeout_s'? [unknown-parameter]",
-    "3:48: error: parameters.scan_timeout_s: must be at least 0.1 s, got '0 s' [wrong-type]",
-    "4:8: error: limit: a duration needs a unit, got 90; write '90 s' [no-unit]",
-    "6:10: error: unknown operation 'nav.goto'; did you mean 'nav.go_to'? [unknown-operation]",
-]
+# -- mistakes of a file ----------------------------------------------------------------------------------
 
 
 def test_every_mistake_is_told_with_its_place(tmp_path: Path) -> None:
     """Names are looked up in mission and catalog; all mistakes come at once, in the order of the file."""
-    found = problems(tmp_path, BROKEN)
-    assert found[: len(TOLD)] == TOLD
-    rest = [
-        ("7:28", "unknown argument 'pos'"),
-        ("7:50", "unknown code 'nav_status_7'"),
-        ("8:33", "an attempt ends once"),
-        ("8:41", "unknown field 'reeding'"),
-        ("10:10", "a duration needs a unit"),
-        ("10:22", "did you mean 'operator.pause'?"),
-        ("11:10", "did you mean 'NAVIGATING'?"),
-        ("11:28", "unknown value 'batery'; did you mean 'battery'?"),
-        ("12:39", "expected number, got 'full'"),
-        ("13:5", "either 'at' (a duration) or 'on' (a state)"),
-        ("14:5", "nothing happens"),
-        ("15:50", "unknown code 'late'"),
-        ("17:21", "unknown state 'REDING'; did you mean 'READING'?"),
-        ("18:12", "unknown operation or action 'nav.go'"),
-        ("19:11", "a duration needs a unit"),
-    ]
-    for line, (place, text) in zip(found[len(TOLD) :], rest, strict=True):
-        assert line.startswith(f"{place}: error: "), line
-        assert text in line
+    text, told = (BROKEN.with_suffix(ending).read_text(encoding="utf-8") for ending in (".yaml", ".txt"))
+    assert problems(tmp_path, text) == told.splitlines()
 
 
 @pytest.mark.parametrize(
@@ -106,13 +79,51 @@ def test_every_mistake_is_told_with_its_place(tmp_path: Path) -> None:
         (HEAD + "expekt: {}\n", "4:1: error: unknown key 'expekt'; did you mean 'expect'?"),
         (HEAD + "expect: {finel: DONE}\n", "4:10: error: expect: unknown key 'finel'; did you mean 'final'?"),
         (HEAD + "expect: {visits: 3}\n", "4:18: error: expect.visits: expected a list, got 3"),
+        (
+            HEAD + "expect: {published: [2]}\n",
+            "4:22: error: expect.published.0: expected a mapping, got 2",
+        ),
+        (
+            HEAD + 'expect: {published: ["2"]}\n',
+            "4:22: error: expect.published.0: the key 'status' is missing",
+        ),
+        (
+            HEAD + "expect: {}\ntimeout: 3 s\n",
+            "5:1: error: a scenario has no timeout; write 'limit: 10 min', or 'within' under 'expect'",
+        ),
+        (
+            HEAD + "mocks: [{do: nav.go_to, then: {any_of: []}}]\nexpect: {}\n",
+            "4:40: error: nav.go_to: there is nothing to choose from [wrong-shape]",
+        ),
     ],
-    ids=["empty", "missing", "unknown", "unknown within", "shape"],
+    ids=[
+        "empty",
+        "missing",
+        "unknown",
+        "unknown within",
+        "shape",
+        "number",
+        "half",
+        "elsewhere",
+        "no choice",
+    ],
 )
 def test_a_file_of_the_wrong_shape_is_told(tmp_path: Path, text: str, expected: str) -> None:
     """What is no scenario is never a traceback."""
-    assert any(line.startswith(expected) for line in problems(tmp_path, text))
+    assert any(line.startswith(expected) for line in problems(tmp_path, text)), problems(tmp_path, text)
 
+
+def test_every_key_says_what_it_is_for() -> None:
+    """Editors show the descriptions, and know the short forms."""
+    schema = ScenarioNode.model_json_schema(mode="validation")
+    definitions = {"ScenarioNode": schema, **schema["$defs"]}
+    for name, model in definitions.items():
+        objects = [model, *model.get("anyOf", ())]
+        for key, described in (pair for one in objects for pair in one.get("properties", {}).items()):
+            assert described.get("description"), f"{name}.{key} has no description"
+
+
+# -- expectations ------------------------------------------------------------------------------------------
 
 FAILING = [
     (
@@ -120,36 +131,130 @@ FAILING = [
         "4:22: lifecycle | expected: BOOT, DONE | actual:   BOOT, READY, PREPARE, INSPECTING, RETURNING",
     ),
     (
+        "phases: [SCANNING, LOCALIZING]",
+        "4:30: phases: LOCALIZING is not published after SCANNING | expected: SCANNING, LOCALIZING"
+        " | actual:   LOCALIZING, NAVIGATING, SCANNING, PUBLISHING",
+    ),
+    (
         "passes: [READING, NAVIGATING]",
         "4:29: passes: NAVIGATING is not entered after READING | expected: READING, NAVIGATING",
+    ),
+    (
+        "passes: [NAVIGATING, {state: READING, within: 2 s}]",
+        "4:32: passes: READING is not entered within 2 s after NAVIGATING"
+        " | expected: READING within 2 s, counted from 0.5 s | actual:   READING at 3.5 s",
+    ),
+    (
+        "passes: [{state: READING, by: 3 s}]",
+        "4:20: passes: READING is not entered by 3 s | expected: READING by 3 s | actual:   READING at 3.5 s",
+    ),
+    (
+        "passes: [NAVIGATING, {state: READING, at_least: 4 s}]",
+        "4:32: passes: READING is not entered after at least 4 s after NAVIGATING",
+    ),
+    (
+        "leads_to: [{from: NAVIGATING, to: READING, within: 2 s}]",
+        "4:22: leads_to: READING | expected: READING follows every NAVIGATING within 2 s"
+        " | actual:   NAVIGATING at 0.5 s, READING 3.0 s later",
+    ),
+    (
+        "leads_to: [{from: READING, to: NAVIGATING}]",
+        "4:22: leads_to: NAVIGATING | expected: NAVIGATING follows every READING"
+        " | actual:   READING at 3.5 s, NAVIGATING never after that",
     ),
     (
         "never: [FAULT, READING]",
         "4:26: never: READING | expected: READING is not entered | actual:   entered MISSION.",
     ),
+    (
+        "never: [{state: NAVIGATING, after: READING}, {state: DONE, after: READING}]",
+        "4:56: never: DONE | expected: DONE is not entered after READING | actual:   entered DONE at 6.7 s",
+    ),
     ("visits: [2 OK]", "4:20: visits | expected: 2 OK | actual:   1 OK"),
-    ("visits: [1 OK, 2 OK]", "4:20: visits | expected: 1 OK, 2 OK | actual:   1 OK"),
+    ("visits: [1 OK, 2 OK]", "4:26: visits | expected: 1 OK, 2 OK | actual:   1 OK"),
     ("visits: []", "4:19: visits | expected: none | actual:   1 OK"),
     (
         "published: [1 SKIPPED mission_aborted]",
         "4:23: published | expected: 1 SKIPPED mission_aborted | actual:   1 OK",
     ),
+    (
+        "published: [{target: '1', status: OK, reading: {tag_id: '2'}}]",
+        "4:23: published | expected: 1 OK with {'tag_id': '2'} | actual:   1 OK with {'tag_id': '1'",
+    ),
+    ("statuses: {OK: {at_least: 2}}", "4:26: statuses: OK | expected: at least 2 | actual:   1 of 1"),
     ("refused: [no_tags]", "4:21: refused | expected: no_tags | actual:   no further refusal"),
+    ("holds: [pause]", "4:19: holds | expected: pause | actual:   none"),
     ("final: FAULT", "4:18: final | expected: FAULT | actual:   DONE"),
     ("paused: true", "4:19: paused | expected: True | actual:   False"),
     ("last_error: battery_low", "4:23: last_error | expected: battery_low | actual:   none"),
     ("counts: {nav.go_to: 2, nav.dock: 1}", "4:31: counts: nav.go_to | expected: 2 | actual:   1"),
+    ("counts: {nav.go_to: {at_most: 0}}", "4:31: counts: nav.go_to | expected: 0 | actual:   1"),
+    ("cancels: {nav.go_to: 1}", "4:32: cancels: nav.go_to | expected: 1 | actual:   0"),
     ("dropped: 2", "4:20: dropped | expected: 2 | actual:   0"),
+    ("notes: [nobody listens]", "4:19: notes | expected: nobody listens | actual:   none"),
     ("within: 2 s", "4:19: within | expected: 2 s | actual:   6.7 s"),
     ("at_least: 7 s", "4:21: at_least | expected: 7 s | actual:   6.7 s"),
 ]
 
 
-@pytest.mark.parametrize(("expect", "told"), FAILING, ids=[expect.partition(":")[0] for expect, _ in FAILING])
+@pytest.mark.parametrize(("expect", "told"), FAILING, ids=[expect for expect, _ in FAILING])
 def test_what_did_not_come_true_is_told(tmp_path: Path, expect: str, told: str) -> None:
     """A failure names its place in the file, what was expected, and what came."""
     (found,) = failures(tmp_path, f"expect: {{ {expect} }}\n")
     assert found.startswith(told)
+
+
+def test_a_later_entry_may_be_the_one_that_is_in_time(tmp_path: Path) -> None:
+    """Any entries that fit will do, not only the first ones."""
+    scenario = loaded(
+        tmp_path,
+        HEAD.replace('"1"', '"1", "2"')
+        + "mocks: [{do: nav.go_to, then: [{after: 10 s}, {after: 1 s}]}]\n"
+        + "expect: {passes: [NAVIGATING, {state: READING, within: 2 s}, {state: visited, within: 1 s}]}\n",
+    )
+    assert scenario.failures(scenario.run()) == []
+
+
+MOMENTS = [
+    (
+        "state: READING",
+        "state at 1.0 s | expected: READING | actual:   MISSION.InspectionMission.INSPECTING",
+    ),
+    ("not_state: [INSPECTING]", "not_state at 1.0 s | expected: not INSPECTING | actual:   MISSION."),
+    ("lifecycle: DONE", "lifecycle at 1.0 s | expected: DONE | actual:   INSPECTING"),
+    ("phase: SCANNING", "phase at 1.0 s | expected: SCANNING | actual:   NAVIGATING"),
+    ('target: ""', "target at 1.0 s | expected: none | actual:   1"),
+    ("paused: true", "paused at 1.0 s | expected: True | actual:   False"),
+    ("held: [estop]", "held at 1.0 s | expected: estop | actual:   none"),
+    ("last_error: nav_timeout", "last_error at 1.0 s | expected: nav_timeout | actual:   none"),
+    ("running: []", "running at 1.0 s | expected: none | actual:   nav.go_to"),
+    ("variables: {reason: abort}", "variables at 1.0 s | expected: reason: abort | actual:   reason:"),
+]
+
+
+@pytest.mark.parametrize(("moment", "told"), MOMENTS, ids=[moment for moment, _ in MOMENTS])
+def test_what_must_be_so_at_a_moment_is_compared_then(tmp_path: Path, moment: str, told: str) -> None:
+    """A look at a time says what was different then, and where that is written."""
+    (found,) = failures(tmp_path, f"when: [{{at: 1 s, expect: {{ {moment} }}}}]\nexpect: {{final: DONE}}\n")
+    place, _, rest = found.partition(": ")
+    assert place.startswith("4:")
+    assert rest.startswith(told)
+
+
+def test_a_moment_can_be_any_entry_any_start_or_the_end(tmp_path: Path) -> None:
+    """What is looked at every time must be so every time; what happens beside it has happened."""
+    ran(
+        tmp_path,
+        """\
+when:
+  - {on: INSPECTING, expect: {state: NAVIGATING, target: "1", running: [nav.go_to]}}
+  - {start_of: nav.go_to, nth: every, after: 1 s, expect: {phase: NAVIGATING, variables: {reason: ""}}}
+  - {start_of: bridge.read_tag, request: operator.pause, expect: {held: [pause], paused: true}}
+  - {at: 10 s, request: operator.resume, expect: {held: []}}
+  - {at: end, expect: {lifecycle: DONE, running: [], not_state: [MISSION], variables: {reason: done}}}
+expect: {holds: [pause], notes: [the answer of bridge.read_tag waits for the release]}
+""",
+    )
 
 
 def test_a_refusal_that_nobody_expected_is_a_failure(tmp_path: Path) -> None:
@@ -159,23 +264,187 @@ def test_a_refusal_that_nobody_expected_is_a_failure(tmp_path: Path) -> None:
     assert "refused | expected: no further refusal | actual:   operator.reset not_possible" in found
 
 
-def test_a_happening_that_never_came_is_a_failure(tmp_path: Path) -> None:
-    """A scenario that tests nothing says so."""
-    text = "when:\n  - {on: NAVIGATING, nth: 2, request: operator.pause}\nexpect: {final: DONE}\n"
-    (found,) = failures(tmp_path, text)
-    assert (
-        "expected: NAVIGATING is entered 2 times, for something to happen then | actual:   entered 1 times"
-        in found
+@pytest.mark.parametrize(
+    ("when", "told"),
+    [
+        (
+            "on: NAVIGATING, nth: 2, request: operator.pause",
+            "NAVIGATING is entered 2 times, for",
+        ),
+        ("on: FAULT, request: operator.pause", "FAULT is entered, for something to happen then"),
+        ("start_of: nav.dock, nth: 3, restart: true", "nav.dock is started 3 times, for something to happen"),
+        ("on: FAULT, expect: {paused: true}", "FAULT is entered, for something to happen then"),
+        (
+            "at: 4 s, fail: {do: nav.go_to, code: nav_rejected}",
+            "nav.go_to is under way | actual:   not so",
+        ),
+        ("at: 1 s, server_back: nav.go_to", "the server of nav.go_to is gone | actual:   not so at 1.0 s"),
+    ],
+)
+def test_what_never_came_to_pass_is_a_failure(tmp_path: Path, when: str, told: str) -> None:
+    """A scenario that tests nothing says so, at the line that does nothing."""
+    scenario = f"when:\n  - {{at: 0.1 s, restart: true}}\n  - {{ {when} }}\nexpect: {{final: DONE}}\n"
+    (found,) = failures(tmp_path, scenario)
+    assert found.startswith(f"6:5: when | expected: {told}")
+
+
+def test_a_failure_shows_both_files_and_what_happened_around_it(tmp_path: Path) -> None:
+    """The line of the expectation, the line of the chart, and the story with its step marked."""
+    text = (
+        HEAD
+        + "when:\n  - {on: READING, request: operator.skip_current}\nexpect: {visits: [1 OK], final: FAULT}\n"
+    )
+    scenario = loaded(tmp_path, text)
+    lines = [line for _, line in report(scenario.failures(scenario.run()))]
+    assert lines[0] == f"{tmp_path}/x.scenario.yaml:6:19: visits"
+    assert lines[3:5] == [
+        "      6 | expect: {visits: [1 OK], final: FAULT}",
+        "        |                   ^",
+    ]
+    assert lines[5].startswith("  missions/parts/visit_targets.yaml:")
+    assert lines[5].endswith("on.operator.skip_current.0")
+    assert "guard: itinerary.open" in lines[6]
+    marked = [line for line in lines if line.startswith("    >")]
+    assert ["operator.skip_current accepted" in line for line in marked] == [True]
+    assert "publish 1 SKIPPED" in marked[0]
+    at = lines.index(marked[0])
+    assert "nav.go_to done" in lines[at - 1]
+    assert "nav.dock done" in lines[at + 1]
+    assert lines[at + 2].endswith("x.scenario.yaml:6:33: final")
+    assert any(line.endswith(": the state DONE") for line in lines[at:])
+
+
+# -- what happens ------------------------------------------------------------------------------------------
+
+
+def test_a_server_that_is_gone_is_silent_until_it_is_back(tmp_path: Path) -> None:
+    """Neither what it was asked before nor what it is asked meanwhile is answered."""
+    run = ran(
+        tmp_path,
+        """\
+parameters: {nav_timeout_s: 10 s, nav_max_attempts: 3}
+when:
+  - {start_of: nav.go_to, after: 1 s, server_gone: [nav.go_to, nav.dock]}
+  - {start_of: nav.go_to, nth: 3, after: 1 s, server_back: nav.go_to}
+expect: {published: [1 UNREACHABLE nav_timeout], counts: {nav.go_to: 3, nav.dock: 1}}
+""",
+    )
+    assert run.view.code == "nav_timeout"
+
+
+def test_a_cancel_takes_the_time_that_is_said(tmp_path: Path) -> None:
+    """The robot goes home only when the drive has ended, at most 3 s later."""
+    for cancel, seconds in (("2 s", 6.5), ("ends", 4.5), ("unconfirmed", 7.5), ("5 s", 7.5)):
+        run = ran(
+            tmp_path,
+            f"mocks: [{{do: nav.go_to, then: {{never: true, cancel: {cancel}}}}}]\n"
+            "when: [{on: NAVIGATING, after: 1 s, request: operator.abort}]\nexpect: {final: DONE}\n",
+        )
+        assert run.seconds == pytest.approx(seconds)
+
+
+def test_an_operation_ends_with_the_result_that_is_said(tmp_path: Path) -> None:
+    """`finish` ends it now, over what the mock would say."""
+    reading = '{tag_id: "1", stamp: 4.0, sim_time_of_day_seconds: 0, readings: [{name: co2, value: 400}]}'
+    ran(
+        tmp_path,
+        "mocks: [{do: bridge.read_tag, then: never}]\nwhen: [{on: READING, after: 2 s, finish: "
+        f"{{do: bridge.read_tag, done: {{reading: {reading}}}}}}}]\n"
+        "expect:\n  published:\n"
+        "    - {target: '1', status: OK, reading: {stamp: 4.0, readings: [{name: co2, value: 400.0}]}}\n",
     )
 
 
-def test_a_failure_tells_what_happened_around_it(tmp_path: Path) -> None:
-    """The story up to the step in question stands below."""
-    text = HEAD + "when:\n  - {on: READING, request: operator.skip_current}\nexpect: {visits: [1 OK]}\n"
-    scenario = load_scenario(written(tmp_path, text), shipped.catalog(), CHARTS)
+WATCHFUL = """\
+mission: Watchful
+context: {blocks: {type: count, default: 0}}
+invariants: {patience: {that: blocks < 2}}
+initial: WALKING
+states:
+  WALKING:
+    after: {10 s: done}
+    on:
+      nav.blocked:
+        - {target: STUCK, guard: "event.seconds > '1 s'", do: [set: {blocks: "${ blocks + 1 }"}]}
+  STUCK: {after: {2 s: WALKING}}
+  done: {type: final}
+"""
+
+
+def watchful(folder: Path, text: str) -> Scenario:
+    """Return a scenario of a mission that listens to a plugin's event, with made-up plugins."""
+    shutil.copytree(default_missions_folder(), folder, dirs_exist_ok=True)
+    (folder / "watchful.yaml").write_text(WATCHFUL, encoding="utf-8")
+    return load_scenario(written(folder, f"scenario: a test\nmission: watchful\n{text}"), wide_catalog())
+
+
+def blocked(seconds: str) -> str:
+    """Something stands in the way."""
+    return f"{{nav.blocked: {{where: {{x: 0 m, y: 0 m, yaw: 0 deg}}, seconds: {seconds}}}}}"
+
+
+def test_plugins_tell_events(tmp_path: Path) -> None:
+    """What a plugin tells reaches the chart with its fields; a broken invariant is told in order."""
+    scenario = watchful(
+        tmp_path,
+        f"""\
+when:
+  - {{on: WALKING, after: 1 s, event: {blocked("0.5 s")}, expect: {{state: WALKING}}}}
+  - {{on: WALKING, after: 3 s, event: {blocked("2 s")}, expect: {{state: STUCK}}}}
+  - {{on: WALKING, nth: 2, event: {blocked("2 s")}, expect: {{variables: {{blocks: 2}}}}}}
+expect: {{broken: [patience], final: FAULT, passes: [WALKING, STUCK, WALKING, FAULT]}}
+""",
+    )
+    assert scenario.failures(scenario.run()) == []
+
+
+def test_a_broken_invariant_that_nobody_expected_is_a_failure(tmp_path: Path) -> None:
+    """Silence about invariants means that they hold; the failure shows where it is written."""
+    when = f"when:\n  - {{on: WALKING, nth: every, event: {blocked('2 s')}}}\n"
+    scenario = watchful(tmp_path, f"{when}expect: {{final: FAULT}}\n")
     (failure,) = scenario.failures(scenario.run())
-    assert "operator.skip_current accepted" in str(failure.story[-1])
-    assert "publish 1 SKIPPED" in str(failure.story[-1])
+    assert (failure.what, failure.expected, failure.actual) == ("broken", "none", "patience")
+    assert failure.concerned[0][0] == "the invariant patience"
+    assert failure.concerned[0][1].line == 3
+
+
+@pytest.mark.parametrize(
+    ("event", "told"),
+    [
+        ("nav.blokked", "4:22: error: when: unknown event 'nav.blokked'; did you mean 'nav.blocked'?"),
+        ("nav.blocked", "4:22: error: nav.blocked: the event has no where, seconds"),
+        ("{nav.blocked: {where: 3, second: 1 s}}", "4:44: error: nav.blocked.where: expected pose"),
+        ("{name: nav.blocked, data: {second: 1 s}}", "4:49: error: nav.blocked: unknown field 'second'"),
+    ],
+)
+def test_events_are_looked_up(tmp_path: Path, event: str, told: str) -> None:
+    """Their names and their fields."""
+    with pytest.raises(ChartError) as caught:
+        watchful(tmp_path, f"when:\n  - {{at: 1 s, event: {event}}}\nexpect: {{}}\n")
+    assert any(f"x.scenario.yaml:{told}" in str(line) for line in caught.value.diagnostics), caught.value
+
+
+# -- numbers and words -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("node", "text"),
+    [
+        (CountNode(at_least=2, at_most=2), "2"),
+        (CountNode(at_least=2), "at least 2"),
+        (CountNode(at_most=3), "at most 3"),
+        (CountNode(at_least=2, at_most=3), "2 to 3"),
+        (VisitNode(target="1", status="OK"), "1 OK"),
+        (VisitNode(target="1", status="OK", code="x", detail="why"), "1 OK x 'why'"),
+    ],
+    ids=lambda value: value if isinstance(value, str) else "",
+)
+def test_expectations_are_told_in_words(node: object, text: str) -> None:
+    """As they would be written."""
+    assert str(node) == text
+
+
+# -- files -------------------------------------------------------------------------------------------------
 
 
 def test_folders_hold_scenarios(tmp_path: Path) -> None:
@@ -193,10 +462,18 @@ def test_folders_hold_scenarios(tmp_path: Path) -> None:
 
 def test_a_mission_beside_the_scenario_is_found(tmp_path: Path) -> None:
     """A scenario finds the mission in the folder where it stands, and is not taken for one itself."""
-    for name in ("lifecycle.yaml", "inspection.yaml", "parts/visit_targets.yaml"):
-        target = tmp_path / name
-        target.parent.mkdir(exist_ok=True)
-        target.write_text((Path("missions") / name).read_text(encoding="utf-8"), encoding="utf-8")
+    shutil.copytree(default_missions_folder(), tmp_path, dirs_exist_ok=True)
     file = written(tmp_path, HEAD + "expect: {final: DONE}\n")
     scenario = load_scenario(file, shipped.catalog())
+    assert (tmp_path / LIFECYCLE).is_file()
     assert scenario.chart.missions["InspectionMission"].file == str(tmp_path / "inspection.yaml")
+
+
+def test_missions_and_worlds_are_made_once(tmp_path: Path) -> None:
+    """Scenarios of one mission share its chart, and those with the same settings its world."""
+    one, other = (loaded(tmp_path, HEAD + "expect: {final: DONE}\n") for _ in range(2))
+    assert one.chart is other.chart
+    assert MISSIONS.world(one.chart, {"nav_max_attempts": 3}) is MISSIONS.world(
+        one.chart, {"nav_max_attempts": 3}
+    )
+    assert MISSIONS.world(one.chart, {}) is not MISSIONS.world(one.chart, {"nav_max_attempts": 3})

@@ -138,7 +138,9 @@ def _hidden_by_inner(index: Index, state: State) -> Iterator[Diagnostic]:
 def _resting(index: Index, state: State) -> list[State]:
     """Return the children that a state can rest in: not the final one that it leaves at once."""
     children = index.regions(state)
-    if any(t.event == "done" and t.target is not None and always_taken(t) for t in state.transitions):
+    above = index.chart.states[state.parent] if state.parent is not None else state
+    ended = above if above.slot else state  # a mission's end is the slot's
+    if any(t.event == "done" and t.target is not None and always_taken(t) for t in ended.transitions):
         return [child for child in children if child.kind is not Kind.FINAL]
     return children
 

@@ -28,10 +28,10 @@ def never_happens(index: Index) -> Iterator[Diagnostic]:
 
 
 def _can_be_done(chart: Chart, state: State) -> bool:
-    """Tell whether a state can end by one of its children: a final one, or for the slot a mission's."""
+    """Tell whether a state can end by one of its children; in the slot, other missions may stand that do."""
     children = [chart.states[name] for name in state.children]
     if state.slot:
-        return any(_can_be_done(chart, child) for child in children) or not children
+        return True
     if state.kind is Kind.PARALLEL:
         proper = (child for child in children if child.kind is not Kind.HISTORY)
         return all(child.kind is Kind.FINAL or _can_be_done(chart, child) for child in proper)
@@ -119,7 +119,8 @@ def dead_end(index: Index) -> Iterator[Diagnostic]:
         return
     reached = _reached(index)
     for part in components(stuck):
-        leads_on = any(after not in part for node in part for after in stuck[node])
+        own = set(part)
+        leads_on = any(after not in own for node in part for after in stuck[node])
         rest = [states[name] for name in part if name in reached and states[name].kind is Kind.ATOMIC]
         if rest and not leads_on:
             rest.sort(key=lambda state: state.place)

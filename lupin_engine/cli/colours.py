@@ -1,0 +1,45 @@
+"""The colours of stories, sessions and timelines: what each tone looks like in a terminal."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from types import MappingProxyType
+
+from rich.text import Text
+
+from lupin_engine.cli.view import STATUS_STYLES
+from lupin_engine.sim import timeline
+from lupin_engine.sim.story import Piece
+from lupin_engine.sim.timeline_rows import CURVE, FLAG, HOLD, OPERATION, PHASE, STATE
+
+#: tone -> style of rich; what is not here is plain.
+STYLES: Mapping[str, str] = MappingProxyType(
+    {
+        **STATUS_STYLES,
+        "time": "dim",
+        "dim": "dim",
+        "label": "bold",
+        "refused": "bold red",
+        "note": "yellow",
+        "command": "cyan",
+        "event": "",
+        STATE: "bold green",
+        PHASE: "blue",
+        OPERATION: "green",
+        HOLD: "yellow",
+        FLAG: "red",
+        CURVE: "cyan",
+        timeline.FAILED: "red",
+        timeline.TIMED_OUT: "bold yellow",
+        timeline.CANCELLED: "bright_black",
+        timeline.OPEN: "blue",
+    }
+)
+
+
+def styled(pieces: Iterable[Piece]) -> Text:
+    """Return pieces of a line in their colours."""
+    text = Text(no_wrap=True)
+    for piece, tone in pieces:
+        text.append(piece, STYLES.get(tone, ""))
+    return text

@@ -1,0 +1,207 @@
+"""A picture as SCXML 1.0, for other statechart tools: every state and transition of the chart, refusals too.
+
+Expressions stay in the language of the chart, which is a small part of Python's. What SCXML has no words for
+is written in its ways of extension: an operation is an `invoke` of type `x-lupin`, an action is a `send` of
+that type, a refusal is a transition that logs its code. A hold suspends the whole chart, an itinerary walks a
+list: those are comments.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from xml.sax.saxutils import escape, quoteattr
+
+from lupin_engine.chart.model import (
+    ActionCall,
+    Chart,
+    Constant,
+    Invoke,
+    Kind,
+    State,
+    Timer,
+    Transition,
+    UnknownInput,
+    Value,
+)
+from lupin_engine.diagram.outline import find_state
+from lupin_engine.diagram.picture import Box, Picture, Role
+from lupin_engine.errors import UsageError
+
+_NAMESPACES = 'xmlns="http://www.w3.org/2005/07/scxml" xmlns:lupin="urn:lupin-engine:chart"'
+_TYPE = "x-lupin"
+_ELEMENTS = {Kind.ATOMIC: "state", Kind.COMPOUND: "state", Kind.PARALLEL: "parallel", Kind.FINAL: "final"}
+_IN_STATE = re.compile(r"in_state\('([^']+)'\)")
+
+
+def scxml(picture: Picture) -> str:
+    """Return the text of a picture; it must show the whole chart."""
+    writer = _Writer(picture)
+    return "\n".join(['<?xml version="1.0" encoding="UTF-8"?>', *writer.document()]) + "\n"
+
+
+class _Writer:
+    def __init__(self, picture: Picture) -> None:
+        self._picture = picture
+        self._chart: Chart = picture.chart
+        self._defaults = {"param": {name: p.default for name, p in self._chart.parameters.items()}}
+
+    def document(self) -> Iterator[str]:
+        """Yield the lines of the document."""
+        root = self._chart.states[""]
+        name = _attributes(name=self._picture.title, initial=self._picture.initial)
+        yield f'<scxml {_NAMESPACES} version="1.0" datamodel="python"{name}>'
+        yield from (f"  <!-- {_comment(str(note))} -->" for note in self._picture.notes)
+        data = [f"<data{_attributes(id=name, expr=_written(v.default))}/>" for name, v in self._chart.context.items()]
+        yield from (f"  {line}" for line in _element("datamodel", {}, data))
+        for box in self._picture.boxes:
+            # The document itself has no transitions; one of its states is always active.
+            yield from (f"  {line}" for line in self._box(box, root.transitions))
+        yield "</scxml>"
+
+    def _box(self, box: Box, more: Iterable[Transition] = ()) -> Iterator[str]:
+        state = box.state
+        if state.kind is Kind.HISTORY:
+            kind = "shallow" if state.depth == 1 else "deep"
+            inside = [] if state.depth in (1, None) else [f"<!-- remembers {state.depth} levels -->"]
+            inside.append(f"<transition{_attributes(target=self._begins(state))}/>")
+            yield from _element("history", {"id": state.name, "type": kind}, inside)
+            return
+        inside = [f"<!-- {_comment(str(line))} -->" for line in box.lines if line.role is Role.NOTE]
+        inside += [f"<!-- {_comment(str(line))} -->" for line in box.lines if str(line).startswith("resume")]
+        inside += _element("onentry", {}, [*self._timers(state), *self._actions(state.entry)])
+        cancels = [f"<cancel{_attributes(sendid=self._timer(state, timer))}/>" for timer in _clocks(state)]
+        inside += _element("onexit", {}, [*cancels, *self._actions(state.exit)])
+        for child in box.children:
+            inside += self._box(child)
+        if state.kind is not Kind.FINAL:
+            for rule in (*state.transitions, *more):
+                inside += self._transition(state, rule)
+            if state.invoke is not None:
+                inside += self._invoke(state, state.invoke)
+        yield from _element(_ELEMENTS[state.kind], {"id": state.name, "initial": box.initial}, inside)
+
+    def _begins(self, state: State) -> str:
+        """Return where a history without memory leads: where it says, else where its parent begins."""
+        parent = self._chart.states[state.parent or ""]
+        if state.initial or parent.initial:
+            return state.initial or parent.initial or ""
+        children = [name for name in parent.children if self._chart.states[name].kind is not Kind.HISTORY]
+        return " ".join(children if parent.kind is Kind.PARALLEL else children[:1])
+
+    # -- transitions ------------------------------------------------------------------------------------
+
+    def _transition(self, state: State, rule: Transition) -> Iterator[str]:
+        refusal = [f"<log{_attributes(label='refuse', expr=repr(rule.refuse))}/>"] if rule.refuse else []
+        attributes = {
+            "event": self._event(state, rule.event),
+            "cond": self._condition(rule.guard.source) if rule.guard else None,
+            "target": rule.target,
+            # It has a meaning only where a way leads into its own state.
+            "type": "internal" if rule.internal and (rule.target or "").startswith(f"{state.name}.") else None,
+            "lupin:refuse": rule.refuse,
+            "lupin:during": " ".join(sorted(rule.during)),
+            "lupin:releases": " ".join(sorted(rule.releases)),
+            "lupin:code": rule.code,
+        }
+        yield from _element("transition", attributes, [*refusal, *self._actions(rule.actions)], always=True)
+
+    def _event(self, state: State, event: str) -> str | None:
+        if event.startswith("after.") or event == "budget":
+            return f"{event}.{state.name}"
+        if event == "done" and state.invoke is None:
+            return f"done.state.{state.name}"
+        if event in ("done", "error"):
+            return f"{event}.invoke.{state.name}"
+        return event or None
+
+    def _condition(self, source: str) -> str:
+        return _IN_STATE.sub(self._in_state, " ".join(source.split()))
+
+    def _in_state(self, found: re.Match[str]) -> str:
+        try:
+            return f"In({find_state(self._chart, found[1])!r})"
+        except UsageError:
+            return found[0]
+
+    # -- what a state does ------------------------------------------------------------------------------
+
+    def _timers(self, state: State) -> Iterator[str]:
+        for timer in _clocks(state):
+            event = self._timer(state, timer)
+            delay, expression = self._seconds(timer.after)
+            yield f"<send{_attributes(event=event, id=event, delay=delay, delayexpr=expression)}/>"
+
+    @staticmethod
+    def _timer(state: State, timer: Timer) -> str:
+        return f"{timer.event}.{state.name}"
+
+    def _seconds(self, value: Value) -> tuple[str | None, str | None]:
+        """Return a duration as the parameters' defaults make it; else its expression."""
+        try:
+            return f"{float(value.evaluate(self._defaults)):g}s", None
+        except (KeyError, TypeError, ValueError, ArithmeticError, UnknownInput):
+            return None, _written(value)
+
+    def _invoke(self, state: State, invoke: Invoke) -> Iterator[str]:
+        limit, expression = self._seconds(invoke.timeout) if invoke.timeout else (None, None)
+        attributes = {
+            "type": _TYPE,
+            "id": state.name,
+            "lupin:do": invoke.name,
+            "lupin:timeout": limit or expression,
+            "lupin:attempts": _written(invoke.retry.attempts) if invoke.retry else None,
+        }
+        yield from _element("invoke", attributes, _params(invoke.arguments), always=True)
+
+    def _actions(self, actions: Iterable[ActionCall]) -> Iterator[str]:
+        for action in actions:
+            if action.name == "set":
+                for name, value in action.arguments.items():
+                    yield f"<assign{_attributes(location=name, expr=_written(value))}/>"
+            elif action.name == "raise":
+                event = action.arguments["event"]
+                yield f"<raise{_attributes(event=str(event.value) if isinstance(event, Constant) else '')}/>"
+            else:
+                attributes = {"type": _TYPE, "event": action.name}
+                yield from _element("send", attributes, _params(action.arguments), always=True)
+
+
+def _clocks(state: State) -> tuple[Timer, ...]:
+    return (*state.timers, state.budget) if state.budget else state.timers
+
+
+def _params(arguments: Mapping[str, Value]) -> list[str]:
+    return [f"<param{_attributes(name=name, expr=_written(value))}/>" for name, value in arguments.items()]
+
+
+def _written(value: Value) -> str:
+    """Return a value as an expression."""
+    return repr(value.value) if isinstance(value, Constant) else " ".join(value.source.split())
+
+
+def _attributes(**given: str | None) -> str:
+    return _all_attributes(given)
+
+
+def _all_attributes(given: Mapping[str, str | None]) -> str:
+    return "".join(f" {name}={quoteattr(value)}" for name, value in given.items() if value)
+
+
+def _element(
+    name: str, attributes: Mapping[str, str | None], inside: Iterable[str], always: bool = False
+) -> Iterator[str]:
+    """Yield an element; an empty one without attributes only when it is `always` there."""
+    lines = list(inside)
+    head = f"{name}{_all_attributes(attributes)}"
+    if lines:
+        yield f"<{head}>"
+        yield from (f"  {line}" for line in lines)
+        yield f"</{name}>"
+    elif attributes or always:
+        yield f"<{head}/>"
+
+
+def _comment(text: str) -> str:
+    """Return a text that may stand in a comment, where two hyphens may not."""
+    return escape(text).replace("--", "- -")

@@ -1,0 +1,316 @@
+"""JSON Schema of the files, generated from their models: for editors that know YAML but not us.
+
+pydantic says what the models say: keys, descriptions, words. Added here is what it cannot know: the short
+forms that a model accepts in place of a mapping, forms to fill in, and, with a catalog, the names that the
+installed plugins offer. A schema knows shapes; what names mean is for `lupin check` and `lupin lsp`.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+from pydantic import BaseModel
+
+from lupin_engine.chart.actions import BUILTIN_ACTIONS, STATUSES
+from lupin_engine.chart.declare import REQUESTS
+from lupin_engine.chart.documents import KINDS
+from lupin_engine.editor import docs
+from lupin_engine.editor.snippets import EXAMPLES, SNIPPETS, Snippet
+from lupin_engine.plugin.contract import Argument
+from lupin_engine.plugin.registry import Catalog
+from lupin_engine.plugin.types import BUILTIN_TYPES, UNITS, Type
+
+Schema = dict[str, Any]
+
+DIALECT = "http://json-schema.org/draft-07/schema#"
+#: The schema that serves every kind of file: it chooses by the key that says what the file is.
+ANY_KIND = "lupin"
+
+#: What stands for a mapping in short, by model: a target, an action, a condition.
+SHORT_FORMS: Mapping[str, Schema] = MappingProxyType(
+    {
+        "TransitionNode": {"type": "string", "description": "state to go to"},
+        "InvariantNode": {"type": ["string", "boolean"], "description": "condition"},
+    }
+)
+#: Everything that a scalar can be, where an expression may stand.
+_SCALARS = ["string", "number", "boolean"]
+
+
+def kinds(further: Mapping[str, type[BaseModel]] | None = None) -> dict[str, type[BaseModel]]:
+    """Return the kinds of files, by the key that says so; a scenario names its mission, so it comes first."""
+    return {**(further or {}), **KINDS}
+
+
+def schema(
+    kind: str,
+    model: type[BaseModel],
+    short_forms: Mapping[str, Schema] | None = None,
+    catalog: Catalog | None = None,
+) -> Schema:
+    """Return the schema of one kind of file; with a catalog also the names that plugins offer."""
+    made = model.model_json_schema(by_alias=True, ref_template="#/definitions/{model}")
+    definitions = made.pop("$defs", {})
+    forms = {**SHORT_FORMS, **(short_forms or {})}
+    for name, definition in definitions.items():
+        _finish(name, definition)
+    _finish(model.__name__, made)
+    definitions["Action"] = _action()
+    if catalog is not None:
+        _add_names(made, definitions, catalog)
+    definitions = {
+        name: _with_short_form(name, definition, forms) for name, definition in definitions.items()
+    }
+    made["title"] = f"Lupin {kind}"
+    return {"$schema": DIALECT, **made, "definitions": dict(sorted(definitions.items()))}
+
+
+def any_kind(schemas: Mapping[str, Schema]) -> Schema:
+    """Return one schema for all kinds of files; it chooses by the key that says what the file is."""
+    definitions: Schema = {}
+    for found in schemas.values():
+        definitions.update(found["definitions"])  # what two kinds share is of the same model
+    chosen: Schema = {
+        "anyOf": [{"required": [kind]} for kind in schemas],
+        "properties": {kind: found["properties"][kind] for kind, found in schemas.items()},
+        "defaultSnippets": _plain(SNIPPETS[ANY_KIND]),
+    }
+    for kind, found in reversed(list(schemas.items())):
+        definitions[kind] = {k: v for k, v in found.items() if k not in ("$schema", "definitions")}
+        chosen = {"if": {"required": [kind]}, "then": {"$ref": f"#/definitions/{kind}"}, "else": chosen}
+    title = {"title": "Lupin file", "description": "A lifecycle, a mission, a part or a scenario."}
+    return {"$schema": DIALECT, **title, "type": "object", **chosen, "definitions": definitions}
+
+
+# -- what pydantic does not say ------------------------------------------------------------------------------
+
+
+def _finish(name: str, definition: Schema) -> None:
+    """Bring the definition of a model into the form that editors show best."""
+    definition["description"] = " ".join(definition.get("description", "").split())
+    definition["title"] = _title(name)
+    for key, node in definition.get("properties", {}).items():
+        node.pop("title", None)
+        node.pop("default", None) if node.get("default") in (None, "", [], {}) else None
+        _drop_null(node)
+        _point_to_actions(node)
+        examples = EXAMPLES.get(f"{name}.{key}")
+        if examples:
+            node["examples"] = list(examples)
+        snippets = SNIPPETS.get(f"{name}.{key}")
+        if snippets:
+            node["defaultSnippets"] = _plain(snippets)
+        if "description" in node:
+            node["markdownDescription"] = _markdown(key, node)
+    snippets = SNIPPETS.get(name)
+    if snippets:
+        definition["defaultSnippets"] = _plain(snippets)
+
+
+def _title(name: str) -> str:
+    words = re.findall(r"[A-Z][a-z]+", name.removesuffix("Node"))
+    return " ".join(words).capitalize() or name
+
+
+def _markdown(key: str, node: Schema) -> str:
+    words = node.get("enum") or ([node["const"]] if "const" in node else [])
+    one_of = f"\n\nOne of {', '.join(f'`{word}`' for word in words)}." if words else ""
+    examples = "".join(f"\n\n```yaml\n{key}: {example}\n```" for example in node.get("examples", [])[:1])
+    return f"{node['description']}{one_of}{examples}"
+
+
+def _drop_null(node: Schema) -> None:
+    """A key that may be left out is left out: `key:` with nothing behind it is a mistake."""
+    choices = [choice for choice in node.get("anyOf", ()) if choice != {"type": "null"}]
+    if len(choices) == 1:
+        del node["anyOf"]
+        node.update({key: value for key, value in choices[0].items() if key != "description"})
+    elif choices:
+        node["anyOf"] = choices
+
+
+def _point_to_actions(node: Schema) -> None:
+    """Let lists of actions and of transitions be written as one alone, too."""
+    if node.get("type") == "array" and node.get("items", {}).get("maxProperties") == 1:
+        del node["type"], node["items"]
+        one = {"$ref": "#/definitions/Action"}
+        node["anyOf"] = [{"type": "array", "items": one}, one]
+
+
+def _action() -> Schema:
+    """Return what an action is: its name, or a mapping of its name to its arguments."""
+    takes = {name: wanted for name, wanted in BUILTIN_ACTIONS.items() if wanted}
+    mapping: Schema = {
+        "type": "object",
+        "minProperties": 1,
+        "maxProperties": 1,
+        "properties": {name: _arguments(wanted, docs.ACTIONS[name]) for name, wanted in takes.items()},
+        "additionalProperties": {"type": ["object", "null"]},
+    }
+    mapping["properties"]["set"] = {"type": "object", "minProperties": 1, "description": docs.ACTIONS["set"]}
+    mapping["properties"]["raise"] = _arguments({"event": _TEXT}, docs.ACTIONS["raise"])
+    mapping["properties"]["itinerary.close"]["properties"]["status"]["enum"] = list(STATUSES)
+    return {
+        "title": "Action",
+        "description": "An action: a name, or a mapping of one name to its arguments.",
+        "anyOf": [{"type": "string", "examples": [*BUILTIN_ACTIONS]}, mapping],
+        "defaultSnippets": _plain(SNIPPETS["Action"]),
+    }
+
+
+_TEXT = Argument(BUILTIN_TYPES["text"], "the name of the event")
+
+
+def _arguments(wanted: Mapping[str, Argument], doc: str) -> Schema:
+    must = [name for name, argument in wanted.items() if argument.default is None and not argument.optional]
+    found: Schema = {
+        "type": ["object", "null"] if not must else "object",
+        "description": doc,
+        "additionalProperties": False,
+        "properties": {name: _value(argument.type, argument.doc) for name, argument in wanted.items()},
+    }
+    if must:
+        found["required"] = must
+    return found
+
+
+def _value(kind: Type, doc: str) -> Schema:
+    """Return what can be written for a type: an expression is always a text."""
+    shapes = {
+        "bool": ["boolean", "string"],
+        "integer": ["integer", "string"],
+        "number": ["number", "string"],
+        "text": ["string"],
+        "list": ["array", "string"],
+        "record": ["object", "string"],
+    }
+    shown = docs.type_text(kind)
+    found: Schema = {"description": f"{doc} ({shown})", "markdownDescription": f"{doc}\n\n`{shown}`"}
+    return {"type": shapes[kind.kind], **found} if kind.kind in shapes else found
+
+
+def _with_short_form(name: str, definition: Schema, forms: Mapping[str, Schema]) -> Schema:
+    """Let a scalar stand for a mapping where the model takes one."""
+    if name not in forms:
+        return definition
+    kept: Schema = {key: definition.pop(key) for key in ("title", "description") if key in definition}
+    return {**kept, "anyOf": [definition, dict(forms[name])]}
+
+
+# -- names of plugins ----------------------------------------------------------------------------------------
+
+
+def _add_names(made: Schema, definitions: dict[str, Schema], catalog: Catalog) -> None:
+    """Write the names that plugins offer into the places where they are written."""
+    owners = {name.removesuffix("Node"): each for name, each in definitions.items()}
+    for holder in [made, *definitions.values()]:
+        for key, node in holder.get("properties", {}).items():
+            if key == "on" and "additionalProperties" in node:
+                node["properties"] = dict(_events(node["additionalProperties"], catalog))
+            elif key in ("guard", "when", "that", "engage_guard", "release_guard"):
+                node["markdownDescription"] = f"{node['description']}\n\n{_functions(catalog)}"
+    if "Invoke" in owners:
+        _add_operations(owners["Invoke"], catalog)
+    if "Input" in owners:
+        values = {n: docs.live_value(n, value) for n, value in catalog.values.items()}
+        owners["Input"]["properties"]["value"].update(_named(values))
+    for name in ("Parameter", "Variable", "RequestField"):
+        if name in owners:
+            owners[name]["properties"]["type"].update(_types(catalog))
+    if "Parameter" in owners:
+        owners["Parameter"]["properties"]["unit"].update(_named({name: docs.unit(name) for name in UNITS}))
+    _add_actions(definitions["Action"], catalog)
+
+
+def _named(found: Mapping[str, str]) -> Schema:
+    return {"enum": list(found), "markdownEnumDescriptions": list(found.values())}
+
+
+def _types(catalog: Catalog) -> Schema:
+    known = catalog.known_types
+    shown = {name: docs.type_text(kind) for name, kind in known.items()}
+    lists = {f"list of {name}": "" for name in known}
+    return {"anyOf": [_named({**shown, **lists}), {"type": "string", "pattern": "^list of list of "}]}
+
+
+def _add_operations(invoke: Schema, catalog: Catalog) -> None:
+    operations = {name: docs.operation(name, found) for name, found in catalog.operations.items()}
+    invoke["properties"]["do"].update(_named(operations))
+    invoke["allOf"] = [
+        {
+            "if": {"properties": {"do": {"const": name}}, "required": ["do"]},
+            "then": {"properties": {"with": _arguments(found.arguments, found.doc)}},
+        }
+        for name, found in catalog.operations.items()
+    ]
+
+
+def _add_actions(action: Schema, catalog: Catalog) -> None:
+    alone, mapping = action["anyOf"]
+    for name, found in catalog.actions.items():
+        mapping["properties"][name] = _arguments(found.arguments, found.doc)
+        mapping["properties"][name]["markdownDescription"] = docs.action(name, found)
+    names = ["set", "raise", *BUILTIN_ACTIONS, *catalog.actions]
+    alone.pop("examples")
+    alone["enum"] = [name for name in names if not mapping["properties"].get(name, {}).get("required")]
+    mapping["additionalProperties"] = False
+    for name in alone["enum"]:
+        mapping["properties"].setdefault(name, {"type": ["object", "null"], "maxProperties": 0})
+
+
+def _events(each: Schema, catalog: Catalog) -> Iterator[tuple[str, Schema]]:
+    for name in REQUESTS:
+        yield name, {**each, "description": docs.REQUESTS[name]}
+    for name, found in catalog.events.items():
+        shown = docs.event(name, found)
+        yield name, {**each, "description": found.doc, "markdownDescription": shown}
+
+
+def _functions(catalog: Catalog) -> str:
+    calls = [signature for signature, _ in docs.CALLS.values()]
+    calls += [docs.signature(name, found) for name, found in catalog.functions.items()]
+    return "An expression may call:\n\n" + "\n".join(f"- `{call}`" for call in calls)
+
+
+# -- files ---------------------------------------------------------------------------------------------------
+
+
+def text_of(found: Schema) -> str:
+    """Return a schema as the text of its file."""
+    return json.dumps(found, indent=2, ensure_ascii=False) + "\n"
+
+
+def write(folder: Path, schemas: Mapping[str, Schema], done: Callable[[Path], None]) -> None:
+    """Write one file for each kind, and the one that serves them all."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, found in schemas.items():
+        path = folder / file_name(name)
+        path.write_text(text_of(found), encoding="utf-8")
+        done(path)
+
+
+def file_name(kind: str) -> str:
+    """Return what the file of a schema is called."""
+    return f"{kind}.schema.json"
+
+
+def all_schemas(
+    models: Mapping[str, type[BaseModel]],
+    short_forms: Mapping[str, Schema] | None = None,
+    catalog: Catalog | None = None,
+) -> dict[str, Schema]:
+    """Return the schema of every kind, and last the one that serves them all."""
+    found = {kind: schema(kind, model, short_forms, catalog) for kind, model in models.items()}
+    return {**found, ANY_KIND: any_kind(found)}
+
+
+def _plain(snippets: Iterable[Snippet]) -> list[Schema]:
+    return [dict(snippet) for snippet in snippets]
+
+
+__all__ = ["ANY_KIND", "all_schemas", "any_kind", "file_name", "kinds", "schema", "text_of", "write"]

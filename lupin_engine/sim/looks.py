@@ -1,0 +1,133 @@
+"""What there is to see of a simulation between two steps, as lines for a terminal."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+
+from lupin_engine.chart.model import Chart, Transition
+from lupin_engine.machine.explain import Possibility
+from lupin_engine.machine.view import View
+from lupin_engine.sim.simulation import Simulation
+from lupin_engine.sim.story import Piece, short_name, shorten
+
+#: A line in pieces that can be coloured.
+Row = list[Piece]
+
+_LABEL = 14
+_EVENT = 22
+
+
+def labelled(label: str, text: str, tone: str = "", width: int = _LABEL) -> Row:
+    """Return a line that begins with a label."""
+    return [(f"  {label:<{width}}  ", "label"), (text, tone)]
+
+
+# -- what is possible -------------------------------------------------------------------------------------
+
+
+def possibilities(chart: Chart, found: Iterable[Possibility]) -> list[Row]:
+    """Tell what is possible now, then why the rest is not."""
+    each = list(found)
+    ready = [_what(chart, one) for one in each if one.possible]
+    others = [labelled(one.event, _why_not(one), "dim", _EVENT) for one in each if not one.possible]
+    nothing: list[Row] = [[("  nothing", "")]]
+    return [[("possible now", "label")], *(ready or nothing), [("not possible", "label")], *others]
+
+
+def possibility(chart: Chart, found: Possibility) -> list[Row]:
+    """Tell what one event would do now, with every transition that listens to it."""
+    first = _what(chart, found) if found.possible else labelled(found.event, _why_not(found), "", _EVENT)
+    return [first, *([(f"    {considered}", "dim")] for considered in found.considered)]
+
+
+def _what(chart: Chart, found: Possibility) -> Row:
+    """Tell what an event would do."""
+    told = [f"engages {name}" for name in found.engages] + [f"releases {name}" for name in found.releases]
+    told += [_leads_to(chart, rule) for rule in found.taken]
+    return labelled(found.event, ", ".join(told), "state", _EVENT)
+
+
+def _leads_to(chart: Chart, rule: str) -> str:
+    transition = next((found for found in _transitions(chart) if found.id == rule), None)
+    if transition is None:
+        return "-> FAULT"  # the chart's own answer to an error
+    where = f"-> {short_name(chart, transition.target)}" if transition.target else "stays"
+    return f"{where} ({transition.place.file.rpartition('/')[2]}:{transition.place.line})"
+
+
+def _transitions(chart: Chart) -> Iterator[Transition]:
+    for state in chart.states.values():
+        yield from state.transitions
+
+
+def _why_not(found: Possibility) -> str:
+    return str(found).removeprefix(f"{found.event}: ")
+
+
+# -- what is ----------------------------------------------------------------------------------------------
+
+
+def where(chart: Chart, view: View) -> list[Row]:
+    """Tell where a machine is and what is under way."""
+    rows = [labelled("state", short_name(chart, name), "state") for name in _innermost(chart, view)]
+    closed = view.completed + view.failed + view.unreachable + view.skipped
+    facts = {
+        "mission": " ".join(filter(None, (view.mission, view.mission_id))),
+        "target": f"{view.target} ({closed} of {view.total} closed)" if view.target else "",
+        "held by": ", ".join(view.held),
+        "last error": " ".join(filter(None, (view.code, view.detail))),
+    }
+    rows += [labelled(name, text) for name, text in facts.items() if text]
+    for attempt in view.attempts:
+        tried = f", try {attempt.tries}" if attempt.tries > 1 else ""
+        rows.append(labelled("under way", f"{attempt.operation} ({attempt.phase}{tried})", "command"))
+    return rows + [labelled("cancelling", operation, "command") for operation in view.cancelling]
+
+
+def _innermost(chart: Chart, view: View) -> list[str]:
+    active = set(view.configuration)
+    return [
+        name for name in view.configuration if name and not active.intersection(chart.states[name].children)
+    ]
+
+
+def inputs(chart: Chart, simulation: Simulation) -> list[Row]:
+    """Tell the live values: what each is, since when, and what the plugin calls it."""
+    machine, now = simulation.machine, simulation.now
+    rows = []
+    for name, spec in chart.inputs.items():
+        kept = machine.memory.inputs.get(name)
+        known = kept is not None and machine.input_value(name, now) is not None
+        text = shorten(kept.value) if kept is not None and known else "unknown"
+        since = f", {now - kept.stamp:.1f} s ago" if kept is not None and kept.reported else ""
+        rows.append(labelled(name, f"{text}  ({spec.value}{since})"))
+    return rows or [[("this chart reads no live value", "dim")]]
+
+
+def timers(chart: Chart, simulation: Simulation) -> list[Row]:
+    """Tell what will happen by itself."""
+    memory, now = simulation.machine.memory, simulation.now
+
+    def about(kind: str, owner: str) -> str:
+        attempt = memory.attempts.get(owner)
+        if attempt is not None:
+            what = {"timeout": "times out", "cancel": "must have confirmed its cancel"}.get(kind, kind)
+            return f"{attempt.operation} {what}"
+        if kind == "fresh":
+            return f"input.{owner} is looked at again"
+        state = owner.partition("[")[0]
+        where = f" in {short_name(chart, state)}" if state in chart.states else ""
+        return f"{_TIMERS.get(kind, kind)}{where}"
+
+    rows = [labelled(f"at {due:.1f} s", about(kind, owner)) for due, _, kind, (owner, _) in memory.timers]
+    rows += [
+        labelled(f"{left:.1f} s left", f"{about(kind, owner)} (stopped by the hold)", "dim")
+        for left, _, kind, (owner, _) in memory.frozen
+    ]
+    due = simulation.next_due
+    if due is None:
+        return [*rows, [("nothing will happen by itself", "dim")]]
+    return [*rows, [(f"now is {now:.1f} s, the next thing happens at {due:.1f} s", "dim")]]
+
+
+_TIMERS = {"after": "time is up", "budget": "the budget is up", "retry": "next try"}

@@ -1,0 +1,398 @@
+"""From the record of a run to a scenario that runs the same: what servers answered, what happened, what came.
+
+A record is what `lupin simulate --json` prints (one object with `steps`), or the orchestrator's steps, one
+JSON object a line, bare or under `step` as `lupin run --json` prints them.
+
+Times count from the entry of the state that the mission was in, so that the scenario still means the same
+when something before it takes longer. What a server said becomes the mock of its operation, one outcome for
+each attempt in turn; live values are kept as far as something was done before they changed again.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from lupin_engine.chart.model import Chart
+from lupin_engine.errors import UsageError
+from lupin_engine.machine.event import Start
+from lupin_engine.plugin.registry import Catalog
+from lupin_engine.runtime.record import step_record
+from lupin_engine.runtime.setup import check_parameters
+from lupin_engine.sim.scenario import Missions, load_scenario_text
+from lupin_engine.sim.simulation import ENDED, FAULTED, START, Run, is_named, label_of
+from lupin_engine.sim.yaml_text import yaml_text
+
+Record = Mapping[str, Any]
+
+#: To how many digits times are written, the fewest first that make the run come out the same.
+_DIGITS = (3, 6, 12)
+
+
+@dataclass(frozen=True)
+class Recording:
+    """The steps of a run as JSON data, and the settings that it was made with, as far as they are known."""
+
+    steps: tuple[Record, ...]
+    parameters: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def mission(self) -> str:
+        """The mission that was asked for first; '' when none was."""
+        asked = (step["data"].get("mission_type", "") for step in self.steps if step["event"] == START)
+        return next(asked, "")
+
+
+def read_recording(text: str, name: str) -> Recording:
+    """Read a record; `name` is what errors call it.
+
+    Raises:
+        UsageError: this is no record of steps, or none from its beginning on.
+    """
+    try:
+        whole = json.loads(text)
+    except ValueError:
+        return _checked(_steps_of_lines(text, name), {}, name)
+    if isinstance(whole, dict) and isinstance(whole.get("steps"), list):
+        return _checked(whole["steps"], whole.get("parameters") or {}, name)
+    raise UsageError(f"{name}: expected the output of 'lupin simulate --json', or steps, one a line")
+
+
+def _steps_of_lines(text: str, name: str) -> Iterator[Any]:
+    for number, line in enumerate(text.splitlines(), 1):
+        if not line.strip():
+            continue
+        try:
+            found = json.loads(line)
+        except ValueError:
+            raise UsageError(f"{name}:{number}: this is no JSON") from None
+        if isinstance(found, dict):
+            step = found.get("step", found)
+            if isinstance(step, dict) and "event" in step and "time" in step:
+                yield step
+
+
+def _checked(steps: Iterable[Any], parameters: Mapping[str, Any], name: str) -> Recording:
+    found = [step for step in steps if isinstance(step, dict) and {"event", "time"} <= set(step)]
+    if not found:
+        raise UsageError(f"{name}: there are no steps in it")
+    whole = [{"data": {}, "entered": [], "commands": [], **step} for step in found]
+    recording = Recording(tuple(whole), parameters)
+    if not recording.mission:
+        raise UsageError(f"{name}: no mission is started in it")
+    return recording
+
+
+# -- what the servers said -------------------------------------------------------------------------------
+
+
+@dataclass
+class _Attempt:
+    """What is known of an attempt; times are those of the record."""
+
+    operation: str
+    arguments: Mapping[str, Any]
+    started: float
+    accepted: float | None = None
+    progress: str = ""
+    cancelled: float | None = None
+    ended: float | None = None
+    end: str = ""
+    data: Record = field(default_factory=dict)
+
+
+def _attempts(steps: Iterable[Record]) -> Iterator[_Attempt]:
+    """Yield the attempts in the order in which they were started."""
+    found: dict[str, _Attempt] = {}
+    for step in steps:
+        attempt = found.get(str(step["data"].get("attempt", "")))
+        if attempt is not None and step["event"].startswith("attempt."):
+            _hear(attempt, step)
+        for command in step["commands"]:
+            if command["command"] == "start":
+                operation, arguments = command["operation"], command["arguments"]
+                found[command["attempt"]] = _Attempt(operation, arguments, step["time"])
+            elif command["command"] == "cancel" and command["attempt"] in found:
+                found[command["attempt"]].cancelled = step["time"]
+    yield from found.values()
+
+
+def _hear(attempt: _Attempt, step: Record) -> None:
+    """Take in what a server said of an attempt; after its end nothing counts."""
+    word, data = step["event"].removeprefix("attempt."), step["data"]
+    if attempt.ended is not None:
+        return
+    if word == "accepted":
+        attempt.accepted = step["time"]
+    elif word == "progress":
+        attempt.progress = data["detail"]
+    else:
+        attempt.ended, attempt.end, attempt.data = step["time"], word, data
+
+
+class _Mocks:
+    """Turns attempts into mocks."""
+
+    def __init__(self, chart: Chart, catalog: Catalog, recording: Recording, digits: int) -> None:
+        self._catalog = catalog
+        self._parameters = check_parameters(chart.parameters, recording.parameters)
+        self._steps = recording.steps
+        self._digits = digits
+
+    def mocks(self) -> Iterator[Mapping[str, Any]]:
+        """Yield a mock for each operation that did not simply do what its plugin's mock does."""
+        outcomes: dict[str, list[Any]] = {}
+        for attempt in _attempts(self._steps):
+            outcomes.setdefault(attempt.operation, []).append(self._outcome(attempt) or "done")
+        for operation, found in outcomes.items():
+            while found and found[-1] == "done":
+                found.pop()
+            if found:
+                yield {"do": operation, "then": found}
+
+    def _outcome(self, attempt: _Attempt) -> Mapping[str, Any]:
+        if attempt.accepted is None and attempt.ended is None:
+            return {"accepted": "never"}
+        begun = attempt.started if attempt.accepted is None else attempt.accepted
+        found: dict[str, Any] = {}
+        if begun > attempt.started:
+            found["accepted"] = duration(begun - attempt.started, self._digits)
+        if attempt.end == "failed":
+            found["fail"] = attempt.data["code"]
+            if attempt.data.get("detail"):
+                found["detail"] = attempt.data["detail"]
+        elif attempt.end == "done":
+            result = self._differs(attempt)
+            if result:
+                found["done"] = result
+        else:
+            found["never"] = True
+        found |= self._timing(attempt, begun)
+        if attempt.progress:
+            found["progress"] = attempt.progress
+        return found
+
+    def _timing(self, attempt: _Attempt, begun: float) -> Mapping[str, Any]:
+        """Return when an attempt ended, and what its cancel did."""
+        found: dict[str, Any] = {}
+        cancelled = attempt.cancelled is not None and (attempt.ended or begun) >= attempt.cancelled
+        if attempt.end in ("done", "failed") and attempt.ended is not None:
+            after = duration(attempt.ended - begun, self._digits)
+            if after != duration(self._catalog.operations[attempt.operation].mock.after, self._digits):
+                found["after"] = after
+            if cancelled:
+                found["cancel"] = "ignored"
+        elif attempt.end == "cancelled" and attempt.cancelled is not None and attempt.ended is not None:
+            if attempt.ended > attempt.cancelled:
+                found["cancel"] = duration(attempt.ended - attempt.cancelled, self._digits)
+        elif attempt.cancelled is not None:
+            found["cancel"] = "unconfirmed"
+        return found
+
+    def _differs(self, attempt: _Attempt) -> dict[str, Any]:
+        """Return the fields of a result that are not what the plugin's mock says."""
+        mocked = self._catalog.operations[attempt.operation].mock.result
+        usual = mocked(attempt.arguments, self._parameters) if callable(mocked) else mocked
+        result: Mapping[str, Any] = attempt.data.get("result", {})
+        missing = object()
+        return {name: value for name, value in result.items() if usual.get(name, missing) != value}
+
+
+def duration(seconds: float, digits: int) -> str:
+    """Return seconds as they are written, rounded to so many digits."""
+    return f"{round(seconds, digits):.{digits}f}".rstrip("0").rstrip(".") + " s"
+
+
+# -- what happened ---------------------------------------------------------------------------------------
+
+
+class _Happenings:
+    """Turns requests, values and events into what happens when."""
+
+    def __init__(self, chart: Chart, catalog: Catalog, recording: Recording, digits: int) -> None:
+        self._chart = chart
+        self._catalog = catalog
+        self._recording = recording
+        self._digits = digits
+        self._inputs = {spec.value for spec in chart.inputs.values()}
+        self._entries: dict[str, int] = {}
+        self._anchor: tuple[str, float] | None = None
+        self._origin = recording.steps[0]["time"]
+        self._values: dict[str, Mapping[str, Any]] = {}
+
+    def happenings(self, starts: bool) -> list[Mapping[str, Any]]:
+        """Return what happened; with `starts` the first start of a mission is none of it."""
+        found: list[Mapping[str, Any]] = []
+        for step in self._recording.steps:
+            event, data = step["event"], step["data"]
+            notable = bool(step.get("taken") or step["entered"] or step["commands"] or "accepted" in step)
+            told = {"value": {data["name"]: data["value"]}} if event == "value" else None
+            if told and data["name"] in self._inputs:
+                self._values.pop(data["name"], None)
+                self._values[data["name"]] = self._when(step, told)
+            if notable:
+                found += self._values.values()
+                self._values.clear()
+            if event == START and starts:
+                starts = False
+            elif "accepted" in step:
+                found.append(self._when(step, {"request": self._request(event, data)}))
+            elif event in self._catalog.events:
+                found.append(self._when(step, {"event": {event: dict(data)} if data else event}))
+            self._enter(step)
+        return found
+
+    def _request(self, event: str, data: Record) -> Any:
+        known = self.request(data) if event == START else dict(data)
+        return {event: known} if known else event
+
+    def request(self, data: Record) -> dict[str, Any]:
+        """Return what a request carried, without what every run fills in anew."""
+        named = (
+            {} if data.get("mission_type") in self._chart.missions else {"mission_type": data["mission_type"]}
+        )
+        rest = {name: value for name, value in data.items() if name not in ("mission_type", "mission_id")}
+        return {**named, **rest}
+
+    def _enter(self, step: Record) -> None:
+        """Keep the state that was entered last, to count from there."""
+        for name in step["entered"]:
+            if name:
+                self._entries[name] = self._entries.get(name, 0) + 1
+                self._anchor = (name, step["time"])
+
+    def _when(self, step: Record, what: Mapping[str, Any]) -> Mapping[str, Any]:
+        if self._anchor is None:
+            return {"at": duration(step["time"] - self._origin, self._digits), **what}
+        name, entered = self._anchor
+        found: dict[str, Any] = {"on": short(self._chart, name)}
+        if self._entries[name] > 1:
+            found["nth"] = self._entries[name]
+        if step["time"] > entered:
+            found["after"] = duration(step["time"] - entered, self._digits)
+        return {**found, **what}
+
+
+def short(chart: Chart, name: str) -> str:
+    """Return the shortest name that means this state only."""
+    parts = name.split(".")
+    for count in range(1, len(parts)):
+        tail = ".".join(parts[-count:])
+        if sum(1 for other in chart.states if is_named(other, tail)) == 1:
+            return tail
+    return name
+
+
+# -- the scenario ----------------------------------------------------------------------------------------
+
+
+def script_of(
+    recording: Recording, mission: str, promise: str, chart: Chart, catalog: Catalog, digits: int
+) -> dict[str, Any]:
+    """Return a scenario that expects nothing yet.
+
+    Args:
+        mission: what the scenario calls the mission.
+        promise: its sentence.
+        digits: to how many digits times are written.
+    """
+    happenings = _Happenings(chart, catalog, recording, digits)
+    asked = [step for step in recording.steps if step["event"] == START]
+    before = [step for step in recording.steps if "accepted" in step or step["event"] == "value"]
+    starts = before[0] is asked[0] and bool(asked[0].get("accepted"))
+    parts: dict[str, Any] = {
+        "scenario": promise,
+        "mission": mission,
+        "request": happenings.request(asked[0]["data"]) if starts else {},
+        "parameters": dict(recording.parameters),
+        "start": "ready" if starts else "never",
+        "limit": _limit(recording, chart, digits, starts),
+        "mocks": list(_Mocks(chart, catalog, recording, digits).mocks()),
+        "when": happenings.happenings(starts),
+    }
+    usual = {"start": "ready"}
+    return {name: value for name, value in parts.items() if value and value != usual.get(name)}
+
+
+def _limit(recording: Recording, chart: Chart, digits: int, starts: bool) -> str:
+    """Return how long the record goes on, when it ends in the middle of a mission."""
+    steps = recording.steps
+    configuration = steps[-1].get("configuration", ())
+    if label_of(chart, configuration) in (ENDED, FAULTED):
+        return ""
+    waited = 0.0
+    if starts:
+        start = next(index for index, step in enumerate(steps) if step["event"] == START)
+        waited = steps[start]["time"] - steps[max(0, start - 1)]["time"]
+    # What happened last must not be cut off by rounding.
+    return duration(steps[-1]["time"] - steps[0]["time"] - waited + 10**-digits, digits)
+
+
+def expectations(run: Run) -> dict[str, Any]:
+    """Return what came of a run as what is expected of it."""
+    entered = [name for step in run.steps for name in step.entered if name]
+    leaves = [short(run.chart, name) for name in entered if not run.chart.states[name].children]
+    started: dict[str, int] = {}
+    for step in run.steps:
+        for command in step.commands:
+            if isinstance(command, Start):
+                started[command.operation] = started.get(command.operation, 0) + 1
+    found: dict[str, Any] = {
+        "lifecycle": list(run.lifecycles),
+        "passes": leaves,
+        "published": [" ".join(filter(None, (p.target, p.status, p.code))) for _, p in run.published],
+        "refused": [
+            {"request": step.event.name, "code": step.refusal.code} for step in run.refused if step.refusal
+        ],
+        "counts": started,
+    }
+    kept = {name: value for name, value in found.items() if value}
+    return {**kept, "final": run.view.lifecycle, "last_error": run.view.code}
+
+
+def difference(recording: Recording, run: Run) -> str:
+    """Say where a run first differs from the record in states, publications or refusals; '' when nowhere."""
+    recorded = [fact for step in recording.steps for fact in _facts(step)]
+    simulated = [fact for step in run.steps for fact in _facts(step_record(step))]
+    for index in range(max(len(recorded), len(simulated))):
+        was = recorded[index] if index < len(recorded) else "nothing more"
+        now = simulated[index] if index < len(simulated) else "nothing more"
+        if was != now:
+            return f"recorded: {was}; simulated: {now}"
+    return ""
+
+
+def _facts(step: Record) -> Iterator[str]:
+    """Yield what a step led to."""
+    yield from (f"entered {name}" for name in step.get("entered", ()))
+    for command in step.get("commands", ()):
+        if command["command"] == "publish":
+            yield f"published {command['target']} {command['status']} {command.get('code', '')}".rstrip()
+    if "refusal" in step:
+        yield f"refused {step['event']} {step['refusal']['code']}"
+
+
+def scenario_text(recording: Recording, promise: str, file: Path, missions: Missions) -> str:
+    """Return the text of a scenario that runs as it was recorded, and expects what came of it.
+
+    Args:
+        promise: the scenario's sentence.
+        file: where it will stand; the mission is looked for around it.
+
+    Raises:
+        UsageError: the mission does not exist, or it does not come out the same.
+        ChartError: with all that is wrong with the mission, or with what was recorded of it.
+    """
+    mission = missions.file(recording.mission, file)
+    chart, differs = missions.chart(mission), ""
+    for digits in _DIGITS:
+        parts = script_of(recording, mission.stem, promise, chart, missions.catalog, digits)
+        scenario = load_scenario_text(yaml_text({**parts, "expect": {}}), file, missions)
+        run = scenario.run()
+        differs = difference(recording, run)
+        if not differs:
+            return yaml_text({**parts, "expect": expectations(run)})
+    raise UsageError(f"the scenario does not come out as it was recorded: {differs}")

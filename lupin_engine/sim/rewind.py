@@ -1,0 +1,79 @@
+"""A simulation that is moved from outside, move by move, and can be taken back.
+
+Going back is doing the same again up to there: the same moves give the same steps, so the world, its agenda
+and its dice are as they were, of which no snapshot of the machine knows.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from lupin_engine.sim.simulation import Effect, Simulation
+
+
+@dataclass(frozen=True)
+class Move:
+    """One thing done to a simulation; False from `action`: there was nothing to do it to."""
+
+    text: str
+    action: Callable[[Simulation], bool]
+
+
+def go_on(times: int) -> Move:
+    """Return the move that lets the next things happen by themselves."""
+
+    def action(simulation: Simulation) -> bool:
+        return all(simulation.go_on() for _ in range(times))
+
+    return Move("step", action)
+
+
+def wait_until(time: float) -> Move:
+    """Return the move that lets the time pass until nothing is left to happen before `time`."""
+
+    def action(simulation: Simulation) -> bool:
+        simulation.wait_until(time)
+        return True
+
+    return Move(f"wait until {time:.1f} s", action)
+
+
+def effect(text: str, what: Effect) -> Move:
+    """Return the move that lets something happen now."""
+    return Move(text, lambda simulation: simulation.do(what))
+
+
+class Rewindable:
+    """A simulation with the moves that led to where it is."""
+
+    def __init__(self, make: Callable[[], Simulation]) -> None:
+        """Begin.
+
+        Args:
+            make: makes the simulation, begun; called again when moves are taken back.
+        """
+        self._make = make
+        self.simulation = make()
+        self.moves: list[Move] = []
+
+    def do(self, move: Move) -> bool:
+        """Make a move; one that finds nothing to act on is not remembered."""
+        done = move.action(self.simulation)
+        if done:
+            self.moves.append(move)
+        return done
+
+    def back(self, count: int) -> list[Move]:
+        """Take back the last `count` moves, or as many as there are, and return them."""
+        kept = max(0, len(self.moves) - count)
+        taken = self.moves[kept:]
+        self.again(kept)
+        return taken
+
+    def again(self, count: int | None = None) -> None:
+        """Do the first `count` moves again, or all of them: what was broken off half-way is whole then."""
+        del self.moves[len(self.moves) if count is None else count :]
+        self.simulation = self._make()
+        for move in self.moves:
+            move.action(self.simulation)

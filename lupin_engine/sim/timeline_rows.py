@@ -1,0 +1,117 @@
+"""What the pictures of a timeline have in common: rows in groups, marks of the axis, places for labels."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+
+from lupin_engine.sim.timeline import FAILED, Bar, Curve, Lane, Tick, Timeline
+
+#: What the rows of a picture can be about.
+STATE, PHASE, TARGET, OPERATION, HOLD, FLAG, CURVE = (
+    "state",
+    "phase",
+    "target",
+    "operation",
+    "hold",
+    "flag",
+    "curve",
+)
+#: Distances between two marks of the axis, in seconds.
+_STEPS = (0.1, 0.2, 0.5, 1, 2, 5, 10, 15, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200, 14400)
+_DAY = 86400
+#: Up to here a time is told in seconds, in minutes.
+_IN_SECONDS, _IN_MINUTES = 180.0, 3 * 3600.0
+
+
+@dataclass(frozen=True)
+class Row:
+    """One row of a picture: bars, or a curve."""
+
+    kind: str
+    name: str
+    bars: tuple[Bar, ...] = ()
+    curve: Curve | None = None
+
+
+def groups(lanes: Timeline) -> list[tuple[str, list[Row]]]:
+    """Return the rows in groups, each with its heading; empty groups are left out."""
+    found = {
+        "states": _split(STATE, lanes.states),
+        "phases": _split(PHASE, lanes.phases),
+        "targets": [Row(TARGET, "target", lanes.targets.bars)] if lanes.targets.bars else [],
+        "operations": [Row(OPERATION, lane.name, lane.bars) for lane in lanes.operations],
+        "holds": [Row(HOLD, lane.name, lane.bars) for lane in lanes.holds],
+        "inputs": [Row(FLAG, lane.name, lane.bars) for lane in lanes.flags]
+        + [Row(CURVE, curve.name, curve=curve) for curve in lanes.curves],
+    }
+    return [(name, rows) for name, rows in found.items() if rows]
+
+
+def _split(kind: str, lane: Lane) -> list[Row]:
+    """Return a row for each thing that a lane shows, in the order of their first appearance."""
+    names = dict.fromkeys(bar.text for bar in lane.bars)
+    return [Row(kind, name, tuple(bar for bar in lane.bars if bar.text == name)) for name in names]
+
+
+def marks(seconds: float, most: int) -> list[float]:
+    """Return where the axis has marks, the beginning included; not more than `most` and one."""
+    rough = seconds / max(1, most)
+    step = next((step for step in _STEPS if step >= rough), _DAY * math.ceil(rough / _DAY))
+    return [round(index * step, 6) for index in range(int(seconds / step + 1e-9) + 1)]
+
+
+def axis_text(time: float, seconds: float) -> str:
+    """Return what stands at a mark of a run of so many seconds."""
+    if seconds <= _IN_SECONDS:
+        return f"{time:g} s"
+    return f"{time / 60:g} min" if seconds <= _IN_MINUTES else f"{time / 3600:g} h"
+
+
+def lasting(seconds: float) -> str:
+    """Return a duration in the unit that suits it."""
+    if seconds <= _IN_SECONDS:
+        return f"{seconds:.1f} s"
+    return f"{seconds / 60:.1f} min" if seconds <= _IN_MINUTES else f"{seconds / 3600:.1f} h"
+
+
+def tick_text(tick: Tick) -> str:
+    """Return what came from outside, and how it was answered."""
+    return f"{tick.text} refused" if tick.refused else tick.text
+
+
+def inside(bar: Bar, kind: str) -> Iterator[str]:
+    """Yield what could be written into a bar, the best first: what its row does not say already."""
+    why = bar.detail.partition(" ")[0] if bar.outcome and bar.outcome != "OK" else ""
+    if kind == TARGET:
+        yield f"{bar.text} {why}".rstrip()
+        yield bar.text
+    elif kind == OPERATION:
+        tried = f"try {bar.tries}" if bar.tries > 1 else ""
+        why = why if bar.outcome == FAILED else ""
+        yield from filter(None, (f"{tried} {why}".strip(), tried))
+    else:
+        yield lasting(bar.seconds)
+
+
+def told(bar: Bar) -> str:
+    """Return all about a bar in one line."""
+    tried = f", try {bar.tries}" if bar.tries > 1 else ""
+    outcome = f" {bar.outcome}" if bar.outcome else ""
+    detail = f": {bar.detail}" if bar.detail else ""
+    return f"{bar.text} {bar.begin:.1f} s to {bar.end:.1f} s ({lasting(bar.seconds)}){outcome}{tried}{detail}"
+
+
+def placed(
+    ticks: Sequence[Tick], begin: Callable[[Tick], float], size: Callable[[Tick], float], rows: int
+) -> list[tuple[Tick, int | None]]:
+    """Give every label a row in which it covers no other; None where there is no room for it."""
+    free = [-math.inf] * rows
+    found: list[tuple[Tick, int | None]] = []
+    for tick in ticks:
+        row = next((row for row, end in enumerate(free) if end <= begin(tick)), None)
+        if row is not None:
+            free[row] = begin(tick) + size(tick)
+        found.append((tick, row))
+    return found

@@ -1,0 +1,192 @@
+"""Values as files write them: of the type that is asked for, with their units, and told apart from texts."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from lupin_engine.chart.expressions import Scope
+from lupin_engine.chart.findings import Findings
+from lupin_engine.chart.model import Constant, Expression
+from lupin_engine.chart.source import Map, parse
+from lupin_engine.chart.values import read_arguments, read_constant, read_guard, read_value
+from lupin_engine.errors import Place
+from lupin_engine.plugin.contract import Argument
+from lupin_engine.plugin.types import (
+    ANGLE,
+    ANY,
+    BOOL,
+    COUNT,
+    DURATION,
+    INTEGER,
+    LENGTH,
+    NUMBER,
+    POSE,
+    TEXT,
+    Type,
+    list_of,
+)
+
+RECORD = Type("record", "pair", fields={"a": TEXT, "b": COUNT})
+
+
+def written(text: str) -> Map:
+    """Parse the text of a file that must be right."""
+    findings = Findings()
+    found = parse(text, "m.yaml", findings)
+    assert findings.all == ()
+    assert found is not None
+    return found
+
+
+def told(findings: Findings) -> list[str]:
+    """Return findings as column, problem, hint and rule."""
+    return [f"{d.place.column}: {d.problem}; {d.hint} [{d.rule}]" for d in findings.all]
+
+
+@pytest.mark.parametrize(
+    ("text", "wanted", "value"),
+    [
+        ("a", TEXT, "a"),
+        ("true", BOOL, True),
+        ("3", COUNT, 3),
+        ("2.5", NUMBER, 2.5),
+        ("20 %", NUMBER, 0.2),
+        ("2 min", DURATION, 120.0),
+        ("10 cm", LENGTH, 0.1),
+        ("[a, b]", list_of(TEXT), ["a", "b"]),
+        ("{a: x, b: 2}", RECORD, {"a": "x", "b": 2}),
+        ("{x: 1 m, y: 2 m, yaw: 0 rad}", POSE, {"x": 1.0, "y": 2.0, "yaw": 0.0}),
+        ("{a: [1, {b: x}], c: null}", ANY, {"a": [1, {"b": "x"}], "c": None}),
+    ],
+)
+def test_plain_data_becomes_a_constant(text: str, wanted: Type, value: Any) -> None:
+    """In base units, and without places."""
+    raw, findings = written(f"k: {text}"), Findings()
+    found = read_constant(raw["k"], raw.value_place("k"), wanted, findings, "here")
+    assert told(findings) == []
+    assert found == Constant(value, Place("m.yaml", 1, 4), wanted)
+    assert type(found.value) is type(value)
+
+
+@pytest.mark.parametrize(
+    ("text", "wanted", "expected"),
+    [
+        ("5", TEXT, ["4: expected text, got 5; quote it: '5' [wrong-type]"]),
+        ("yes", BOOL, ["4: expected bool, got 'yes'; write true or false [wrong-type]"]),
+        ("x", RECORD, ["4: expected pair, got 'x'; write a mapping with a, b [wrong-type]"]),
+        ("x", Type("record", "reading"), ["4: expected reading, got 'x';  [wrong-type]"]),
+        ("[1, a]", list_of(COUNT), ["8: expected a plain number, got 'a';  [wrong-type]"]),
+        ("{a: x, c: 1}", RECORD, [
+            "4: this pair has no b;  [wrong-type]",
+            "11: a pair has no 'c'; allowed: 'a', 'b' [wrong-type]",
+        ]),
+        ("true", NUMBER, ["4: expected a plain number, got true;  [wrong-type]"]),
+        ("[1]", COUNT, ["4: expected a plain number, got a list of 1;  [wrong-type]"]),
+        ("2.5", INTEGER, ["4: expected a whole number, got 2.5;  [wrong-type]"]),
+        ("-1", COUNT, ["4: expected count of at least 0, got -1;  [wrong-type]"]),
+        ("5", DURATION, ["4: 5 has no unit, but a duration needs one; write '5 s' [no-unit]"]),
+        ("'5'", DURATION, ["4: expected duration (s), got '5'; write '5 s' [no-unit]"]),
+        ("soon", DURATION, ["4: expected duration (s), got 'soon';  [wrong-type]"]),
+        ("5 m", DURATION, [
+            "4: expected duration (s), got '5 m'; its units are 'ms', 's', 'min', 'h' [wrong-unit]",
+        ]),
+        ("5 m", NUMBER, [
+            "4: expected a plain number, got '5 m'; write a number without a unit, or in % [wrong-unit]",
+        ]),
+        ("5 s", COUNT, ["4: expected a plain number, got '5 s';  [wrong-type]"]),
+        ("x", ANGLE, ["4: expected angle (rad), got 'x';  [wrong-type]"]),
+        ("['${ a }']", list_of(TEXT), [
+            "5: an expression inside a list or record; an expression stands for the whole value here "
+            "[partial-expression]",
+        ]),
+        ("[{a: ['{{ a }}']}]", ANY, [
+            "10: an expression inside a list or record; an expression stands for the whole value here "
+            "[partial-expression]",
+        ]),
+    ],
+)  # fmt: skip
+def test_data_of_another_type_is_told_where_it_parts(text: str, wanted: Type, expected: list[str]) -> None:
+    """At the innermost place, with what to write."""
+    raw, findings = written(f"k: {text}"), Findings()
+    assert read_constant(raw["k"], raw.value_place("k"), wanted, findings, "here") is None
+    assert told(findings) == expected
+
+
+@pytest.mark.parametrize(
+    ("text", "source"),
+    [("true", "true"), ("1 < 2", "1 < 2"), ("not false", "not false")],
+)
+def test_a_condition_needs_no_marks(text: str, source: str) -> None:
+    """It is always an expression."""
+    raw, findings = written(f"k: {text}"), Findings()
+    found = read_guard(raw["k"], raw.value_place("k"), Scope({}), findings, "here")
+    assert isinstance(found, Expression)
+    assert (found.source, found.evaluate({}), found.place.column) == (source, True, 4)
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("[a]", ["4: expected a condition, got a list of 1;  [wrong-shape]"]),
+        ("5", ["4: expected bool, but '5' is a plain number; compare it, such as '5 > 0' [wrong-type]"]),
+        ("'${ true }'", [
+            "4: a condition has no ${ }; it is always an expression, so write it without "
+            "[partial-expression]",
+        ]),
+    ],
+)  # fmt: skip
+def test_what_is_no_condition_is_told(text: str, expected: list[str]) -> None:
+    """Lists, numbers, and expressions with marks."""
+    raw, findings = written(f"k: {text}"), Findings()
+    assert read_guard(raw["k"], raw.value_place("k"), Scope({}), findings, "here") is None
+    assert told(findings) == expected
+
+
+def test_no_condition_is_none() -> None:
+    """Without a finding."""
+    findings = Findings()
+    assert read_guard(None, Place("m.yaml", 1, 1), Scope({}), findings, "here") is None
+    assert findings.all == ()
+
+
+def test_an_expression_is_the_whole_value() -> None:
+    """Or it is told at the value."""
+    raw, findings = written("k: a ${ 1 }\nl: ${ 1 + 1 }"), Findings()
+    scope = Scope({})
+    assert read_value(raw["k"], raw.value_place("k"), ANY, scope, findings, "here") is None
+    found = read_value(raw["l"], raw.value_place("l"), COUNT, scope, findings, "here")
+    assert isinstance(found, Expression)
+    assert found.evaluate({}) == 2
+    assert told(findings) == [
+        "4: an expression must be the whole value; write the whole value as one ${ ... } [partial-expression]"
+    ]
+
+
+def test_defaults_stand_in_for_arguments_that_are_not_given() -> None:
+    """They stand where the operation is named; what is optional may be missing."""
+    wanted = {
+        "tag": Argument(TEXT, "id of the tag"),
+        "wait": Argument(DURATION, "how long", default="2 s"),
+        "note": Argument(TEXT, "free text", optional=True),
+    }
+    place, findings = Place("m.yaml", 9, 9), Findings()
+    found = read_arguments("x.y", wanted, written("tag: '1'"), place, Scope({}), findings, "here")
+    assert {name: (value.place.line, value.evaluate({})) for name, value in found.items()} == {
+        "tag": (1, "1"),
+        "wait": (9, 2.0),
+    }
+    assert findings.all == ()
+
+
+def test_arguments_that_nobody_asked_for_or_gave_are_told() -> None:
+    """Each where it stands."""
+    place, findings = Place("m.yaml", 9, 9), Findings()
+    wanted = {"tag": Argument(TEXT, "id of the tag")}
+    assert read_arguments("x.y", wanted, written("tga: '1'"), place, Scope({}), findings, "here") == {}
+    assert read_arguments("x.y", wanted, None, place, Scope({}), findings, "here") == {}
+    assert told(findings) == [
+        "1: x.y has no argument 'tga'; did you mean 'tag'? [unknown-argument]",
+        "9: x.y needs the argument 'tag': id of the tag; add 'tag: ...' [missing-argument]",
+    ]

@@ -1,0 +1,124 @@
+"""`lupin new`: what it writes can be checked, simulated and tested at once, and nothing is written over."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from lupin_engine.chart.load import default_missions_folder, head
+from lupin_engine.cli.main import main
+
+#: What every author's folder begins with.
+BEGINNING = ["missions/inspection.yaml", "missions/lifecycle.yaml", "scenarios/inspection.scenario.yaml"]
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Stand in an empty folder."""
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def files(folder: Path) -> list[str]:
+    """Return the files below a folder."""
+    return sorted(str(file.relative_to(folder)) for file in folder.rglob("*") if file.is_file())
+
+
+def test_it_begins_a_mission_in_an_empty_folder(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The lifecycle is the shipped one; the output says what was written and what to type next."""
+    assert main(["new", "inspection"]) == 0
+    assert files(folder) == BEGINNING
+    shipped = default_missions_folder() / "lifecycle.yaml"
+    assert (folder / "missions" / "lifecycle.yaml").read_text() == shipped.read_text()
+    *written, following = capsys.readouterr().out.splitlines()
+    assert sorted(written) == [f"wrote {file}" for file in BEGINNING]
+    assert following == "next: lupin check missions; lupin simulate inspection; lupin test"
+
+
+@pytest.mark.parametrize("like", [[], ["--like", "inspection"]], ids=["plain", "like another"])
+def test_what_it_writes_is_right(like: list[str]) -> None:
+    """No warning either; the mission ends well and its scenario holds."""
+    assert main(["new", "round_trip", *like]) == 0
+    assert main(["check", "--strict", "missions"]) == 0
+    assert main(["simulate", "round_trip"]) == 0
+    assert main(["test"]) == 0
+
+
+def test_a_copy_has_a_name_of_its_own_and_the_parts(folder: Path) -> None:
+    """Two missions of one name could not be loaded together."""
+    assert main(["new", "my_tour", "--like", "inspection"]) == 0
+    assert head(folder / "missions" / "my_tour.yaml") == ("mission", "MyTour")
+    assert "missions/parts/visit_targets.yaml" in files(folder)
+
+
+def test_the_mission_to_be_like_may_be_ones_own(folder: Path) -> None:
+    """The nearest of that name is meant, as by every verb."""
+    assert main(["new", "inspection"]) == 0
+    mission = folder / "missions" / "inspection.yaml"
+    mission.write_text(mission.read_text().replace("5 s", "6 s"))
+    assert main(["new", "second", "--like", "inspection"]) == 0
+    copy = (folder / "missions" / "second.yaml").read_text()
+    assert copy == mission.read_text().replace("mission: Inspection", "mission: Second")
+    assert main(["check", "--strict", "missions"]) == 0
+
+
+def test_what_exists_is_kept(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """An author's lifecycle is the author's."""
+    lifecycle = folder / "missions" / "lifecycle.yaml"
+    lifecycle.parent.mkdir()
+    lifecycle.write_text("lifecycle: mine\n")
+    assert main(["new", "inspection"]) == 0
+    assert lifecycle.read_text() == "lifecycle: mine\n"
+    assert "kept  missions/lifecycle.yaml" in capsys.readouterr().out.splitlines()
+
+
+@pytest.mark.parametrize("file", ["missions/inspection.yaml", "scenarios/inspection.scenario.yaml"])
+def test_a_mission_that_exists_is_not_written_over(
+    folder: Path, file: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Nothing at all is written then."""
+    (folder / file).parent.mkdir()
+    (folder / file).write_text("precious")
+    assert main(["new", "inspection"]) == 2
+    assert capsys.readouterr().err == f"lupin: {file!r} exists; choose another name, or remove it\n"
+    assert files(folder) == [file]
+    assert (folder / file).read_text() == "precious"
+
+
+@pytest.mark.parametrize(
+    ("name", "hint"),
+    [
+        ("WaterBeds", "; did you mean 'water_beds'?"),
+        ("water-beds", "; did you mean 'water_beds'?"),
+        ("missions/a", "; did you mean 'missions_a'?"),
+        ("lifecycle", ""),
+        ("3", ""),
+        ("..", ""),
+    ],
+)
+def test_a_name_that_cannot_be_one(
+    folder: Path, name: str, hint: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Answered with what a name looks like, and the nearest one."""
+    assert main(["new", name]) == 2
+    text = f"{name!r} cannot be the name of a mission's file: write lower-case letters, digits and underscores"
+    assert capsys.readouterr().err == f"lupin: {text}, such as water_beds{hint}\n"
+    assert files(folder) == []
+
+
+def test_nothing_to_be_like(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The text lists those that there are."""
+    assert main(["new", "a", "--like", "inspction"]) == 2
+    assert capsys.readouterr().err.endswith("did you mean 'inspection'?\n")
+    (folder / "alone.yaml").write_text("mission: Alone\nstates: {done: {type: final}}\n")
+    assert main(["new", "a", "--like", "alone.yaml"]) == 2
+    assert "no lifecycle.yaml stands beside 'alone.yaml'" in capsys.readouterr().err
+    assert files(folder) == ["alone.yaml"]
+
+
+def test_a_folder_that_cannot_be_written(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """One line, no traceback."""
+    (folder / "missions").write_text("a file")
+    assert main(["new", "a"]) == 2
+    assert capsys.readouterr().err.startswith("lupin: cannot write 'missions/lifecycle.yaml': ")

@@ -1,0 +1,65 @@
+"""The tables of the editor name what there is, and all of it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from lupin_engine.chart.actions import BUILTIN_ACTIONS
+from lupin_engine.chart.declare import REQUESTS
+from lupin_engine.chart.documents import KINDS, Node
+from lupin_engine.chart.expressions import BUILTIN_CALLS, ROOTS
+from lupin_engine.editor import docs
+from lupin_engine.editor.grammar import MEANINGS, NAMES, fields_of, kind_of, spot_at
+from lupin_engine.editor.scan import Scan
+
+ROOT = Path(__file__).parents[2]
+GOOD = sorted([*(ROOT / "missions").rglob("*.yaml"), *(ROOT / "tests" / "charts" / "good").rglob("*.yaml")])
+
+
+def models() -> set[type[Node]]:
+    """Return every model of the language."""
+    found: set[type[Node]] = set()
+    waiting: list[type[Node]] = [Node]
+    while waiting:
+        below = [model for model in waiting.pop().__subclasses__() if "chart.documents" in model.__module__]
+        found.update(below)
+        waiting += below
+    return found
+
+
+def test_meanings_are_of_keys_that_exist() -> None:
+    """A key that is renamed in the models must be renamed here."""
+    assert [key for key in MEANINGS if key[0] not in models() or key[1] not in fields_of(key[0])] == []
+    names = {name for model in models() for name in fields_of(model)}
+    assert set(NAMES) <= names
+
+
+def test_the_engines_own_words_are_documented() -> None:
+    """What an expression can call and read, what an action can do, what can be asked for."""
+    assert set(docs.CALLS) == set(BUILTIN_CALLS)
+    assert set(docs.ROOTS) == set(ROOTS)
+    assert set(docs.ACTIONS) == {*BUILTIN_ACTIONS, "set", "raise"}
+    assert set(docs.REQUESTS) == set(REQUESTS)
+
+
+def test_every_key_of_the_language_is_described() -> None:
+    """Hover and schema have nothing else to say."""
+    silent = [
+        (model.__name__, name)
+        for model in sorted(models() - {Node}, key=lambda model: model.__name__)
+        for name, field in fields_of(model).items()
+        if not field.description and model.__name__ != "ActionNode"
+    ]
+    assert silent == []
+
+
+@pytest.mark.parametrize("file", GOOD, ids=lambda file: file.stem)
+def test_every_path_of_a_good_mission_is_known(file: Path) -> None:
+    """The shapes read off the models are those of the language."""
+    scan = Scan(file.read_text(encoding="utf-8"))
+    root = kind_of(scan)
+    assert root in KINDS.values()
+    assert root is not None
+    assert [token.path for token in scan.tokens if spot_at(root, token.path) is None] == []

@@ -1,0 +1,57 @@
+"""Every shipped mission has scenarios that reach all of it; pytest itself runs them, by our plugin.
+
+A mission's scenarios are those in the folder of its name. The states and transitions of the lifecycle are
+shared: the scenarios of any mission may reach them.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+from lupin_engine.chart.load import default_missions_folder, mission_files
+from lupin_engine.sim.coverage import KINDS, Coverage, Part
+from lupin_engine.sim.scenario import scenario_files
+from lupin_engine.sim.suite import Suite, add_up
+from tests import shipped
+
+HERE = Path(__file__).parent
+MISSIONS = [file.stem for file in mission_files(default_missions_folder())]
+
+
+@cache
+def coverage() -> Coverage:
+    """Run every scenario of every mission."""
+    suite = Suite(shipped.catalog(), counts=True)
+    return add_up([suite.run(file) for file in scenario_files([HERE])], suite.missions)
+
+
+def part(name: str) -> Part:
+    """What was reached of a mission, or of the lifecycle."""
+    found = [part for part in coverage().parts if part.title == name]
+    assert found, f"no scenario is about {name}"
+    return found[0]
+
+
+def test_there_are_missions() -> None:
+    """What follows is about something."""
+    assert MISSIONS
+
+
+@pytest.mark.parametrize("mission", MISSIONS)
+def test_a_mission_has_scenarios(mission: str) -> None:
+    """They stand in a folder of its name, and are about it."""
+    assert scenario_files([HERE / mission])
+    reached = {path.stem for path in coverage().charts}
+    assert mission in reached
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("name", [*MISSIONS, "lifecycle"])
+def test_everything_is_reached(name: str, kind: str) -> None:
+    """Every state is entered, every transition taken, every end of an operation and branch of a guard seen."""
+    (tally,) = [tally for tally in part(name).tallies() if tally.kind == kind]
+    missing = [f"{piece.place}: {piece.text}" for piece in tally.missing]
+    assert not missing, "\n".join(missing)

@@ -1,0 +1,126 @@
+"""What scenarios reached: read off their steps, counted exactly, told with places, added up over missions."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from lupin_engine.sim.coverage import GUARD, OUTCOME, STATE, TRANSITION, Coverage, Key, pieces, reached
+from lupin_engine.sim.coverage_text import coverage_lines
+from lupin_engine.sim.scenario import load_scenario
+from lupin_engine.sim.suite import Result, Suite, add_up
+from tests import shipped
+
+HEAD = 'scenario: a test\nmission: inspection\nrequest: {tag_sequence: ["1"]}\n'
+INSPECTING = "MISSION.InspectionMission.INSPECTING"
+SKIP = f"{INSPECTING}.SCANNING.on.operator.skip_current.0"
+
+
+def result(folder: Path, text: str) -> Result:
+    """Run a scenario and count what it reaches."""
+    file = folder / "x.scenario.yaml"
+    file.write_text(HEAD + text, encoding="utf-8")
+    found = Suite(shipped.catalog(), counts=True).run(file)
+    assert found.holds, found
+    return found
+
+
+def test_a_mission_without_trouble_reaches_its_way(tmp_path: Path) -> None:
+    """States by entry, transitions by id, ends by operation, guards by what they came to."""
+    counts = result(tmp_path, "expect: {final: DONE}\n").counts
+    assert counts[STATE, f"{INSPECTING}.NAVIGATING", ""] == 1
+    assert counts[TRANSITION, f"{INSPECTING}.NAVIGATING.on_done.1", ""] == 1
+    assert counts[OUTCOME, f"{INSPECTING}.NAVIGATING", "nav.go_to done"] == 1
+    guard = f"{INSPECTING}.NAVIGATING.on_done.0"
+    assert (counts[GUARD, guard, "true"], counts[GUARD, guard, "false"]) == (0, 1)
+    assert counts[STATE, "FAULT", ""] == 0
+
+
+def test_refusals_and_holds_are_reached_too(tmp_path: Path) -> None:
+    """A transition that refuses is taken when it does; a hold's guards have branches."""
+    text = "when:\n  - {on: NAVIGATING, request: mission.start}\n  - {on: DONE, request: operator.pause}\n"
+    counts = result(tmp_path, text + "expect: {refused: [mission_running, not_running]}\n").counts
+    assert counts[TRANSITION, "MISSION.on.mission.start.0", ""] == 1
+    assert counts[TRANSITION, "RETURNING.on.mission.start.0", ""] == 0
+    assert counts[GUARD, "hold.pause.engage", "false"] == 1
+    assert counts[GUARD, "hold.pause.engage", "true"] == 0
+
+
+def test_what_is_only_explained_is_not_reached(tmp_path: Path) -> None:
+    """A step that tells why nothing happened asks every guard; only the decision counts."""
+    text = (
+        "parameters: {flower_scan_dwell_s: 5 s}\nwhen:\n  - {on: DWELLING, request: operator.skip_current}\n"
+    )
+    counts = result(tmp_path, text + "expect: {refused: [not_possible]}\n").counts
+    assert (counts[GUARD, SKIP, "true"], counts[GUARD, SKIP, "false"]) == (0, 1)
+
+
+def test_an_end_that_nobody_waits_for_is_none(tmp_path: Path) -> None:
+    """What a server says of a cancelled attempt reaches nothing; a timeout is an end of its own."""
+    text = "mocks: [{do: bridge.read_tag, then: {after: 10 s, cancel: ignored}}]\nexpect: {dropped: 1}\n"
+    state = f"{INSPECTING}.SCANNING.READING"
+    counts = result(tmp_path, text + "limit: 1 h\nwhen: [{at: 20 s, restart: true}]\n").counts
+    assert counts[OUTCOME, state, "bridge.read_tag timeout"] == 1
+    assert counts[OUTCOME, state, "bridge.read_tag done"] == 0
+
+
+def test_guards_are_counted_as_often_as_with_a_plain_chart(tmp_path: Path) -> None:
+    """Counting changes no step."""
+    file = tmp_path / "x.scenario.yaml"
+    file.write_text(HEAD + "when: [{at: 2 s, value: {battery: 5 %}}]\nexpect: {final: RETURNING}\n")
+    plain, counting = (Suite(shipped.catalog(), counts) for counts in (False, True))
+    assert plain.run(file).seconds == counting.run(file).seconds
+    assert plain.run(file).counts == {}
+
+
+def test_every_piece_has_its_own_key() -> None:
+    """Nothing that can be reached is counted as something else."""
+    keys: list[Key] = [piece.key for piece in pieces(shipped.mission("inspection"))]
+    assert len(keys) == len(set(keys))
+
+
+def test_the_sum_is_a_table_and_a_list(tmp_path: Path) -> None:
+    """A line for each mission and lifecycle, then what is missing with its place."""
+    suite = Suite(shipped.catalog())
+    found = result(tmp_path, "expect: {final: DONE}\n")
+    coverage = add_up([found, Result(tmp_path / "unreadable")], suite.missions)
+    lines = list(coverage_lines(coverage))
+    assert [line.split()[0] for line in lines[:4]] == [
+        "reached",
+        "inspection",
+        "lifecycle",
+        f"{coverage.percent:.1f}",
+    ]
+    assert "inspection: states that were not reached" in lines
+    missing = [line for line in lines if line.endswith(": INSPECTING.SCANNING.CONFIRMING")]
+    assert missing[0].startswith("  missions/parts/visit_targets.yaml:")
+    assert any(line.endswith("READING: bridge.read_tag scan_timeout (timeout)") for line in lines)
+    assert any(line.endswith("is false") for line in lines)
+    record = coverage.record()
+    assert [part["name"] for part in record["parts"]] == ["inspection", "lifecycle"]
+    assert record["parts"][0]["states"]["taken"] < record["parts"][0]["states"]["of"]
+
+
+def test_lifecycles_are_shared_between_missions(tmp_path: Path) -> None:
+    """What one mission reaches of the lifecycle need not be reached by another."""
+    chart = shipped.mission("inspection")
+    coverage = Coverage()
+    found = result(tmp_path, "expect: {final: DONE}\n")
+    coverage.add(Path("one.yaml"), chart, {})
+    before = coverage.percent
+    coverage.add(Path("other.yaml"), chart, found.counts)
+    assert len(coverage.parts) == 2
+    assert coverage.percent > before
+
+
+def test_nothing_to_reach_is_all_of_it() -> None:
+    """No scenario, no percent to miss."""
+    assert Coverage().percent == 100.0
+    assert list(coverage_lines(Coverage()))[-1] == "100.0 % of all"
+
+
+def test_reached_reads_steps(tmp_path: Path) -> None:
+    """Without guards that count, the rest is counted all the same."""
+    file = tmp_path / "x.scenario.yaml"
+    file.write_text(HEAD + "expect: {final: DONE}\n")
+    kinds = {kind for kind, _, _ in reached(load_scenario(file, shipped.catalog()).run())}
+    assert kinds == {STATE, TRANSITION, OUTCOME}
