@@ -34,6 +34,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from importlib.machinery import ModuleSpec, SourceFileLoader
+from itertools import accumulate
 from pathlib import Path
 from typing import Any
 
@@ -418,6 +419,13 @@ class Session:
         say(f"{module.name}: {len(open_ones)} tried in {spent:.0f} s, {module.count('survived')} survived")
         save(self.options, self.modules)
 
+    def most_promising(self, names: list[str]) -> list[str]:
+        """Return the first tests, for `--limit` seconds."""
+        if not self.options.limit:
+            return names
+        spent = accumulate(self.seconds[name] for name in names)
+        return [name for name, until in zip(names, spent, strict=True) if until <= self.options.limit]
+
     def attempt(
         self, module: Module, mutant: Mutant, imported: set[int], kills: Counter[str]
     ) -> dict[str, Any]:
@@ -432,11 +440,12 @@ class Session:
             wanted = sorted((n for n in reached if not reached[n].isdisjoint(mutant.span)), key=rank)
             if not wanted:
                 return {"verdict": "survived", "by": "no test reaches it"}
+            wanted = self.most_promising(wanted)
             if exchange(code, self.living.get(str(module.path), [])):
                 by = first_failure([self.items[name] for name in wanted], self.seconds)
                 return {"verdict": "killed" if by else "survived", "by": by}
         else:
-            wanted = sorted(reached or self.seconds, key=rank)
+            wanted = self.most_promising(sorted(reached or self.seconds, key=rank))
         by = import_anew(module, code, wanted, self.seconds)
         return {"verdict": "killed" if by else "survived", "by": by, "imported": True}
 
@@ -532,6 +541,7 @@ def main() -> None:
     parser.add_argument("--tests", nargs="+", default=TESTS, help="what to run")
     parser.add_argument("--sample", type=int, default=0, help="at most that many mutants of each module")
     parser.add_argument("--seed", type=int, default=1, help="which ones")
+    parser.add_argument("--limit", type=float, default=0, help="at most that many seconds of tests for each")
     parser.add_argument("--jobs", type=int, default=1, help="forks at a time")
     parser.add_argument("--json", type=Path, help="where the verdicts are kept, and go on from")
     parser.add_argument("--count", action="store_true", help="only say how many mutants there are")

@@ -55,8 +55,6 @@ class ActionReader:
 
     def read(self, nodes: Sequence[ActionNode], scope: Scope, path: str) -> tuple[ActionCall, ...]:
         """Read a list of actions; those with findings are left out."""
-        if not nodes:
-            return ()
         found = [self._action(node, scope, f"{path}.{node.name}") for node in nodes]
         return tuple(action for action in found if action is not None)
 

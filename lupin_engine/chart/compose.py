@@ -16,6 +16,7 @@ from typing import Any
 from lupin_engine.chart.actions import ActionReader, raised_events
 from lupin_engine.chart.declare import REQUESTS, Declared, Declarer, level_events
 from lupin_engine.chart.documents import (
+    ActionNode,
     BudgetNode,
     FileNode,
     InvariantNode,
@@ -183,9 +184,13 @@ class _Composer:
         """Return the plugins that anything of theirs is used from, sorted, without the built-in one."""
         names: set[str] = set()
         for state in states:
-            names.update(invoke.name for invoke in _invokes(state))
-            names.update(call.name for call in _calls(state) if call.name in self._catalog.actions)
-            names.update(name for t in state.transitions for name in self._plugin_events(t.event))
+            for invoke in _invokes(state):
+                names.add(invoke.name)
+            for call in _calls(state):
+                if call.name in self._catalog.actions:
+                    names.add(call.name)
+            for transition in state.transitions:
+                names.update(self._plugin_events(transition.event))
         found = {name.partition(".")[0] for name in names}
         owners = self._catalog.owners
         used: list[tuple[str, Iterable[str]]] = [
@@ -334,7 +339,7 @@ class _Composer:
             kind=draft.kind,
             place=draft.place,
             parent=draft.parent.name if draft.parent else None,
-            children=tuple(child.name for child in draft.children.values()),
+            children=tuple([child.name for child in draft.children.values()]),
             initial=initial,
             label=draft.label,
             mission=draft.mission,
@@ -358,8 +363,8 @@ class _Composer:
         handlers = file.on if isinstance(file, (LifecycleNode, MissionNode)) else {}
         return {
             "summary": file.summary,
-            "entry": self._actions.read(entry, scope, _path(draft.name, "entry")),
-            "exit": self._actions.read(leave, scope, _path(draft.name, "exit")),
+            "entry": self._read_actions(entry, scope, draft, "entry"),
+            "exit": self._read_actions(leave, scope, draft, "exit"),
             "transitions": tuple(self._handlers(draft, file, handlers)),
         }
 
@@ -378,15 +383,20 @@ class _Composer:
             "summary": node.summary,
             "phase": node.phase,
             "paused": node.paused,
-            "entry": self._actions.read(node.entry, scope, _path(draft.name, "entry")),
-            "exit": self._actions.read(node.exit, scope, _path(draft.name, "exit")),
+            "entry": self._read_actions(node.entry, scope, draft, "entry"),
+            "exit": self._read_actions(node.exit, scope, draft, "exit"),
             "invoke": invoke,
             "for_each": for_each,
             "budget": budget,
-            "transitions": tuple(self._transitions(draft, node, invoke)),
-            "timers": tuple(self._timers(draft, node, scope)),
+            "transitions": tuple(self._transitions(draft, node, invoke, scope)),
+            "timers": tuple(self._timers(draft, node, scope)) if node.after else (),
             "resume_at": self._resume_at(draft, node),
         }
+
+    def _read_actions(
+        self, nodes: Sequence[ActionNode], scope: Scope, draft: Draft, key: str
+    ) -> tuple[ActionCall, ...]:
+        return self._actions.read(nodes, scope, _path(draft.name, key)) if nodes else ()
 
     def _initial(self, draft: Draft) -> str | None:
         written = draft.initial
@@ -482,7 +492,9 @@ class _Composer:
 
     # -- transitions ---------------------------------------------------------------------------------------
 
-    def _transitions(self, draft: Draft, node: StateNode, invoke: Invoke | None) -> Iterator[Transition]:
+    def _transitions(
+        self, draft: Draft, node: StateNode, invoke: Invoke | None, any_event: Scope
+    ) -> Iterator[Transition]:
         """Compose what a state does about endings, events and time, in the order of the language."""
         assert draft.scope is not None
         scope = draft.scope
@@ -493,10 +505,10 @@ class _Composer:
             failed = scope.with_names(names_when_failed(invoke))
             yield from self._list(draft, draft, node.on_error, "on_error", "error", failed)
         yield from self._handlers(draft, node, node.on)
-        scope = self._any_event(draft)
-        yield from self._list(draft, draft, node.always, "always", "", scope)
+        if node.always:
+            yield from self._list(draft, draft, node.always, "always", "", any_event)
         for index, nodes in enumerate(node.after.values()):
-            yield from self._list(draft, draft, nodes, f"after.{index}", f"after.{index}", scope)
+            yield from self._list(draft, draft, nodes, f"after.{index}", f"after.{index}", any_event)
         if node.budget is not None:
             yield self._when_used_up(draft, node.budget)
 
@@ -611,8 +623,8 @@ class _Composer:
             source=source.name,
             place=node.place,
             target=target,
-            guard=self._guard(node, scope, path),
-            actions=self._actions.read(node.do, scope, f"{path}.do"),
+            guard=self._guard(node, scope, path) if node.guard is not None else None,
+            actions=self._actions.read(node.do, scope, f"{path}.do") if node.do else (),
             refuse=node.refuse,
             during=self._hold_names(node, "during", path) if node.during else _NO_HOLDS,
             releases=self._hold_names(node, "releases", path) if node.releases else _NO_HOLDS,
@@ -727,12 +739,12 @@ def _raised(draft: Draft) -> Iterator[str]:
     holder: Any = draft.node or draft.file
     for key in ("entry", "exit"):
         yield from raised_events(getattr(holder, key, ()))
-    for key in ("on_done", "on_error", "always"):
-        for node in getattr(holder, key, ()):
-            yield from raised_events(node.do)
+    lists = [getattr(holder, key, ()) for key in ("on_done", "on_error", "always")]
     for key in ("on", "after"):
-        for nodes in getattr(holder, key, {}).values():
-            for node in nodes:
+        lists += getattr(holder, key, {}).values()
+    for nodes in lists:
+        for node in nodes:
+            if node.do:
                 yield from raised_events(node.do)
     budget, for_each = getattr(holder, "budget", None), getattr(holder, "for_each", None)
     for ending in (budget, for_each and for_each.on_done, for_each and for_each.on_error):

@@ -39,7 +39,7 @@ VERBS: Mapping[str, str] = MappingProxyType(
     }
 )
 
-#: Else pydantic looks through every installed package for plugins of its own, which takes as long as a check.
+#: Else pydantic looks through every installed package for plugins of its own.
 os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
 
 DEFECT = 70

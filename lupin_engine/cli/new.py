@@ -10,7 +10,18 @@ from pathlib import Path
 
 import click
 
+from lupin_engine.chart.load import (
+    LIFECYCLE,
+    PARTS,
+    default_missions_folder,
+    find_mission,
+    inspect_chart,
+    lifecycle_of,
+)
 from lupin_engine.errors import UsageError
+from lupin_engine.launch.mission import LOCAL
+from lupin_engine.plugin.registry import load_catalog
+from lupin_engine.sim import SUFFIX
 
 #: What a file's name may be: it is also how the mission is called on the command line.
 _NAME = re.compile(r"[a-z][a-z0-9_]*")
@@ -77,10 +88,6 @@ def write_mission(name: str, like: str | None, folder: Path) -> tuple[list[Path]
     Raises:
         UsageError: the name cannot be one, the mission exists, or there is none to be `like`.
     """
-    from lupin_engine.chart.load import LIFECYCLE, default_missions_folder
-    from lupin_engine.launch.mission import LOCAL
-    from lupin_engine.sim import SUFFIX
-
     if not _NAME.fullmatch(name) or name == Path(LIFECYCLE).stem:
         hint = re.sub(r"\W+|(?<=[a-z0-9])(?=[A-Z])", "_", name).strip("_").lower()
         other = f"; did you mean {hint!r}?" if _NAME.fullmatch(hint) and hint != name else ""
@@ -112,17 +119,6 @@ def write_mission(name: str, like: str | None, folder: Path) -> tuple[list[Path]
 
 def _model(like: str, folder: Path) -> tuple[Path, list[str]]:
     """Return the file of a mission and its parts, as named beside it."""
-    from lupin_engine.chart.load import (
-        LIFECYCLE,
-        PARTS,
-        default_missions_folder,
-        find_mission,
-        inspect_chart,
-        lifecycle_of,
-    )
-    from lupin_engine.launch.mission import LOCAL
-    from lupin_engine.plugin.registry import load_catalog
-
     local = folder / LOCAL
     folders = [local] if (local / LIFECYCLE).is_file() else []
     file = find_mission(like, [*folders, default_missions_folder()])

@@ -18,11 +18,16 @@ from lupin_engine.sim.scenario_file import ScenarioNode
 SHORT_FORMS: Mapping[str, dict[str, Any]] = MappingProxyType(
     {
         "OutcomeNode": {"enum": ["done", "never"]},
-        "RequestNode": {"type": "string", "description": "mission.start or operator.NAME"},
+        "RequestNode": {
+            "description": "mission.start or operator.NAME, alone or with what it carries",
+            "anyOf": [{"type": "string"}, {"type": "object", "minProperties": 1, "maxProperties": 1}],
+        },
         "EndNode": {"type": "string", "description": "operation, as plugin.name"},
         "RefusedNode": {"type": "string", "description": "code"},
     }
 )
+#: Lists of scenarios of which the only element can stand without the list.
+ONE_ALONE = ("MockNode.then",)
 
 
 @click.command(short_help="Print the JSON Schema of the files, for editors.")
@@ -53,4 +58,4 @@ def schema(kind: str, with_names: bool, folder: Path | None) -> int:
 def schemas(with_names: bool = False) -> dict[str, dict[str, Any]]:
     """Return the schemas of all kinds of files, and of any."""
     models = kinds({"scenario": ScenarioNode})
-    return all_schemas(models, SHORT_FORMS, load_catalog() if with_names else None)
+    return all_schemas(models, SHORT_FORMS, ONE_ALONE, load_catalog() if with_names else None)

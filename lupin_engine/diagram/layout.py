@@ -272,9 +272,7 @@ def _simple(corners: Sequence[Point]) -> list[Point]:
 def _ugliness(layout: Layout) -> int:
     """Return a number that is larger the more lines cross, turn and wander."""
     pieces = [
-        (index, *one, *other)
-        for index, line in enumerate(layout.lines)
-        for one, other in zip(line, line[1:])
+        (index, *one, *other) for index, line in enumerate(layout.lines) for one, other in zip(line, line[1:])
     ]
     flat = [p for p in pieces if p[2] == p[4]]
     steep = [p for p in pieces if p[1] == p[3]]

@@ -270,7 +270,11 @@ class _Level:
         reached: dict[int, list[float]] = {}
         for piece in pieces:
             other = place[piece.end(not downwards)] + self._shares[id(piece)][not downwards]
-            own = self._shares[id(piece)][downwards] - 0.5 if self._slots[piece.end(downwards)].cell is not None else 0
+            own = (
+                self._shares[id(piece)][downwards] - 0.5
+                if self._slots[piece.end(downwards)].cell is not None
+                else 0
+            )
             reached.setdefault(piece.end(downwards), []).append(other - own)
         now = self._layers[layer]
         wished = {n: sum(reached[n]) / len(reached[n]) for n in now if n in reached}
@@ -354,7 +358,9 @@ class _Level:
                 ropes.append(Rope(a, b, self._slots[a].width + self._apart(a, b), 0))
             if layer:
                 first, last = self._slots[layer[0]], self._slots[layer[-1]]
-                ropes.append(Rope(left, layer[0], margin if not first.heading else 12, _FIRM if first.heading else 0))
+                ropes.append(
+                    Rope(left, layer[0], margin if not first.heading else 12, _FIRM if first.heading else 0)
+                )
                 ropes.append(Rope(layer[-1], right, last.width + margin, 0))
         if self._row:
             ropes += [Rope(left, self._layers[1][0], 0, _FIRM)]
@@ -388,7 +394,9 @@ class _Level:
     def _ends(self, piece: _Piece) -> tuple[int, int]:
         """Return where a piece ends, now that its slots have places: straight if it can be."""
         upper, lower = self._slots[piece.upper].x, self._slots[piece.lower].x
-        (a, b), (c, d) = ((x + span[0], x + span[1]) for x, span in zip((upper, lower), piece.spans, strict=True))
+        (a, b), (c, d) = (
+            (x + span[0], x + span[1]) for x, span in zip((upper, lower), piece.spans, strict=True)
+        )
         if b < c:
             return b, c
         if d < a:
@@ -418,7 +426,10 @@ class _Level:
             cells.append((slot.x, tops[slot.layer][0] + (0 if self._row else min(room // 2, _HANG))))
         lines = {s.link: self._corners(i, cells, tops, bends) for i, s in enumerate(self._strands)}
         labels = {
-            self._strands[slot.label].link: (slot.x + _TO_LABEL, tops[slot.layer][0] + (tops[slot.layer][1] - slot.height) // 2)
+            self._strands[slot.label].link: (
+                slot.x + _TO_LABEL,
+                tops[slot.layer][0] + (tops[slot.layer][1] - slot.height) // 2,
+            )
             for slot in self._slots
             if slot.label is not None
         }
@@ -505,7 +516,6 @@ class _Level:
             end = cells[strand.lower][1] + self._cells[strand.lower].above
         return [*corners, (last.x[1], end)]
 
-
     def _foot(self, strand: Strand, tops: list[tuple[int, int]]) -> int:
         """Return how far below the top of its upper cell a strand begins; regions are as high as their layer."""
         cell = self._cells[strand.upper]
@@ -526,7 +536,9 @@ def _rooms(
     return [(round(low + i * share + side), round(low + (i + 1) * share - side)) for i in range(count)]
 
 
-def ranks(count: int, ways: Iterable[tuple[int, int]], pulls: Iterable[tuple[int, bool]], first: int | None) -> list[int]:
+def ranks(
+    count: int, ways: Iterable[tuple[int, int]], pulls: Iterable[tuple[int, bool]], first: int | None
+) -> list[int]:
     """Return the layer of each box so that ways run downwards and are short.
 
     Args:

@@ -83,7 +83,9 @@ class _Writer:
     def _tones(self) -> Iterator[str]:
         """Yield the classes of a picture that is not all of one tone; Mermaid colours no boxes in boxes."""
         for tone, style in _TONES.items():
-            names = [self._ids[box.name] for box in self._picture.every() if box.tone is tone and not box.children]
+            names = [
+                self._ids[box.name] for box in self._picture.every() if box.tone is tone and not box.children
+            ]
             if names:
                 yield f"classDef {tone.value} {style}"
                 yield f"class {','.join(names)} {tone.value}"

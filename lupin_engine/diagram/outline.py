@@ -92,7 +92,9 @@ class _Outliner:
         arrows = tuple(self._arrows())
         title = _title(self._chart)
         if self._focus is not None:
-            return Picture(f"{title}: {self._states[self._focus].local_name}", boxes, None, arrows, self._chart)
+            return Picture(
+                f"{title}: {self._states[self._focus].local_name}", boxes, None, arrows, self._chart
+            )
         notes = (*self._ways(root), *map(hold_line, self._chart.holds.values()))
         return Picture(title, boxes, self._initial(root), arrows, self._chart, notes)
 

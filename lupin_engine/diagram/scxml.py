@@ -52,7 +52,10 @@ class _Writer:
         name = _attributes(name=self._picture.title, initial=self._picture.initial)
         yield f'<scxml {_NAMESPACES} version="1.0" datamodel="python"{name}>'
         yield from (f"  <!-- {_comment(str(note))} -->" for note in self._picture.notes)
-        data = [f"<data{_attributes(id=name, expr=_written(v.default))}/>" for name, v in self._chart.context.items()]
+        data = [
+            f"<data{_attributes(id=name, expr=_written(v.default))}/>"
+            for name, v in self._chart.context.items()
+        ]
         yield from (f"  {line}" for line in _element("datamodel", {}, data))
         for box in self._picture.boxes:
             # The document itself has no transitions; one of its states is always active.
@@ -98,7 +101,9 @@ class _Writer:
             "cond": self._condition(rule.guard.source) if rule.guard else None,
             "target": rule.target,
             # It has a meaning only where a way leads into its own state.
-            "type": "internal" if rule.internal and (rule.target or "").startswith(f"{state.name}.") else None,
+            "type": "internal"
+            if rule.internal and (rule.target or "").startswith(f"{state.name}.")
+            else None,
             "lupin:refuse": rule.refuse,
             "lupin:during": " ".join(sorted(rule.during)),
             "lupin:releases": " ".join(sorted(rule.releases)),

@@ -79,7 +79,9 @@ def check_fits(picture: Picture, counts: Counts, name: str) -> None:
     """
     strangers = sorted(state for state in counts.states if state not in picture.chart.states)
     if strangers:
-        raise UsageError(f"{name!r} is a run of another mission: {picture.title} has no state {strangers[0]!r}")
+        raise UsageError(
+            f"{name!r} is a run of another mission: {picture.title} has no state {strangers[0]!r}"
+        )
 
 
 def _box(box: Box, counts: Counts) -> Box:

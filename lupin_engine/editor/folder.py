@@ -124,6 +124,8 @@ class Folder:
 
     def survey(self) -> dict[Path, Found]:
         """Return what is wrong with every file of the folder, and make the model anew."""
+        if not self.lifecycle.is_file() and not any(map(self.kind, self._open)):
+            return {}
         missions, texts = self.missions(), self._texts()
         first = self._inspect(missions, texts)
         readable = [path for path in missions if path in first.documents]

@@ -118,7 +118,8 @@ def _verify(folder: Folder, edits: Mapping[Path, list[Edit]], renamed: set[str],
     for finding in after.found:
         if (finding.place.file, finding.place.line, finding.rule) not in known:
             kind = "error" if finding.severity is Severity.ERROR else "warning"
-            raise Refused(f"this would make a new {kind}: {finding.place}: {finding.problem}")
+            where = f"{Path(finding.place.file).name}:{finding.place.line}"
+            raise Refused(f"this would make a new {kind}: {where}: {finding.problem}")
     if before.composed is None or after.composed is None:
         raise Refused("a file of this folder cannot be read; mend that first")
     if list(_meanings(before.composed, renamed, name)) != list(_meanings(after.composed, set(), name)):

@@ -51,15 +51,24 @@ def schema(
     kind: str,
     model: type[BaseModel],
     short_forms: Mapping[str, Schema] | None = None,
+    one_alone: Iterable[str] = (),
     catalog: Catalog | None = None,
 ) -> Schema:
-    """Return the schema of one kind of file; with a catalog also the names that plugins offer."""
+    """Return the schema of one kind of file; with a catalog also the names that plugins offer.
+
+    `short_forms` are what can stand for a mapping, by model; `one_alone` names, as `Model.key`, lists of
+    which the only element can stand without the list. pydantic does not tell of either.
+    """
     made = model.model_json_schema(by_alias=True, ref_template="#/definitions/{model}")
     definitions = made.pop("$defs", {})
     forms = {**SHORT_FORMS, **(short_forms or {})}
     for name, definition in definitions.items():
         _finish(name, definition)
     _finish(model.__name__, made)
+    for name in one_alone:
+        holder, _, key = name.partition(".")
+        if holder in definitions:
+            _let_one_stand_alone(definitions[holder]["properties"][key])
     definitions["Action"] = _action()
     if catalog is not None:
         _add_names(made, definitions, catalog)
@@ -102,9 +111,6 @@ def _finish(name: str, definition: Schema) -> None:
         examples = EXAMPLES.get(f"{name}.{key}")
         if examples:
             node["examples"] = list(examples)
-        snippets = SNIPPETS.get(f"{name}.{key}")
-        if snippets:
-            node["defaultSnippets"] = _plain(snippets)
         if "description" in node:
             node["markdownDescription"] = _markdown(key, node)
     snippets = SNIPPETS.get(name)
@@ -140,6 +146,11 @@ def _point_to_actions(node: Schema) -> None:
         del node["type"], node["items"]
         one = {"$ref": "#/definitions/Action"}
         node["anyOf"] = [{"type": "array", "items": one}, one]
+
+
+def _let_one_stand_alone(node: Schema) -> None:
+    item = node["items"]
+    node["anyOf"] = [{"type": node.pop("type"), "items": node.pop("items")}, item]
 
 
 def _action() -> Schema:
@@ -255,7 +266,7 @@ def _add_actions(action: Schema, catalog: Catalog) -> None:
     for name, found in catalog.actions.items():
         mapping["properties"][name] = _arguments(found.arguments, found.doc)
         mapping["properties"][name]["markdownDescription"] = docs.action(name, found)
-    names = ["set", "raise", *BUILTIN_ACTIONS, *catalog.actions]
+    names = [*BUILTIN_ACTIONS, *catalog.actions]
     alone.pop("examples")
     alone["enum"] = [name for name in names if not mapping["properties"].get(name, {}).get("required")]
     mapping["additionalProperties"] = False
@@ -302,10 +313,11 @@ def file_name(kind: str) -> str:
 def all_schemas(
     models: Mapping[str, type[BaseModel]],
     short_forms: Mapping[str, Schema] | None = None,
+    one_alone: Iterable[str] = (),
     catalog: Catalog | None = None,
 ) -> dict[str, Schema]:
     """Return the schema of every kind, and last the one that serves them all."""
-    found = {kind: schema(kind, model, short_forms, catalog) for kind, model in models.items()}
+    found = {kind: schema(kind, model, short_forms, one_alone, catalog) for kind, model in models.items()}
     return {**found, ANY_KIND: any_kind(found)}
 
 

@@ -1,6 +1,6 @@
-"""Forms to fill in and examples, by model and key: what a schema offers beside the bare words.
+"""Forms to fill in and examples: what a schema offers beside the bare words.
 
-A test reads every one of them as the piece of a mission that it stands for.
+A test holds every form against the schema of the model that it stands for.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ def _snippet(label: str, description: str, body: Any) -> Snippet:
 _LIMIT = {"after": "${2:30 s}", "code": "${3:CODE}"}
 _INVOKE = {"do": "${1:plugin.operation}", "timeout": _LIMIT}
 
-#: By `Model` what can stand for one of it, by `Model.key` what can stand under that key.
+#: By model: what can stand for one of it.
 SNIPPETS: Mapping[str, tuple[Snippet, ...]] = MappingProxyType(
     {
         "StateNode": (
@@ -45,7 +45,7 @@ SNIPPETS: Mapping[str, tuple[Snippet, ...]] = MappingProxyType(
             ),
             _snippet("final state", "an end", {"type": "final"}),
         ),
-        "StateNode.invoke": (
+        "InvokeNode": (
             _snippet("operation", "an operation with a limit", _INVOKE),
             _snippet(
                 "operation with arguments",
@@ -58,10 +58,10 @@ SNIPPETS: Mapping[str, tuple[Snippet, ...]] = MappingProxyType(
                 },
             ),
         ),
-        "InvokeNode.timeout": (
+        "LimitNode": (
             _snippet("limit", "how long one attempt may take", {"after": "${1:30 s}", "code": "${2:CODE}"}),
         ),
-        "InvokeNode.retry": (
+        "RetryNode": (
             _snippet("retry", "further attempts", {"attempts": "${1:2}", "backoff": "${2:1 s}"}),
             _snippet(
                 "retry with growing pauses",
@@ -69,7 +69,7 @@ SNIPPETS: Mapping[str, tuple[Snippet, ...]] = MappingProxyType(
                 {"attempts": "${1:5}", "backoff": "${2:1 s}", "factor": "${3:2}", "jitter": "${4:20 %}"},
             ),
         ),
-        "StateNode.for_each": (
+        "ForEachNode": (
             _snippet(
                 "one operation for every element",
                 "of a list that may grow",
@@ -81,7 +81,7 @@ SNIPPETS: Mapping[str, tuple[Snippet, ...]] = MappingProxyType(
                 },
             ),
         ),
-        "StateNode.itinerary": (
+        "ItineraryNode": (
             _snippet("itinerary", "a list to walk", {"items": "${1:'\\${ request.FIELD \\}'}"}),
             _snippet(
                 "itinerary, the nearest first",
@@ -93,7 +93,7 @@ SNIPPETS: Mapping[str, tuple[Snippet, ...]] = MappingProxyType(
                 },
             ),
         ),
-        "StateNode.budget": (
+        "BudgetNode": (
             _snippet(
                 "budget",
                 "time over all visits of one mission",

@@ -227,9 +227,12 @@ class Machine:
         candidates: Sequence[Sequence[Transition]],
         fixed: Event | None = None,
     ) -> None:
-        """Prepare a shortcut for an event that came for the first time in this row."""
+        """Prepare a shortcut for an event that came for the first time in this row.
+
+        Not where transitions need no event: they may have become possible since, and would go first.
+        """
         answers = self._row.answers
-        if key in answers or len(answers) >= MAX_PLANS:
+        if key in answers or self._row.levels or len(answers) >= MAX_PLANS:
             return
         row = self._row
         structure = self._planner.structure
@@ -237,10 +240,9 @@ class Machine:
 
     def _finish(self) -> Step:
         turn, memory = self._turn, self.memory
-        if not self._comes_to_rest():
-            self._break_cycle()
+        rests = self._comes_to_rest() or self._break_cycle()
         memory.sequence += 1
-        quiet = not (memory.held or memory.deferred or memory.walks)
+        quiet = rests and not (memory.held or memory.deferred or memory.walks)
         self.answers = self._row.answers if quiet else _NO_ANSWERS
         turn.row = self._row
         self._turn = _NO_TURN
@@ -249,8 +251,8 @@ class Machine:
     def _comes_to_rest(self) -> bool:
         return any(not self._progress() for _ in range(MICROSTEP_LIMIT))
 
-    def _break_cycle(self) -> None:
-        """Lead a chart that never comes to rest to FAULT; what it was doing is cancelled as it is left."""
+    def _break_cycle(self) -> bool:
+        """Lead a chart that never comes to rest to FAULT, which cancels what it did; say whether it rests."""
         turn = self._turn
         last = [name for plan in turn.plans[-20:] for name in plan.taken]
         cycle = ", ".join(dict.fromkeys(last))
@@ -261,11 +263,14 @@ class Machine:
         turn.signals.clear()
         self._core.report(EXECUTION_CODE, detail)
         rules = self._listeners(Signal(EXECUTION_ERROR, None, cause))
-        if rules:
-            self._take(rules, cause)
-            if not self._comes_to_rest():
-                turn.note("nor does it after the error: it is left as it is")
-                turn.signals.clear()
+        if not rules:
+            return False
+        self._take(rules, cause)
+        if self._comes_to_rest():
+            return True
+        turn.note("nor does it after the error: it is left as it is")
+        turn.signals.clear()
+        return False
 
     def _progress(self) -> bool:
         """Do the next thing of this macrostep; False when there is nothing left to do."""

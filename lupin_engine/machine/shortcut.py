@@ -9,10 +9,12 @@ them):
 * the transitions have no action, or one `set` whose values do not ask for the configuration;
 * what is left and entered has no actions, operations, itinerary, budget or history, and its timers are
   constants;
-* the row that it leads to has no eventless transition and nothing to work off, and is no end;
+* neither this row nor the one that it leads to has eventless transitions; that one has nothing to work off,
+  and is no end;
 * the chart has no invariants.
 
-It is used only while the machine is quiet (`Machine` says when): no hold, no waiting answer, no itinerary.
+It is used only while the machine is quiet (`Machine` says when): at rest, no hold, no waiting answer, no
+itinerary.
 What raises, or finds no transition, returns None and goes the general way from the start: until then
 nothing has been changed.
 """

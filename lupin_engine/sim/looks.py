@@ -6,6 +6,7 @@ from collections.abc import Iterable, Iterator
 
 from lupin_engine.chart.model import Chart, Transition
 from lupin_engine.machine.explain import Possibility
+from lupin_engine.machine.step import Considered
 from lupin_engine.machine.view import View
 from lupin_engine.sim.simulation import Simulation
 from lupin_engine.sim.story import Piece, short_name, shorten
@@ -37,7 +38,8 @@ def possibilities(chart: Chart, found: Iterable[Possibility]) -> list[Row]:
 def possibility(chart: Chart, found: Possibility) -> list[Row]:
     """Tell what one event would do now, with every transition that listens to it."""
     first = _what(chart, found) if found.possible else labelled(found.event, _why_not(found), "", _EVENT)
-    return [first, *([(f"    {considered}", "dim")] for considered in found.considered)]
+    each = (f"    {_leads_to(chart, one.transition)}: {_reason(one)}" for one in found.considered)
+    return [first, *([(text, "dim")] for text in each)]
 
 
 def _what(chart: Chart, found: Possibility) -> Row:
@@ -47,21 +49,38 @@ def _what(chart: Chart, found: Possibility) -> Row:
     return labelled(found.event, ", ".join(told), "state", _EVENT)
 
 
+def _why_not(found: Possibility) -> str:
+    if found.refusal is not None:
+        return found.refusal.text
+    reasons = dict.fromkeys(_reason(one) for one in found.considered)
+    return "; ".join(reasons) or "nobody listens to it here"
+
+
+def _reason(one: Considered) -> str:
+    """Return what keeps a transition from being taken."""
+    if one.held:
+        return f"{one.held} is engaged"
+    if one.holds:
+        return "can be taken"
+    return f"{one.guard} is false: {', '.join(f'{text} is {shorten(value)}' for text, value in one.parts)}"
+
+
 def _leads_to(chart: Chart, rule: str) -> str:
+    """Return where a transition leads and where it is written."""
     transition = next((found for found in _transitions(chart) if found.id == rule), None)
     if transition is None:
         return "-> FAULT"  # the chart's own answer to an error
-    where = f"-> {short_name(chart, transition.target)}" if transition.target else "stays"
+    where = "stays"
+    if transition.refuse is not None:
+        where = f"refused as {transition.refuse}"
+    elif transition.target:
+        where = f"-> {short_name(chart, transition.target)}"
     return f"{where} ({transition.place.file.rpartition('/')[2]}:{transition.place.line})"
 
 
 def _transitions(chart: Chart) -> Iterator[Transition]:
     for state in chart.states.values():
         yield from state.transitions
-
-
-def _why_not(found: Possibility) -> str:
-    return str(found).removeprefix(f"{found.event}: ")
 
 
 # -- what is ----------------------------------------------------------------------------------------------

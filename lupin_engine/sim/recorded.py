@@ -5,14 +5,15 @@ JSON object a line, bare or under `step` as `lupin run --json` prints them.
 
 Times count from the entry of the state that the mission was in, so that the scenario still means the same
 when something before it takes longer. What a server said becomes the mock of its operation, one outcome for
-each attempt in turn; live values are kept as far as something was done before they changed again.
+each attempt in turn. A live value is left out where the run is the same without it, and kept otherwise as far
+as something was done before it changed again.
 """
 
 from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -28,7 +29,7 @@ from lupin_engine.sim.yaml_text import yaml_text
 
 Record = Mapping[str, Any]
 
-#: To how many digits times are written, the fewest first that make the run come out the same.
+#: To how many digits times are written: the first that makes the run come out the same will do.
 _DIGITS = (3, 6, 12)
 
 
@@ -38,6 +39,16 @@ class Recording:
 
     steps: tuple[Record, ...]
     parameters: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def values(self) -> list[str]:
+        """The live values that were reported, sorted."""
+        return sorted({step["data"]["name"] for step in self.steps if step["event"] == "value"})
+
+    def without(self, value: str) -> Recording:
+        """Return the record as if a live value had not been reported."""
+        steps = [step for step in self.steps if (step["event"], step["data"].get("name")) != ("value", value)]
+        return replace(self, steps=tuple(steps))
 
     @property
     def mission(self) -> str:
@@ -354,7 +365,7 @@ def expectations(run: Run) -> dict[str, Any]:
 
 
 def difference(recording: Recording, run: Run) -> str:
-    """Say where a run first differs from the record in states, publications or refusals; '' when nowhere."""
+    """Say where a run first differs from the record in what it led to; '' when nowhere."""
     recorded = [fact for step in recording.steps for fact in _facts(step)]
     simulated = [fact for step in run.steps for fact in _facts(step_record(step))]
     for index in range(max(len(recorded), len(simulated))):
@@ -369,7 +380,9 @@ def _facts(step: Record) -> Iterator[str]:
     """Yield what a step led to."""
     yield from (f"entered {name}" for name in step.get("entered", ()))
     for command in step.get("commands", ()):
-        if command["command"] == "publish":
+        if command["command"] == "start":
+            yield f"started {command['operation']} {json.dumps(command['arguments'], sort_keys=True)}"
+        elif command["command"] == "publish":
             yield f"published {command['target']} {command['status']} {command.get('code', '')}".rstrip()
     if "refusal" in step:
         yield f"refused {step['event']} {step['refusal']['code']}"
@@ -386,13 +399,40 @@ def scenario_text(recording: Recording, promise: str, file: Path, missions: Miss
         UsageError: the mission does not exist, or it does not come out the same.
         ChartError: with all that is wrong with the mission, or with what was recorded of it.
     """
-    mission = missions.file(recording.mission, file)
-    chart, differs = missions.chart(mission), ""
-    for digits in _DIGITS:
-        parts = script_of(recording, mission.stem, promise, chart, missions.catalog, digits)
-        scenario = load_scenario_text(yaml_text({**parts, "expect": {}}), file, missions)
-        run = scenario.run()
-        differs = difference(recording, run)
-        if not differs:
-            return yaml_text({**parts, "expect": expectations(run)})
-    raise UsageError(f"the scenario does not come out as it was recorded: {differs}")
+    return _Maker(recording, promise, file, missions).text()
+
+
+class _Maker:
+    """Tries scenarios until one runs as it was recorded."""
+
+    def __init__(self, recording: Recording, promise: str, file: Path, missions: Missions) -> None:
+        self._recording = recording
+        self._promise = promise
+        self._file = file
+        self._missions = missions
+        self._mission = missions.file(recording.mission, file)
+
+    def text(self) -> str:
+        """Return the scenario, with as few digits and live values as will do."""
+        digits = next((digits for digits in _DIGITS if not self._differs(self._recording, digits)), None)
+        if digits is None:
+            differs = self._differs(self._recording, _DIGITS[-1])
+            raise UsageError(f"the scenario does not come out as it was recorded: {differs}")
+        kept = self._recording
+        for name in kept.values:
+            fewer = kept.without(name)
+            if not self._differs(fewer, digits):
+                kept = fewer
+        parts = self._parts(kept, digits)
+        return yaml_text({**parts, "expect": expectations(self._run(parts))})
+
+    def _parts(self, recording: Recording, digits: int) -> dict[str, Any]:
+        chart, catalog = self._missions.chart(self._mission), self._missions.catalog
+        return script_of(recording, self._mission.stem, self._promise, chart, catalog, digits)
+
+    def _run(self, parts: Mapping[str, Any]) -> Run:
+        text = yaml_text({**parts, "expect": {}})
+        return load_scenario_text(text, self._file, self._missions).run()
+
+    def _differs(self, recording: Recording, digits: int) -> str:
+        return difference(self._recording, self._run(self._parts(recording, digits)))

@@ -64,6 +64,11 @@ class Rewindable:
             self.moves.append(move)
         return done
 
+    def join(self, count: int) -> None:
+        """Make one move of the last `count` ones, which all let things happen by themselves."""
+        if count > 1:
+            self.moves[-count:] = [go_on(count)]
+
     def back(self, count: int) -> list[Move]:
         """Take back the last `count` moves, or as many as there are, and return them."""
         kept = max(0, len(self.moves) - count)

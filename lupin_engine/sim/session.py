@@ -32,7 +32,7 @@ from lupin_engine.sim.simulation import (
     is_named,
     label_of,
 )
-from lupin_engine.sim.story import Columns, Teller, laid_out
+from lupin_engine.sim.story import Teller, laid_out, usual_columns
 
 #: Reads a word as a value of a type; what does not fit is returned as it is.
 Read = Callable[[str, Type], Any]
@@ -79,9 +79,7 @@ class Session:
     ) -> None:
         self._chart, self._catalog, self._script, self._world = chart, catalog, script, world
         self._read = read
-        event = min(36, width // 3)
-        command = width - 12 - 30 - event - 4
-        self._columns = Columns(30, event, command) if command >= 28 else Columns(26, width - 40, 0)
+        self._columns = usual_columns(width)
         self._rewindable = Rewindable(self._begun)
         self._told = _Told(Teller(chart))
         self.over = False
@@ -164,13 +162,13 @@ class Session:
 
     def _step(self) -> list[Row]:
         """Let the next thing happen that is worth a line."""
-        for _ in range(_SILENT):
-            if not self._rewindable.do(go_on(1)):
-                return []
+        news: list[Row] = []
+        done = 0
+        while not news and done < _SILENT and self._rewindable.do(go_on(1)):
+            done += 1
             news = self._news()
-            if news:
-                return news
-        return []
+        self._rewindable.join(done)
+        return news
 
     def start(self, words: list[str]) -> list[Row]:
         """Start the mission."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from textwrap import wrap
@@ -20,8 +21,10 @@ Piece = tuple[str, str]
 _TIME = 12
 #: A column is at most so wide, so that one long text does not take the room of all others.
 _MOST_STATE, _MOST_EVENT = 30, 36
+#: The columns of a story of which the lines are not known yet.
+_USUAL_STATE, _USUAL_EVENT = 28, 34
 #: With less room than this commands stand under their event.
-_LEAST_COMMAND = 28
+_LEAST_COMMAND = 40
 #: A command is cut after so many lines.
 _COMMAND_LINES = 2
 _GAP = 2
@@ -80,8 +83,18 @@ class Columns:
 
 def columns_for(lines: Sequence[Line], width: int) -> Columns:
     """Return the columns in which lines are told in `width` cells."""
-    state = min(_MOST_STATE, width // 3, max((_longest(line.moved) for line in lines), default=0))
-    event = min(_MOST_EVENT, width // 3, max((len(line.event) for line in lines), default=0))
+    state = max((_longest(line.moved) for line in lines), default=0)
+    event = max((len(line.event) for line in lines), default=0)
+    return _columns(min(_MOST_STATE, state), min(_MOST_EVENT, event), width)
+
+
+def usual_columns(width: int) -> Columns:
+    """Return the columns for lines that are not known yet."""
+    return _columns(_USUAL_STATE, _USUAL_EVENT, width)
+
+
+def _columns(state: int, event: int, width: int) -> Columns:
+    state = min(state, max(1, (width - _TIME) * 2 // 5))
     command = width - _TIME - state - event - 2 * _GAP
     if command < _LEAST_COMMAND:
         return Columns(state, max(1, width - _TIME - state - _GAP), 0)
@@ -90,7 +103,7 @@ def columns_for(lines: Sequence[Line], width: int) -> Columns:
 
 def laid_out(line: Line, columns: Columns) -> Iterator[list[Piece]]:
     """Yield one line of a story in columns: the time, the state that it led to, the event, the commands."""
-    states = [(text, "state") for text in wrap(line.moved, columns.state or 1)]
+    states = [(text, "state") for text in _wrapped(line.moved, max(1, columns.state))]
     events = [(text, "refused" if line.refused else "event") for text in wrap(line.event, columns.event)]
     commands = [
         (text, _tone(command))
@@ -115,6 +128,16 @@ def laid_out(line: Line, columns: Columns) -> Iterator[list[Piece]]:
     for note in line.notes:
         for text in wrap(f"({note})", room):
             yield _row([("", "time", _TIME), ("", "", columns.state + _GAP), (text, "note", 0)])
+
+
+def _wrapped(moved: str, width: int) -> list[str]:
+    """Break names of states into lines: between two of them, or behind a dot."""
+    lines = [""]
+    for piece in re.split(r"(?<=[. ])", moved):
+        if lines[-1] and len(lines[-1]) + len(piece.rstrip()) > width:
+            lines.append("")
+        lines[-1] += piece
+    return [text[start : start + width].rstrip() for text in lines for start in range(0, len(text), width)]
 
 
 def _longest(moved: str) -> int:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import groupby
+from textwrap import wrap
 
 from lupin_engine.sim.timeline import CANCELLED, FAILED, OPEN, TIMED_OUT, Bar, Curve, Tick, Timeline
 from lupin_engine.sim.timeline_rows import (
@@ -71,8 +72,8 @@ class _Drawing:
         yield from self._axis()
         shown = {bar.outcome for lane in self._lanes.operations for bar in lane.bars}
         legend = [f"{sign} {outcome}" for outcome, sign in _ENDS.items() if outcome in shown]
-        if legend:
-            yield [(" " * (self._label + 1) + "  ".join(legend), "dim")]
+        for line in wrap("  ".join(legend), self._cells):
+            yield [(" " * (self._label + 1) + line, "dim")]
 
     def _cell(self, time: float) -> int:
         return min(self._cells - 1, int(time / self._seconds * self._cells + 1e-9))
@@ -93,13 +94,23 @@ class _Drawing:
     def _event_row(self, ticks: list[tuple[Tick, int | None]], row: int) -> list[Piece]:
         cells = [(" ", "")] * self._cells
         for tick, its in ticks:
-            # An event without room for its label is at least seen in the lowest line.
-            label = f"{self._signs.event}{tick_text(tick)}" if its == row else ""
-            sign = label or (self._signs.event if its is None and row == 0 else "")
-            start = min(self._cell(tick.time), max(0, self._cells - len(sign)))
-            for offset, char in enumerate(sign[: self._cells - start]):
-                cells[start + offset] = (char, "refused" if tick.refused else "event")
+            tone = "refused" if tick.refused else "event"
+            sign, cell = self._signs.event, self._cell(tick.time)
+            # An event without room for its label is at least seen, in the lowest row.
+            shown = its == row and self._put(cells, cell, sign + tick_text(tick), tone)
+            if not shown and (row if its is None else its - row) == 0:
+                self._put(cells, cell, sign, tone)
         return [(" " * (self._label + 1), ""), *_joined(cells)]
+
+    def _put(self, cells: list[Piece], cell: int, shown: str, tone: str) -> bool:
+        """Write a text at a cell, or so that it ends with the line; False where something stands already."""
+        start = max(0, min(cell, self._cells - len(shown)))
+        if start + len(shown) > self._cells or any(
+            char != " " for char, _ in cells[start : start + len(shown)]
+        ):
+            return False
+        cells[start : start + len(shown)] = [(char, tone) for char in shown]
+        return True
 
     def _axis(self) -> Iterator[list[Piece]]:
         line = ""

@@ -2,17 +2,24 @@
 
 from __future__ import annotations
 
+import os
 import random
 import shutil
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+import lupin_engine
+from lupin_engine.chart.cache import Recent
 from lupin_engine.chart.load import (
     LIFECYCLE,
+    MAX_FINDINGS,
     check_chart,
     default_missions_folder,
     find_mission,
+    forget,
     load_chart,
     mission_files,
 )
@@ -63,6 +70,137 @@ def test_no_damage_to_a_file_becomes_a_traceback(seed: int, tmp_path: Path, cata
     path.write_text(damaged(path.read_text(), chance))
     chart, found = check_chart(tmp_path / LIFECYCLE, [tmp_path / "inspection.yaml"], catalog)
     assert chart is not None or any(d.severity is Severity.ERROR for d in found)
+
+
+def copied(tmp_path: Path, name: str = "knocks") -> tuple[Path, list[Path]]:
+    """Copy a good mission with the lifecycle and the parts that it needs; return lifecycle and missions."""
+    shutil.copytree(GOOD / "parts", tmp_path / "parts")
+    shutil.copy(CHARTS / "mini" / LIFECYCLE, tmp_path / LIFECYCLE)
+    shutil.copy(GOOD / f"{name}.yaml", tmp_path / "m.yaml")
+    return tmp_path / LIFECYCLE, [tmp_path / "m.yaml"]
+
+
+def test_what_has_not_changed_is_not_read_twice(tmp_path: Path, catalog: Catalog) -> None:
+    """The same chart, and the same words about it; for another catalog, it is another chart."""
+    files = copied(tmp_path)
+    (tmp_path / "m.yaml").write_text((tmp_path / "m.yaml").read_text() + "codes: {unused: {label: unused}}\n")
+    chart, found = check_chart(*files, catalog)
+    assert chart is not None
+    assert {d.severity for d in found} == {Severity.WARN}
+    again, told_again = check_chart(*files, catalog)
+    assert again is chart
+    assert told_again == found
+    assert check_chart(*files, replace(catalog))[0] is not chart
+    forget()
+    assert check_chart(*files, catalog)[0] is not chart
+
+
+def test_an_edit_is_seen_whatever_the_clock_says(tmp_path: Path, catalog: Catalog) -> None:
+    """The content counts, not the time of the file; taken back, the chart is the one before."""
+    lifecycle, missions = copied(tmp_path)
+    part = tmp_path / "parts" / "knock.yaml"
+    before, stamp = part.read_text(), part.stat()
+    first = load_chart(lifecycle, missions, catalog)
+    part.write_text(before.replace("summary: ", "summary: x", 1))
+    os.utime(part, ns=(stamp.st_atime_ns, stamp.st_mtime_ns))
+    second = load_chart(lifecycle, missions, catalog)
+    part.write_text(before)
+    assert second is not first
+    assert load_chart(lifecycle, missions, catalog) is first
+
+
+def test_places_name_the_file_that_was_read(tmp_path: Path, catalog: Catalog) -> None:
+    """The same bytes under another name are another document."""
+    lifecycle, (mission,) = copied(tmp_path)
+    mission.write_text("mission: M\nstates: {A: {on_done: B}}\n")
+    other = mission.with_name("n.yaml")
+    shutil.copy(mission, other)
+    for path in (mission, other):
+        found = check_chart(lifecycle, [path], catalog)[1]
+        assert {d.place.file for d in found if d.rule == "unknown-state"} == {str(path)}
+
+
+def test_only_the_newest_are_remembered() -> None:
+    """The cache is small."""
+    made: list[int] = []
+    recent: Recent[int, int] = Recent(2)
+    for key in (1, 2, 1, 3, 1, 2):
+        assert recent.get(key, lambda key=key: made.append(key) or key) == key  # type: ignore[misc]
+    assert made == [1, 2, 3, 2]
+    assert len(recent) == 2
+
+
+def test_two_threads_may_read_the_same_file(tmp_path: Path, catalog: Catalog) -> None:
+    """They get the same chart, or at least an equal one."""
+    files = copied(tmp_path)
+    forget()
+    with ThreadPoolExecutor(4) as pool:
+        charts = list(pool.map(lambda _: load_chart(*files, catalog), range(8)))
+    assert len({tuple(chart.states) for chart in charts}) == 1
+    assert load_chart(*files, catalog) in charts
+
+
+@pytest.mark.timeout(60)
+@pytest.mark.parametrize("state", ["{on_done: T%d}", "{always: {target: S1, guard: in_state(T%d)}}"])
+def test_so_many_mistakes_are_not_all_told(state: str, tmp_path: Path, catalog: Catalog) -> None:
+    """Each is compared with all names; unbounded, a generated file would keep the checker for minutes."""
+    lifecycle, (mission,) = copied(tmp_path)
+    lines = [f"  S{n}: {state % n}" for n in range(1500)]
+    mission.write_text("\n".join(["mission: M", "states:", *lines]))
+    chart, found = check_chart(lifecycle, [mission], catalog)
+    assert chart is None
+    assert len(found) < MAX_FINDINGS + 10
+    assert ("too-large", "more than 1000 findings, the rest is not told") in [
+        (d.rule, d.problem) for d in found
+    ]
+
+
+def test_a_type_of_too_many_lists_is_told(tmp_path: Path, catalog: Catalog) -> None:
+    """It once ended in a RecursionError."""
+    lifecycle, (mission,) = copied(tmp_path)
+    mission.write_text(
+        f"mission: M\ncontext: {{a: {{type: {'list of ' * 2000}text, default: []}}}}\nstates: {{}}\n"
+    )
+    found = check_chart(lifecycle, [mission], catalog)[1]
+    assert ("more than 8 lists in each other", "use fewer") in [(d.problem, d.hint) for d in found]
+
+
+def test_parts_that_double_what_they_are_given_are_told(tmp_path: Path, catalog: Catalog) -> None:
+    """Thirty of them would make an expression of a thousand million operands."""
+    lifecycle, (mission,) = copied(tmp_path)
+    for n in range(30):
+        inner = f'{{use: p{n + 1}, with: {{x: "${{ param.x + param.x }}"}}, on_done: done}}'
+        state = inner if n < 29 else '{after: {"${ param.x }": done}}'
+        (tmp_path / "parts" / f"p{n}.yaml").write_text(
+            f"part: p{n}\nparams: {{x: {{type: duration, default: 1 s}}}}\n"
+            f"states: {{A: {state}, done: {{type: final}}}}\n"
+        )
+    mission.write_text(
+        "mission: M\nstates: {A: {use: p0, with: {x: 2 s}, on_done: done}, done: {type: final}}\n"
+    )
+    chart, found = check_chart(lifecycle, [mission], catalog)
+    assert chart is None
+    problem = "the expression is too large with the values that stand for its parameters"
+    assert {d.problem for d in found if d.rule == "bad-expression"} == {problem}
+
+
+def test_a_part_must_call_itself_what_its_file_is_called(tmp_path: Path, catalog: Catalog) -> None:
+    """Nothing is composed of it."""
+    lifecycle, missions = copied(tmp_path)
+    part = tmp_path / "parts" / "knock.yaml"
+    part.write_text(part.read_text().replace("part: knock", "part: knok"))
+    chart, found = check_chart(lifecycle, missions, catalog)
+    assert chart is None
+    assert [(d.problem, d.hint) for d in found] == [
+        ("the part calls itself 'knok', its file 'knock'", "write 'part: knock'")
+    ]
+
+
+def test_an_installation_may_ship_no_missions(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """Then one must be named."""
+    monkeypatch.setattr(lupin_engine, "__file__", str(tmp_path / "site" / "lupin_engine" / "__init__.py"))
+    with pytest.raises(UsageError, match="ships no missions"):
+        default_missions_folder()
 
 
 @pytest.mark.parametrize("mission", sorted(GOOD.glob("*.yaml")), ids=lambda path: path.stem)

@@ -75,6 +75,7 @@ def test_plain_data_becomes_a_constant(text: str, wanted: Type, value: Any) -> N
     [
         ("5", TEXT, ["4: expected text, got 5; quote it: '5' [wrong-type]"]),
         ("yes", BOOL, ["4: expected bool, got 'yes'; write true or false [wrong-type]"]),
+        ("x", list_of(TEXT), ["4: expected list of text, got 'x';  [wrong-type]"]),
         ("x", RECORD, ["4: expected pair, got 'x'; write a mapping with a, b [wrong-type]"]),
         ("x", Type("record", "reading"), ["4: expected reading, got 'x';  [wrong-type]"]),
         ("[1, a]", list_of(COUNT), ["8: expected a plain number, got 'a';  [wrong-type]"]),

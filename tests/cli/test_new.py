@@ -102,8 +102,9 @@ def test_a_name_that_cannot_be_one(
 ) -> None:
     """Answered with what a name looks like, and the nearest one."""
     assert main(["new", name]) == 2
-    text = f"{name!r} cannot be the name of a mission's file: write lower-case letters, digits and underscores"
-    assert capsys.readouterr().err == f"lupin: {text}, such as water_beds{hint}\n"
+    wanted = f"write lower-case letters, digits and underscores, such as water_beds{hint}"
+    problem = f"{name!r} cannot be the name of a mission's file: {wanted}"
+    assert capsys.readouterr().err == f"lupin: {problem}\n"
     assert files(folder) == []
 
 

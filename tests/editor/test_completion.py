@@ -58,7 +58,7 @@ CASES = {
         INSPECTION, "        on_error: FAULT", "        |",
         ["summary", "type", "depth", "initial", "states", "entry", "exit", "on_error", "on"], 20,
     ),
-    "keys of a file": (INSPECTION, "initial: PREPARE", "|", ["params", "inputs", "codes"], 0),
+    "keys of a file": (INSPECTION, "initial: PREPARE", "|", ["inputs", "context", "invariants"], 0),
     "operations": (INSPECTION, "do: nav.localize", "do: na|", OPERATIONS, 6),
     "arguments of an operation": (INSPECTION, "with: {max_variance:", "with: {|", ["max_variance"], 1),
     "arguments that are left": (PART, "{pose: ", "{|, pose: ", [], 0),
@@ -131,7 +131,7 @@ CASES = {
     "why it failed": (PART, "${ error.code }", "${ error.| }", ["error.code", "error.detail"], 2),
     "codes to compare with": (
         PART, "target: PUBLISHING\n      do:\n        - itinerary.close: {status: UNREACHABLE",
-        "target: PUBLISHING\n      guard: error.code == '|'\n      do:\n        - itinerary.close: {status: X",
+        "target: PUBLISHING\n      guard: error.code == '|'\n      do:\n        - itinerary.close: {x: y",
         ["amcl_drift_var", "driver_error", "execution_error", "nav_rejected"], 10,
     ),
     "functions by their name": (

@@ -226,6 +226,35 @@ def test_a_value_that_cannot_be_written_is_told() -> None:
     assert step.notes == ("test.yaml:1:1: set: 'number'",)
 
 
+def test_a_chart_that_did_not_come_to_rest_takes_no_shortcut() -> None:
+    """What it has not begun is begun with the next event, also when a shortcut for that is known."""
+    echo = ("raise", {"event": "ping"})
+    regions: dict[str, Any] = {
+        "R": {"states": {"x": {"invoke": "bridge.read"}}},
+        "S": {"states": {"s": {"entry": echo, "on": {"ping": {"do": echo}, "go": "t"}}, "t": {}}},
+    }
+    endless = chart({"P": {"kind": "parallel", "states": regions}})
+    for _ in range(2):
+        bench = Bench(endless)
+        assert (bench.started, bench.machine.answers) == ([], {})
+        bench.send("go")
+        assert [start.operation for start in bench.started] == ["bridge.read"]
+
+
+def test_what_needs_no_event_goes_before_the_shortcut() -> None:
+    """A value that has just grown old lets an eventless transition be taken before the event is."""
+    late = {"target": "LATE", "guard": lambda env: not env["known"]("x")}
+    states = {"A": {"always": late, "on": {"go": "B"}}, "B": {"on": {"go": "A"}}, "LATE": {}}
+    bench = Bench(chart(states, inputs={"x": {"freshness": 5.0}}))
+    assert bench.leaves == ["LATE"]
+    bench = Bench(chart(states, inputs={"x": {"initial": 1, "freshness": 5.0}}))
+    for _ in range(4):
+        bench.send("go")
+    bench.now = 5.0
+    bench.send("go")
+    assert bench.leaves == ["LATE"]
+
+
 def test_constants_are_values() -> None:
     """A variable may be set to what is written out."""
     bench = Bench(chart({"A": {"on": {"go": {"do": ("set", {"n": 5})}}}}, context={"n": 0}))

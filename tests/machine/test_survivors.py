@@ -2,10 +2,17 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import pytest
 
-from lupin_engine.machine.event import Act, Event, failed
-from tests.machine.charts import PAUSE, Bench, chart
+from lupin_engine.machine.event import Act, Event, cancelled, done, failed, progress
+from lupin_engine.machine.explain import Possibility
+from lupin_engine.machine.memory import Phase, Visit, Walk
+from lupin_engine.machine.step import Considered, Refusal
+from lupin_engine.machine.view import Moment
+from lupin_engine.plugin.types import NUMBER, TEXT
+from tests.machine.charts import PAUSE, PLACE, Bench, chart, fails, value
 
 # -- events -----------------------------------------------------------------------------------------------
 
@@ -95,3 +102,359 @@ def test_clearing_forgets_the_code_reported_last() -> None:
     assert (bench.machine.view.code, bench.machine.view.detail) == ("blocked", "by a chair")
     bench.send("fine")
     assert (bench.machine.view.code, bench.machine.view.detail) == ("", "")
+
+
+def test_an_exit_action_no_longer_sees_the_children() -> None:
+    """States are left one by one: who is left later sees who was left before as gone."""
+    say = (
+        "say",
+        {"child": lambda env: env["in_state"](["A.IN"]), "self": lambda env: env["in_state"](["A"])},
+    )
+    states = {"A": {"states": {"IN": {}}, "exit": [say], "on": {"go": "B"}}, "B": {}}
+    step = Bench(chart(states)).send("go")
+    assert step.commands == (Act("say", {"child": False, "self": True}),)
+
+
+def test_an_invariant_may_speak_of_the_itinerary() -> None:
+    """It is evaluated outside of every state and sees the walk that the mission entered last."""
+    walk = {"itinerary": ["a", "b"], "on": {"ask": {"do": "said"}}}
+    bench = Bench(chart({"W": walk}, invariants={"short": lambda env: env["itinerary"]["total"] < 3}))
+    assert bench.send("ask").notes == ()
+
+
+def test_the_guard_of_a_hold_may_speak_of_the_itinerary() -> None:
+    """As an invariant does."""
+    hold = {**PAUSE, "engage_guard": lambda env: env["itinerary"]["total"] == 2}
+    bench = Bench(chart({"W": {"itinerary": ["a", "b"]}}, holds={"pause": hold}))
+    assert bench.send("operator.pause").accepted
+
+
+# -- errors -------------------------------------------------------------------------------------------------
+
+
+def told(bench: Bench) -> list[Any]:
+    """Return the code and the start of the detail that an `error.execution` came with."""
+    (said,) = (command for step in bench.steps for command in step.commands if isinstance(command, Act))
+    return [said.arguments["code"], said.arguments["detail"][:30]]
+
+
+SAY_ERROR = {
+    "do": ("say", {"code": lambda env: env["error"]["code"], "detail": lambda env: env["error"]["detail"]})
+}
+
+
+def test_a_broken_invariant_is_an_error_with_code_and_detail() -> None:
+    """Whoever handles it can tell it from others."""
+    bench = Bench(
+        chart({"A": {}}, on={"error.execution": SAY_ERROR}, invariants={"never": lambda env: False})
+    )
+    assert told(bench) == ["invariant_broken", "test.yaml:1:1: invariant never"]
+
+
+def test_a_chart_that_does_not_come_to_rest_is_an_error_with_code_and_detail() -> None:
+    """What handles it is taken, whatever else the chart was about to do."""
+    states = {"A": {"on": {"go": "B"}}, "B": {"always": "C"}, "C": {"always": "B"}, "D": {}}
+    bench = Bench(chart(states, on={"error.execution": {"target": "D", **SAY_ERROR}}))
+    bench.send("go")
+    assert bench.leaves == ["D"]
+    assert told(bench) == ["execution_error", "the chart does not come to res"]
+
+
+def test_a_variable_that_cannot_be_computed_is_the_roots_error() -> None:
+    """Nobody wrote it in a state."""
+    bench = Bench(chart({"A": {}, "B": {}}, on={"error": "B"}, context={"n": fails}))
+    assert bench.leaves == ["B"]
+    assert bench.steps[0].notes == ("test.yaml:1:1: context n: division by zero",)
+
+
+def test_a_timer_that_cannot_be_computed_leaves_the_others() -> None:
+    """Without a handler the state stays, with the deadlines that are right."""
+    bench = Bench(chart({"A": {"after": {fails: "B", 5.0: "C"}}, "B": {}, "C": {}}))
+    bench.wait(5.0)
+    assert bench.leaves == ["C"]
+
+
+def test_an_error_that_an_author_raises_has_no_detail() -> None:
+    """It is told all the same."""
+    bench = Bench(chart({"A": {"on": {"go": {"do": ("raise", {"event": "error.execution"})}}}}))
+    assert bench.send("go").notes == ("nobody handles the error ",)
+
+
+def test_the_end_of_a_state_that_was_left_is_dropped() -> None:
+    """What was raised before it led away."""
+    inner = {"states": {"end": {"kind": "final"}}, "entry": [("raise", {"event": "go"})], "on": {"go": "B"}}
+    bench = Bench(chart({"Z": {"on": {"in": "A"}}, "A": {**inner, "on_done": "C"}, "B": {}, "C": {}}))
+    step = bench.send("in")
+    assert bench.leaves == ["B"]
+    assert step.notes == ("dropped: done of A, which was left",)
+
+
+@pytest.mark.parametrize(("event", "detail"), [("error", "by a chair"), ("go", "")])
+def test_a_transition_may_report_a_code(event: str, detail: str) -> None:
+    """With the detail of the error that it answers, without one when there is none."""
+    rule = {"target": "B", "code": "given_up"}
+    state = {"invoke": "nav.go", "on_error": rule, "on": {"go": rule}}
+    bench = Bench(chart({"A": state, "B": {}}, codes={"given_up": "given up", "blocked": "blocked"}))
+    bench.send(failed(bench.attempt, "blocked", "by a chair") if event == "error" else Event(event))
+    assert (bench.machine.view.code, bench.machine.view.detail) == ("given_up", detail)
+
+
+# -- holds --------------------------------------------------------------------------------------------------
+
+
+def test_a_step_says_which_holds_it_engages_and_releases() -> None:
+    """The story of a run tells them by name."""
+    bench = Bench(chart({"A": {}}, holds={"pause": PAUSE}))
+    assert bench.send("operator.pause").notes == ("hold pause engaged",)
+    assert bench.send("operator.resume").notes == ("hold pause released",)
+
+
+def test_a_hold_reports_its_code_without_a_detail() -> None:
+    """What was reported before is not its detail."""
+    stop = {"engage": "operator.stop", "release": ("operator.go",), "code": "estop"}
+    state = {"invoke": "nav.go", "on_error": "B"}
+    bench = Bench(chart({"A": state, "B": {}}, holds={"stop": stop}, codes={"estop": "", "blocked": ""}))
+    bench.send(failed(bench.attempt, "blocked", "by a chair"))
+    bench.send("operator.stop")
+    assert (bench.machine.view.code, bench.machine.view.detail) == ("estop", "")
+
+
+def test_an_old_value_engages_no_hold() -> None:
+    """What was true ten seconds ago is unknown now."""
+    stop = {"engage": "input.estop", "release": ("operator.go",), "code": "paused"}
+    given = chart({"A": {}}, holds={"stop": stop}, inputs={"estop": {"freshness": 2.0}})
+    for stamp, held in ((1.0, ()), (9.0, ("stop",))):
+        bench = Bench(given)
+        bench.wait(10.0)
+        bench.observe("estop", True, stamp)
+        assert bench.machine.view.held == held
+
+
+def test_an_event_waits_when_any_of_its_transitions_does() -> None:
+    """Which of them is taken may be different after the release."""
+    rules = [{"target": "B", "guard": lambda env: False, "during": ("pause",)}, {"target": "C"}]
+    bench = Bench(chart({"A": {"on": {"go": rules}}, "B": {}, "C": {}}, holds={"pause": PAUSE}))
+    bench.send("operator.pause")
+    assert bench.send("go").notes == ("go waits for the release",)
+    bench.send("operator.resume")
+    assert bench.leaves == ["C"]
+
+
+def test_what_was_taken_before_waits_while_held_all_the_same() -> None:
+    """No shortcut leads past a hold."""
+    bench = Bench(chart({"A": {"on": {"go": "B"}}, "B": {"on": {"back": "A"}}}, holds={"pause": PAUSE}))
+    for event in ("go", "back", "go", "back", "operator.pause", "go"):
+        bench.send(event)
+    assert bench.leaves == ["A"]
+
+
+def test_a_level_moves_one_region_while_another_waits() -> None:
+    """Each region has its own."""
+    regions = {
+        name: {"states": {"OFF": {"on": {f"input.{name}": "ON"}}, "ON": {}}} for name in ("left", "right")
+    }
+    bench = Bench(chart({"P": {"kind": "parallel", "states": regions}}, inputs={"left": {}, "right": {}}))
+    bench.observe("right", False)
+    bench.observe("left", True)
+    assert bench.leaves == ["P.left.ON", "P.right.OFF"]
+
+
+# -- requests -----------------------------------------------------------------------------------------------
+
+
+def test_a_request_may_be_for_any_region() -> None:
+    """The first one need not listen to it."""
+    regions = {
+        "L": {"states": {"ON": {}}},
+        "R": {"states": {"ON": {"on": {"operator.dock": "OFF"}}, "OFF": {}}},
+    }
+    bench = Bench(chart({"P": {"kind": "parallel", "states": regions}}))
+    assert bench.send("operator.dock").accepted
+    assert bench.leaves == ["P.L.ON", "P.R.OFF"]
+
+
+def test_a_state_without_a_label_is_called_this_state() -> None:
+    """The sentence is one in any case."""
+    step = Bench(chart({"A": {"label": ""}})).send("operator.dock")
+    assert step.refusal == Refusal("not_possible", "dock is not possible in this state")
+
+
+def test_a_mission_that_cannot_start_is_not_for_lack_of_a_pause() -> None:
+    """Also where a start releases a hold."""
+    stop = {"engage": "operator.stop", "release": ("operator.go", "mission.start"), "code": "paused"}
+    states = {"A": {"on": {"go": "B"}}, "B": {"on": {"mission.start": "A"}}}
+    bench = Bench(chart(states, holds={"stop": stop}))
+    start = bench.send("mission.start", mission_type="")
+    assert start.refusal == Refusal("not_possible", "start is not possible in A; it is possible in B")
+
+
+def test_a_new_mission_has_the_request_and_the_name_of_its_own_only() -> None:
+    """Nothing of the last mission's request can be read, and no id is no id."""
+    slot = {"slot": True, "states": {"M": {"mission": "M"}, "N": {"mission": "N"}}, "on": {"out": "READY"}}
+    missions: dict[str, Any] = {
+        "M": {"state": "SLOT.M", "request": {"speed": {"type": NUMBER}}},
+        "N": {"state": "SLOT.N"},
+    }
+    bench = Bench(chart({"READY": {"on": {"mission.start": "SLOT"}}, "SLOT": slot}, missions=missions))
+    assert bench.send("mission.start", mission_type="M", mission_id="m1", speed=2.0).accepted
+    assert (bench.machine.view.mission_id, bench.machine.memory.request) == ("m1", {"speed": 2.0})
+    bench.send("out")
+    assert bench.send("mission.start", mission_type="N").accepted
+    assert (bench.machine.view.mission_id, bench.machine.memory.request) == ("", {})
+
+
+# -- what is shown ------------------------------------------------------------------------------------------
+
+
+def test_a_live_value_is_shown_as_long_as_it_is_known() -> None:
+    """Asked at a later time, it may have grown old."""
+    bench = Bench(chart({"A": {}}, inputs={"pose": {"freshness": 2.0}}))
+    bench.observe("pose", 7, 0.0)
+    assert bench.machine.input_value("pose", 1.5) == 7
+    assert bench.machine.input_value("pose", 2.5) is None
+
+
+def test_the_first_step_is_called_start() -> None:
+    """It is what a journal begins with."""
+    assert Bench(chart({"A": {}})).steps[0].event == Event("start")
+
+
+def possibility(bench: Bench, event: str) -> Possibility:
+    """Return what an event could do now."""
+    return next(found for found in bench.machine.explain(bench.now) if found.event == event)
+
+
+def test_an_explanation_names_all_that_is_considered_or_taken() -> None:
+    """Reasons stand between semicolons, transitions between commas."""
+    regions = {
+        name: {
+            "on": {
+                "go": {"id": name, "guard": lambda env: env["context"]["free"]},
+                "step": {"id": f"{name}.step"},
+            }
+        }
+        for name in ("L", "R")
+    }
+    bench = Bench(chart({"P": {"kind": "parallel", "states": regions}}, context={"free": False}))
+    reason = "(test.yaml:1:1): guard is false: guard is false"
+    assert str(possibility(bench, "go")) == f"go: L {reason}; R {reason}"
+    assert str(possibility(bench, "step")) == "step: L.step, R.step"
+    assert possibility(bench, "step").considered[0] == Considered("L.step", PLACE, "", holds=True)
+
+
+def test_a_machine_that_did_nothing_has_nothing_to_tell() -> None:
+    """No code, no mission, no target."""
+    memory = Bench(chart({"A": {}})).machine.memory
+    assert (memory.code, memory.detail, memory.mission, memory.mission_id, memory.current_walk) == ("",) * 5
+
+
+def test_the_phases_of_an_attempt_have_names() -> None:
+    """They stand in what is published and in snapshots, which another version may read."""
+    assert [phase.value for phase in Phase] == ["waiting", "requested", "accepted", "cancelling", "lost"]
+    bench = Bench(chart({"A": {"invoke": "nav.go"}}))
+    (attempt,) = bench.machine.view.attempts
+    assert (attempt.phase, attempt.detail) == ("requested", "")
+
+
+def test_a_walk_is_at_its_first_target_in_its_only_sweep() -> None:
+    """What nothing else was said of; past its last target it has none."""
+    walk = Walk("W", ["a"], [Visit("a")])
+    assert (walk.index, walk.sweep, walk.sweeps, walk.leaves_open, walk.item) == (0, 1, 1, False, "a")
+    walk.index = 1
+    assert (walk.item, walk.visit, walk.remaining) == (None, None, 0)
+
+
+# -- operations ---------------------------------------------------------------------------------------------
+
+
+def deadlines(bench: Bench) -> list[str]:
+    """Return the kinds of the deadlines that run or stand still."""
+    memory = bench.machine.memory
+    return [kind for _, _, kind, _ in (*memory.timers, *memory.frozen)]
+
+
+def test_an_operation_that_is_cancelled_cannot_time_out() -> None:
+    """Only its cancel has a deadline then."""
+    bench = Bench(chart({"A": {"invoke": {"do": "nav.go", "timeout": 9.0}, "on": {"go": "B"}}, "B": {}}))
+    assert deadlines(bench) == ["timeout"]
+    bench.send("go")
+    assert deadlines(bench) == ["cancel"]
+
+
+def test_an_operation_that_has_answered_cannot_time_out() -> None:
+    """Also while its answer waits for the release of a hold."""
+    state = {"invoke": {"do": "bridge.read", "timeout": 9.0}, "on_done": "B"}
+    bench = Bench(chart({"A": state, "B": {}}, holds={"pause": PAUSE}))
+    bench.send("operator.pause")
+    bench.send(done(bench.attempt, {}))
+    assert (bench.leaves, deadlines(bench)) == (["A"], [])
+
+
+@pytest.mark.parametrize(
+    ("how", "code", "detail"),
+    [("cancelled", "operation_cancelled", "ended by the server"), ("silent", "timeout", "on its way")],
+)
+def test_an_end_that_nobody_gave_a_code_has_one(how: str, code: str, detail: str) -> None:
+    """A server that gives up by itself, a timeout without a code of its own."""
+    bench = Bench(chart({"A": {"invoke": {"do": "nav.go", "timeout": 9.0}, "on_error": "B"}, "B": {}}))
+    bench.send(progress(bench.attempt, "on its way"))
+    if how == "cancelled":
+        bench.send(cancelled(bench.attempt))
+    else:
+        bench.wait(9.0)
+    assert bench.leaves == ["B"]
+    assert (bench.machine.view.code, bench.machine.view.detail) == (code, detail)
+
+
+# -- steps --------------------------------------------------------------------------------------------------
+
+
+def test_a_step_shows_what_it_passed() -> None:
+    """The outermost label and the innermost phase after each microstep, each once; the last one is now."""
+    states = {
+        "A": {"on": {"go": "B.ONE"}},
+        "B": {
+            "phase": "outer",
+            "states": {"ONE": {"phase": "inner", "always": "TWO"}, "TWO": {"always": "C"}},
+        },
+        "C": {"label": "", "states": {"IN": {}}},
+    }
+    bench = Bench(chart(states))
+    assert bench.steps[0].trail == (Moment("A", "", ""),)
+    assert bench.send("go").trail == (Moment("B", "inner", ""), Moment("B", "outer", ""), Moment("", "", ""))
+
+
+def test_history_is_asked_anew_also_beside_another_transition() -> None:
+    """What a history state stands for may have changed since the same transitions were taken."""
+    family = {
+        "a": {"on": {"flip": "b"}},
+        "b": {"on": {"flip": "a"}},
+        "PAST": {"kind": "history", "depth": 1},
+    }
+    left = {"F": {"states": family}, "OUT": {"on": {"back": "F.PAST"}}}
+    regions = {
+        "L": {"states": left, "on": {"out": "OUT"}},
+        "R": {"states": {"r": {"on": {"back": {"do": "said"}}}}},
+    }
+    bench = Bench(chart({"P": {"kind": "parallel", "states": regions}}))
+    for events, expected in ((("out", "back"), "P.L.F.a"), (("flip", "out", "back"), "P.L.F.b")):
+        for event in events:
+            bench.send(event)
+        assert bench.leaves == [expected, "P.R.r"]
+
+
+@pytest.mark.parametrize(
+    ("given", "expected"),
+    [({"n": 2, "name": "x"}, {"n": 2, "name": "x"}), ({"n": 0, "name": ""}, {"n": 5, "name": "all"})],
+)
+def test_the_smallest_number_is_allowed_and_nothing_is_no_value(given: Any, expected: Any) -> None:
+    """Zero and the empty text stand for the default."""
+    request = {
+        "n": {"type": NUMBER, "default": value(5), "minimum": 2},
+        "name": {"type": TEXT, "default": value("all")},
+    }
+    slot = {"slot": True, "states": {"M": {"mission": "M"}}}
+    states = {"READY": {"on": {"mission.start": "SLOT"}}, "SLOT": slot}
+    bench = Bench(chart(states, missions={"M": {"state": "SLOT.M", "request": request}}))
+    assert bench.send("mission.start", mission_type="M", **given).accepted
+    assert bench.machine.memory.request == expected

@@ -1,4 +1,4 @@
-"""Scenarios with chance: the same seed gives the same run, another one another, and crashes change nothing."""
+"""Scenarios with chance: the same seed gives the same run, another one another; crashes change nothing."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import json
 import random
 from collections import Counter
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -115,7 +116,7 @@ def test_a_crash_at_any_time_changes_nothing(file: Path) -> None:
     found = load_scenario(file, shipped.catalog(), MISSIONS)
     run = found.run()
     times = sorted({step.time for step in run.steps})
-    between = [(first + second) / 2 for first, second in zip(times, times[1:], strict=False)]
+    between = [(first + second) / 2 for first, second in pairwise(times)]
     crashes = tuple(Happening(Restart(), time) for time in (*times, *between))
     script = replace(found.script, happenings=(*found.script.happenings, *crashes))
     again = simulate(found.chart, found.catalog, script, found.parameters)

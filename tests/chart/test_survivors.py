@@ -1,0 +1,193 @@
+"""Rules of the language that mutation testing found nobody asking about."""
+
+from __future__ import annotations
+
+import pytest
+
+from lupin_engine.chart import quantities as q
+from lupin_engine.plugin.types import (
+    ANGLE,
+    ANY,
+    BOOL,
+    COUNT,
+    DURATION,
+    INTEGER,
+    LENGTH,
+    NUMBER,
+    POSE,
+    TEXT,
+    Type,
+    list_of,
+    number_in,
+)
+
+# -- quantities ---------------------------------------------------------------------------------------------
+
+SPEED, RATE = number_in("m/s"), number_in("Hz")
+#: What is computed has no range: a difference of durations may be negative.
+SECONDS, METRES = Type("number", "duration", unit="s"), Type("number", "length", unit="m")
+MODE = Type("text", "mode", values=("slow", "fast"))
+LIST = Type("list", "list")
+
+
+def record(**fields: Type) -> Type:
+    """Return a record that no type is named after."""
+    return Type("record", "", fields=fields)
+
+
+@pytest.mark.parametrize(
+    ("left", "sign", "right", "expected"),
+    [
+        *((DURATION, sign, DURATION, SECONDS) for sign in "+-%"),
+        *((DURATION, sign, LENGTH, None) for sign in "+-%"),
+        *((DURATION, sign, q.ZERO, SECONDS) for sign in "+-%"),
+        *((q.ZERO, sign, DURATION, SECONDS) for sign in "+-%"),
+        *((COUNT, sign, COUNT, INTEGER) for sign in "+-%*"),
+        *((INTEGER, sign, NUMBER, NUMBER) for sign in "+-%*/"),
+        *((NUMBER, sign, NUMBER, NUMBER) for sign in "+-%*/"),
+        (INTEGER, "/", INTEGER, NUMBER),
+        (q.ZERO, "*", q.ZERO, INTEGER),
+        (q.ZERO, "*", DURATION, SECONDS),
+        (q.ZERO, "-", q.ZERO_NUMBER, q.ZERO_NUMBER),
+        (INTEGER, "*", DURATION, SECONDS),
+        (DURATION, "*", NUMBER, SECONDS),
+        (DURATION, "/", NUMBER, SECONDS),
+        (DURATION, "/", DURATION, NUMBER),
+        (SPEED, "*", DURATION, METRES),
+        (DURATION, "*", SPEED, METRES),
+        (RATE, "*", DURATION, NUMBER),
+        (DURATION, "*", RATE, NUMBER),
+        (LENGTH, "/", DURATION, SPEED),
+        (LENGTH, "/", SPEED, SECONDS),
+        (NUMBER, "/", DURATION, RATE),
+        (NUMBER, "/", RATE, SECONDS),
+        (LENGTH, "*", LENGTH, None),
+        (DURATION, "/", LENGTH, None),
+    ],
+)
+def test_arithmetic_knows_units(left: Type, sign: str, right: Type, expected: Type | None) -> None:
+    """Units multiply and divide where the result means something; whole numbers stay whole, not in `/`."""
+    assert q.arithmetic(sign, left, right) == expected
+
+
+@pytest.mark.parametrize(
+    ("kind", "expected"),
+    [(q.ZERO, q.ZERO), (DURATION, SECONDS), (COUNT, INTEGER), (NUMBER, NUMBER), (INTEGER, INTEGER)],
+)
+def test_what_is_computed_has_no_range(kind: Type, expected: Type) -> None:
+    """A written zero keeps having any unit."""
+    assert q.plain(kind) == expected
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "expected"),
+    [
+        (INTEGER, NUMBER, NUMBER),
+        (COUNT, INTEGER, INTEGER),
+        (COUNT, COUNT, COUNT),
+        (DURATION, DURATION, DURATION),
+        (DURATION, SECONDS, SECONDS),
+        (DURATION, q.ZERO, SECONDS),
+        (q.ZERO, DURATION, SECONDS),
+        (q.ZERO, q.ZERO_NUMBER, q.ZERO_NUMBER),
+        (DURATION, LENGTH, None),
+        (DURATION, NUMBER, None),
+        (DURATION, ANY, ANY),
+        (ANY, TEXT, ANY),
+        (TEXT, BOOL, None),
+        (TEXT, NUMBER, None),
+        (MODE, MODE, MODE),
+        (MODE, TEXT, TEXT),
+        (TEXT, MODE, TEXT),
+        (Type("bool", "flag"), BOOL, BOOL),
+        (list_of(COUNT), list_of(INTEGER), list_of(INTEGER)),
+        (list_of(TEXT), list_of(BOOL), None),
+        (LIST, list_of(TEXT), list_of(ANY)),
+        (list_of(TEXT), LIST, list_of(ANY)),
+        (record(x=LENGTH), POSE, record(x=LENGTH)),
+        (POSE, record(x=LENGTH), record(x=LENGTH)),
+        (record(a=TEXT), record(b=TEXT), None),
+        (record(a=TEXT), list_of(TEXT), None),
+    ],
+)
+def test_what_two_values_have_in_common(first: Type, second: Type, expected: Type | None) -> None:
+    """The type of `a if c else b`: of records the one with fewer fields, of texts any text."""
+    assert q.join(first, second) == expected
+
+
+@pytest.mark.parametrize(
+    ("wanted", "got", "fits"),
+    [
+        (ANY, LENGTH, True),
+        (LENGTH, ANY, True),
+        (NUMBER, INTEGER, True),
+        (INTEGER, NUMBER, False),
+        (INTEGER, COUNT, True),
+        (DURATION, NUMBER, False),
+        (NUMBER, DURATION, False),
+        (DURATION, q.ZERO, True),
+        (DURATION, q.ZERO_NUMBER, True),
+        (COUNT, q.ZERO, True),
+        (TEXT, BOOL, False),
+        (TEXT, MODE, True),
+        (list_of(NUMBER), list_of(INTEGER), True),
+        (list_of(INTEGER), list_of(NUMBER), False),
+        (list_of(TEXT), TEXT, False),
+        (LIST, list_of(TEXT), True),
+        (list_of(TEXT), LIST, True),
+        (record(x=LENGTH), POSE, True),
+        (POSE, record(x=LENGTH), False),
+        (record(x=LENGTH, y=TEXT), POSE, False),
+        (record(x=TEXT, y=LENGTH), POSE, False),
+        (record(), POSE, True),
+    ],
+)
+def test_what_fits_where(wanted: Type, got: Type, fits: bool) -> None:
+    """Whole numbers fit where numbers do, units must agree, a record needs every field that is asked for."""
+    assert q.accepts(wanted, got) is fits
+
+
+@pytest.mark.parametrize(
+    ("kind", "told"),
+    [
+        (DURATION, "duration (s)"),
+        (ANGLE, "angle (rad)"),
+        (SPEED, "number in m/s"),
+        (NUMBER, "a plain number"),
+        (INTEGER, "a plain number"),
+        (COUNT, "a plain number"),
+        (q.ZERO, "a plain number"),
+        (q.ZERO_NUMBER, "a plain number"),
+        (TEXT, "text"),
+        (MODE, "mode"),
+        (Type("any", ""), "unknown"),
+        (list_of(TEXT), "list of text"),
+        (POSE, "pose"),
+        (record(a=TEXT, b=BOOL), "a record of a, b"),
+        (record(), "a record of nothing"),
+        *(
+            (Type("record", root, fields={"a": TEXT}), "a record of a")
+            for root in ("param", "request", "input", "event", "error", "itinerary")
+        ),
+    ],
+)
+def test_a_type_is_called_so_that_an_author_knows_it(kind: Type, told: str) -> None:
+    """With its unit; a record that is no type by what is in it."""
+    assert q.describe(kind) == told
+
+
+@pytest.mark.parametrize(
+    ("kind", "example"),
+    [
+        (DURATION, "'5 s'"),
+        (LENGTH, "'0.5 m'"),
+        (ANGLE, "'90 deg'"),
+        (SPEED, "'0.3 m/s'"),
+        (RATE, "'2 Hz'"),
+    ],
+)
+def test_a_number_without_its_unit_is_told_how_to_write_it(kind: Type, example: str) -> None:
+    """Whichever of the two the unit is missing from; between two units there is nothing to advise."""
+    hint = f"write the number with its unit as a text, such as {example}"
+    assert q.unit_hint(kind, NUMBER) == q.unit_hint(NUMBER, kind) == hint
+    assert q.unit_hint(kind, number_in("kg")) == q.unit_hint(NUMBER, NUMBER) == ""

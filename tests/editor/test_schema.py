@@ -1,0 +1,182 @@
+"""The schemas: those in the repository are those of the models, and they accept what the checker accepts."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+from click.testing import CliRunner
+
+from lupin_engine.chart import source
+from lupin_engine.chart.documents import KINDS, StateNode, TransitionNode
+from lupin_engine.chart.findings import Findings
+from lupin_engine.chart.values import plain
+from lupin_engine.cli.schema import schema as verb
+from lupin_engine.cli.schema import schemas
+from lupin_engine.editor.schema import ANY_KIND, file_name, text_of
+from lupin_engine.editor.snippets import EXAMPLES, SNIPPETS
+from lupin_engine.errors import UsageError
+
+jsonschema = pytest.importorskip("jsonschema")
+
+ROOT = Path(__file__).parents[2]
+KEPT = ROOT / "docs" / "schema"
+CHARTS = ROOT / "tests" / "charts"
+GOOD = sorted(
+    [
+        *(ROOT / "missions").rglob("*.yaml"),
+        *(CHARTS / "good").rglob("*.yaml"),
+        *(CHARTS / "mini").glob("*.yaml"),
+        *(ROOT / "tests" / "scenarios").rglob("*.scenario.yaml"),
+    ]
+)
+#: What a schema sees: the shape of a file.
+SEEN = {"unknown-key", "missing-key", "wrong-shape"}
+#: Broken charts of which the shape is wrong in a way that needs more than one mapping to see.
+NOT_SEEN = {
+    "budgets", "contradictions", "for_each_beside", "holds", "inputs", "invoke_with_states",
+    "level_without_target", "no_slot", "not_a_mission", "plugin_events", "retries", "slots",
+}  # fmt: skip
+
+
+def seen(file: Path) -> bool:
+    """Tell whether the shape of a broken chart is wrong in a way that a schema can see."""
+    rules = re.findall(r"\[([a-z-]+)\]$", file.with_suffix(".txt").read_text(encoding="utf-8"), re.MULTILINE)
+    return bool(SEEN & set(rules)) and file.stem not in NOT_SEEN and source.read(file, Findings()) is not None
+
+
+BROKEN = [file for file in sorted((CHARTS / "broken").glob("*.yaml")) if seen(file)]
+
+
+@pytest.fixture(scope="module")
+def made() -> dict[str, dict[str, Any]]:
+    """The schemas of today's models."""
+    return schemas()
+
+
+@pytest.mark.parametrize("kind", [*KINDS, "scenario", ANY_KIND])
+def test_the_published_schema_is_that_of_the_models(kind: str, made: dict[str, dict[str, Any]]) -> None:
+    """Editors read the one in the repository."""
+    file = KEPT / file_name(kind)
+    kept = file.read_text(encoding="utf-8") if file.is_file() else ""
+    if kept != text_of(made[kind]):
+        pytest.fail(f"{file.relative_to(ROOT)} is old; run: lupin schema --write docs/schema", pytrace=False)
+    jsonschema.Draft7Validator.check_schema(made[kind])
+
+
+def mistakes(found: dict[str, Any], file: Path) -> list[str]:
+    """Return what a schema says of a file."""
+    raw = source.read(file, Findings())
+    assert raw is not None
+    return [error.message for error in jsonschema.Draft7Validator(found).iter_errors(plain(raw))]
+
+
+@pytest.mark.parametrize("file", GOOD, ids=lambda file: str(file.relative_to(ROOT)))
+def test_accepts_what_is_good(file: Path, made: dict[str, dict[str, Any]]) -> None:
+    """The schema of its kind, and the one for all."""
+    raw = source.read(file, Findings())
+    assert raw is not None
+    kind = next(kind for kind in ("scenario", *KINDS) if kind in raw)
+    assert mistakes(made[kind], file) == []
+    assert mistakes(made[ANY_KIND], file) == []
+
+
+@pytest.mark.parametrize("file", BROKEN, ids=lambda file: file.stem)
+def test_sees_wrong_shapes(file: Path, made: dict[str, dict[str, Any]]) -> None:
+    """Unknown keys, missing keys, a list where a mapping belongs."""
+    assert mistakes(made[ANY_KIND], file)
+
+
+def test_every_key_is_described(made: dict[str, dict[str, Any]]) -> None:
+    """It is what hover shows."""
+    holders = [made[ANY_KIND], *made[ANY_KIND]["definitions"].values()]
+    silent = [
+        (holder.get("title"), key)
+        for holder in holders
+        for node in [holder, *holder.get("anyOf", [])]
+        for key, found in node.get("properties", {}).items()
+        if "description" not in found
+    ]
+    assert silent == []
+
+
+def test_snippets_and_examples_belong_to_keys_that_exist(made: dict[str, dict[str, Any]]) -> None:
+    """A key that is renamed in the models must be renamed there."""
+    definitions = made[ANY_KIND]["definitions"]
+    for name in [*SNIPPETS, *EXAMPLES]:
+        model, _, key = name.partition(".")
+        if key:
+            found = definitions[model]
+            assert any(key in node.get("properties", {}) for node in [found, *found.get("anyOf", [])]), name
+        else:
+            assert model == ANY_KIND or model in definitions
+
+
+def filled(body: Any) -> Any:
+    """Return a form as it is before anything is filled in, read back from YAML as an editor writes it."""
+    text = yaml.safe_dump(body, sort_keys=False)
+    text = re.sub(r"'?\$\{\d+:?((?:\\.|[^\\}])*)\}'?", lambda match: match.group(1) or "x", text)
+    return yaml.safe_load(text.replace("\\", "").replace("''", "'"))
+
+
+FORMS = [
+    (name, snippet["label"], snippet["body"]) for name, snippets in SNIPPETS.items() for snippet in snippets
+]
+
+
+@pytest.mark.parametrize(
+    ("name", "label", "body"), FORMS, ids=[f"{name}: {label}" for name, label, _ in FORMS]
+)
+def test_a_form_is_a_piece_of_a_mission(
+    name: str, label: str, body: Any, made: dict[str, dict[str, Any]]
+) -> None:
+    """Before anything is filled in, the schema has nothing to say against it."""
+    found = made[ANY_KIND]
+    if name != ANY_KIND:
+        found = {"definitions": found["definitions"], "$ref": f"#/definitions/{name}"}
+    assert [error.message for error in jsonschema.Draft7Validator(found).iter_errors(filled(body))] == []
+
+
+def test_knows_the_plugins_when_asked() -> None:
+    """Operations with their arguments, actions, events, live values, types, units."""
+    found = schemas(with_names=True)["mission"]
+    jsonschema.Draft7Validator.check_schema(found)
+    invoke = found["definitions"]["InvokeNode"]
+    assert "nav.go_to" in invoke["properties"]["do"]["enum"]
+    assert len(invoke["properties"]["do"]["markdownEnumDescriptions"]) == len(
+        invoke["properties"]["do"]["enum"]
+    )
+    assert "robot.pose" in found["definitions"]["InputNode"]["properties"]["value"]["enum"]
+    assert "operator.pause" in found["definitions"]["StateNode"]["properties"]["on"]["properties"]
+    guard = found["definitions"]["TransitionNode"]["anyOf"][0]["properties"]["guard"]
+    assert "approach(target: tag) -> pose" in guard["markdownDescription"]
+    validator = jsonschema.Draft7Validator(found)
+    mission = plain(source.read(ROOT / "missions" / "inspection.yaml", Findings()))
+    assert list(validator.iter_errors(mission)) == []
+    state = mission["states"]["PREPARE"]["states"]["LOCALIZING"]
+    state["invoke"]["with"]["max_varance"] = state["invoke"]["with"].pop("max_variance")
+    said = " ".join(error.message for error in validator.iter_errors(mission))
+    assert "max_varance" in said or "is not valid under any" in said
+
+
+def test_the_verb_prints_and_writes(tmp_path: Path, made: dict[str, dict[str, Any]]) -> None:
+    """One kind on standard output; all of them into a folder."""
+    printed = CliRunner().invoke(verb, ["part"]).output
+    assert json.loads(printed) == made["part"]
+    assert json.loads(CliRunner().invoke(verb, []).output) == made[ANY_KIND]
+    done = CliRunner().invoke(verb, ["--write", str(tmp_path / "new")])
+    assert done.exit_code == 0
+    assert sorted(path.name for path in (tmp_path / "new").iterdir()) == sorted(map(file_name, made))
+    refused = CliRunner().invoke(verb, ["misson"])
+    assert isinstance(refused.exception, UsageError)
+    assert str(refused.exception) == "no kind of file 'misson'; did you mean 'mission'?"
+
+
+def test_short_forms_are_those_of_the_models() -> None:
+    """A target, a condition and an action may stand alone."""
+    assert TransitionNode.model_validate("A").target == "A"
+    assert StateNode.model_validate({"entry": "report.clear"}).entry[0].name == "report.clear"

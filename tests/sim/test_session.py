@@ -1,0 +1,152 @@
+"""A simulation that is worked by hand: transcripts, word for word.
+
+A transcript is what stands on the screen: a prompt with what was typed behind it, then the answer. The tests
+type the same lines again; ACCEPT=1 writes the transcripts anew.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from lupin_engine.cli.settings import read_value
+from lupin_engine.runtime.setup import make_world
+from lupin_engine.sim.looks import Row
+from lupin_engine.sim.scripted import Between, Outcome, Rule
+from lupin_engine.sim.session import COMMANDS, Session
+from lupin_engine.sim.simulation import Ask, Happening, Script
+from tests import shipped
+
+TRANSCRIPTS = sorted((Path(__file__).parent / "data").glob("*.transcript.txt"))
+_PROMPT = re.compile(r"^\d+\.\d s [A-Z_ ]*(?:\[[a-z, ]*\])?> (.*)$")
+
+
+def session(script: Script | None = None, width: int = 120) -> Session:
+    """Return a session over the inspection mission."""
+    chart, catalog = shipped.mission("inspection"), shipped.catalog()
+    script = script or Script("InspectionMission", starts=False)
+    return Session(chart, catalog, script, make_world(chart, catalog, {}), read_value, width)
+
+
+def plain(rows: list[Row]) -> list[str]:
+    """Return lines without their colours."""
+    return ["".join(text for text, _ in row) for row in rows]
+
+
+def answered(one: Session, lines: list[str]) -> Iterator[str]:
+    """Yield what stands on the screen when these lines are typed."""
+    for line in lines:
+        yield f"{one.prompt}{line}"
+        yield from plain(one.do(line))
+
+
+@pytest.mark.parametrize("file", TRANSCRIPTS, ids=lambda file: file.name.partition(".")[0])
+def test_the_same_lines_give_the_same_transcript(file: Path) -> None:
+    """Nothing but what was typed decides."""
+    before = file.read_text(encoding="utf-8")
+    typed = [match.group(1) for line in before.splitlines() if (match := _PROMPT.match(line))]
+    one = session()
+    found = "\n".join([*plain(one.greeting()), *answered(one, typed), ""])
+    if os.environ.get("ACCEPT"):
+        file.write_text(found, encoding="utf-8")
+    assert found == before
+    assert one.over
+
+
+def test_going_back_takes_the_world_with_it() -> None:
+    """Mocks that are used up and dice are as they were: the same is drawn again."""
+    rules = (Rule("nav.go_to", (Outcome(after=Between(1.0, 9.0)),)),)
+    one = session(Script("InspectionMission", rules=rules, starts=False, seed=7))
+    one.greeting()
+    first = list(answered(one, ["start tag_sequence=1,2,5", "run", "back 99"]))
+    again = list(answered(one, ["start tag_sequence=1,2,5", "run", "back 99"]))
+    assert first == again
+    other = session(Script("InspectionMission", rules=rules, starts=False, seed=8))
+    other.greeting()
+    assert list(answered(other, ["start tag_sequence=1,2,5", "run", "back 99"])) != first
+
+
+def test_a_step_is_taken_back_whole() -> None:
+    """Also where things happened in it that are not worth a line."""
+    one = session()
+    list(answered(one, ["start tag_sequence=1", "step", "send pause"]))
+    before = one.prompt
+    assert plain(one.do("step")) == ["it waits for the operator; why tells what is possible"]
+    assert one.prompt != before
+    assert plain(one.do("back")) == ["took back step"]
+    assert one.prompt == before
+
+
+def test_what_was_interrupted_is_whole_afterwards() -> None:
+    """Ctrl-C may come in the middle of a step: what was done before is done again."""
+    one = session()
+    list(answered(one, ["start tag_sequence=1", "step"]))
+    before = plain(one.do("where")), one.prompt
+    one.simulation.go_on()  # half a step, which no move stands for
+    assert plain(one.interrupted()) == ["interrupted"]
+    assert (plain(one.do("where")), one.prompt) == before
+
+
+def test_a_script_goes_on_by_itself() -> None:
+    """A scenario's happenings come at their times."""
+    script = Script(
+        "InspectionMission", {"tag_sequence": ["1"]}, happenings=(Happening(Ask("operator.pause"), 2.0),)
+    )
+    one = session(script)
+    assert any("operator.pause accepted" in line for line in plain(one.do("run")))
+    assert one.prompt == "3.5 s INSPECTING NAVIGATING [pause]> "
+
+
+@pytest.mark.parametrize(
+    ("typed", "offered"),
+    [
+        ("", list(COMMANDS)),
+        ("st", ["start", "step"]),
+        ("start ", ["discovery_goal=", "tag_sequence="]),
+        (
+            "send op",
+            [f"operator.{name}" for name in ("abort", "dock", "pause", "reset", "resume", "skip_current")],
+        ),
+        ("send mission.start t", ["tag_sequence="]),
+        ("set e", ["estop"]),
+        ("set estop ", ["false", "true"]),
+        ("fail ", ["nav.go_to"]),
+        ("fail nav.go_to nav_r", ["nav_rejected"]),
+        ("done nav", ["nav.go_to"]),
+        ("run SCAN", ["SCANNING", "SCANNING.CONFIRMING", "SCANNING.DWELLING", "SCANNING.READING"]),
+        ("why pau", ["pause"]),
+        ("help ba", ["back"]),
+        ("quit ", []),
+        ("strat ", []),
+    ],
+)
+def test_words_are_completed(typed: str, offered: list[str]) -> None:
+    """Commands, states, operations, codes, fields, values: whatever can stand there."""
+    one = session()
+    list(answered(one, ["start tag_sequence=1,2", "step"]))
+    found = one.complete(typed)
+    if typed == "start ":
+        assert set(found) <= set(offered)
+        assert "tag_sequence=" in found
+    else:
+        assert found == offered
+
+
+def test_every_command_is_explained() -> None:
+    """By a line in the list and by itself."""
+    one = session()
+    listed = "\n".join(plain(one.do("help")))
+    for name, command in COMMANDS.items():
+        assert command.usage.split()[0] == name
+        assert command.usage in listed
+        assert plain(one.do(f"help {name}")) == [command.usage, f"  {command.about}"]
+
+
+def test_the_terminal_may_be_narrow() -> None:
+    """Nothing is wider than it."""
+    lines = list(answered(session(width=64), ["start tag_sequence=1,2", "run"]))
+    assert max(map(len, lines)) <= 64
