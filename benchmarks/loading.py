@@ -5,8 +5,8 @@
 The missions are generated: areas of groups of steps, in the shipped lifecycle, about 6.6 lines a state; every
 fifth step has a guard over parameters, every fifth invokes an operation. Each figure is the median of the
 rounds in milliseconds, the fastest in brackets; everything is imported before, and the garbage of one round
-is collected before the next. "whole" is from the files to a structure that a machine can run, "from the cache"
-the same when nothing has changed. "without garbage collection" is "whole" once more, while none can happen.
+is collected before the next. "whole" is from the files to a structure that a machine can run, "from the
+cache" the same when nothing has changed, "without collection" the whole while no garbage is collected.
 """
 
 from __future__ import annotations
@@ -220,7 +220,7 @@ def phases(text: str, rounds: int, catalog: Catalog) -> dict[str, str]:
         found["whole"] = measure(rounds, loading.whole)
         found["from the cache"] = measure(rounds, loading.again)
         gc.disable()
-        found["without garbage collection"] = measure(rounds, loading.whole)
+        found["without collection"] = measure(rounds, loading.whole)
         gc.enable()
     return found
 
@@ -242,7 +242,7 @@ def main() -> None:
         print(f"{states} states: {text.count(chr(10))} lines, {len(text)} characters")
         columns[states] = phases(text, given.rounds, catalog)
     for name in next(iter(columns.values())):
-        print(f"{name:26}" + "".join(f"{columns[states][name]:>20}" for states in columns))
+        print(f"{name:20}" + "".join(f"{columns[states][name]:>20}" for states in columns))
 
 
 if __name__ == "__main__":

@@ -70,9 +70,7 @@ def diagram(
     """
     if folder is not None:
         if mission or focus or trace or output is None:
-            raise UsageError(
-                "--all draws all missions of a folder: it needs --output FOLDER and takes no MISSION, --focus or --trace"
-            )
+            raise UsageError("--all FOLDER needs --output FOLDER, and takes no MISSION, --focus or --trace")
         _draw_all(folder, formats or ("mermaid", "svg"), depth, output)
         return 0
     if mission is None:

@@ -13,7 +13,7 @@ from lupin_engine.errors import UsageError
 from lupin_engine.plugin.registry import Catalog, load_catalog
 from lupin_engine.sim import SUFFIX
 from lupin_engine.sim import failure as told
-from lupin_engine.sim.coverage import Coverage
+from lupin_engine.sim.coverage import STATE, TRANSITION, Coverage
 from lupin_engine.sim.coverage_text import coverage_lines
 from lupin_engine.sim.failure import shown
 from lupin_engine.sim.junit import junit
@@ -49,6 +49,13 @@ _STYLES: dict[str, dict[str, Any]] = {
 @click.option(
     "--min-coverage", type=click.FloatRange(0, 100), metavar="PERCENT", help="Fail when less was reached."
 )
+@click.option(
+    "--coverage-diagram",
+    "drawing",
+    metavar="FILE.svg",
+    type=click.Path(dir_okay=False, path_type=Path),
+    help="Draw the mission coloured by what was reached; of several missions each into FILE-MISSION.svg.",
+)
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 @click.option("--quiet", "-q", is_flag=True, help="Print failures and the last line only.")
 @click.option(
@@ -67,6 +74,7 @@ def test(
     junit_file: Path | None,
     covers: bool,
     min_coverage: float | None,
+    drawing: Path | None,
     as_json: bool,
     quiet: bool,
     recording: Path | None,
@@ -83,13 +91,17 @@ def test(
     if recording is not None or output is not None:
         return _make_scenario(recording, output, paths, catalog)
     files = _chosen(paths, words)
-    counts = covers or min_coverage is not None
+    if drawing is not None and drawing.suffix != ".svg":
+        raise UsageError(f"{str(drawing)!r} must end in .svg")
+    counts = covers or min_coverage is not None or drawing is not None
     results = []
     for result in run_all(catalog, files, range(seed, seed + seeds), jobs, counts):
         results.append(result)
         if not as_json:
             _show(result, quiet)
     coverage = add_up(results, Missions(catalog)) if counts else None
+    if coverage is not None and drawing is not None:
+        _draw(coverage, drawing)
     if junit_file is not None:
         _write(junit_file, junit(results))
     if as_json:
@@ -145,6 +157,20 @@ def _text(file: Path) -> str:
         return file.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as problem:
         raise UsageError(f"cannot read {str(file)!r}: {problem}") from None
+
+
+def _draw(coverage: Coverage, file: Path) -> None:
+    """Draw every mission that was tested, coloured by what its scenarios reached."""
+    from lupin_engine.diagram.outline import outline
+    from lupin_engine.diagram.svg import svg
+    from lupin_engine.diagram.trace import Counts, coloured
+
+    for mission, (chart, reached) in coverage.charts.items():
+        states = {name: count for (kind, name, _), count in reached.items() if kind == STATE}
+        ways = {name: count for (kind, name, _), count in reached.items() if kind == TRANSITION}
+        picture = coloured(outline(chart), Counts(states, ways, "reached by scenarios; pale: never"))
+        alone = len(coverage.charts) == 1
+        _write(file if alone else file.with_name(f"{file.stem}-{mission.stem}.svg"), svg(picture))
 
 
 def _write(file: Path, text: str) -> None:

@@ -47,7 +47,8 @@ def _box(box: Box) -> Iterator[str]:
         yield from (f"  {line}" for line in _within(box.name, box.children, box.initial))
         yield "}"
     elif box.kind is Kind.HISTORY:
-        yield f"{_quoted(box.name)} [label={_quoted(box.title)}, shape=circle, width=0.3, fixedsize=true{tone}]"
+        shape = "shape=circle, width=0.3, fixedsize=true"
+        yield f"{_quoted(box.name)} [label={_quoted(box.title)}, {shape}{tone}]"
     else:
         rings = ", peripheries=2" if box.kind is Kind.FINAL else ""
         yield f"{_quoted(box.name)} [label={_quoted(box.title, *box.text)}{rings}{tone}]"

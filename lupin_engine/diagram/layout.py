@@ -1,18 +1,20 @@
 """Where everything of a picture stands: levels within levels, lines that cross their borders, in pixels.
 
-First, from the outside in, every line learns whether it runs down or up. Then, from the inside out, every level
-is drawn by itself; a line that leaves it gives its box a port. That is done again knowing where the ports'
-lines go outside, and the better of both is taken.
+First, from the outside in, every line learns whether it runs down or up. Then, from the inside out, every
+level is drawn by itself; a line that leaves it gives its box a port. That is done again knowing where the
+lines of the ports go outside, and the best of all is taken.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 
-from lupin_engine.diagram.level import BOTTOM, TOP, Cell, Drawn, Strand, draw_level, ranks
+from lupin_engine.diagram.grid import BOTTOM, TOP, Cell, Strand
+from lupin_engine.diagram.level import Drawn, Point, draw_level
+from lupin_engine.diagram.ranking import onwards, ranks
 
-Point = tuple[int, int]
 #: How often levels are drawn anew, knowing more.
 _TRIES = 3
 
@@ -102,7 +104,7 @@ class _Layouter:
     def _path(self, link: Link) -> tuple[list[str], list[str]]:
         """Return both ends with what is around them, from the innermost block around both on."""
         one, other = self._chain(link.source), self._chain(link.target)
-        common = sum(1 for a, b in zip(one, other) if a == b)
+        common = sum(1 for a, b in zip(one, other, strict=False) if a == b)
         return one[common - 1 :], other[common - 1 :]
 
     def _rank(self, block: Block) -> None:
@@ -115,16 +117,13 @@ class _Layouter:
                 continue
             for path, is_source in ((source, True), (target, False)):
                 if block.name in path[:-1]:
-                    child = path[path.index(block.name) + 1]
-                    pulls.append((numbers[child], self._falls[index] == is_source))
+                    inner = path[path.index(block.name) + 1]
+                    pulls.append((numbers[inner], self._falls[index] == is_source))
         first = numbers.get(block.first or "")
-        forward = _without_circles(len(numbers), [(a, b) for _, a, b in within], first)
+        forward = onwards(len(numbers), [(a, b) for _, a, b in within], first)
         ways = [(a, b) if ahead else (b, a) for (_, a, b), ahead in zip(within, forward, strict=True)]
-        if block.row:
-            found = [0] * len(numbers)
-        else:
-            found = ranks(len(numbers), ways, pulls, first)
-        self._ranks[block.name] = found
+        flat = [0] * len(numbers)
+        self._ranks[block.name] = flat if block.row else ranks(len(numbers), ways, pulls, first)
         for (index, _, _), ahead in zip(within, forward, strict=True):
             self._falls[index] = ahead
         for child in block.children:
@@ -226,33 +225,11 @@ class _Layouter:
         found: dict[str, dict[tuple[int, bool], int]] = {}
         for name, level in drawn.items():
             block = self._blocks[name]
-            for (cell, link, lower), x in level.heads_for.items():
+            for (cell, link, lower), x in level.goals.items():
                 child = block.children[cell].name
                 if child in drawn:
                     found.setdefault(child, {})[link, lower] = layout.rects[name].x + x
         return found
-
-
-def _without_circles(count: int, ways: Sequence[tuple[int, int]], first: int | None) -> list[bool]:
-    """Say of each way whether it leads onwards; the others lead back, to where one has been already."""
-    onwards = [True] * len(ways)
-    state = [0] * count
-    starts = ([] if first is None else [first]) + list(range(count))
-
-    def visit(box: int) -> None:
-        state[box] = 1
-        for index, (source, target) in enumerate(ways):
-            if source == box:
-                if state[target] == 1:
-                    onwards[index] = False
-                elif state[target] == 0:
-                    visit(target)
-        state[box] = 2
-
-    for start in starts:
-        if not state[start]:
-            visit(start)
-    return onwards
 
 
 def _simple(corners: Sequence[Point]) -> list[Point]:
@@ -272,7 +249,7 @@ def _simple(corners: Sequence[Point]) -> list[Point]:
 def _ugliness(layout: Layout) -> int:
     """Return a number that is larger the more lines cross, turn and wander."""
     pieces = [
-        (index, *one, *other) for index, line in enumerate(layout.lines) for one, other in zip(line, line[1:])
+        (index, *one, *other) for index, line in enumerate(layout.lines) for one, other in pairwise(line)
     ]
     flat = [p for p in pieces if p[2] == p[4]]
     steep = [p for p in pieces if p[1] == p[3]]

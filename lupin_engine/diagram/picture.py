@@ -1,4 +1,4 @@
-"""A picture before any drawing language: boxes within boxes, and labelled arrows. Every format is written from it."""
+"""A picture before any drawing language, from which all formats are written: boxes in boxes, and arrows."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ class Label:
 
 @dataclass(frozen=True)
 class Line:
-    """A line of text in a box. A way without an arrow has its label; `target` is the name that it leads to."""
+    """A line of text in a box. A way without an arrow has its label; `target` is where it leads, in full."""
 
     text: str
     role: Role
@@ -160,4 +160,4 @@ class Picture:
 
 def times(count: int | None) -> str:
     """Return how often, as a picture says it; '' for never and for a picture of no run."""
-    return f"×{count}" if count else ""
+    return f"\u00d7{count}" if count else ""

@@ -34,8 +34,8 @@ def plantuml(picture: Picture) -> str:
 class _Writer:
     """Writes one picture.
 
-    PlantUML lets no arrow cross the border of a region: such a way is a line of text where it begins. A history
-    of a parallel state would stand in one of the regions, so the arrow to it leads to the state itself.
+    PlantUML lets no arrow cross the border of a region: such a way is a line of text where it begins. A
+    history of a parallel state would stand in one of the regions, so the arrow to it leads to the state.
     """
 
     def __init__(self, picture: Picture) -> None:

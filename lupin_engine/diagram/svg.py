@@ -12,14 +12,15 @@ from dataclasses import dataclass
 from xml.sax.saxutils import escape, quoteattr
 
 from lupin_engine.chart.model import Kind
-from lupin_engine.diagram.layout import Block, Layout, Link, Point, Rect, lay_out
+from lupin_engine.diagram.layout import Block, Layout, Link, Rect, lay_out
+from lupin_engine.diagram.level import Point
 from lupin_engine.diagram.metrics import text_width
 from lupin_engine.diagram.picture import Arrow, Box, Cause, Label, Line, Picture, Role, Tone, times
 
 _FAMILY = "Inter, 'Helvetica Neue', Helvetica, Arial, 'Liberation Sans', 'DejaVu Sans', sans-serif"
 _INK, _SOFT, _PALE = "#1e293b", "#64748b", "#94a3b8"
 _BORDER, _BAR, _VISITED, _VISITED_BAR = "#475569", "#e8edf4", "#15803d", "#d6f0de"
-_AMBER = "#b45309"
+_AMBER, _FAINT = "#b45309", "#b6bfcc"
 #: Cause -> colour of the line, and of its text.
 _COLOURS = {
     Cause.DONE: ("#475569", _INK),
@@ -88,10 +89,12 @@ def _n(number: float) -> str:
 # -- what stands in a box and beside a line -------------------------------------------------------------
 
 
-def _label_texts(labels: Iterable[Label]) -> list[_Text]:
+def _label_texts(arrow: Arrow) -> list[_Text]:
     found = []
-    for label in labels:
-        colour = _COLOURS[label.cause][1]
+    for label in arrow.labels:
+        # A way that was never gone may stand beside one that was.
+        faint = arrow.tone is Tone.VISITED and not label.count
+        colour = _FAINT if faint else _COLOURS[label.cause][1]
         found += [_Text(line, colour) for line in _broken(label.parts)]
     return found
 
@@ -101,8 +104,9 @@ def _broken(parts: Iterable[str]) -> list[str]:
     lines: list[str] = []
     for part in parts:
         joined = f"{lines[-1]} {part}" if lines else part
-        most = _LABEL_WIDTH + (60 if lines and len(lines[-1]) < 8 else 0)
-        if lines and text_width(joined, _TEXT) <= most:
+        # A short word does not stand alone, and neither does a count.
+        short = len(part) < 8 or bool(lines and len(lines[-1]) < 8)
+        if lines and text_width(joined, _TEXT) <= _LABEL_WIDTH + (60 if short else 0):
             lines[-1] = joined
         else:
             lines.append(part)
@@ -172,9 +176,9 @@ def _size(texts: Sequence[_Text]) -> tuple[int, int]:
 class _Drawing:
     def __init__(self, picture: Picture) -> None:
         self._picture = picture
-        self._loops = {a.source: _label_texts(a.labels) for a in picture.arrows if a.source == a.target}
+        self._loops = {a.source: _label_texts(a) for a in picture.arrows if a.source == a.target}
         self._arrows = [arrow for arrow in picture.arrows if arrow.source != arrow.target]
-        self._texts = [_label_texts(arrow.labels) for arrow in self._arrows]
+        self._texts = [_label_texts(arrow) for arrow in self._arrows]
         self._heading = list(self._head())
         self._layout = self._lay_out()
 
@@ -225,7 +229,7 @@ class _Drawing:
     # -- boxes ------------------------------------------------------------------------------------------
 
     def _box(self, box: Box, level: int, region: bool = False) -> Iterator[str]:
-        opacity = {Tone.PALE: ' opacity="0.5"', Tone.NEVER: ' opacity="0.38"'}.get(box.tone, "")
+        opacity = {Tone.PALE: ' opacity="0.5"', Tone.NEVER: ' opacity="0.5"'}.get(box.tone, "")
         yield f"<g data-state={quoteattr(box.name)}>"
         yield f"<g{opacity}>" if opacity else "<g>"
         rect = self._layout.rects[box.name]
@@ -259,7 +263,7 @@ class _Drawing:
             yield _rounded(rect, "none", border)
         middle = rect.height if not (texts or box.children) and not region else _BAR_HEIGHT
         if box.kind is Kind.FINAL:
-            yield from _ring(rect.x + 15, rect.y + middle / 2, border)
+            yield from _ring(rect.x + 15, rect.y + middle / 2, _INK if border == _BORDER else border)
             yield from self._name(box, Rect(rect.x + 15, rect.y, rect.width, rect.height), middle)
         else:
             yield from self._name(box, rect, middle)
@@ -374,7 +378,7 @@ def _weight(arrow: Arrow) -> float:
 
 
 def _faint(arrow: Arrow) -> str:
-    return ' opacity="0.38"' if arrow.tone is Tone.NEVER else ""
+    return ' opacity="0.5"' if arrow.tone is Tone.NEVER else ""
 
 
 def _rounded(rect: Rect, fill: str, border: str) -> str:

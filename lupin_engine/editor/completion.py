@@ -28,7 +28,7 @@ from lupin_engine.chart.load import PARTS
 from lupin_engine.editor import docs
 from lupin_engine.editor.folder import Folder
 from lupin_engine.editor.grammar import Meaning, Shape, Spot, fields_of, shapes_of, spot_at
-from lupin_engine.editor.mentions import Piece, expression_in, pieces, value_meaning
+from lupin_engine.editor.mentions import Piece, expression_in, owner_of, pieces, value_meaning
 from lupin_engine.editor.model import Model, states_of, type_of
 from lupin_engine.editor.scan import Cursor, Role, Scan, Steps
 from lupin_engine.plugin.contract import Argument
@@ -163,7 +163,7 @@ class _Completion:
         return _words_of(shape.model) if shape.model else ()
 
     def _arguments(self, spot: Spot) -> Iterator[Offer]:
-        owner = _owner(self._scan, spot)
+        owner = owner_of(self._scan, spot)
         if spot.holder is StateNode:
             yield from self._bindings(owner)
         elif spot.holder is ActionNode and owner == "set":
@@ -455,14 +455,6 @@ def _words_of(model: type[Node]) -> Iterator[Offer]:
 
 def _shape(spot: Spot) -> Shape:
     return spot.shape.item if spot.shape.item is not None and not spot.shape.words else spot.shape
-
-
-def _owner(scan: Scan, spot: Spot) -> str:
-    """Return the operation, action or part whose arguments stand at a spot."""
-    if spot.holder is ActionNode:
-        return str(spot.mapping[-1])
-    key = {InvokeNode: "do", StateNode: "use"}.get(spot.holder or Node)
-    return (scan.value(*spot.mapping, key) or "") if key else ""
 
 
 def _arguments_of(owner: str, holder: type[Node] | None, catalog: Catalog) -> Mapping[str, Argument]:

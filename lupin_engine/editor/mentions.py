@@ -108,7 +108,7 @@ def mentions_of(scan: Scan, root: type[FileNode], token: Token) -> Iterator[Ment
     else:
         spot = spot_at(root, token.path)
         if spot is not None:
-            yield from _of_text(token, value_meaning(scan, spot), _owner_of(scan, spot))
+            yield from _of_text(token, value_meaning(scan, spot), owner_of(scan, spot))
 
 
 def value_meaning(scan: Scan, spot: Spot) -> Meaning:
@@ -129,7 +129,7 @@ def _of_key(scan: Scan, spot: Spot, token: Token) -> Iterator[Mention]:
         yield Mention(Meaning.KEY, token.text, token.inner, token.inner + len(token.text), token.path)
         return
     declares = spot.key in DECLARING and meaning is not Meaning.ACTION
-    yield from _of_text(token, meaning, _owner_of(scan, spot), declares)
+    yield from _of_text(token, meaning, owner_of(scan, spot), declares)
 
 
 def _of_text(token: Token, meaning: Meaning, of: str = "", declares: bool = False) -> Iterator[Mention]:
@@ -149,7 +149,7 @@ def _of_text(token: Token, meaning: Meaning, of: str = "", declares: bool = Fals
         yield Mention(meaning, token.text, token.inner, end, token.path, token.text, 0, of, declares)
 
 
-def _owner_of(scan: Scan, spot: Spot) -> str:
+def owner_of(scan: Scan, spot: Spot) -> str:
     """Return the operation, action or part whose arguments stand at a spot."""
     if spot.key == "levels":
         return str(spot.mapping[-1])

@@ -5,7 +5,7 @@ The text in the editor may be ahead of this; so everything here is asked by name
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from pathlib import Path
 
 from lupin_engine.chart.compose import Composed
@@ -17,7 +17,7 @@ from lupin_engine.chart.load import Inspection
 from lupin_engine.chart.model import Kind
 from lupin_engine.chart.tree import Draft, Forest
 from lupin_engine.editor.grammar import Meaning
-from lupin_engine.editor.mentions import STATES, Mention
+from lupin_engine.editor.mentions import Mention
 from lupin_engine.editor.scan import Scan, Steps
 from lupin_engine.plugin.registry import Catalog
 from lupin_engine.plugin.types import ANY, TEXT, Type
@@ -166,10 +166,10 @@ class Model:
             return scope
         kind = (for_each.items.type.item if for_each else None) or ANY
         scope = scope.with_item(item, kind)
-        ending = {"on_done": names_when_done, "on_error": names_when_failed}.get(
-            str(rest[1:2][0]) if rest[1:2] else ""
-        )
-        return scope.with_names(ending(for_each.invoke if for_each else None)) if ending else scope
+        invoke = for_each.invoke if for_each else None
+        if rest[1:2] == ("on_done",):
+            return scope.with_names(names_when_done(invoke))
+        return scope.with_names(names_when_failed(invoke)) if rest[1:2] == ("on_error",) else scope
 
     def event_type(self, event: str) -> Type:
         """Return what comes with an event."""
@@ -202,13 +202,10 @@ def _descend(draft: Draft, name: str) -> list[Draft]:
     return [found] if found is not None else []
 
 
-def type_of(scope: Scope, words: Iterable[str], extra: Mapping[str, Type] | None = None) -> Type | None:
+def type_of(scope: Scope, words: Iterable[str]) -> Type | None:
     """Return the type of a chain such as `input.battery.low`; None where it leads nowhere."""
     first, *rest = words
-    found = {**scope.names, **(extra or {})}.get(first)
+    found = scope.names.get(first)
     for word in rest:
         found = found.fields.get(word) if found is not None else None
     return found
-
-
-__all__ = ["STATES", "Model", "Written", "states_of", "steps_of", "type_of"]

@@ -118,9 +118,13 @@ def parse_type(text: str, known: Mapping[str, Type]) -> Type:
     return kind
 
 
-@lru_cache(maxsize=1024)
 def parse_quantity(text: str) -> tuple[float, str] | None:
     """Read `60 s` or `0.5 m` as (value in the base unit, base unit); None when `text` is no quantity."""
+    return _parse_quantity(str(text))
+
+
+@lru_cache(maxsize=1024)
+def _parse_quantity(text: str) -> tuple[float, str] | None:
     match = _QUANTITY.match(text.strip())
     if match is None or match.group(2) not in UNITS:
         return None

@@ -106,7 +106,9 @@ class MockNode(Node):
     """What attempts of an operation come to: one outcome for all, or a list, one for each in turn."""
 
     do: str = Field(description="operation, as plugin.name")
-    with_: dict[str, Any] = Field({}, alias="with", description="arguments that an attempt must have")
+    with_: dict[str, Any] = Field(
+        default_factory=dict, alias="with", description="arguments that an attempt must have"
+    )
     target: str | None = Field(None, description="the current target that an attempt must be for")
     then: Outcomes = Field(description="what happens")
 
@@ -123,7 +125,7 @@ class RequestNode(ShortNode):
     """A request, with what it carries. Short: its name, or its name with the fields: `{NAME: {...}}`."""
 
     name: str = Field(description="mission.start or operator.NAME")
-    data: dict[str, Any] = Field({}, description="what it carries")
+    data: dict[str, Any] = Field(default_factory=dict, description="what it carries")
 
     @classmethod
     def _long_form(cls, data: Any) -> Any:
@@ -134,7 +136,7 @@ class EventNode(ShortNode):
     """Something that a plugin tells. Short: its name, or its name with the fields: `{NAME: {...}}`."""
 
     name: str = Field(description="event, as plugin.name")
-    data: dict[str, Any] = Field({}, description="its fields")
+    data: dict[str, Any] = Field(default_factory=dict, description="its fields")
 
     @classmethod
     def _long_form(cls, data: Any) -> Any:
@@ -147,7 +149,7 @@ class EndNode(ShortNode):
     do: str = Field(description="operation, as plugin.name")
     code: str = Field("", description="code of the operation")
     detail: str = Field("", description="free text beside the code")
-    done: dict[str, Any] = Field({}, description="fields of the result, over the mock's")
+    done: dict[str, Any] = Field(default_factory=dict, description="fields of the result, over the mock's")
 
     @classmethod
     def _long_form(cls, data: Any) -> Any:
@@ -157,8 +159,8 @@ class EndNode(ShortNode):
 class MomentNode(Node):
     """What must be so at one moment. What is not named is not looked at."""
 
-    state: Names = Field([], description="states that are active")
-    not_state: Names = Field([], description="states that are not active")
+    state: Names = Field(default_factory=list, description="states that are active")
+    not_state: Names = Field(default_factory=list, description="states that are not active")
     lifecycle: str | None = Field(None, description="published state")
     phase: str | None = Field(None, description="published phase; empty: none")
     target: str | None = Field(None, description="the itinerary's current target; empty: none")
@@ -166,7 +168,9 @@ class MomentNode(Node):
     held: list[str] | None = Field(None, description="holds that are engaged, all of them, in their order")
     last_error: str | None = Field(None, description="code reported last; empty: none")
     running: list[str] | None = Field(None, description="operations under way, all of them")
-    variables: dict[str, Any] = Field({}, description="variables of the chart and their values")
+    variables: dict[str, Any] = Field(
+        default_factory=dict, description="variables of the chart and their values"
+    )
 
 
 class WhenNode(Node):
@@ -184,8 +188,10 @@ class WhenNode(Node):
     event: EventNode | None = Field(None, description="what a plugin tells")
     fail: EndNode | None = Field(None, description="an operation under way fails")
     finish: EndNode | None = Field(None, description="an operation under way ends well")
-    server_gone: Names = Field([], description="operations whose server is not heard of from now on")
-    server_back: Names = Field([], description="operations whose server answers again")
+    server_gone: Names = Field(
+        default_factory=list, description="operations whose server is not heard of from now on"
+    )
+    server_back: Names = Field(default_factory=list, description="operations whose server answers again")
     restart: bool = Field(False, description="the machine is made anew from its snapshot, as after a crash")
     expect: MomentNode | None = Field(None, description="what must be so then, after what happens here")
 
@@ -295,25 +301,41 @@ class ExpectNode(Node):
     """
 
     lifecycle: list[str] | None = Field(None, description="published states, all of them, in order")
-    phases: list[str] = Field([], description="published phases in this order, others between them")
-    passes: list[PassNode] = Field([], description="states entered in this order, others between them")
-    leads_to: list[LeadsNode] = Field([], description="states that follow others every time")
-    never: list[NeverNode] = Field([], description="states that are not entered")
+    phases: list[str] = Field(
+        default_factory=list, description="published phases in this order, others between them"
+    )
+    passes: list[PassNode] = Field(
+        default_factory=list, description="states entered in this order, others between them"
+    )
+    leads_to: list[LeadsNode] = Field(
+        default_factory=list, description="states that follow others every time"
+    )
+    never: list[NeverNode] = Field(default_factory=list, description="states that are not entered")
     visits: list[VisitNode] | None = Field(None, description="what became of every target of the itinerary")
     published: list[VisitNode] | None = Field(None, description="the same, in the order of publication")
-    statuses: dict[str, CountNode] = Field({}, description="how often each status was published")
-    refused: list[RefusedNode] = Field([], description="refused requests, all of them, in order")
+    statuses: dict[str, CountNode] = Field(
+        default_factory=dict, description="how often each status was published"
+    )
+    refused: list[RefusedNode] = Field(
+        default_factory=list, description="refused requests, all of them, in order"
+    )
     holds: list[str] | None = Field(None, description="holds that were engaged, all of them, in order")
-    broken: list[str] = Field([], description="invariants that were broken, all of them, in order")
+    broken: list[str] = Field(
+        default_factory=list, description="invariants that were broken, all of them, in order"
+    )
     final: str | None = Field(None, description="published state at the end")
     paused: bool | None = Field(None, description="whether it waits for the operator at the end")
     last_error: str | None = Field(None, description="code reported last; empty: none")
     counts: dict[str, CountNode] = Field(
-        {}, description="how often an operation was started or an action done"
+        default_factory=dict, description="how often an operation was started or an action done"
     )
-    cancels: dict[str, CountNode] = Field({}, description="how often an operation was cancelled")
+    cancels: dict[str, CountNode] = Field(
+        default_factory=dict, description="how often an operation was cancelled"
+    )
     dropped: CountNode | None = Field(None, description="results that came when nobody waited for them")
-    notes: list[str] = Field([], description="pieces of what the machine noted, in any order")
+    notes: list[str] = Field(
+        default_factory=list, description="pieces of what the machine noted, in any order"
+    )
     within: Duration = Field(None, description="longest duration of the whole")
     at_least: Duration = Field(None, description="shortest duration of the whole")
 
@@ -327,13 +349,13 @@ class ScenarioNode(Node):
 
     scenario: str = Field(description="one sentence: what is promised")
     mission: str = Field(description="mission, by name or file")
-    request: dict[str, Any] = Field({}, description="what the request carries")
-    parameters: dict[str, Written] = Field({}, description="settings")
+    request: dict[str, Any] = Field(default_factory=dict, description="what the request carries")
+    parameters: dict[str, Written] = Field(default_factory=dict, description="settings")
     seed: int = Field(0, description="what everything that comes by chance is drawn from")
     start: Literal["ready", "never"] = Field(
         "ready", description="whether the mission is started when possible"
     )
     limit: Duration = Field(None, description="virtual time after which the simulation stops")
-    mocks: list[MockNode] = Field([], description="what operations come to")
-    when: list[WhenNode] = Field([], description="what happens meanwhile")
+    mocks: list[MockNode] = Field(default_factory=list, description="what operations come to")
+    when: list[WhenNode] = Field(default_factory=list, description="what happens meanwhile")
     expect: ExpectNode = Field(description="what must come of it")

@@ -78,7 +78,7 @@ def test_a_refused_request_says_what_was_considered() -> None:
 
 def test_a_transition_offered_to_two_regions_is_told_once() -> None:
     """It is one transition."""
-    regions = {"R": {"states": {"x": {}}}, "S": {"states": {"x": {}}}}
+    regions: dict[str, Any] = {"R": {"states": {"x": {}}}, "S": {"states": {"x": {}}}}
     rule = {"target": "P", "guard": lambda env: False}
     bench = Bench(chart({"P": {"kind": "parallel", "states": regions, "on": {"go": rule}}}))
     assert len(bench.send("go").why) == 1

@@ -92,7 +92,7 @@ def test_what_the_chart_starts_with_is_overwritten_by_an_older_report() -> None:
 
 def test_one_report_is_for_every_input_of_that_value() -> None:
     """Two inputs may look at one value, each in its own way; others are none of its business."""
-    inputs = {"a": {"value": "v", "maximum": 1}, "b": {"value": "v"}, "c": {}}
+    inputs: dict[str, Any] = {"a": {"value": "v", "maximum": 1}, "b": {"value": "v"}, "c": {}}
     bench = Bench(chart({"A": {}}, inputs=inputs))
     step = bench.observe("v", 2)
     assert step.notes == ("dropped: input.a is out of range: 2",)

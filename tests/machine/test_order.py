@@ -586,7 +586,7 @@ def test_without_targets_there_is_no_conflict() -> None:
 
 def test_a_transition_that_all_regions_share_is_taken_once() -> None:
     """Offered to every leaf, chosen for every leaf, and one transition all the same."""
-    regions = {"R": {"states": {"x": {}}}, "S": {"states": {"x": {}}}}
+    regions: dict[str, Any] = {"R": {"states": {"x": {}}}, "S": {"states": {"x": {}}}}
     bench = Bench(chart({"P": {"kind": "parallel", "states": regions, "on": {"go": {"do": "once"}}}}))
     bench.send("go")
     assert done(bench) == ["once"]

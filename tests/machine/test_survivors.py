@@ -9,6 +9,7 @@ import pytest
 from lupin_engine.machine.event import Act, Event, cancelled, done, failed, progress
 from lupin_engine.machine.explain import Possibility
 from lupin_engine.machine.memory import Phase, Visit, Walk
+from lupin_engine.machine.snapshot import shift
 from lupin_engine.machine.step import Considered, Refusal
 from lupin_engine.machine.view import Moment
 from lupin_engine.plugin.types import NUMBER, TEXT
@@ -417,7 +418,7 @@ def test_a_step_shows_what_it_passed() -> None:
             "phase": "outer",
             "states": {"ONE": {"phase": "inner", "always": "TWO"}, "TWO": {"always": "C"}},
         },
-        "C": {"label": "", "states": {"IN": {}}},
+        "C": {"label": "", "states": {"IN": {"label": ""}}},
     }
     bench = Bench(chart(states))
     assert bench.steps[0].trail == (Moment("A", "", ""),)
@@ -458,3 +459,40 @@ def test_the_smallest_number_is_allowed_and_nothing_is_no_value(given: Any, expe
     bench = Bench(chart(states, missions={"M": {"state": "SLOT.M", "request": request}}))
     assert bench.send("mission.start", mission_type="M", **given).accepted
     assert bench.machine.memory.request == expected
+
+
+def test_a_step_of_several_microsteps_tells_all_of_them() -> None:
+    """Left, taken and entered in their order, and how often there was a step before."""
+    states = {
+        "A": {"on": {"go": {"id": "first", "target": "B"}}},
+        "B": {"always": {"id": "second", "target": "C"}},
+        "C": {},
+    }
+    bench = Bench(chart(states))
+    step = bench.send("go")
+    assert (step.exited, step.taken, step.entered) == (("A", "B"), ("first", "second"), ("B", "C"))
+    assert repr(step) == "<Step 2 at 0: go: first, second>"
+    assert [one.sequence for one in bench.steps] == [1, 2]
+
+
+def test_a_step_in_which_nothing_happens_has_not_changed_anything() -> None:
+    """It shows where the machine is; a transition or a command is a change."""
+    states = {"A": {"on": {"go": "B"}}, "B": {"on": {"act": {"do": "!arm.preset", "during": ("pause",)}}}}
+    bench = Bench(chart(states, holds={"pause": PAUSE}))
+    nothing = bench.send("nonsense")
+    assert (nothing.changed, nothing.configuration) == (False, ("", "A"))
+    moved = bench.send("go")
+    assert (moved.changed, moved.commands, moved.configuration) == (True, (), ("", "B"))
+    bench.send("operator.pause")
+    bench.send("act")
+    released = bench.send("operator.resume")
+    assert (released.changed, released.taken, released.commands) == (True, (), (Act("arm.preset", {}),))
+
+
+def test_a_live_value_is_as_old_on_another_clock() -> None:
+    """Its stamp moves with the deadlines."""
+    bench = Bench(chart({"A": {}}, inputs={"pose": {"freshness": 8.0}}))
+    bench.observe("pose", 1, 0.0)
+    shift(bench.machine.memory, 100.0)
+    assert bench.machine.input_value("pose", 107.5) == 1
+    assert bench.machine.input_value("pose", 108.5) is None

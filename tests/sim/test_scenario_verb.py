@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -10,6 +11,7 @@ from xml.etree import ElementTree
 import pytest
 from click.testing import CliRunner, Result
 
+from lupin_engine.chart.load import default_missions_folder
 from lupin_engine.cli.main import main
 from lupin_engine.cli.simulate import simulate
 from lupin_engine.cli.test import test as run_scenarios
@@ -84,6 +86,22 @@ def test_coverage_is_told_and_can_be_asked_for(tmp_path: Path) -> None:
     assert typed(tmp_path, "--min-coverage", 10).return_value == 0
 
 
+def test_coverage_can_be_looked_at(tmp_path: Path) -> None:
+    """The mission's picture, with how often each piece was reached; several missions are several files."""
+    folder = tmp_path / "missions"
+    shutil.copytree(default_missions_folder(), folder)
+    text = (folder / "inspection.yaml").read_text(encoding="utf-8")
+    (folder / "second.yaml").write_text(text.replace("InspectionMission", "SecondMission"), encoding="utf-8")
+    one, drawing = written(tmp_path, "a", "expect: {final: DONE}\n"), tmp_path / "reached.svg"
+    typed(one, "-q", "--coverage-diagram", drawing)
+    assert "reached by scenarios" in drawing.read_text(encoding="utf-8")
+    other = one.read_text(encoding="utf-8").replace("mission: inspection", "mission: second")
+    (tmp_path / "b.scenario.yaml").write_text(other, encoding="utf-8")
+    typed(tmp_path, "-q", "--coverage-diagram", drawing)
+    names = {file.name for file in tmp_path.glob("*.svg")}
+    assert names == {"reached.svg", "reached-inspection.svg", "reached-second.svg"}
+
+
 def test_the_shipped_scenarios_reach_everything() -> None:
     """`--min-coverage 100` is what a CI asks for."""
     assert typed(SCENARIOS, "-q", "--min-coverage", 100).return_value == 0
@@ -146,6 +164,7 @@ def test_a_simulation_becomes_a_scenario(tmp_path: Path) -> None:
             "exists; remove it, or",
         ),
         (["--record", __file__, "-o", "x.scenario.yaml"], ":1: this is no JSON"),
+        (["--coverage-diagram", "x.png", str(SCENARIOS)], "'x.png' must end in .svg"),
         (["--seeds", "0", str(SCENARIOS)], "0 is not in the range x>=1"),
         ([str(SCENARIOS / "estop.scenario.yaml"), "--junit", "/dev/null/x.xml"], "cannot write"),
     ],
