@@ -12,7 +12,7 @@ folder of their own that begins empty, as a reader would:
   head, tail and grep;
 - `diff`, with a title: the reader's change to that file, undone where the next file, change or heading comes.
 
-The pages of one book are read one after the other, in one folder.
+The pages of one book are read one after the other, in one folder. The plugin of the cookbook is installed there.
 """
 
 from __future__ import annotations
@@ -209,14 +209,33 @@ def _ranges(numbers: Iterable[int]) -> str:
     return " ".join(f"{first}-{last}" if last > first else f"{first}" for first, last in found)
 
 
+@contextlib.contextmanager
+def _installed(plugin: Path) -> Iterator[None]:
+    """Let a plugin of one file be found as if it was installed."""
+    with tempfile.TemporaryDirectory(prefix="lupin-plugin-") as folder:
+        name = plugin.stem
+        information = Path(folder, f"lupin_{name}-1.0.dist-info")
+        information.mkdir()
+        (information / "METADATA").write_text(f"Metadata-Version: 2.1\nName: lupin-{name}\nVersion: 1.0\n")
+        (information / "entry_points.txt").write_text(f"[lupin.plugins]\n{name} = {name}:PLUGIN\n")
+        sys.path[:0] = [folder, str(plugin.parent)]
+        try:
+            yield
+        finally:
+            del sys.path[:2]
+            sys.modules.pop(name, None)
+
+
 def pages(book: str) -> Iterator[tuple[Path, str]]:
     """Read a book; yield each page and what it should say.
 
     Raises:
         PageError: it asks for something that cannot be done.
     """
-    with tempfile.TemporaryDirectory(prefix="lupin-pages-") as folder:
-        reader = Reader(Path(folder))
+    with contextlib.ExitStack() as stack:
+        reader = Reader(Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="lupin-pages-"))))
+        for plugin in sorted((DOCS / book).glob("*.py")):
+            stack.enter_context(_installed(plugin))
         for file in BOOKS[book]:
             yield file, reader.page(file)
 

@@ -187,22 +187,23 @@ class _Layouter:
 
     def _assemble(self, drawn: dict[str, Drawn]) -> Layout:
         rects: dict[str, Rect] = {}
-        self._settle(self._root, 0, 0, drawn, rects)
+        self._settle(self._root, Rect(0, 0, self._root.width, self._root.height), drawn, rects)
         lines = [self._line(index, drawn, rects) for index in range(len(self._links))]
         labels = [self._label(index, drawn, rects) for index in range(len(self._links))]
         whole = rects[self._root.name]
         return Layout(whole.width, whole.height, rects, lines, labels)
 
-    def _settle(self, block: Block, x: int, y: int, drawn: dict[str, Drawn], rects: dict[str, Rect]) -> None:
-        """Note where a block stands, given the corner of its cell."""
+    def _settle(self, block: Block, cell: Rect, drawn: dict[str, Drawn], rects: dict[str, Rect]) -> None:
+        """Note where a block stands, and all within it, given its cell."""
         level = drawn.get(block.name)
-        top = y + block.above
+        width, height = cell.width - block.beside, cell.height - block.above
+        if level is not None:
+            width, height = level.width, max(level.height, height)
+        rect = rects[block.name] = Rect(cell.x, cell.y + block.above, width, height)
         if level is None:
-            rects[block.name] = Rect(x, top, block.width, block.height)
             return
-        rects[block.name] = Rect(x, top, level.width, level.height)
-        for child, (left, upper) in zip(block.children, level.cells, strict=True):
-            self._settle(child, x + left, top + upper, drawn, rects)
+        for child, (x, y), size in zip(block.children, level.cells, level.sizes, strict=True):
+            self._settle(child, Rect(rect.x + x, rect.y + y, *size), drawn, rects)
 
     def _line(self, index: int, drawn: dict[str, Drawn], rects: dict[str, Rect]) -> list[Point]:
         """Return the corners of a link from its source to its target."""

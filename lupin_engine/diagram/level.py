@@ -24,13 +24,14 @@ _HANG = 28
 class Drawn:
     """A level with places: corners of the cells, of the lines by link, of the labels by link.
 
-    `ports` say where lines cross its border, by link and by whether at the lower one; `goals` where the lines
+    `sizes` are those of the cells: regions are as high as the highest of them. `ports` say where lines cross its border, by link and by whether at the lower one; `goals` where the lines
     of a (cell, link, at its lower side) go from there.
     """
 
     width: int
     height: int
     cells: Sequence[Point]
+    sizes: Sequence[Point]
     lines: Mapping[int, Sequence[Point]]
     labels: Mapping[int, Point]
     ports: Mapping[tuple[int, bool], int]
@@ -75,7 +76,9 @@ class _Stack:
         grid = self._grid
         cells = [self._corner(number) for number in grid.at_cell]
         lines = {strand.link: self._line(index, cells) for index, strand in enumerate(grid.strands)}
-        return Drawn(self._width, self._height, cells, lines, self._labels(), self._ports(), self._goals())
+        sizes = [self._size(number) for number in grid.at_cell]
+        labels, ports, goals = self._labels(), self._ports(), self._goals()
+        return Drawn(self._width, self._height, cells, sizes, lines, labels, ports, goals)
 
     def _stack(self) -> int:
         """Give every layer its place, and every bend its height; return the height of all."""
@@ -121,6 +124,13 @@ class _Stack:
         y, height = self._layers[slot.layer]
         return slot.x, y + (0 if self._grid.row else min((height - slot.height) // 2, _HANG))
 
+    def _size(self, number: int) -> Point:
+        """Return the size of a cell; a region fills its layer, but what is beside regions does not."""
+        slot = self._grid.slots[number]
+        assert slot.cell is not None
+        fills = self._grid.row and not self._grid.cells[slot.cell].beside
+        return slot.width, self._layers[slot.layer][1] if fills else slot.height
+
     def _line(self, index: int, cells: Sequence[Point]) -> list[Point]:
         """Return the corners of a strand from top to bottom."""
         grid, strand = self._grid, self._grid.strands[index]
@@ -136,11 +146,10 @@ class _Stack:
         return [*corners, (pieces[-1].x[1], end)]
 
     def _foot(self, strand: Strand) -> int:
-        """Return how far below the top of its upper cell a strand begins; a region fills its layer."""
+        """Return how far below the top of its upper cell a strand begins: below what it has within, if any."""
         cell = self._grid.cells[strand.upper]
-        fills = self._grid.row and (strand.link, True) not in cell.ports and not cell.beside
-        layer = self._grid.slots[self._grid.at_cell[strand.upper]].layer
-        return self._layers[layer][1] if fills else cell.height
+        own = (strand.link, True) not in cell.ports
+        return self._size(self._grid.at_cell[strand.upper])[1] if own else cell.height
 
     def _labels(self) -> dict[int, Point]:
         found = {}

@@ -15,7 +15,7 @@ from lupin_engine.chart.model import Kind
 from lupin_engine.diagram.layout import Block, Layout, Link, Rect, lay_out
 from lupin_engine.diagram.level import Point
 from lupin_engine.diagram.metrics import text_width
-from lupin_engine.diagram.picture import Arrow, Box, Cause, Label, Line, Picture, Role, Tone, times
+from lupin_engine.diagram.picture import Arrow, Box, Cause, Line, Picture, Role, Tone, times
 
 _FAMILY = "Inter, 'Helvetica Neue', Helvetica, Arial, 'Liberation Sans', 'DejaVu Sans', sans-serif"
 _INK, _SOFT, _PALE = "#1e293b", "#64748b", "#94a3b8"
@@ -59,6 +59,12 @@ _ROUND, _AIR = 26, 12
 def svg(picture: Picture) -> str:
     """Return a picture as the text of an SVG file."""
     return _Drawing(picture).text()
+
+
+def plan(picture: Picture) -> tuple[Block, list[Link], Layout]:
+    """Return what stands where in the drawing of a picture, and what was to be placed."""
+    drawing = _Drawing(picture)
+    return drawing.root, drawing.links, drawing.layout
 
 
 @dataclass(frozen=True)
@@ -180,18 +186,14 @@ class _Drawing:
         self._arrows = [arrow for arrow in picture.arrows if arrow.source != arrow.target]
         self._texts = [_label_texts(arrow) for arrow in self._arrows]
         self._heading = list(self._head())
-        self._layout = self._lay_out()
-
-    def _lay_out(self) -> Layout:
-        loops = {name: _size(texts)[0] for name, texts in self._loops.items()}
-        boxes = self._picture.boxes
-        tops = [_block(box, box.name == self._picture.initial, dict(loops)) for box in boxes]
-        root = Block("", 0, 0, tops, first=self._picture.initial)
-        links = [
+        loops = {name: float(_size(texts)[0]) for name, texts in self._loops.items()}
+        tops = [_block(box, box.name == picture.initial, loops) for box in picture.boxes]
+        self.root = Block("", 0, 0, tops, first=picture.initial)
+        self.links = [
             Link(arrow.source, arrow.target, _size(texts) if texts else None)
             for arrow, texts in zip(self._arrows, self._texts, strict=True)
         ]
-        return lay_out(root, links)
+        self.layout = lay_out(self.root, self.links)
 
     def _head(self) -> Iterator[_Text]:
         yield _Text(self._picture.title, _INK, _TITLE, True)
@@ -201,7 +203,7 @@ class _Drawing:
             yield _Text(self._picture.run, _VISITED)
 
     def text(self) -> str:
-        layout = self._layout
+        layout = self.layout
         top = 30 + (len(self._heading) - 1) * _LEADING
         legend = self._legend()
         widest = max([layout.width, *(text.width + 16 for text in self._heading), self._legend_width(legend)])
@@ -232,7 +234,7 @@ class _Drawing:
         opacity = {Tone.PALE: ' opacity="0.5"', Tone.NEVER: ' opacity="0.5"'}.get(box.tone, "")
         yield f"<g data-state={quoteattr(box.name)}>"
         yield f"<g{opacity}>" if opacity else "<g>"
-        rect = self._layout.rects[box.name]
+        rect = self.layout.rects[box.name]
         if box.kind is Kind.HISTORY:
             yield from self._history(box, rect)
         elif box.kind is Kind.FINAL and not box.lines:
@@ -301,7 +303,7 @@ class _Drawing:
 
     def _separators(self, box: Box, rect: Rect) -> Iterator[str]:
         drawn = [child.name for child in box.children if child.kind is not Kind.HISTORY]
-        regions = [self._layout.rects[name] for name in drawn]
+        regions = [self.layout.rects[name] for name in drawn]
         top = min(region.y for region in regions)
         dash = f'stroke="{_BORDER}" stroke-dasharray="6 4"'
         yield f'<path d="M{rect.x} {top}H{rect.x + rect.width}" {dash}/>'
@@ -309,9 +311,9 @@ class _Drawing:
             yield f'<path d="M{region.x} {top}V{rect.y + rect.height}" {dash}/>'
 
     def _initial(self, name: str | None) -> Iterator[str]:
-        if name is None or name not in self._layout.rects:
+        if name is None or name not in self.layout.rects:
             return
-        rect = self._layout.rects[name]
+        rect = self.layout.rects[name]
         x = rect.x + min(16, rect.width // 2)
         yield f'<circle cx="{x}" cy="{rect.y - 19}" r="5" fill="{_INK}"/>'
         yield from _line([(x, rect.y - 14), (x, rect.y)], _INK, 1.3)
@@ -334,8 +336,8 @@ class _Drawing:
     def _arrow(self, index: int) -> Iterator[str]:
         arrow = self._arrows[index]
         yield f"<g data-transition={quoteattr(_ids(arrow))}{_faint(arrow)}>"
-        yield from _line(self._layout.lines[index], _colour(arrow), _weight(arrow))
-        place = self._layout.labels[index]
+        yield from _line(self.layout.lines[index], _colour(arrow), _weight(arrow))
+        place = self.layout.labels[index]
         if place is not None:
             for number, text in enumerate(self._texts[index]):
                 yield text.at(place[0], place[1] + 11 + number * (_LEADING - 1))

@@ -35,10 +35,11 @@ _DIGITS = (3, 6, 12)
 
 @dataclass(frozen=True)
 class Recording:
-    """The steps of a run as JSON data, and the settings that it was made with, as far as they are known."""
+    """The steps of a run as JSON data, and its settings and seed, as far as they are known."""
 
     steps: tuple[Record, ...]
     parameters: Mapping[str, Any] = field(default_factory=dict)
+    seed: int = 0
 
     @property
     def values(self) -> list[str]:
@@ -66,9 +67,10 @@ def read_recording(text: str, name: str) -> Recording:
     try:
         whole = json.loads(text)
     except ValueError:
-        return _checked(_steps_of_lines(text, name), {}, name)
+        return _checked(_steps_of_lines(text, name), name)
     if isinstance(whole, dict) and isinstance(whole.get("steps"), list):
-        return _checked(whole["steps"], whole.get("parameters") or {}, name)
+        recording = _checked(whole["steps"], name)
+        return replace(recording, parameters=whole.get("parameters") or {}, seed=whole.get("seed") or 0)
     raise UsageError(f"{name}: expected the output of 'lupin simulate --json', or steps, one a line")
 
 
@@ -86,12 +88,12 @@ def _steps_of_lines(text: str, name: str) -> Iterator[Any]:
                 yield step
 
 
-def _checked(steps: Iterable[Any], parameters: Mapping[str, Any], name: str) -> Recording:
+def _checked(steps: Iterable[Any], name: str) -> Recording:
     found = [step for step in steps if isinstance(step, dict) and {"event", "time"} <= set(step)]
     if not found:
         raise UsageError(f"{name}: there are no steps in it")
     whole = [{"data": {}, "entered": [], "commands": [], **step} for step in found]
-    recording = Recording(tuple(whole), parameters)
+    recording = Recording(tuple(whole))
     if not recording.mission:
         raise UsageError(f"{name}: no mission is started in it")
     return recording
@@ -319,6 +321,7 @@ def script_of(
         "mission": mission,
         "request": happenings.request(asked[0]["data"]) if starts else {},
         "parameters": dict(recording.parameters),
+        "seed": recording.seed,
         "start": "ready" if starts else "never",
         "limit": _limit(recording, chart, digits, starts),
         "mocks": list(_Mocks(chart, catalog, recording, digits).mocks()),

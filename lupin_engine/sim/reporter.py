@@ -60,9 +60,10 @@ class Reporter:
         for name in around.taken[:1]:
             if name in rules:
                 yield f"taken at {around.time:.1f} s: {name}", rules[name].place
-        refusing = [one for one in around.why if one.holds and rules[one.transition].refuse]
-        if around.refusal is not None and refusing:
-            yield f"refused at {around.time:.1f} s: {refusing[0].transition}", refusing[0].place
+        for one in around.why if around.refusal is not None else ():
+            if one.holds and rules[one.transition].refuse is not None:
+                yield f"refused at {around.time:.1f} s: {one.transition}", one.place
+                break
 
     def _story(self, around: Step | None) -> tuple[tuple[str, ...], int | None]:
         """Return the lines around a step and which of them is the step's; without one the last lines."""

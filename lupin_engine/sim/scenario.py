@@ -51,10 +51,11 @@ class Missions:
         self._worlds: dict[tuple[Chart, str], World] = {}
 
     def file(self, name: str, scenario: Path) -> Path:
-        """Find the mission that a scenario names; UsageError when there is none."""
+        """Find the mission that a scenario names, by name or by file; UsageError when there is none."""
         key = (name, scenario.parent)
         if key not in self._files:
-            self._files[key] = find_mission(name, _folders(scenario))
+            beside = scenario.parent / name
+            self._files[key] = beside if beside.is_file() else find_mission(name, _folders(scenario))
         return self._files[key]
 
     def chart(self, mission: Path) -> Chart:

@@ -165,7 +165,7 @@ class Run:
     started it, `tries` says which try it was. `holds` and `broken` are the holds that were engaged and the
     invariants that were broken, in order, each with its step; `held` is what was held from when on. `looks`
     is what was seen, by number. `context` are the variables at the end. `stopped`: the state was entered at
-    which it was to stop.
+    which it was to stop. `parameters` are the settings that were given.
     """
 
     chart: Chart
@@ -187,6 +187,7 @@ class Run:
     held: tuple[tuple[float, tuple[str, ...]], ...] = ()
     tries: Mapping[str, int] = field(default_factory=dict)
     stopped: bool = False
+    parameters: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def ended(self) -> bool:
@@ -240,6 +241,7 @@ class Simulation:
         world: World | None = None,
     ) -> None:
         self._script = script
+        self._parameters = parameters
         self._clock = VirtualClock()
         self._agenda = Agenda()
         self._world = replace(world or make_world(chart, catalog, parameters), seed=script.seed)
@@ -432,6 +434,7 @@ class Simulation:
             held=tuple(record.held),
             tries=record.tries,
             stopped=self._stopped,
+            parameters=self._parameters,
         )
 
 

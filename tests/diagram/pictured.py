@@ -25,10 +25,16 @@ REGIONS = {
             "WORK": {
                 "kind": "parallel",
                 "states": {
-                    "EXPLORE": {"initial": "a", "states": {"a": {"on": {"x": "b"}}, "b": {"on": {"z": "OUT"}}}},
+                    "EXPLORE": {
+                        "initial": "a",
+                        "states": {"a": {"on": {"x": "b"}}, "b": {"on": {"z": "OUT"}}},
+                    },
                     "HARVEST": {
                         "initial": "c",
-                        "states": {"c": {"after": {3: "d"}}, "d": {"on": {"q": "d", "back": "c", "jump": "a"}}},
+                        "states": {
+                            "c": {"after": {3: "d"}},
+                            "d": {"on": {"q": "d", "back": "c", "jump": "EXPLORE.a"}},
+                        },
                     },
                 },
                 "on": {"w": "M"},

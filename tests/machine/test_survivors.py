@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from lupin_engine.machine.event import Act, Event, cancelled, done, failed, progress
+from lupin_engine.machine.event import Act, Event, Publish, cancelled, done, failed, progress
 from lupin_engine.machine.explain import Possibility
 from lupin_engine.machine.memory import Phase, Visit, Walk
 from lupin_engine.machine.snapshot import shift
@@ -496,3 +496,102 @@ def test_a_live_value_is_as_old_on_another_clock() -> None:
     shift(bench.machine.memory, 100.0)
     assert bench.machine.input_value("pose", 107.5) == 1
     assert bench.machine.input_value("pose", 108.5) is None
+
+
+# -- live values, targets, what is published ----------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("given", "taken"), [(0.0, True), (1.0, True), (-0.1, False), (1.1, False)])
+def test_the_ends_of_a_range_are_within_it(given: float, taken: bool) -> None:
+    """Beyond them a report is dropped."""
+    bench = Bench(chart({"A": {}}, inputs={"charge": {"minimum": 0.0, "maximum": 1.0}}))
+    bench.observe("charge", given)
+    assert (bench.machine.input_value("charge", 0.0) == given) is taken
+
+
+def test_a_level_of_the_last_mission_has_no_hysteresis_in_the_next() -> None:
+    """What the value was about is over; 0.22 is not low unless it was before."""
+    levels = {"low": {"below": 0.2, "hysteresis": 0.05}}
+    slot = {"slot": True, "states": {"M": {"mission": "M"}}, "on": {"out": "READY"}}
+    bench = Bench(
+        chart(
+            {"READY": {"on": {"mission.start": "SLOT"}}, "SLOT": slot},
+            inputs={"charge": {"levels": levels, "of_mission": True}},
+            missions={"M": {"state": "SLOT.M"}},
+        )
+    )
+    found = []
+    for event in ("mission.start", "out", "mission.start"):
+        bench.send(event, mission_type="M")
+        if event == "mission.start":
+            for given in (0.22, 0.1, 0.22):
+                bench.observe("charge", given)
+                found.append(bench.machine.memory.levels["input.charge.low"])
+    assert found == [False, True, True] * 2
+
+
+def test_a_level_that_cannot_be_computed_is_the_roots_error() -> None:
+    """It belongs to no state."""
+    inputs = {"charge": {"levels": {"low": {"below": fails}}}}
+    bench = Bench(chart({"A": {}, "B": {}}, on={"error": "B"}, inputs=inputs))
+    assert bench.observe("charge", 0.5).notes == ("test.yaml:1:1: level low: division by zero",)
+    assert bench.leaves == ["B"]
+
+
+def test_without_an_itinerary_there_is_nothing_to_count() -> None:
+    """All counters are zero, and nobody waits for the operator."""
+    view = Bench(chart({"A": {}})).machine.view
+    assert (view.total, view.completed, view.failed, view.unreachable, view.skipped) == (0, 0, 0, 0, 0)
+    assert not view.paused
+
+
+def test_the_view_counts_outcomes_and_says_who_waits() -> None:
+    """One counter for each outcome; a state may wait for the operator without a hold."""
+    ends = ["OK", "UNREACHABLE", "SCAN_FAILED", "SKIPPED", "UNREACHABLE"]
+    close = [("itinerary.close", {"status": lambda env: env["event"]["status"]}), "itinerary.advance"]
+    states = {
+        "W": {"itinerary": list("abcde"), "on": {"end": {"do": close}, "out": "STOP"}},
+        "STOP": {"paused": True},
+    }
+    bench = Bench(chart(states))
+    for status in ends:
+        bench.send("end", status=status)
+    view = bench.machine.view
+    assert (view.total, view.completed, view.failed, view.unreachable, view.skipped) == (5, 1, 1, 2, 1)
+    assert not view.paused
+    bench.send("out")
+    assert bench.machine.view.paused
+
+
+def test_an_outcome_is_published_with_its_detail() -> None:
+    """Code and detail are for whoever reads what became of a target."""
+    outcome = {"status": "SCAN_FAILED", "code": "scan_timeout", "detail": "5 s"}
+    walk = {"itinerary": ["a"], "on": {"end": {"do": ("itinerary.close", outcome)}}}
+    assert Bench(chart({"W": walk})).send("end").commands == (
+        Publish("", "", "a", "SCAN_FAILED", "scan_timeout", "5 s"),
+    )
+
+
+def test_every_sweep_goes_in_the_order_and_its_targets_are_seen_so() -> None:
+    """Expressions and what is published agree on the current target; at the end there is none to rank."""
+    step = [
+        ("itinerary.close", {"status": "OK", "detail": lambda env: env["target"]}),
+        "itinerary.advance",
+    ]
+    walk = {
+        "itinerary": {"items": ["3", "1", "2"], "order": lambda env: int(env["target"]), "sweeps": 2},
+        "on": {"end": {"do": step}},
+    }
+    bench = Bench(chart({"W": walk}))
+    steps = [bench.send("end") for _ in range(6)]
+    told = [command for step in steps for command in step.commands if isinstance(command, Publish)]
+    assert [(one.target, one.detail) for one in told] == [(name, name) for name in "123123"]
+    assert [step.notes for step in steps] == [()] * 6
+
+
+def test_sweeps_that_cannot_be_computed_are_one() -> None:
+    """The list is walked once; a chart without FAULT stays."""
+    bench = Bench(chart({"W": {"itinerary": {"items": ["a"], "sweeps": fails}}}))
+    walk = bench.machine.memory.walk
+    assert walk is not None
+    assert (walk.sweeps, walk.is_last_sweep) == (1, True)

@@ -469,6 +469,23 @@ def test_a_mission_beside_the_scenario_is_found(tmp_path: Path) -> None:
     assert scenario.chart.missions["InspectionMission"].file == str(tmp_path / "inspection.yaml")
 
 
+def test_a_mission_can_be_named_by_its_file(tmp_path: Path) -> None:
+    """Counted from the scenario, wherever the tests are started."""
+    shutil.copytree(default_missions_folder(), tmp_path / "mine")
+    text = HEAD.replace("mission: inspection", "mission: mine/inspection.yaml") + "expect: {final: DONE}\n"
+    scenario = load_scenario(written(tmp_path, text), shipped.catalog())
+    assert scenario.mission == tmp_path / "mine" / "inspection.yaml"
+
+
+def test_a_refusal_shows_the_transition_that_refused(tmp_path: Path) -> None:
+    """The line of the chart that said no."""
+    when = "when: [{on: NAVIGATING, request: mission.start}]\n"
+    scenario = loaded(tmp_path, HEAD + when + "expect: {refused: [not_ready]}\n")
+    (failure,) = scenario.failures(scenario.run())
+    assert failure.actual == "mission.start mission_running 'start refused: a mission is already running'"
+    assert failure.concerned[0][0] == "refused at 0.5 s: MISSION.on.mission.start.0"
+
+
 def test_missions_and_worlds_are_made_once(tmp_path: Path) -> None:
     """Scenarios of one mission share its chart, and those with the same settings its world."""
     one, other = (loaded(tmp_path, HEAD + "expect: {final: DONE}\n") for _ in range(2))

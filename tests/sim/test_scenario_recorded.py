@@ -206,6 +206,13 @@ def test_what_is_written_is_read_again(data: dict[str, Any]) -> None:
     assert all(len(line) <= WIDTH or "wwww" in line or "tttt" in line for line in text.splitlines())
 
 
+def test_the_seed_is_kept() -> None:
+    """What retries drew is drawn again."""
+    scenario = load_scenario(SCENARIOS / "unreachable.scenario.yaml", shipped.catalog(), MISSIONS)
+    record = json.dumps({"steps": steps_of(scenario), "parameters": {"nav_max_attempts": 2}, "seed": 17})
+    assert "\nseed: 17\n" in scenario_text(read_recording(record, "run.json"), "x", MADE, MISSIONS)
+
+
 def test_requests_keep_what_they_carry() -> None:
     """A second mission's request is part of what happens."""
     scenario = load_scenario(
