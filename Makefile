@@ -4,7 +4,7 @@
 #   ARGS="..."                   further arguments, for run and test
 
 .DEFAULT_GOAL := help
-.PHONY: help run test environment clean
+.PHONY: help run test docs environment clean
 
 # Paths stay relative, so that a checkout may lie in a folder with blanks in its name.
 VENV_PYTHON := .venv/bin/python
@@ -14,6 +14,7 @@ help:
 	@echo "make run     run the inspection mission in the simulated greenhouse, the robot ten times as fast"
 	@echo "             (ARGS=\"--speed 1 --tags 1,5,12\" to run it another way)"
 	@echo "make test    run all tests, the linter and the type checker (ARGS=\"...\" for pytest)"
+	@echo "make docs    build the documentation as a site: open site/index.html"
 	@echo "make clean   remove .venv and all caches of this checkout"
 	@echo "The first run, or the first test, prepares .venv; that takes a few minutes, later ones start at once."
 
@@ -28,6 +29,12 @@ run: environment
 # Through the environment module, which completes the library path where ROS 2 came from apt.
 test: environment
 	@$(VENV_PYTHON) -m lupin_engine.ros.environment $(VENV_PYTHON) -m pytest $(ARGS)
+
+# The pages for authors are brought up to date first: what they show is what the commands print.
+docs: environment
+	@$(VENV_PYTHON) tools/pages.py
+	@NO_MKDOCS_2_WARNING=1 $(VENV_PYTHON) -m mkdocs build
+	@echo "open site/index.html"
 
 clean:
 	rm -rf .venv .mypy_cache .pytest_cache .ruff_cache .hypothesis htmlcov .coverage

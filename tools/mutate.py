@@ -108,7 +108,7 @@ def alternatives(node: ast.AST, place: str, inside: bool) -> Iterator[ast.AST]:
         yield ast.Constant(
             not value if isinstance(value, bool) else f"XX{value}" if isinstance(value, str) else value + 1
         )
-    elif isinstance(node, ast.Name) and node.id in NAMES:
+    elif isinstance(node, ast.Name) and node.id in NAMES and isinstance(node.ctx, ast.Load):
         yield ast.Name(NAMES[node.id], ast.Load())
     elif isinstance(node, ast.Return):
         if node.value is None:
@@ -134,12 +134,14 @@ def _writes(node: ast.AST) -> bool:
 
 
 def _is_skipped(node: ast.AST, place: str) -> bool:
-    """Docstrings, annotations, assertions, slots, and what only the type checker or a dataclass reads."""
+    """Docstrings, descriptions, annotations, assertions, slots, what only type checker or dataclass read."""
     if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant):
         return True
     if isinstance(node, ast.Assign) and getattr(node.targets[0], "id", "") in ("__slots__", "__all__"):
         return True
     if isinstance(node, ast.Call) and getattr(node.func, "id", "") in ("dataclass", "TypeVar"):
+        return True
+    if isinstance(node, ast.keyword) and node.arg == "description":
         return True
     typing_only = isinstance(node, ast.If) and getattr(node.test, "id", "") == "TYPE_CHECKING"
     return typing_only or isinstance(node, ast.Assert) or place in ("annotation", "returns", "format_spec")

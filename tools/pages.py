@@ -12,7 +12,7 @@ folder of their own that begins empty, as a reader would:
   head, tail and grep;
 - `diff`, with a title: the reader's change to that file, undone where the next file, change or heading comes.
 
-The pages of one book are read one after the other, in one folder. The plugin of the cookbook is installed there.
+The pages of one book are read one after the other, in one folder. The plugins beside them are installed.
 """
 
 from __future__ import annotations
@@ -157,7 +157,8 @@ class Reader:
             lines.pop(0)
         while lines and not lines[-1]:
             lines.pop()
-        if any(str(place) in line for line in lines for place in (ROOT, self.folder)):
+        joined = "".join("".join(lines).split())  # a long path may be broken
+        if any(str(place) in joined for place in (ROOT, self.folder)):
             raise PageError(f"{command!r} prints where files are on this machine")
         return lines
 
@@ -210,7 +211,7 @@ def _ranges(numbers: Iterable[int]) -> str:
 
 
 @contextlib.contextmanager
-def _installed(plugin: Path) -> Iterator[None]:
+def installed(plugin: Path) -> Iterator[None]:
     """Let a plugin of one file be found as if it was installed."""
     with tempfile.TemporaryDirectory(prefix="lupin-plugin-") as folder:
         name = plugin.stem
@@ -235,7 +236,7 @@ def pages(book: str) -> Iterator[tuple[Path, str]]:
     with contextlib.ExitStack() as stack:
         reader = Reader(Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="lupin-pages-"))))
         for plugin in sorted((DOCS / book).glob("*.py")):
-            stack.enter_context(_installed(plugin))
+            stack.enter_context(installed(plugin))
         for file in BOOKS[book]:
             yield file, reader.page(file)
 

@@ -11,12 +11,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Generic, TypeVar
 
 import lupin_engine
-from lupin_engine.chart.cache import Recent
 from lupin_engine.chart.checks import check_composed
 from lupin_engine.chart.compose import Composed, compose
 from lupin_engine.chart.documents import (
@@ -68,7 +68,19 @@ class _Made:
 
     composed: Composed | None
     found: tuple[Diagnostic, ...]
-    catalog: Catalog
+
+
+class _Catalog:
+    """A catalog as a key: equal to itself only, for to compare two would take as long as to load a chart."""
+
+    def __init__(self, catalog: Catalog) -> None:
+        self.catalog = catalog
+
+    def __hash__(self) -> int:
+        return id(self.catalog)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Catalog) and self.catalog is other.catalog
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,9 +97,6 @@ class Inspection:
 
 #: Nothing that is being edited: every file is as it was saved.
 SAVED: Mapping[Path, bytes] = MappingProxyType({})
-
-_documents: Recent[tuple[str, type[FileNode], bytes], _Document[Any]] = Recent(MAX_DOCUMENTS)
-_charts: Recent[tuple[Any, ...], _Made] = Recent(MAX_CHARTS)
 
 
 class _TooMany(Exception):
@@ -115,8 +124,8 @@ class _Findings(Findings):
 
 def forget() -> None:
     """Forget what was read before; for those who measure how long reading takes."""
-    _documents.clear()
-    _charts.clear()
+    _document.cache_clear()
+    _make.cache_clear()
 
 
 def load_chart(lifecycle: Path, missions: Sequence[Path], catalog: Catalog) -> Chart:
@@ -155,29 +164,30 @@ def inspect_chart(
     documents = {Path(d.node.place.file): d.node for d in read if d.node is not None}
     if any(document.node is None for document in read) or findings.has("unknown-part", "no-file"):
         return Inspection(findings.all, documents)
-    made = _charts.get((id(catalog), *read), lambda: _make(root, read_missions, parts, catalog, findings.all))
+    made = _make(root, tuple(read_missions.values()), tuple(parts.values()), _Catalog(catalog))
     findings.extend(made.found)
     _warn_of_unused_parts(lifecycle, missions, parts, findings, texts)
     return Inspection(findings.all, documents, made.composed)
 
 
+@lru_cache(maxsize=MAX_CHARTS)
 def _make(
     lifecycle: _Document[LifecycleNode],
-    missions: Mapping[Path, _Document[MissionNode]],
-    parts: Mapping[str, _Document[PartNode]],
-    catalog: Catalog,
-    found: Iterable[Diagnostic],
+    missions: tuple[_Document[MissionNode], ...],
+    parts: tuple[_Document[PartNode], ...],
+    key: _Catalog,
 ) -> _Made:
-    """Compose and check documents that all could be read; `found` is what was found in them before."""
+    """Compose and check documents that all could be read."""
     root, findings = lifecycle.node, _Findings()
     assert root is not None
-    findings.extend(found)
-    whole = [document.node for document in missions.values() if document.node is not None]
-    named = {name: document.node for name, document in parts.items() if document.node is not None}
-    composed = findings.whole(lambda: compose(root, whole, named, catalog, findings))
+    for document in (lifecycle, *missions, *parts):
+        findings.extend(document.found)
+    whole = [document.node for document in missions if document.node is not None]
+    named = {document.node.part: document.node for document in parts if document.node is not None}
+    composed = findings.whole(lambda: compose(root, whole, named, key.catalog, findings))
     if composed is not None:
         check_composed(composed, findings)
-    return _Made(composed, findings.all, catalog)
+    return _Made(composed, findings.all)
 
 
 def mission_files(folder: Path) -> list[Path]:
@@ -236,12 +246,14 @@ def _read(path: Path, model: type[_D], findings: Findings, texts: Mapping[Path, 
     if raw is None:
         return _Document(None)
     name = str(path)
-    document: _Document[_D] = _documents.get((name, model, raw), lambda: _document(name, model, raw))
+    document: _Document[_D] = _document(name, model, raw)
     findings.extend(document.found)
     return document
 
 
-def _document(name: str, model: type[_D], raw: bytes) -> _Document[_D]:
+@lru_cache(maxsize=MAX_DOCUMENTS)
+def _document(name: str, model: type[FileNode], raw: bytes) -> _Document[Any]:
+    """Read the bytes of a file as a document; nothing else matters to it, so it can be remembered by them."""
     findings = _Findings()
     parsed = findings.whole(lambda: parse_bytes(raw, name, findings))
     node = None if parsed is None else findings.whole(lambda: read_document(parsed, model, findings))

@@ -14,7 +14,6 @@ This is the only module of the chart that reads files.
 from __future__ import annotations
 
 import errno
-import os
 import re
 import stat
 from collections.abc import Callable, Iterator, Mapping
@@ -304,11 +303,12 @@ def _content(path: Path) -> tuple[bytes, int]:
     Raises:
         OSError: there is none, or it is no file: a pipe would be waited for, a device has no end.
     """
-    if not stat.S_ISREG(path.stat().st_mode) and not path.is_dir():
+    known = path.stat()
+    if not (stat.S_ISREG(known.st_mode) or stat.S_ISDIR(known.st_mode)):
         raise OSError(errno.EINVAL, "it is no file")
     with path.open("rb") as file:
         raw = file.read(MAX_BYTES)
-        return raw, max(len(raw), os.fstat(file.fileno()).st_size)
+    return raw, max(len(raw), known.st_size)
 
 
 def parse_bytes(raw: bytes, name: str, findings: Findings) -> Map | None:

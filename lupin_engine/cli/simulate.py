@@ -335,6 +335,7 @@ def record(run: Run, lanes: Timeline, seed: int) -> dict[str, Any]:
         "mission": run.view.mission,
         "seconds": run.seconds,
         "seed": seed,
+        "parameters": dict(run.parameters),
         "cut_off": run.cut_off,
         "stopped": run.stopped,
         "exit_code": verdict(run),

@@ -2,7 +2,7 @@
 
 First, from the outside in, every line learns whether it runs down or up. Then, from the inside out, every
 level is drawn by itself; a line that leaves it gives its box a port. That is done again knowing where the
-lines of the ports go outside, and the best of all is taken.
+lines of the ports go outside, for as long as that helps.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ from lupin_engine.diagram.grid import BOTTOM, TOP, Cell, Strand
 from lupin_engine.diagram.level import Drawn, Point, draw_level
 from lupin_engine.diagram.ranking import onwards, ranks
 
-#: How often levels are drawn anew, knowing more.
-_TRIES = 3
+#: How often everything is drawn at most.
+_TRIES = 4
 
 
 @dataclass
@@ -153,18 +153,23 @@ class _Layouter:
     # -- drawing ----------------------------------------------------------------------------------------
 
     def best(self) -> Layout:
-        """Draw some times, each knowing more than the one before, and return the best."""
+        """Draw, and draw anew knowing more for as long as that helps; return the best."""
         hints: dict[str, dict[tuple[int, bool], int]] = {}
-        found: list[tuple[int, int, Layout]] = []
-        for number in range(_TRIES):
+        best: Layout | None = None
+        least = 0
+        for _ in range(_TRIES):
             drawn: dict[str, Drawn] = {}
             self._draw(self._root, hints, drawn)
             layout = self._assemble(drawn)
-            found.append((_ugliness(layout), number, layout))
-            hints = self._hints(drawn, layout)
-            if len(self._strands) == 1 or not any(drawn[name].ports for name in drawn):
+            found = _ugliness(layout)
+            if best is not None and found >= least:
                 break
-        return min(found, key=lambda entry: entry[:2])[2]
+            best, least = layout, found
+            if not any(level.ports for level in drawn.values()):
+                break
+            hints = self._hints(drawn, layout)
+        assert best is not None
+        return best
 
     def _draw(
         self, block: Block, hints: dict[str, dict[tuple[int, bool], int]], drawn: dict[str, Drawn]

@@ -24,8 +24,9 @@ _HANG = 28
 class Drawn:
     """A level with places: corners of the cells, of the lines by link, of the labels by link.
 
-    `sizes` are those of the cells: regions are as high as the highest of them. `ports` say where lines cross its border, by link and by whether at the lower one; `goals` where the lines
-    of a (cell, link, at its lower side) go from there.
+    `sizes` are those of the cells: regions are as high as the highest of them. `ports` say where lines cross
+    the border of the level, by link and by whether at the lower one; `goals` where the lines of a (cell,
+    link, at its lower side) go from there.
     """
 
     width: int
@@ -146,7 +147,7 @@ class _Stack:
         return [*corners, (pieces[-1].x[1], end)]
 
     def _foot(self, strand: Strand) -> int:
-        """Return how far below the top of its upper cell a strand begins: below what it has within, if any."""
+        """Return how far below the top of its upper cell a strand begins."""
         cell = self._grid.cells[strand.upper]
         own = (strand.link, True) not in cell.ports
         return self._size(self._grid.at_cell[strand.upper])[1] if own else cell.height

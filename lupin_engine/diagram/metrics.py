@@ -21,7 +21,7 @@ _BOLD = (
 # fmt: on
 _SIGNS = {"…": 821, "≤": 673, "≥": 673, "→": 955, "\u00d7": 673, "↻": 1000}
 #: Any other sign; none of the bundled ones is wider.
-_OTHER = 1000
+_OTHER = 1020
 
 
 def text_width(text: str, size: float, bold: bool = False) -> float:

@@ -3,7 +3,7 @@
 Expressions stay in the language of the chart, which is a small part of Python's. What SCXML has no words for
 is written in its ways of extension: an operation is an `invoke` of type `x-lupin`, an action is a `send` of
 that type, a refusal is a transition that logs its code. A hold suspends the whole chart, an itinerary walks a
-list: those are comments.
+list: those are comments. Names have hyphens for dots, because the dots of an event mean something there.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ class _Writer:
     def document(self) -> Iterator[str]:
         """Yield the lines of the document."""
         root = self._chart.states[""]
-        name = _attributes(name=self._picture.title, initial=self._picture.initial)
+        name = _attributes(name=self._picture.title, initial=_id(self._picture.initial))
         yield f'<scxml {_NAMESPACES} version="1.0" datamodel="python"{name}>'
         yield from (f"  <!-- {_comment(str(note))} -->" for note in self._picture.notes)
         data = [
@@ -68,7 +68,7 @@ class _Writer:
             kind = "shallow" if state.depth == 1 else "deep"
             inside = [] if state.depth in (1, None) else [f"<!-- remembers {state.depth} levels -->"]
             inside.append(f"<transition{_attributes(target=self._begins(state))}/>")
-            yield from _element("history", {"id": state.name, "type": kind}, inside)
+            yield from _element("history", {"id": _id(state.name), "type": kind}, inside)
             return
         inside = [f"<!-- {_comment(str(line))} -->" for line in box.lines if line.role is Role.NOTE]
         inside += [f"<!-- {_comment(str(line))} -->" for line in box.lines if str(line).startswith("resume")]
@@ -82,14 +82,17 @@ class _Writer:
                 inside += self._transition(state, rule)
             if state.invoke is not None:
                 inside += self._invoke(state, state.invoke)
-        yield from _element(_ELEMENTS[state.kind], {"id": state.name, "initial": box.initial}, inside)
+        attributes = {"id": _id(state.name), "initial": _id(box.initial)}
+        yield from _element(_ELEMENTS[state.kind], attributes, inside)
 
     def _begins(self, state: State) -> str:
         """Return where a history without memory leads: where it says, else where its parent begins."""
         parent = self._chart.states[state.parent or ""]
         if state.initial or parent.initial:
-            return state.initial or parent.initial or ""
-        children = [name for name in parent.children if self._chart.states[name].kind is not Kind.HISTORY]
+            return _id(state.initial or parent.initial)
+        children = [
+            _id(name) for name in parent.children if self._chart.states[name].kind is not Kind.HISTORY
+        ]
         return " ".join(children if parent.kind is Kind.PARALLEL else children[:1])
 
     # -- transitions ------------------------------------------------------------------------------------
@@ -99,7 +102,7 @@ class _Writer:
         attributes = {
             "event": self._event(state, rule.event),
             "cond": self._condition(rule.guard.source) if rule.guard else None,
-            "target": rule.target,
+            "target": _id(rule.target),
             # It has a meaning only where a way leads into its own state.
             "type": "internal"
             if rule.internal and (rule.target or "").startswith(f"{state.name}.")
@@ -112,12 +115,15 @@ class _Writer:
         yield from _element("transition", attributes, [*refusal, *self._actions(rule.actions)], always=True)
 
     def _event(self, state: State, event: str) -> str | None:
+        name = _id(state.name)
         if event.startswith("after.") or event == "budget":
-            return f"{event}.{state.name}"
+            return f"{event}.{name}"
         if event == "done" and state.invoke is None:
-            return f"done.state.{state.name}"
+            # A slot is done when the mission in it is.
+            done = state.children if state.slot else (state.name,)
+            return " ".join(f"done.state.{_id(each)}" for each in done)
         if event in ("done", "error"):
-            return f"{event}.invoke.{state.name}"
+            return f"{event}.invoke.{name}-operation"
         return event or None
 
     def _condition(self, source: str) -> str:
@@ -125,7 +131,7 @@ class _Writer:
 
     def _in_state(self, found: re.Match[str]) -> str:
         try:
-            return f"In({find_state(self._chart, found[1])!r})"
+            return f"In({_id(find_state(self._chart, found[1]))!r})"
         except UsageError:
             return found[0]
 
@@ -139,7 +145,7 @@ class _Writer:
 
     @staticmethod
     def _timer(state: State, timer: Timer) -> str:
-        return f"{timer.event}.{state.name}"
+        return f"{timer.event}.{_id(state.name)}"
 
     def _seconds(self, value: Value) -> tuple[str | None, str | None]:
         """Return a duration as the parameters' defaults make it; else its expression."""
@@ -152,7 +158,7 @@ class _Writer:
         limit, expression = self._seconds(invoke.timeout) if invoke.timeout else (None, None)
         attributes = {
             "type": _TYPE,
-            "id": state.name,
+            "id": f"{_id(state.name)}-operation",
             "lupin:do": invoke.name,
             "lupin:timeout": limit or expression,
             "lupin:attempts": _written(invoke.retry.attempts) if invoke.retry else None,
@@ -170,6 +176,10 @@ class _Writer:
             else:
                 attributes = {"type": _TYPE, "event": action.name}
                 yield from _element("send", attributes, _params(action.arguments), always=True)
+
+
+def _id(name: str | None) -> str:
+    return (name or "").replace(".", "-")
 
 
 def _clocks(state: State) -> tuple[Timer, ...]:

@@ -12,9 +12,9 @@ from pathlib import Path
 import pytest
 
 import lupin_engine
-from lupin_engine.chart.cache import Recent
 from lupin_engine.chart.load import (
     LIFECYCLE,
+    MAX_CHARTS,
     MAX_FINDINGS,
     check_chart,
     default_missions_folder,
@@ -120,14 +120,16 @@ def test_places_name_the_file_that_was_read(tmp_path: Path, catalog: Catalog) ->
         assert {d.place.file for d in found if d.rule == "unknown-state"} == {str(path)}
 
 
-def test_only_the_newest_are_remembered() -> None:
+def test_only_the_newest_are_remembered(tmp_path: Path, catalog: Catalog) -> None:
     """The cache is small."""
-    made: list[int] = []
-    recent: Recent[int, int] = Recent(2)
-    for key in (1, 2, 1, 3, 1, 2):
-        assert recent.get(key, lambda key=key: made.append(key) or key) == key  # type: ignore[misc]
-    assert made == [1, 2, 3, 2]
-    assert len(recent) == 2
+    lifecycle, (mission,) = copied(tmp_path)
+    text = mission.read_text()
+    first = load_chart(lifecycle, [mission], catalog)
+    for number in range(MAX_CHARTS):
+        mission.write_text(f"{text}\n# edit {number}\n")
+        load_chart(lifecycle, [mission], catalog)
+    mission.write_text(text)
+    assert load_chart(lifecycle, [mission], catalog) is not first
 
 
 def test_two_threads_may_read_the_same_file(tmp_path: Path, catalog: Catalog) -> None:

@@ -2,9 +2,16 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 
+from lupin_engine.chart import checks
 from lupin_engine.chart import quantities as q
+from lupin_engine.chart.findings import RULES, SUBJECTS, Findings, warning
+from lupin_engine.chart.load import LIFECYCLE, check_chart
+from lupin_engine.errors import Place
+from lupin_engine.plugin.registry import Catalog
 from lupin_engine.plugin.types import (
     ANGLE,
     ANY,
@@ -191,3 +198,106 @@ def test_a_number_without_its_unit_is_told_how_to_write_it(kind: Type, example: 
     hint = f"write the number with its unit as a text, such as {example}"
     assert q.unit_hint(kind, NUMBER) == q.unit_hint(NUMBER, kind) == hint
     assert q.unit_hint(kind, number_in("kg")) == q.unit_hint(NUMBER, NUMBER) == ""
+
+
+# -- what authors are told ----------------------------------------------------------------------------------
+
+MINI = Path(__file__).parents[1] / "charts" / "mini" / LIFECYCLE
+HEAD = """\
+mission: M
+context:
+  n: {type: count, default: 0}
+initial: A
+states:
+"""
+
+
+def told(text: str, folder: Path, catalog: Catalog) -> list[str]:
+    """Return what is wrong with a mission in the mini lifecycle: where, and the problem."""
+    file = folder / "m.yaml"
+    file.write_text(text, encoding="utf-8")
+    _, found = check_chart(MINI, [file], catalog)
+    return [str(one).removeprefix(f"{file}:").replace("error: MISSION.M.", "") for one in found]
+
+
+@pytest.mark.parametrize(
+    ("guard", "problem"),
+    [
+        ("n is not 1", "'is not' is not allowed in an expression; write '!=' [bad-expression]"),
+        ("n[1:2] == 1", "a slice is not allowed in an expression [bad-expression]"),
+        (
+            "(1 if n > 0 else 'a') == 1",
+            "one outcome is a plain number, the other text; both must have one type [wrong-type]",
+        ),
+        ("held(name='pause')", "arguments are given by position [bad-expression]"),
+        ("_x == 1", "unknown name '_x': no name begins with an underscore [unknown-name]"),
+        ("held()", "held takes one argument, got 0 [missing-argument]"),
+        ("lambda: 1", "a lambda is not allowed in an expression [bad-expression]"),
+    ],
+)
+def test_what_is_no_expression_is_told(guard: str, problem: str, tmp_path: Path, catalog: Catalog) -> None:
+    """With what to write instead, where there is something."""
+    states = f'  A: {{on: {{operator.dock: {{target: done, guard: "{guard}"}}}}}}\n  done: {{type: final}}\n'
+    (found,) = told(HEAD + states, tmp_path, catalog)
+    assert found.partition(": A.on.operator.dock.guard: ")[2] == problem
+
+
+def test_every_mistake_in_actions_is_told(tmp_path: Path, catalog: Catalog) -> None:
+    """Also the second one of the same action."""
+    actions = "[{set: {a: 1, b: 2}}, {raise: {event: 'fine.not ok'}}, {itinerary.close: {status: OK}}]"
+    states = f"  A:\n    entry: {actions}\n    after: {{1 s: done}}\n  done: {{type: final}}\n"
+    assert told(HEAD + states, tmp_path, catalog) == [
+        "7:20: A.entry.set: unknown variable 'a'; allowed: 'n', 'reason' [unknown-argument]",
+        "7:26: A.entry.set: unknown variable 'b'; allowed: 'n', 'reason' [unknown-argument]",
+        "7:50: A.entry.raise: 'fine.not ok' cannot be an event; "
+        "use words of letters, digits and underscores, with dots between [bad-name]",
+        "7:67: A.entry.itinerary.close: itinerary.close needs an itinerary, "
+        "and no state around this one has one; add 'itinerary: {items: ...}' [missing-itinerary]",
+    ]
+
+
+def test_every_mistake_in_declarations_is_told(tmp_path: Path, catalog: Catalog) -> None:
+    """Names that are none, a level that would hide its value, a way back to nowhere."""
+    text = """\
+mission: M
+context: {1a: {type: count, default: 0}, 2b: {type: count, default: 0}}
+inputs: {charge: {value: robot.battery, levels: {value: {below: 10 %}}}}
+initial: A
+states:
+  A:
+    resume_at: [{guard: 'true'}]
+    states: {B: {after: {1 s: done}}}
+  done: {type: final}
+"""
+    rule = "cannot be used as the name of a variable; use letters, digits and underscores [bad-name]"
+    assert told(text, tmp_path, catalog) == [
+        f"2:11: error: context.1a: '1a' {rule}",
+        f"2:42: error: context.2b: '2b' {rule}",
+        "3:50: error: inputs.charge.levels.value: "
+        "a level cannot be called 'value', the number itself is [bad-name]",
+        "7:17: A.resume_at: 'resume_at' names a child; add 'target: CHILD' [missing-key]",
+    ]
+
+
+def test_what_silences_rules_are_rules_themselves() -> None:
+    """A misspelt name in these tables would silence nothing, and follow-up mistakes would be told as well."""
+    assert {*checks._BROKEN_USES} - {*RULES} == set()
+    assert {*checks._BROKEN_WAYS} < {*checks._BROKEN_READS} < {*checks._BROKEN_USES}
+
+
+def test_the_page_of_rules_has_every_subject_and_every_rule() -> None:
+    """What the page says and what the checker knows are the same words."""
+    page = (Path(__file__).parents[2] / "docs" / "rules.md").read_text(encoding="utf-8").replace("`", "")
+    for subject, rules in SUBJECTS.items():
+        _, _, section = page.partition(f"\n## {subject}\n")
+        section = section.partition("\n## ")[0]
+        assert [rule for rule, told in rules.items() if f"{told[1:]}." not in section] == []
+
+
+def test_a_finding_has_a_rule_that_is_known() -> None:
+    """A misspelt rule is a defect of the checker, and told at once."""
+    with pytest.raises(KeyError, match="rule 'nonsense' is not in RULES"):
+        Findings().add(Place("a.yaml", 1, 1), "nonsense", "", "what is wrong")
+    found = Findings()
+    found.extend([warning(Place("a.yaml", 1, 1), "bad-name", "A", "what is wrong")])
+    assert [str(one) for one in found.all] == ["a.yaml:1:1: warning: A: what is wrong [bad-name]"]

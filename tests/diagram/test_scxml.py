@@ -1,0 +1,183 @@
+"""SCXML loads in an engine that others wrote, with the same states, and takes the same first steps there."""
+
+from __future__ import annotations
+
+import re
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Iterable, Iterator
+from typing import Any
+
+import pytest
+from statemachine.io import load
+
+from lupin_engine.diagram.outline import outline
+from lupin_engine.diagram.scxml import scxml
+from tests.diagram import pictured
+
+SCXML = "{http://www.w3.org/2005/07/scxml}"
+LUPIN = "{urn:lupin-engine:chart}"
+KINDS = {
+    "atomic": "state",
+    "compound": "state",
+    "parallel": "parallel",
+    "final": "final",
+    "history": "history",
+}
+INSPECTION = "MISSION-InspectionMission"
+
+
+def ids(names: Iterable[str]) -> set[str]:
+    """States, the root aside, as the documents call them."""
+    return {name.replace(".", "-") for name in names if name}
+
+
+def text(name: str) -> str:
+    """The document of a chart."""
+    return scxml(outline(pictured.chart(name), whole=True))
+
+
+def tree(name: str) -> ElementTree.Element:
+    """The same, read."""
+    return ElementTree.fromstring(text(name).encode())
+
+
+def elements(name: str) -> Iterator[ElementTree.Element]:
+    """The states of a document."""
+    return (found for found in tree(name).iter() if found.tag.removeprefix(SCXML) in set(KINDS.values()))
+
+
+def loaded(name: str) -> Any:
+    """The chart in the other engine. The guards are Python there too, so it has to trust them.
+
+    It would wait for the deadlines, in real time: they are taken out.
+    """
+    return load(re.sub(r"<send [^>]*delay[^>]*/>", "", text(name)), format="scxml", trusted=True)
+
+
+def names(states: Iterable[Any]) -> Iterator[str]:
+    """The names of states of the other engine, and of all within them."""
+    for state in states:
+        yield state.id
+        yield from names(state.states)
+        yield from names(getattr(state, "history", ()))
+
+
+@pytest.mark.parametrize("name", pictured.NAMES)
+def test_it_has_every_state_in_its_place_and_of_its_kind(name: str) -> None:
+    """And every transition, with its target."""
+    given = pictured.chart(name)
+    found = {element.attrib["id"]: element for element in elements(name)}
+    assert set(found) == ids(given.states)
+    for state in given.states.values():
+        if not state.name:
+            continue
+        element = found[state.name.replace(".", "-")]
+        assert element.tag == SCXML + KINDS[state.kind.value]
+        assert {child.get("id") for child in element} & set(found) == ids(state.children)
+        if state.kind.value != "history":
+            targets = [rule.get("target") for rule in element.findall(f"{SCXML}transition")]
+            outer = given.states[""].transitions if state.parent == "" else ()
+            rules = [rule.target for rule in (*state.transitions, *outer)]
+            assert targets == [target and target.replace(".", "-") for target in rules]
+
+
+@pytest.mark.parametrize("name", pictured.NAMES)
+def test_no_two_elements_share_an_id(name: str) -> None:
+    """As XML wants it."""
+    found = [element.attrib["id"] for element in tree(name).iter() if "id" in element.attrib]
+    assert len(found) == len(set(found))
+
+
+@pytest.mark.parametrize("name", pictured.NAMES)
+def test_another_engine_loads_the_same_states(name: str) -> None:
+    """And begins where ours does."""
+    machine = loaded(name)
+    given = pictured.chart(name)
+    assert sorted(names(machine.states)) == sorted(ids(given.states))
+    assert set(machine().configuration_values) == ids(_first(name))
+
+
+def _first(name: str) -> set[str]:
+    """The states that a chart begins in."""
+    given = pictured.chart(name)
+    found: set[str] = set()
+    waiting = [given.states[""].initial or given.states[""].children[0]]
+    while waiting:
+        state = given.states[waiting.pop()]
+        found.add(state.name)
+        if state.kind.value == "parallel":
+            waiting += [child for child in state.children if given.states[child].kind.value != "history"]
+        elif state.children:
+            waiting.append(state.initial or state.children[0])
+    return found
+
+
+def test_another_engine_goes_the_same_ways() -> None:
+    """From boot through a mission and home, by the names that SCXML has for the ends of operations.
+
+    There is no itinerary there, so the first target is the last one.
+    """
+    machine = loaded("inspection")()
+    inspecting = f"{INSPECTION}-INSPECTING"
+    preparing = {"MISSION", INSPECTION, f"{INSPECTION}-PREPARE", f"{INSPECTION}-PREPARE-LOCALIZING"}
+    driving = {"MISSION", INSPECTION, inspecting, f"{inspecting}-NAVIGATING"}
+    steps = {
+        "done.invoke.BOOT-operation": {"READY"},
+        "mission.start": preparing,
+        "nothing.of.ours": preparing,
+        f"done.invoke.{INSPECTION}-PREPARE-LOCALIZING-operation": driving,
+        f"error.invoke.{inspecting}-NAVIGATING-operation": {"RETURNING", "RETURNING-DRIVING_HOME"},
+        "operator.abort": {"DONE"},
+    }
+    for event, wanted in steps.items():
+        machine.send(event)
+        assert set(machine.configuration_values) == wanted, event
+
+
+def test_operations_deadlines_actions_and_refusals_have_a_form() -> None:
+    """Those that SCXML foresees for what it does not know."""
+    found = {element.attrib["id"]: element for element in elements("inspection")}
+    reading = found[f"{INSPECTION}-INSPECTING-SCANNING-READING"]
+    invoke = reading.find(f"{SCXML}invoke")
+    assert invoke is not None
+    assert invoke.attrib == {
+        "type": "x-lupin",
+        "id": f"{reading.attrib['id']}-operation",
+        f"{LUPIN}do": "bridge.read_tag",
+        f"{LUPIN}timeout": "5s",
+    }
+    assert [(p.get("name"), p.get("expr")) for p in invoke] == [("tag_id", "target.id")]
+    dwelling = found[f"{INSPECTION}-INSPECTING-SCANNING-DWELLING"]
+    event = f"after.0.{dwelling.attrib['id']}"
+    assert [send.attrib for send in dwelling.iter(f"{SCXML}send")] == [
+        {"event": event, "id": event, "delay": "0s"}
+    ]
+    assert [cancel.get("sendid") for cancel in dwelling.iter(f"{SCXML}cancel")] == [event]
+    assert [rule.get("event") for rule in dwelling.iter(f"{SCXML}transition")] == [event]
+    refused = found["READY"].find(f"{SCXML}transition")
+    assert refused is not None
+    assert refused.attrib == {
+        "event": "mission.start",
+        "cond": "input.battery.low",
+        f"{LUPIN}refuse": "battery_low",
+    }
+    dock = next(
+        r for r in found["MISSION"].findall(f"{SCXML}transition") if r.get("event") == "operator.dock"
+    )
+    assert dock.get("cond") == f"In('{INSPECTION}-PREPARE')"
+
+
+def test_what_has_no_form_is_a_comment() -> None:
+    """Holds suspend the whole chart; an itinerary walks a list."""
+    found = text("inspection")
+    assert "<!-- hold pause: from pause until resume -->" in found
+    assert "<!-- for each of request.tag_sequence -->" in found
+    assert "<!-- resume [itinerary.open] → NAVIGATING -->" in found
+    assert "<!-- remembers 2 levels -->" in found
+
+
+def test_a_comment_cannot_end_itself() -> None:
+    """Two hyphens may not stand in one."""
+    from lupin_engine.diagram.scxml import _comment
+
+    assert _comment("a -- b --> c") == "a - - b - -&gt; c"

@@ -1,0 +1,186 @@
+"""`lupin diagram` as a person uses it; and that the kept pictures are those of the shipped missions."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner, Result
+
+from lupin_engine.chart.load import default_missions_folder
+from lupin_engine.cli.diagram import FORMATS, diagram
+from lupin_engine.cli.main import main
+from lupin_engine.cli.simulate import simulate
+
+ROOT = Path(__file__).parents[2]
+KEPT = ROOT / "docs" / "diagrams"
+ALL = "lupin diagram --all missions -o docs/diagrams"
+BEGINS = {
+    "mermaid": "---\ntitle: InspectionMission",
+    "plantuml": "@startuml",
+    "dot": "digraph chart {",
+    "scxml": "<?xml",
+    "svg": "<svg",
+    "png": "\x89PNG",
+}
+
+
+def invoke(*arguments: str | Path) -> Result:
+    """Call the verb."""
+    return CliRunner().invoke(diagram, [str(word) for word in arguments], standalone_mode=False)
+
+
+def said(capfd: pytest.CaptureFixture[str], *arguments: str | Path) -> tuple[int, str]:
+    """The exit code of the command, and what it says to the person."""
+    code = main(["diagram", *map(str, arguments)])
+    return code, capfd.readouterr().err
+
+
+# -- kept pictures ----------------------------------------------------------------------------------------
+
+
+def test_the_kept_pictures_are_those_of_the_missions(tmp_path: Path) -> None:
+    """A picture that is out of date is worse than none."""
+    assert invoke("--all", default_missions_folder(), "-o", tmp_path).exception is None
+    written = sorted(tmp_path.iterdir())
+    assert len(written) >= 3
+    stale = [
+        file.name
+        for file in written
+        if not (KEPT / file.name).is_file() or (KEPT / file.name).read_bytes() != file.read_bytes()
+    ]
+    if stale:
+        pytest.fail(f"docs/diagrams is out of date ({', '.join(stale)}); run: {ALL}", pytrace=False)
+
+
+@pytest.mark.parametrize(
+    ("name", "arguments"),
+    [
+        ("inspection.svg", ("--depth", "2")),
+        ("inspection_scanning.svg", ("--focus", "SCANNING")),
+    ],
+)
+def test_the_pictures_of_the_texts_are_those_of_the_mission(
+    name: str, arguments: tuple[str, ...], tmp_path: Path
+) -> None:
+    """Those of README.md and docs/diagrams.md."""
+    kept, written = ROOT / "docs" / "img" / name, tmp_path / name
+    assert invoke("inspection", *arguments, "-o", written).exception is None
+    if not kept.is_file() or kept.read_bytes() != written.read_bytes():
+        command = f"lupin diagram inspection {' '.join(arguments)} -o docs/img/{name}"
+        pytest.fail(f"docs/img/{name} is out of date; run: {command}", pytrace=False)
+
+
+# -- files and formats ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("wanted", FORMATS)
+def test_the_ending_of_the_file_decides_the_format(wanted: str, tmp_path: Path) -> None:
+    """Or the option, which also prints."""
+    file = tmp_path / f"x{FORMATS[wanted]}"
+    assert invoke("inspection", "-o", file).exception is None
+    assert file.read_bytes().decode("latin-1").startswith(BEGINS[wanted])
+    printed = invoke("inspection", "--format", wanted)
+    assert printed.exception is None
+    assert printed.stdout_bytes == file.read_bytes()
+
+
+def test_a_folder_of_missions_becomes_a_folder_of_pictures(tmp_path: Path) -> None:
+    """In every format that is asked for, with a page that shows them."""
+    out = tmp_path / "new" / "folder"
+    formats = [word for wanted in FORMATS for word in ("--format", wanted)]
+    assert invoke("--all", default_missions_folder(), *formats, "-o", out).exception is None
+    names = [f"inspection{ending}" for ending in FORMATS.values()]
+    assert sorted(file.name for file in out.iterdir()) == sorted(["index.md", *names])
+    assert (out / "index.md").read_text(encoding="utf-8") == (
+        "# Missions\n"
+        "\n"
+        "Written by `lupin diagram --all`; not to be edited.\n"
+        "\n"
+        "## InspectionMission\n"
+        "\n"
+        "Visit every tag in order, read its sensors, publish what was seen, come home.\n"
+        "\n"
+        "![InspectionMission](inspection.svg)\n"
+        "\n"
+        "[Mermaid](inspection.mmd) · [PlantUML](inspection.puml) · [DOT](inspection.dot)"
+        " · [SCXML](inspection.scxml) · [SVG](inspection.svg) · [PNG](inspection.png)\n"
+    )
+
+
+def test_a_run_colours_the_picture(tmp_path: Path) -> None:
+    """From the simulation to the picture of it."""
+    ran = CliRunner().invoke(simulate, ["inspection", "--tags", "1,5", "--json"], standalone_mode=False)
+    trace, file = tmp_path / "run.json", tmp_path / "run.svg"
+    trace.write_text(ran.stdout, encoding="utf-8")
+    steps = len(json.loads(ran.stdout)["steps"])
+    assert invoke("inspection", "--trace", trace, "-o", file).exception is None
+    text = file.read_text(encoding="utf-8")
+    assert f">coloured by run.json: {steps} steps; pale: never visited</text>" in text
+    assert ">done / close OK \u00d72</text>" in text
+
+
+def test_a_large_chart_is_drawn_to_a_readable_depth(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """And the person is told so; text has it all."""
+    monkeypatch.setattr("lupin_engine.diagram.outline.READABLE", 16)
+    file = tmp_path / "x.svg"
+    assert said(capfd, "inspection", "-o", file) == (
+        0,
+        "lupin: drawn 2 levels deep, to be readable; --depth says how deep\n",
+    )
+    assert "… 7 states" in file.read_text(encoding="utf-8")
+    assert said(capfd, "inspection", "-o", tmp_path / "x.mmd") == (0, "")
+    assert "READING" in (tmp_path / "x.mmd").read_text(encoding="utf-8")
+
+
+# -- what is refused --------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("arguments", "answer"),
+    [
+        ((), "name a mission, or a folder of missions with --all FOLDER"),
+        (
+            ("inspection", "--focus", "NAVIGATNG"),
+            "no state 'NAVIGATNG' in InspectionMission; did you mean 'NAVIGATING'?",
+        ),
+        (
+            ("inspection", "-o", "x.txt"),
+            "'x.txt' says no format: end it in .mmd, .puml, .dot, .scxml, .svg, .png, or add --format",
+        ),
+        (
+            ("inspection", "--format", "dot", "--format", "svg"),
+            "one file has one format; several are for --all",
+        ),
+        (
+            ("inspection", "--format", "scxml", "--depth", "2"),
+            "SCXML is the whole chart: leave --focus, --depth and --trace out",
+        ),
+        (
+            ("inspection", "-o", "no/such/folder.svg"),
+            "cannot write 'no/such/folder.svg': No such file or directory",
+        ),
+        (
+            ("--all", "missions"),
+            "--all FOLDER needs --output FOLDER, and takes no MISSION, --focus or --trace",
+        ),
+    ],
+)
+def test_a_mistake_is_answered(
+    arguments: tuple[str, ...],
+    answer: str,
+    capfd: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """In one sentence, with what to do."""
+    monkeypatch.chdir(ROOT)
+    assert said(capfd, *arguments) == (2, f"lupin: {answer}\n")
+
+
+def test_a_folder_without_missions_is_answered(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    """It is probably the wrong one."""
+    code, answer = said(capfd, "--all", tmp_path, "-o", tmp_path / "out")
+    assert (code, answer) == (2, f"lupin: there are no missions in {str(tmp_path)!r}\n")

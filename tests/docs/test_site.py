@@ -1,0 +1,84 @@
+"""The site: every link and anchor leads somewhere, every picture is drawn, nothing comes from elsewhere."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+from html.parser import HTMLParser
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+#: Tag -> the attribute by which a browser fetches something unasked.
+FETCHES = {"script": "src", "img": "src", "link": "href", "iframe": "src", "source": "src", "audio": "src"}
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Build the site as `make docs` does, with warnings as errors."""
+    pytest.importorskip("material")
+    folder = tmp_path_factory.mktemp("site")
+    command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--site-dir", str(folder)]
+    environment = {**os.environ, "NO_MKDOCS_2_WARNING": "1", "NO_COLOR": "1"}
+    built = subprocess.run(
+        command, cwd=ROOT, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
+    )
+    if built.returncode:
+        pytest.fail(f"`make docs` says:\n{built.stdout}", pytrace=False)
+    return folder
+
+
+class Page(HTMLParser):
+    """Collects what a page fetches, and the names of its classes."""
+
+    def __init__(self, file: Path) -> None:
+        super().__init__()
+        self.fetched: list[str] = []
+        self.classes: set[str] = set()
+        self.feed(file.read_text(encoding="utf-8"))
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        """Note a tag."""
+        given = dict(attrs)
+        self.classes.update((given.get("class") or "").split())
+        source = given.get(FETCHES.get(tag, ""))
+        if source and given.get("rel") not in ("next", "prev", "canonical"):
+            self.fetched.append(source)
+
+
+def pages(site: Path) -> dict[Path, Page]:
+    """Return the pages of the site."""
+    return {file: Page(file) for file in sorted(site.rglob("*.html"))}
+
+
+def test_nothing_comes_from_elsewhere(site: Path) -> None:
+    """Whoever reads in the greenhouse has no network, and nobody is counted."""
+    for file, page in pages(site).items():
+        assert [source for source in page.fetched if re.match(r"(https?:)?//", source)] == [], file.name
+        # The theme would fetch the drawing program for these; `lupin diagram` draws SVG.
+        assert "mermaid" not in page.classes, file.name
+    styles = "".join(file.read_text(encoding="utf-8") for file in site.rglob("*.css"))
+    assert re.findall(r"url\([\"']?(?:https?:)?//[^)]*", styles) == []
+
+
+def test_what_a_page_fetches_is_there(site: Path) -> None:
+    """Pictures of missions are drawn while the site is built; a missing one is a hole in the page."""
+    pictures = 0
+    for file, page in pages(site).items():
+        if file.name == "404.html":
+            continue
+        for source in page.fetched:
+            assert (file.parent / source.partition("?")[0]).is_file(), f"{file.name}: {source}"
+            pictures += source.endswith(".svg")
+    assert pictures >= 13
+
+
+def test_the_search_knows_the_pages(site: Path) -> None:
+    """It works on files too: its index is a script."""
+    index = (site / "search" / "search_index.js").read_text(encoding="utf-8")
+    assert index.startswith("var __index = ")
+    for word in ("Wait with a deadline", "unreachable-state", "resume_at"):
+        assert word in index

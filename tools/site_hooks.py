@@ -1,0 +1,69 @@
+"""What MkDocs does for our site beside its own work: a hook, named in mkdocs.yml.
+
+A page that shows `NAME.svg` where only `NAME.yaml` stands, shows that mission: it is drawn while the site is
+built, so no picture is older than its mission. And the one script that the theme would fetch is ours.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import posixpath
+import re
+import sys
+from pathlib import Path
+
+from mkdocs.config.defaults import MkDocsConfig
+from mkdocs.structure.files import File, Files
+from mkdocs.structure.pages import Page
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+from pages import installed
+
+from lupin_engine.diagram.outline import outline
+from lupin_engine.diagram.svg import svg
+from lupin_engine.launch.mission import load_missions
+from lupin_engine.plugin.registry import load_catalog
+
+_PICTURE = re.compile(r"!\[[^]]*\]\(([^):]+)\.svg\)")
+#: Where the theme gets what makes the search work on files, and where we have it.
+_THEIRS, _OURS = "https://unpkg.com/iframe-worker/shim", "assets/iframe-worker.js"
+#: Drawn with the lifecycle around it, to be seen once.
+WHOLE = ("guide/steps/01-first",)
+
+
+def on_files(files: Files, config: MkDocsConfig) -> Files:
+    """Add the pictures that pages show and nobody has drawn (called by MkDocs)."""
+    docs = Path(config.docs_dir)
+    wanted: dict[str, Path] = {}
+    for page in files.documentation_pages():
+        for name in _PICTURE.findall(page.content_string):
+            picture = Path(page.src_uri).parent / f"{name}.svg"
+            mission = docs / picture.with_suffix(".yaml")
+            if files.get_file_from_path(picture.as_posix()) is None and mission.is_file():
+                wanted[picture.as_posix()] = mission
+    with contextlib.ExitStack() as stack:
+        for plugin in sorted(
+            {plugin for mission in wanted.values() for plugin in mission.parent.glob("*.py")}
+        ):
+            stack.enter_context(installed(plugin))
+        for uri, mission in wanted.items():
+            files.append(File.generated(config, uri, content=draw(mission, uri.removesuffix(".svg"))))
+    return files
+
+
+def draw(mission: Path, name: str) -> str:
+    """Return a mission's picture."""
+    loaded = load_missions([str(mission)], load_catalog())
+    focus = None if name in WHOLE else loaded.names[0]
+    return svg(outline(loaded.chart, focus=focus))
+
+
+def on_post_page(output: str, page: Page, config: MkDocsConfig) -> str:
+    """Let a page fetch nothing from elsewhere (called by MkDocs)."""
+    return output.replace(_THEIRS, posixpath.relpath(_OURS, posixpath.dirname(page.file.dest_uri) or "."))
+
+
+def on_post_template(output: str, template_name: str, config: MkDocsConfig) -> str:
+    """The same for the page that tells of a missing one (called by MkDocs)."""
+    return output.replace(_THEIRS, f"/{_OURS}")
