@@ -314,7 +314,8 @@ class _Checker:
         self._failed = False
         self._grown = False
         self._start = fragment.offset + _indent(fragment.source)
-        self._source = _BLANK.sub(" ", fragment.source.strip())
+        source = fragment.source.strip()
+        self._source = source if source.isprintable() else _BLANK.sub(" ", source)
         self._operands: list[tuple[ast.expr, Typed]] = []
         self.warned = False
         self.parts: list[tuple[str, Typed]] = []
@@ -623,6 +624,8 @@ class _Checker:
         self, operator: ast.cmpop, left: ast.expr, right: ast.expr, first: Type, second: Type
     ) -> None:
         """Refuse to compare a text of which all possible values are known with one that it can never be."""
+        if not (first.values or second.values):
+            return
         if isinstance(operator, (ast.In, ast.NotIn)):
             elements = right.elts if isinstance(right, (ast.List, ast.Tuple)) else ()
             pairs = [(left, first, element) for element in elements]

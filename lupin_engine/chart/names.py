@@ -7,16 +7,20 @@ import re
 from collections.abc import Iterator
 from functools import lru_cache
 
+from lupin_engine.chart.expressions import MAX_NODES
+
 _CACHED = 4096
 
 
 @lru_cache(_CACHED)
 def tree_of(source: str) -> ast.expr | None:
-    """Parse an expression that was checked before; None for one that is no expression."""
+    """Parse an expression that was checked before; None for one that was refused as no expression."""
     try:
-        return ast.parse(re.sub(r"\s", " ", source), mode="eval").body
+        tree = ast.parse(re.sub(r"\s", " ", source), mode="eval").body
     except (SyntaxError, ValueError, MemoryError, RecursionError):
         return None
+    # What was refused as too large may be deeper than Python can follow.
+    return None if 2 * len(source) > MAX_NODES and sum(1 for _ in ast.walk(tree)) > MAX_NODES else tree
 
 
 @lru_cache(_CACHED)

@@ -119,6 +119,8 @@ def join(first: Type, second: Type) -> Type | None:
 
 
 def _join_numbers(first: Type, second: Type) -> Type | None:
+    if first is second:
+        return first
     if not same_unit(first, second):
         return None
     if first == second:

@@ -4,7 +4,8 @@ The lifecycle's tree is grown with the missions in its slot and every part expan
 all full names are known before the first expression or target is read.
 
 A name is found in the nearest enclosing scope: among a state's own children, then its parent's, up to the
-root's. Further words of a dotted name descend from there.
+root's. Further words of a dotted name descend from there. A part's states are the last that the state which
+uses it looks at.
 """
 
 from __future__ import annotations
@@ -276,17 +277,19 @@ class Forest:
     # -- names ---------------------------------------------------------------------------------------------
 
     def find(self, name: str, start: Draft) -> list[Draft]:
-        """Return the states that `name` means seen from `start`, the nearest first."""
+        """Return the states that `name` means seen from `start`, the nearest first.
+
+        A state that uses a part looks around itself first: what a part calls its states is its own affair.
+        """
         first, *rest = name.split(".")
         found = []
-        scope: Draft | None = start
-        while scope is not None:
+        scopes = list(start.up())
+        for scope in scopes if start.part is None else (*scopes[1:], start):
             draft = scope.children.get(first)
             for word in rest:
                 draft = draft.children.get(word) if draft is not None else None
             if draft is not None:
                 found.append(draft)
-            scope = scope.parent
         return found
 
     def resolve(self, name: str, start: Draft, node: Node, key: str, path: str) -> str | None:
@@ -304,6 +307,8 @@ class Forest:
             self._findings.add(place, "unknown-state", path, f"no state is called {name!r} here", hint)
             return None
         for hidden in found[1:]:
+            if _apart(found[0], hidden):
+                continue
             problem = f"{name!r} means {found[0].name!r} here, which hides {hidden.name!r}"
             self._findings.warn(place, "shadowed-state", path, problem, "rename one of them")
         return found[0].name
@@ -330,6 +335,15 @@ class Forest:
         if elsewhere:
             return f"{elsewhere[0]!r} is out of scope from here"
         return nearest(name, visible)
+
+
+def _apart(one: Draft, other: Draft) -> bool:
+    """Tell whether two states stand in different files, one of them in a part: neither can know the other."""
+    files = (one.file, other.file)
+    return one.file is not other.file and (
+        any(isinstance(file, PartNode) for file in files)
+        and not any(isinstance(file, LifecycleNode) for file in files)
+    )
 
 
 def _can_end(draft: Draft) -> bool:

@@ -17,6 +17,8 @@ from lupin_engine.diagram.ranking import onwards, ranks
 
 #: How often everything is drawn at most.
 _TRIES = 4
+#: A step to the side that looks like a mistake.
+_TWITCH = 3
 
 
 @dataclass
@@ -219,7 +221,7 @@ class _Layouter:
             rect = rects[name]
             piece = [(rect.x + x, rect.y + y) for x, y in drawn[name].lines[index]]
             corners += piece if falls else piece[::-1]
-        return _simple(corners)
+        return _simple(_without_twitches(_simple(corners)))
 
     def _label(self, index: int, drawn: dict[str, Drawn], rects: dict[str, Rect]) -> Point | None:
         name = self._home(index)
@@ -249,6 +251,16 @@ def _simple(corners: Sequence[Point]) -> list[Point]:
         ):
             found.pop()
         found.append(corner)
+    return found
+
+
+def _without_twitches(corners: Sequence[Point]) -> list[Point]:
+    """Return corners of a line that goes straight on where it would move sideways by hardly anything."""
+    found = list(corners)
+    for i in range(len(found) - 3, 0, -1):
+        step = found[i : i + 3]
+        if len(step) == 3 and step[0][1] == step[1][1] and abs(step[0][0] - step[1][0]) <= _TWITCH:
+            found[i : i + 3] = [(step[0][0], step[2][1])]
     return found
 
 

@@ -447,6 +447,65 @@ states:
     assert [(d.rule, d.path) for d in found] == [("never-wins", "MISSION.M.A.A.on.operator.dock.0")]
 
 
+def test_parts_and_their_users_may_call_their_states_alike(tmp_path: Path, catalog: Catalog) -> None:
+    """What a part calls its states is its own affair: from outside, the outer one is meant."""
+    (tmp_path / "parts").mkdir()
+    shutil.copy(CHARTS / "mini" / LIFECYCLE, tmp_path)
+    (tmp_path / "parts" / "p.yaml").write_text("""\
+part: p
+states:
+  A:
+    after: {1 s: over, 2 s: READY}
+  over: {type: final}
+""")
+    (tmp_path / "parts" / "q.yaml").write_text("""\
+part: q
+initial: A
+states:
+  A: {use: p, on_done: over, on: {operator.dock: A}}
+  over: {type: final}
+""")
+    (tmp_path / "m.yaml").write_text("""\
+mission: M
+initial: A
+states:
+  A: {use: q, on_done: over}
+  over: {after: {1 s: READY}}
+  READY: {type: final}
+""")
+    chart, found = check_chart(tmp_path / LIFECYCLE, [tmp_path / "m.yaml"], catalog)
+    assert [str(d) for d in found] == [
+        f"{tmp_path}/m.yaml:5:23: warning: MISSION.M.over.after.0: 'READY' means 'MISSION.M.READY' here, "
+        "which hides 'READY'; rename one of them [shadowed-state]",
+        f"{tmp_path}/parts/p.yaml:4:29: warning: MISSION.M.A.A.A.after.1: 'READY' means 'MISSION.M.READY' "
+        "here, which hides 'READY'; rename one of them [shadowed-state]",
+    ]
+    assert chart is not None
+    assert [(rule.event, rule.target) for rule in chart.states["MISSION.M.A.A"].transitions] == [
+        ("done", "MISSION.M.A.over"),
+        ("operator.dock", "MISSION.M.A.A"),
+    ]
+    assert chart.states["MISSION.M.A"].transitions[0].target == "MISSION.M.over"
+
+
+def test_an_expression_that_was_refused_is_not_followed(tmp_path: Path, catalog: Catalog) -> None:
+    """Rules look at guards that are written wrong too, and one may be deeper than Python can follow."""
+    shutil.copy(CHARTS / "mini" / LIFECYCLE, tmp_path)
+    (tmp_path / "m.yaml").write_text(f"""\
+mission: M
+states:
+  A:
+    always: {{target: done, guard: "{"-" * 1900}1 > 0"}}
+    after: {{1 s: done}}
+  done: {{type: final}}
+""")
+    _, found = check_chart(tmp_path / LIFECYCLE, [tmp_path / "m.yaml"], catalog)
+    assert [str(d) for d in found] == [
+        f"{tmp_path}/m.yaml:4:36: error: MISSION.M.A.always.guard: the expression is too large; "
+        "at most 200 operators and operands [bad-expression]"
+    ]
+
+
 # -- conditions -------------------------------------------------------------------------------------------
 
 

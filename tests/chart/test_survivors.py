@@ -10,6 +10,7 @@ from lupin_engine.chart import checks
 from lupin_engine.chart import quantities as q
 from lupin_engine.chart.findings import RULES, SUBJECTS, Findings, warning
 from lupin_engine.chart.load import LIFECYCLE, check_chart
+from lupin_engine.chart.rules.graph import components, cycles
 from lupin_engine.errors import Place
 from lupin_engine.plugin.registry import Catalog
 from lupin_engine.plugin.types import (
@@ -301,3 +302,71 @@ def test_a_finding_has_a_rule_that_is_known() -> None:
     found = Findings()
     found.extend([warning(Place("a.yaml", 1, 1), "bad-name", "A", "what is wrong")])
     assert [str(one) for one in found.all] == ["a.yaml:1:1: warning: A: what is wrong [bad-name]"]
+
+
+# -- graphs -------------------------------------------------------------------------------------------------
+
+#: Two circles that share b, one that they lead to, a node of its own; what is no node does not count.
+GRAPH = {"a": ["b"], "b": ["c", "a", "outside"], "c": ["b", "d"], "d": ["e"], "e": ["d"], "f": ["a", "c"]}
+
+
+def test_components_come_after_what_they_lead_to() -> None:
+    """Who can come back to itself stands together, in the order of the way there."""
+    assert list(components(GRAPH)) == [["d", "e"], ["a", "b", "c"], ["f"]]
+
+
+def test_what_was_left_does_not_join_what_comes_later() -> None:
+    """A way to a finished part is no way back."""
+    assert list(components({"a": ["b", "c"], "b": [], "c": ["b"]})) == [["b"], ["c"], ["a"]]
+
+
+def test_every_simple_circle_is_told_once() -> None:
+    """From its first node in the order given; a node that leads to itself is a circle."""
+    assert list(cycles(GRAPH, ["a", "b", "c"], 100)) == [["a", "b"], ["b", "c"]]
+    whole = {name: ["x", "y", "z"] for name in "xyz"}
+    assert list(cycles(whole, ["x", "y", "z"], 1000)) == [
+        ["x"],
+        ["x", "y"],
+        ["x", "y", "z"],
+        ["x", "z"],
+        ["x", "z", "y"],
+        ["y"],
+        ["y", "z"],
+        ["z"],
+    ]
+
+
+def test_looking_for_circles_ends_after_its_limit() -> None:
+    """Each step counts one: one step finds x, two more (to y and back) the second circle."""
+    whole = {name: ["x", "y"] for name in "xy"}
+    found = {limit: list(cycles(whole, ["x", "y"], limit)) for limit in range(4)}
+    assert found == {0: [], 1: [["x"]], 2: [["x"]], 3: [["x"], ["x", "y"]]}
+
+
+# -- rules --------------------------------------------------------------------------------------------------
+
+
+def test_a_state_and_one_inside_it_cannot_both_have_a_resource(tmp_path: Path, catalog: Catalog) -> None:
+    """The outer operation goes on meanwhile; an operation without that resource may run beside it."""
+    drive = "{do: nav.dock, with: {pose: '${ param.dock_pose }'}, timeout: {after: 5 s, code: late}}"
+    wait = "{do: nav.localize, with: {max_variance: 1}, timeout: {after: 5 s, code: late}}"
+    text = f"""\
+mission: M
+initial: A
+states:
+  A:
+    invoke: {drive}
+    on_done: done
+    on_error: done
+    initial: B
+    states:
+      B: {{invoke: {wait}, on_done: C, on_error: C}}
+      C: {{invoke: {drive}, on_done: B, on_error: B}}
+  done: {{type: final}}
+"""
+    (found,) = told(text, tmp_path, catalog)
+    assert found == (
+        "11:19: warning: MISSION.M.A.C: nav.dock uses 'base' as nav.dock in 'A' does, "
+        "and both can be active: one waits until the other has ended; "
+        "do them one after the other [shared-resource]"
+    )

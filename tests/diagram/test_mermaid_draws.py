@@ -1,7 +1,7 @@
 """Mermaid itself parses and draws every Mermaid text, without a browser.
 
-It is installed once into a cache outside of the repository; the versions are fixed here. Sites stay behind, so
-the one before the newest is tried as well, with the charts that are hardest for it.
+It is installed once into a cache outside of the repository; the versions are fixed here. Sites stay behind,
+so the one before the newest is tried as well, with the charts that are hardest for it.
 """
 
 from __future__ import annotations

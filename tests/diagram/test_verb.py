@@ -54,22 +54,34 @@ def test_the_kept_pictures_are_those_of_the_missions(tmp_path: Path) -> None:
         pytest.fail(f"docs/diagrams is out of date ({', '.join(stale)}); run: {ALL}", pytrace=False)
 
 
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The record of a simulated run."""
+    ran = CliRunner().invoke(simulate, ["inspection", "--tags", "1,5,7", "--json"], standalone_mode=False)
+    file = tmp_path_factory.mktemp("run") / "run.json"
+    file.write_text(ran.stdout, encoding="utf-8")
+    return file
+
+
 @pytest.mark.parametrize(
-    ("name", "arguments"),
+    ("name", "options"),
     [
-        ("inspection.svg", ("--depth", "2")),
-        ("inspection_scanning.svg", ("--focus", "SCANNING")),
+        ("inspection.svg", "--depth 2"),
+        ("inspection_scanning.svg", "--focus SCANNING"),
+        ("inspection_run.svg", "--focus INSPECTING --trace run.json"),
     ],
 )
 def test_the_pictures_of_the_texts_are_those_of_the_mission(
-    name: str, arguments: tuple[str, ...], tmp_path: Path
+    name: str, options: str, run: Path, tmp_path: Path
 ) -> None:
     """Those of README.md and docs/diagrams.md."""
     kept, written = ROOT / "docs" / "img" / name, tmp_path / name
+    arguments = [run if word == run.name else word for word in options.split()]
     assert invoke("inspection", *arguments, "-o", written).exception is None
     if not kept.is_file() or kept.read_bytes() != written.read_bytes():
-        command = f"lupin diagram inspection {' '.join(arguments)} -o docs/img/{name}"
-        pytest.fail(f"docs/img/{name} is out of date; run: {command}", pytrace=False)
+        command = f"lupin diagram inspection {options} -o docs/img/{name}"
+        before = "lupin simulate inspection --tags 1,5,7 --json > run.json; " if "trace" in options else ""
+        pytest.fail(f"docs/img/{name} is out of date; run: {before}{command}", pytrace=False)
 
 
 # -- files and formats ------------------------------------------------------------------------------------
@@ -109,16 +121,14 @@ def test_a_folder_of_missions_becomes_a_folder_of_pictures(tmp_path: Path) -> No
     )
 
 
-def test_a_run_colours_the_picture(tmp_path: Path) -> None:
+def test_a_run_colours_the_picture(run: Path, tmp_path: Path) -> None:
     """From the simulation to the picture of it."""
-    ran = CliRunner().invoke(simulate, ["inspection", "--tags", "1,5", "--json"], standalone_mode=False)
-    trace, file = tmp_path / "run.json", tmp_path / "run.svg"
-    trace.write_text(ran.stdout, encoding="utf-8")
-    steps = len(json.loads(ran.stdout)["steps"])
-    assert invoke("inspection", "--trace", trace, "-o", file).exception is None
+    file = tmp_path / "run.svg"
+    steps = len(json.loads(run.read_text(encoding="utf-8"))["steps"])
+    assert invoke("inspection", "--trace", run, "-o", file).exception is None
     text = file.read_text(encoding="utf-8")
     assert f">coloured by run.json: {steps} steps; pale: never visited</text>" in text
-    assert ">done / close OK \u00d72</text>" in text
+    assert ">done / close OK \u00d73</text>" in text
 
 
 def test_a_large_chart_is_drawn_to_a_readable_depth(
