@@ -29,7 +29,6 @@ from lupin_engine.chart.rules.ways import dead_end, never_happens, unreachable_s
 #: After one of these the ways through the chart are not known.
 _BROKEN_WAYS = (
     "unknown-state",
-    "unknown-event",
     "unknown-operation",
     "no-initial",
     "part-loop",
@@ -43,6 +42,7 @@ _BROKEN_READS = ("bad-expression", "partial-expression", "unknown-parameter", *_
 #: After one of these it is not known what is used: a misspelt name looks like one that nobody uses.
 _BROKEN_USES = (
     "unknown-name",
+    "unknown-event",
     "unknown-function",
     "unknown-action",
     "unknown-argument",

@@ -516,14 +516,17 @@ class _Composer:
         self, draft: Draft, holder: StateNode | FileNode, handlers: Mapping[str, list[TransitionNode]]
     ) -> Iterator[Transition]:
         for event, nodes in handlers.items():
-            if self._is_event(event, holder, draft):
-                yield from self._handler(draft, event, nodes)
+            # What an unknown event leads to is read all the same: a slip in its name hides no other.
+            known = self._is_event(event, holder, draft) or event.startswith("operator.")
+            yield from self._handler(draft, event, nodes, event if known else f"unknown.{event}")
 
-    def _handler(self, draft: Draft, event: str, nodes: list[TransitionNode]) -> Iterator[Transition]:
+    def _handler(
+        self, draft: Draft, event: str, nodes: list[TransitionNode], heard: str
+    ) -> Iterator[Transition]:
         copies = [node for node in nodes if node.use is not None]
         if not copies:
             scope = self._event_scope(draft, event)
-            yield from self._list(draft, draft, nodes, f"on.{event}", event, scope)
+            yield from self._list(draft, draft, nodes, f"on.{event}", heard, scope)
             return
         node, path = copies[0], _path(draft.name, f"on.{event}")
         if len(nodes) > 1 or node.model_fields_set != {"use"}:

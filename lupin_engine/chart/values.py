@@ -7,6 +7,7 @@ request or a ROS parameter is not read here.
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -177,7 +178,7 @@ def _fits_number(raw: Any, place: Place, wanted: Type, findings: Findings, path:
     if wanted.kind == "integer" and not isinstance(raw, int):
         findings.add(place, "wrong-type", path, f"expected a whole number, got {show(raw)}")
         return False
-    return True
+    return _is_finite(raw, raw, place, findings, path)
 
 
 def _fits_quantity(raw: str, place: Place, wanted: Type, findings: Findings, path: str) -> bool:
@@ -195,7 +196,15 @@ def _fits_quantity(raw: str, place: Place, wanted: Type, findings: Findings, pat
         hint = f"its units are {units}" if wanted.unit else "write a number without a unit, or in %"
         findings.add(place, "wrong-unit", path, f"expected {describe(wanted)}, got {show(raw)}", hint)
         return False
-    return True
+    return _is_finite(quantity[0], raw, place, findings, path)
+
+
+def _is_finite(value: float, raw: Any, place: Place, findings: Findings, path: str) -> bool:
+    """Report a number that is too large to be kept, such as `1e400 s`."""
+    if abs(value) < math.inf:
+        return True
+    findings.add(place, "wrong-type", path, f"{show(raw)} is too large")
+    return False
 
 
 def _is_bare_number(raw: str) -> bool:

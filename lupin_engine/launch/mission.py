@@ -17,11 +17,7 @@ from lupin_engine.chart.load import (
 )
 from lupin_engine.chart.model import Chart
 from lupin_engine.errors import UsageError
-from lupin_engine.machine.environment import Surroundings
-from lupin_engine.machine.memory import Memory
-from lupin_engine.machine.request import read_request
 from lupin_engine.plugin.registry import Catalog
-from lupin_engine.runtime.setup import make_world
 
 #: Where missions are looked for before the shipped ones: the folder `missions` of the current folder.
 LOCAL = Path("missions")
@@ -85,6 +81,12 @@ def check_request(
         UsageError: it would not; the text is the one that the service would answer.
         LupinError: a parameter leads nowhere (for example: a layout file that is absent).
     """
+    # Drawing and checking need no machine, and it takes longer to import than they take.
+    from lupin_engine.machine.environment import Surroundings
+    from lupin_engine.machine.memory import Memory
+    from lupin_engine.machine.request import read_request
+    from lupin_engine.runtime.setup import make_world
+
     world = make_world(loaded.chart, catalog, given)
     data = {"mission_type": loaded.names[0], "tag_sequence": list(tags), "discovery_goal": goal}
     _, refusal = read_request(world, data, Surroundings(world, Memory()).at("", 0.0))

@@ -13,6 +13,10 @@ from lupin_engine.machine.memory import Visit, Walk
 from lupin_engine.machine.turn import Turn
 
 
+class OpenVisit(Exception):
+    """An itinerary was to go on although its current visit has no outcome."""
+
+
 class Walks:
     """The itineraries of one machine."""
 
@@ -39,11 +43,15 @@ class Walks:
         return walk_of(self._core.chart, self._core.memory, state)
 
     def advance(self, walk: Walk | None, turn: Turn) -> None:
-        """Go on to the next target; refused while the current visit is open, or when there is none."""
+        """Go on to the next target; refused when there is none.
+
+        Raises:
+            OpenVisit: the current visit has no outcome. Going on as if it had would walk to it for ever.
+        """
         if walk is None or walk.visit is None:
             turn.note("itinerary.advance refused: there is no target to go on from")
         elif not walk.visit.closed:
-            turn.note("itinerary.advance refused: the current visit is open")
+            raise OpenVisit("the current visit is open: close it before going on")
         elif walk.index + 1 < len(walk.items) or walk.is_last_sweep:
             walk.index += 1
             self._choose(walk, walk.index, turn)

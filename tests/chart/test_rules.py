@@ -488,6 +488,35 @@ states:
     assert chart.states["MISSION.M.A"].transitions[0].target == "MISSION.M.over"
 
 
+def test_a_slip_in_the_name_of_an_event_hides_no_other_mistake(tmp_path: Path, catalog: Catalog) -> None:
+    """Neither in what the event leads to, nor about ways through the chart, nor about what is never read."""
+    shutil.copy(CHARTS / "mini" / LIFECYCLE, tmp_path)
+    (tmp_path / "m.yaml").write_text("""\
+mission: M
+params:
+  rest: {type: duration, default: 1 s}
+initial: A
+states:
+  A:
+    after: {1 s: done}
+    on:
+      operator.dok: {target: B, do: [set: {reason: 3}]}
+      input.battery.lw: C
+  B: {after: {1 s: done}}
+  C: {after: {1 s: done}}
+  D: {after: {1 s: done}}
+  done: {type: final}
+""")
+    _, found = check_chart(tmp_path / LIFECYCLE, [tmp_path / "m.yaml"], catalog)
+    assert [(d.place.line, d.rule, d.path) for d in found] == [
+        (3, "unused-parameter", "params.rest"),
+        (9, "unknown-event", "MISSION.M.A.on.operator.dok"),
+        (9, "wrong-type", "MISSION.M.A.on.operator.dok.0.do.set.reason"),
+        (10, "unknown-event", "MISSION.M.A.on.input.battery.lw"),
+        (13, "unreachable-state", "MISSION.M.D"),
+    ]
+
+
 def test_an_expression_that_was_refused_is_not_followed(tmp_path: Path, catalog: Catalog) -> None:
     """Rules look at guards that are written wrong too, and one may be deeper than Python can follow."""
     shutil.copy(CHARTS / "mini" / LIFECYCLE, tmp_path)

@@ -191,3 +191,15 @@ def test_arguments_that_nobody_asked_for_or_gave_are_told() -> None:
         "1: x.y has no argument 'tga'; did you mean 'tag'? [unknown-argument]",
         "9: x.y needs the argument 'tag': id of the tag; add 'tag: ...' [missing-argument]",
     ]
+
+
+@pytest.mark.parametrize(
+    ("text", "wanted", "shown"),
+    [("1e400", NUMBER, "inf"), ("-1e400", NUMBER, "-inf"), ("1e400 s", DURATION, "'1e400 s'")]
+    + [("1e308 h", DURATION, "'1e308 h'"), ("-1e400 m", LENGTH, "'-1e400 m'")],
+)
+def test_a_number_that_cannot_be_kept_is_refused(text: str, wanted: Type, shown: str) -> None:
+    """Nobody waits for infinity; the machine would find that out on the robot."""
+    file, findings = written(f"a: {text}"), Findings()
+    assert read_constant(file["a"], file.value_place("a"), wanted, findings, "here") is None
+    assert told(findings) == [f"4: {shown} is too large;  [wrong-type]"]

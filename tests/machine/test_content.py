@@ -185,10 +185,12 @@ def test_closing_publishes_once() -> None:
 
 
 def test_an_open_visit_cannot_be_left_behind() -> None:
-    """`advance` is refused while the current visit has no outcome."""
+    """`advance` is an error while the current visit has no outcome, or the robot would never get on."""
     bench = walking(next="itinerary.advance", close=CLOSE)
     step = bench.send("next")
-    assert step.notes == ("itinerary.advance refused: the current visit is open",)
+    told = "test.yaml:1:1: itinerary.advance: the current visit is open: close it before going on"
+    assert step.notes == (told, f"nobody handles the error {told}")
+    assert bench.machine.view.target == "1"
     bench.send("close")
     bench.send("next")
     assert bench.machine.view.target == "2"
