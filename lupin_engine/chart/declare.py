@@ -22,7 +22,7 @@ from lupin_engine.chart.documents import (
 )
 from lupin_engine.chart.expressions import BUILTIN_CALLS, ROOTS, WORDS, Scope, Usage
 from lupin_engine.chart.findings import Findings
-from lupin_engine.chart.model import Field, Hold, Input, Level, Variable
+from lupin_engine.chart.model import Constant, Field, Hold, Input, Level, Variable
 from lupin_engine.chart.quantities import describe, is_number
 from lupin_engine.chart.values import read_constant, read_guard, read_key, read_value
 from lupin_engine.errors import Place, Severity, nearest
@@ -167,11 +167,10 @@ class Declarer:
             return None
         default = read_constant(node.default, node.at("default"), kind, self._findings, f"{path}.default")
         low, high = (self._bound(node, key, kind, path) for key in ("min", "max"))
-        if default is None:
-            return None
-        if isinstance(default.value, (int, float)):
-            self._range(node, "default", default.value, low, high, path)
-        return Parameter(kind, default.value, node.summary, low, high)
+        value = default.value if default is not None else None
+        if isinstance(value, (int, float)):
+            self._range(node, "default", value, low, high, path)
+        return Parameter(kind, value, node.summary, low, high)
 
     def _unit(self, node: ParameterNode, kind: Type, path: str) -> Type | None:
         place = node.at("unit")
@@ -319,18 +318,11 @@ class Declarer:
             kind = self._type(node.type, node.at("type"), path)
             if kind is None:
                 continue
-            default = read_value(
-                node.default, node.at("default"), kind, scope, self._findings, f"{path}.default"
-            )
-            if default is not None:
-                self._put(
-                    "variable",
-                    self.declared.context,
-                    name,
-                    Variable(name, kind, default, place),
-                    place,
-                    _same_variable,
-                )
+            at = node.at("default")
+            default = read_value(node.default, at, kind, scope, self._findings, f"{path}.default")
+            # One whose default is mistaken is declared all the same, or every use of it would be told as well.
+            variable = Variable(name, kind, default or Constant(None, at, kind), place)
+            self._put("variable", self.declared.context, name, variable, place, _same_variable)
 
     # -- holds and requests --------------------------------------------------------------------------------
 

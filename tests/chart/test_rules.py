@@ -511,9 +511,31 @@ states:
     assert [(d.place.line, d.rule, d.path) for d in found] == [
         (3, "unused-parameter", "params.rest"),
         (9, "unknown-event", "MISSION.M.A.on.operator.dok"),
-        (9, "wrong-type", "MISSION.M.A.on.operator.dok.0.do.set.reason"),
+        (9, "wrong-type", "MISSION.M.A.on.operator.dok.do.set.reason"),
         (10, "unknown-event", "MISSION.M.A.on.input.battery.lw"),
         (13, "unreachable-state", "MISSION.M.D"),
+    ]
+
+
+def test_a_mistake_in_a_declaration_is_told_once(tmp_path: Path, catalog: Catalog) -> None:
+    """What is declared wrongly is declared all the same, and may be read."""
+    shutil.copy(CHARTS / "mini" / LIFECYCLE, tmp_path)
+    (tmp_path / "m.yaml").write_text("""\
+mission: M
+params:
+  rest: {type: duration, default: 30}
+context:
+  laps: {type: count, default: -1}
+states:
+  A:
+    after: {"${ param.rest }": done}
+    always: {target: done, guard: laps > 3}
+  done: {type: final}
+""")
+    _, found = check_chart(tmp_path / LIFECYCLE, [tmp_path / "m.yaml"], catalog)
+    assert [(d.place.line, d.rule, d.path) for d in found] == [
+        (3, "no-unit", "params.rest.default"),
+        (5, "wrong-type", "context.laps.default"),
     ]
 
 

@@ -28,8 +28,29 @@ def visits(index: Index) -> Iterator[Diagnostic]:
     for walker in index.states:
         if walker.itinerary is not None:
             inside = list(_below(index, walker))
-            if not any(_is_not_followed(state) for state in inside if state is not walker):
-                yield from _Walk(index, walker, inside).refused()
+            followed = not any(_is_not_followed(state) for state in inside if state is not walker)
+            refused = list(_Walk(index, walker, inside).refused()) if followed else []
+            yield from refused or _never_closed(walker, inside)
+
+
+def _never_closed(walker: State, inside: Iterable[State]) -> Iterator[Diagnostic]:
+    """Find the going on of a walk that closes no visit anywhere, wherever the visits may come from."""
+    calls = [call for state in inside for call in _calls(state)]
+    if any(call.action.name.startswith("itinerary.close") for call in calls):
+        return
+    for call in calls:
+        if call.action.name == "itinerary.advance":
+            problem = f"no visit is ever closed in {local(walker.name)!r}, so this would be refused"
+            hint = "close each before: 'itinerary.close: {status: ...}'"
+            yield Diagnostic(call.action.place, "open-visit", call.path, problem, hint)
+
+
+def _calls(state: State) -> Iterator[_Call]:
+    """Yield what a state's actions do to the itinerary."""
+    yield from _walking(f"{state.name}.entry", state.entry)
+    yield from _walking(f"{state.name}.exit", state.exit)
+    for transition in state.transitions:
+        yield from _walking(f"{transition.id}.do", transition.actions)
 
 
 def _below(index: Index, state: State) -> Iterator[State]:
