@@ -41,6 +41,9 @@ OWNED = {
     "click": {"cli"},
     "rich": {"cli"},
     "yaml": {"chart", "cli"},
+    "pygls": {"editor"},
+    "lsprotocol": {"editor"},
+    "resvg_py": {"diagram"},
     "structlog": {"ros", "launch", "cli"},
 }
 #: What would make a chart or a machine depend on more than its inputs.

@@ -320,7 +320,7 @@ class Declarer:
                 continue
             at = node.at("default")
             default = read_value(node.default, at, kind, scope, self._findings, f"{path}.default")
-            # One whose default is mistaken is declared all the same, or every use of it would be told as well.
+            # One with a mistaken default is declared all the same, or each use would be told as well.
             variable = Variable(name, kind, default or Constant(None, at, kind), place)
             self._put("variable", self.declared.context, name, variable, place, _same_variable)
 

@@ -195,8 +195,13 @@ def test_arguments_that_nobody_asked_for_or_gave_are_told() -> None:
 
 @pytest.mark.parametrize(
     ("text", "wanted", "shown"),
-    [("1e400", NUMBER, "inf"), ("-1e400", NUMBER, "-inf"), ("1e400 s", DURATION, "'1e400 s'")]
-    + [("1e308 h", DURATION, "'1e308 h'"), ("-1e400 m", LENGTH, "'-1e400 m'")],
+    [
+        ("1e400", NUMBER, "inf"),
+        ("-1e400", NUMBER, "-inf"),
+        ("1e400 s", DURATION, "'1e400 s'"),
+        ("1e308 h", DURATION, "'1e308 h'"),
+        ("-1e400 m", LENGTH, "'-1e400 m'"),
+    ],
 )
 def test_a_number_that_cannot_be_kept_is_refused(text: str, wanted: Type, shown: str) -> None:
     """Nobody waits for infinity; the machine would find that out on the robot."""
