@@ -539,6 +539,27 @@ states:
     ]
 
 
+def test_a_parallel_state_that_cannot_end_is_told_by_its_regions(tmp_path: Path, catalog: Catalog) -> None:
+    """One region has a final state: it is the other one that lacks it."""
+    shutil.copy(CHARTS / "mini" / LIFECYCLE, tmp_path)
+    (tmp_path / "m.yaml").write_text("""\
+mission: M
+states:
+  P:
+    type: parallel
+    states:
+      L: {on: {operator.dock: done}}
+      R: {states: {over: {type: final}}}
+    on_done: done
+  done: {type: final}
+""")
+    _, found = check_chart(tmp_path / LIFECYCLE, [tmp_path / "m.yaml"], catalog)
+    assert [str(d) for d in found] == [
+        f"{tmp_path}/m.yaml:8:5: error: MISSION.M.P: on_done, but not every region can end: 'L' has no final "
+        "state; add one, or remove it [never-happens]"
+    ]
+
+
 def test_an_expression_that_was_refused_is_not_followed(tmp_path: Path, catalog: Catalog) -> None:
     """Rules look at guards that are written wrong too, and one may be deeper than Python can follow."""
     shutil.copy(CHARTS / "mini" / LIFECYCLE, tmp_path)

@@ -24,6 +24,12 @@ def never_happens(index: Index) -> Iterator[Diagnostic]:
         if node.on_done and not _can_be_done(index.chart, state):
             problem = "on_done, but nothing is invoked here and no state inside is final"
             hint = "add 'type: final' to a state inside, or remove it"
+            if state.kind is Kind.PARALLEL:
+                regions = [region for region in index.regions(state) if region.kind is not Kind.FINAL]
+                endless = [r for r in regions if not _can_be_done(index.chart, r)]
+                names = ", ".join(repr(region.name.rpartition(".")[2]) for region in endless)
+                problem = f"on_done, but not every region can end: {names} has no final state"
+                hint = "add one, or remove it"
             yield Diagnostic(node.key_at("on_done"), "never-happens", state.name, problem, hint)
 
 
