@@ -447,7 +447,7 @@ class Session:
                 by = first_failure([self.items[name] for name in wanted], self.seconds)
                 return {"verdict": "killed" if by else "survived", "by": by}
         else:
-            wanted = self.most_promising(sorted(reached or self.seconds, key=rank))
+            wanted = self.most_promising(sorted(self.seconds, key=rank))
         by = import_anew(module, code, wanted, self.seconds)
         return {"verdict": "killed" if by else "survived", "by": by, "imported": True}
 

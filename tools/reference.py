@@ -145,7 +145,7 @@ this page is for looking things up. What `lupin check` says about a file is expl
 
 - A state is active or not. With a state one of its children is active, with a parallel one all of them
   (its *regions*). Targets are looked for in the nearest state around that has a child of that name, and
-  further down with dots (`RETURNING.DOCKED`).
+  further down with dots (`RETURNING.DOCKED`); the states of a part that a state uses come last.
 - An event is offered to the innermost active states first, then outwards; within a state in the order
   written. The first transition whose guard is true is taken. One without a target runs its actions and
   leaves nothing.
@@ -153,7 +153,10 @@ this page is for looking things up. What `lupin check` says about a file is expl
   whatever is enabled without an event follows (`always`, levels), then what was raised, until nothing more
   happens. Only then operations begin. No time passes meanwhile.
 - An operation lives as long as its state: leaving the state cancels it. Its end is `on_done` or `on_error`.
-  An error that nobody handles leads to the lifecycle's FAULT.
+  An error that nobody handles, and an expression or action that fails, leads to the lifecycle's FAULT
+  (`lupin simulate` shows that as `error.execution`).
+- What a hold or leaving the state ended does not count as a try of `retry`. The share of `jitter` is drawn
+  from a seed, the mission and the attempt: the same inputs give the same pauses.
 - A *hold* (a pause, an emergency stop) suspends the whole chart: what moves the robot is cancelled and begun
   again on release, clocks stand still, answers wait. A request is answered at once all the same: a transition
   that says `during` or `releases` is taken, anything else refused.

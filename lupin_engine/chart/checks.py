@@ -24,7 +24,13 @@ from lupin_engine.chart.rules.unused import (
     unused_variable,
 )
 from lupin_engine.chart.rules.visits import visits
-from lupin_engine.chart.rules.ways import dead_end, never_happens, unreachable_state, waits_for_ever
+from lupin_engine.chart.rules.ways import (
+    dead_end,
+    never_happens,
+    unreachable_state,
+    waits_for_ever,
+    waits_for_the_world,
+)
 
 #: After one of these the ways through the chart are not known.
 _BROKEN_WAYS = (
@@ -64,6 +70,7 @@ LOCAL: tuple[Rule, ...] = (never_wins, both_can_win, unhandled_outcome, unknown_
 GLOBAL: tuple[Rule, ...] = (
     never_happens,
     waits_for_ever,
+    waits_for_the_world,
     unreachable_state,
     dead_end,
     always_loop,

@@ -395,14 +395,13 @@ class _Checker:
             problem = f"expected {q.describe(wanted)}, but {shown!r} is {q.describe(got)}"
             self._wrong(node, "wrong-unit", problem, q.unit_hint(wanted, got))
             return
-        hint = ""
+        asked, hint = q.describe(wanted), ""
         if wanted.kind == "bool" and q.is_number(got):
             hint = f"compare it, such as '{shown} > 0'"
         elif wanted.kind == "integer" and got.kind == "number":
-            hint = f"write 'round({shown})'"
-        self._wrong(
-            node, "wrong-type", f"expected {q.describe(wanted)}, but {shown!r} is {q.describe(got)}", hint
-        )
+            asked = "a whole number"
+            hint = "leave its digits out" if shown.startswith("round(") else f"write 'round({shown})'"
+        self._wrong(node, "wrong-type", f"expected {asked}, but {shown!r} is {q.describe(got)}", hint)
 
     def _note_parts(self, root: ast.expr) -> None:
         """Note the operands of the outermost and/or/not, which tell why a guard was false."""
@@ -805,6 +804,8 @@ class _Checker:
         if not self._scope.open_states:
             self._wrong(node, "unknown-state", problem, hint)
             return
+        if not hint.startswith("did you mean"):
+            return  # the lifecycle may speak of missions that are not loaded
         place = self._fragment.text.at(self._start + self._offset(node))
         problem += " in the missions that are loaded, so this is false"
         self.warned = True

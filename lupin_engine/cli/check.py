@@ -23,6 +23,7 @@ from lupin_engine.chart.load import (
 from lupin_engine.chart.source import head
 from lupin_engine.cli.findings import FORMS, Checked, as_text, counted, wants_colour
 from lupin_engine.errors import Diagnostic, LupinError, Severity, UsageError
+from lupin_engine.launch.mission import LOCAL, folders
 from lupin_engine.plugin.registry import Catalog, load_catalog
 from lupin_engine.sim import SUFFIX
 
@@ -42,8 +43,8 @@ from lupin_engine.sim import SUFFIX
 def check(paths: tuple[str, ...], form: str | None, strict: bool, watch: bool, explain: str | None) -> int:
     """Check missions and tell everything that is wrong with them.
 
-    PATHS are mission files, lifecycles, parts, folders, or names of shipped missions; without any, all
-    shipped missions are checked.
+    PATHS are mission files, lifecycles, parts, folders, or names of missions; without any, the missions of
+    the folder missions are checked, or where there is none the shipped ones.
 
     Exit code: 0 nothing is wrong, 1 there are errors (with --strict also warnings), 2 wrong usage. Warnings
     alone leave it at 0.
@@ -121,7 +122,7 @@ def watch_paths(
 def run_check(paths: Sequence[str | Path], catalog: Catalog) -> Checked:
     """Check what `paths` name; what is meant twice is checked once. Errors as for `check_paths`."""
     groups: dict[Path, dict[Path, None]] = {}
-    for path in paths or [default_missions_folder()]:
+    for path in paths or folders()[:1]:
         lifecycle, missions = _meant_by(str(path))
         groups.setdefault(lifecycle, {}).update(dict.fromkeys(missions))
     found = {
@@ -145,9 +146,14 @@ def _meant_by(name: str) -> tuple[Path, list[Path]]:
     if path.name.endswith(SUFFIX):
         raise UsageError(f"{name!r} is a scenario; scenarios are read by lupin test")
     if path.is_dir():
-        return path / LIFECYCLE, mission_files(path)
+        missions = mission_files(path)
+        if not missions and not (path / LIFECYCLE).is_file():
+            inside = path / LOCAL
+            hint = f"; did you mean {str(inside)!r}?" if inside.is_dir() else ""
+            raise UsageError(f"there are no missions in {name!r}{hint}")
+        return path / LIFECYCLE, missions
     if not path.is_file():
-        mission = find_mission(name, [default_missions_folder()])
+        mission = find_mission(name, folders())
         return lifecycle_of(mission), [mission]
     kind = (head(path) or ("", ""))[0]
     if path.name == LIFECYCLE or kind == "lifecycle":
@@ -168,10 +174,10 @@ def _lifecycle(mission: Path) -> Path:
 
 def _watched(paths: Sequence[str | Path]) -> Iterator[Path]:
     """Yield every file that may have to do with what `paths` name."""
-    for path in paths or [default_missions_folder()]:
+    for path in paths or folders()[:1]:
         named = Path(path)
         if not named.is_dir() and not named.suffix:
-            named = find_mission(str(path), [default_missions_folder()])
+            named = find_mission(str(path), folders())
         folder = named if named.is_dir() else named.parent
         if folder.name == PARTS:
             folder = folder.parent

@@ -84,6 +84,8 @@ def complete(folder: Folder, path: Path, offset: int) -> Offers:
     cursor = scan.cursor(offset)
     if cursor is None:
         return Offers(offset, offset)
+    if scan.key_token(("scenario",)) is not None:
+        return _offers(cursor, ())  # the schema completes scenarios
     if root is None or not scan.keys(()):
         return _offers(cursor, _heads(scan))
     return _Completion(folder, path, scan, root, cursor, offset).offers()

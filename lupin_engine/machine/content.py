@@ -60,7 +60,8 @@ class Content:
 
     def set(self, arguments: Mapping[str, Any], _: Walk | None, __: Turn) -> None:
         """`set`: write context variables."""
-        self._core.memory.context.update(arguments)
+        fitting = {name: self._core.fitting(name, value) for name, value in arguments.items()}
+        self._core.memory.context.update(fitting)
 
     def raise_event(self, arguments: Mapping[str, Any], _: Walk | None, turn: Turn) -> None:
         """`raise`: queue an internal event."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from typing import Any
 
 from lupin_engine.chart.model import Chart, Environment, Expression, Transition, UnknownInput
 from lupin_engine.errors import Severity
@@ -37,6 +38,18 @@ class Core:
         except Exception as problem:
             turn.fail_once(state, f"{guard.place}: {guard.source}: {problem}")
         return False
+
+    def fitting(self, name: str, value: Any) -> Any:
+        """Return what is to be written to a variable; its kind was checked at load, its range is here.
+
+        Raises:
+            ValueError: the variable's type has a minimum, and the value is below.
+        """
+        variable = self.chart.context.get(name)
+        least = variable.type.minimum if variable else None
+        if variable is not None and least is not None and value < least:
+            raise ValueError(f"{name} is a {variable.type} of at least {least:g}, got {value!r}")
+        return value
 
     def report(self, code: str, detail: str) -> None:
         """Remember a code for `last_error`; what is mere information does not replace a warning."""

@@ -51,6 +51,8 @@ _END_OF_TIME = 1e12
 
 def flaw(event: Event) -> str:
     """Return what is wrong with the form of a request, a report or a value, or an empty text."""
+    if not isinstance(event.name, str):
+        return f"the name of an event is no text: {reprlib.repr(event.name)}"
     fields = _FIELDS.get(event.name)
     if fields is None and not event.is_request:
         return f"there is no report {event.name!r}" if event.is_report else ""

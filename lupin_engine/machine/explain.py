@@ -20,9 +20,10 @@ ALWAYS = "always"
 
 @dataclass(frozen=True)
 class Possibility:
-    """What an event would do if it came now; for the level of an input: if it were true now.
+    """What an event would do if it came now.
 
-    `taken` are the transitions that it would take, `engages` and `releases` the holds. `refusal` says why a
+    The level of an input is no event that comes: it is possible when it is true, which `level` says. `taken`
+    are the transitions that the event would take, `engages` and `releases` the holds. `refusal` says why a
     request would be refused. `considered` are the transitions that listen to the event, each with what keeps
     it from being taken.
     """
@@ -34,10 +35,13 @@ class Possibility:
     releases: tuple[str, ...] = ()
     refusal: Refusal | None = None
     considered: tuple[Considered, ...] = ()
+    level: bool | None = None
 
     def __str__(self) -> str:
         if self.refusal is not None:
             return f"{self.event}: {self.refusal.text}"
+        if self.level is False and self.considered:
+            return f"{self.event}: it is not true now"
         if not self.possible:
             return f"{self.event}: " + ("; ".join(map(str, self.considered)) or "nobody listens to it here")
         holds = [f"engages {name}" for name in self.engages] + [f"releases {name}" for name in self.releases]
@@ -57,13 +61,13 @@ class Explainer:
     def explain(self, now: float) -> tuple[Possibility, ...]:
         """Return for every request and every event of the chart what it would do at time `now`.
 
-        Requests come first, then the other events by name, with `always` for transitions without one; of
-        the engine's own events only those that are listened to here. What a mission's request must carry is
+        Requests come first, then the other events by name, with `always` for transitions without one; how
+        operations end and time passes is not asked for. What a mission's request must carry is
         looked at only when it comes, and a guard that reads the event's data sees none.
         """
-        others = [name for name in (*self._structure.events, "") if name not in _REQUESTS]
+        others = [n for n in (*self._structure.events, "") if n not in _REQUESTS and not _is_internal(n)]
         found = [self._request(name, now) for name in _REQUESTS] + [self._event(name, now) for name in others]
-        return tuple(p for p in found if p.considered or not _is_internal(p.event))
+        return tuple(one for one in found if one.considered or one.event != ALWAYS)
 
     def considered(self, event: str, now: float, cause: Cause = NO_CAUSE) -> tuple[Considered, ...]:
         """Return the transitions that listen to an event here, and what keeps each from being taken."""
@@ -93,9 +97,14 @@ class Explainer:
             next((rule.id for rule in offered if rule.id in ready), "")
             for offered in self._row.candidates(self._structure, name)
         ]
-        taken = tuple(dict.fromkeys(filter(None, first)))
-        return Possibility(name or ALWAYS, bool(taken), taken, considered=found)
+        level = self._level(name, now) if name.startswith("input.") else None
+        taken = () if level is False else tuple(dict.fromkeys(filter(None, first)))
+        return Possibility(name or ALWAYS, bool(taken), taken, considered=found, level=level)
+
+    def _level(self, name: str, now: float) -> bool:
+        self._core.env.inputs.now = now
+        return self._core.env.inputs.holds(name)
 
 
 def _is_internal(event: str) -> bool:
-    return event == ALWAYS or event.partition(".")[0] in ENGINE_EVENTS
+    return event.partition(".")[0] in ENGINE_EVENTS

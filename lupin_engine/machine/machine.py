@@ -167,7 +167,7 @@ class Machine:
         """Process one event by the general algorithm."""
         turn = self._open(event, now)
         wrong = flaw(event)
-        if wrong and event.is_request:
+        if wrong and isinstance(event.name, str) and event.is_request:
             turn.accepted, turn.refusal = False, Refusal(BAD_REQUEST, wrong)
         elif wrong:
             turn.note(f"dropped: {wrong}")

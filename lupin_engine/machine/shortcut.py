@@ -25,7 +25,7 @@ from bisect import insort
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
-from lupin_engine.chart.model import Compiled, Constant, Environment, Kind, State, Timer, Transition
+from lupin_engine.chart.model import Chart, Compiled, Constant, Environment, Kind, State, Timer, Transition
 from lupin_engine.machine.event import Event
 from lupin_engine.machine.plan import Plan
 from lupin_engine.machine.step import Step
@@ -70,11 +70,11 @@ def shortcut(
         writes = _writes(plan)
         if writes is None or not is_plain(plan):
             return None
-        return _guarded(((None, plan, writes),), fixed) if writes else _plain(plan, fixed)
+        return _guarded(structure.chart, ((None, plan, writes),), fixed) if writes else _plain(plan, fixed)
     if len(offered) > 1:
         return None
     options = _options(offered[0], plan_of)
-    return _guarded(options, fixed) if options else None
+    return _guarded(structure.chart, options, fixed) if options else None
 
 
 def _options(
@@ -188,9 +188,9 @@ def _timing(plan: Plan) -> tuple[tuple[Arm, ...], frozenset[tuple[str, str]]]:
     return arms, frozenset((state.name, timer.event) for state, _ in plan.exits for timer in state.timers)
 
 
-def _guarded(options: tuple[Option, ...], fixed: Event | None) -> Shortcut:
+def _guarded(chart: Chart, options: tuple[Option, ...], fixed: Event | None) -> Shortcut:
     """Return the shortcut for transitions with guards, or that write variables."""
-    choices = tuple((guard, _writer(writes), _plain(plan, fixed)) for guard, plan, writes in options)
+    choices = tuple((guard, _writer(chart, writes), _plain(plan, fixed)) for guard, plan, writes in options)
 
     def take(machine: Machine, event: Event, now: float) -> Step | None:
         env = machine.env
@@ -209,15 +209,30 @@ def _guarded(options: tuple[Option, ...], fixed: Event | None) -> Shortcut:
     return take
 
 
-def _writer(writes: Writes) -> Callable[[Environment], None] | None:
-    """Return what writes the variables; when a value cannot be computed, none is written."""
+def _writer(chart: Chart, writes: Writes) -> Callable[[Environment], None] | None:
+    """Return what writes the variables, all or none; what raises, the general way tells."""
     if not writes:
         return None
-    if len(writes) > 1:
-        return lambda env: env["context"].update([(name, evaluate(env)) for name, evaluate in writes])
+    bounds = {name: chart.context[name].type.minimum for name, _ in writes if name in chart.context}
+    if len(writes) > 1 or any(least is not None for least in bounds.values()):
+        return _bounded_writer([(name, evaluate, bounds.get(name)) for name, evaluate in writes])
     ((only, value),) = writes
 
     def write(env: Environment) -> None:
         env["context"][only] = value(env)
+
+    return write
+
+
+def _bounded_writer(writes: Sequence[tuple[str, Evaluate, float | None]]) -> Callable[[Environment], None]:
+    """Return what writes variables after a look at each value: the type of some has a minimum."""
+
+    def write(env: Environment) -> None:
+        values = {}
+        for name, evaluate, least in writes:
+            values[name] = value = evaluate(env)
+            if least is not None and value < least:
+                raise ValueError(name)
+        env["context"].update(values)
 
     return write

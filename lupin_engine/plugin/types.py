@@ -168,10 +168,17 @@ def _to_number(value: Any, wanted: Type) -> float:
         if quantity is None or quantity[1] != wanted.unit:
             raise _wrong(value, wanted)
         value = quantity[0]
-    if isinstance(value, bool) or not isinstance(value, (int, float)) or math.isnan(value):
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not _is_finite(value):
         raise _wrong(value, wanted)
     _check_range(value, wanted)
     return float(value)
+
+
+def _is_finite(value: float) -> bool:
+    try:
+        return math.isfinite(value)
+    except OverflowError:  # an integer that no float can hold
+        return False
 
 
 def _check_range(value: float, wanted: Type) -> None:

@@ -57,9 +57,9 @@ class Reporter:
         if around is None:
             return
         rules = {rule.id: rule for state in self._chart.states.values() for rule in state.transitions}
-        for name in around.taken[:1]:
-            if name in rules:
-                yield f"taken at {around.time:.1f} s: {name}", rules[name].place
+        taken = [rules[name] for name in around.taken if name in rules]
+        for rule in [rule for rule in taken if _leads_to(rule.target, states)][:1] or taken[:1]:
+            yield f"taken at {around.time:.1f} s: {rule.id}", rule.place
         for one in around.why if around.refusal is not None else ():
             if one.holds and rules[one.transition].refuse is not None:
                 yield f"refused at {around.time:.1f} s: {one.transition}", one.place
@@ -75,6 +75,13 @@ class Reporter:
         at = max(0, len(until) - 1)
         first = max(0, at - AROUND)
         return tuple(lines[first : at + AROUND + 1]), at - first
+
+
+def _leads_to(target: str | None, states: Sequence[str]) -> bool:
+    """Say whether a target is one of the states, or holds one, or lies in one."""
+    return target is not None and any(
+        f"{name}.".startswith(f"{target}.") or f"{target}.".startswith(f"{name}.") for name in states
+    )
 
 
 def _text(value: Any) -> str:

@@ -232,7 +232,7 @@ def test_an_expression_notes_what_it_reads(catalog: Catalog) -> None:
         (
             "param.ratio",
             COUNT,
-            ["0: expected a plain number, but 'param.ratio' is a plain number [wrong-type]"],
+            ["0: expected a whole number, but 'param.ratio' is a plain number [wrong-type]"],
         ),
         ("param.far", DURATION, ["0: expected duration (s), but 'param.far' is length (m) [wrong-unit]"]),
         ("5", DURATION, ["0: expected duration (s), but '5' is a plain number [wrong-unit]"]),

@@ -33,6 +33,17 @@ DOCK = "{do: nav.dock, with: {pose: '${ param.dock_pose }'}, timeout: {after: 5 
 LOOK = "{do: nav.localize, with: {max_variance: 1}, timeout: {after: 5 s, code: late}}"
 
 RIGHT = {
+    "no-deadline: a wait for the world that time ends, or a person": """\
+  A:
+    on:
+      input.battery.low: B
+    after: {10 s: B}
+  B:
+    on:
+      input.battery.low: done
+      operator.skip_current: done
+  done: {type: final}
+""",
     "never-wins: a guard that is not always false": """\
   A:
     on:
@@ -52,6 +63,7 @@ RIGHT = {
       input.estop:
         - target: B
         - {target: done, during: estop}
+    after: {1 h: done}
   B: {after: {1 s: done}}
   done: {type: final}
 """,

@@ -173,6 +173,28 @@ def test_a_mission_that_stands_alone_gets_the_shipped_lifecycle(folder: Path) ->
     assert typed("m.yaml").output.splitlines()[0].startswith("m.yaml:4:13: error: MISSION.M.WAITING.after.0")
 
 
+def test_the_missions_of_this_folder_come_before_the_shipped_ones(folder: Path) -> None:
+    """Without a path, and by name: what an author has in the folder `missions` is what is meant."""
+    own = folder / "missions"
+    own.mkdir()
+    for file in ("lifecycle.yaml", "m.yaml"):
+        (folder / file).rename(own / file)
+    for arguments in ((), ("m",), ("M",)):
+        result = typed(*arguments)
+        assert result.output.startswith("missions/m.yaml:4:13: error: ")
+        assert result.output.splitlines()[-1] == "1 mission, 1 error, no warnings"
+    assert typed("inspection").output == "1 mission, no errors, no warnings\n"
+
+
+def test_a_folder_without_missions_is_wrong_usage(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """As for the other verbs; the folder above the missions is named often."""
+    (folder / "empty" / "missions").mkdir(parents=True)
+    assert main(["check", "empty/missions"]) == 2
+    assert capsys.readouterr().err == "lupin: there are no missions in 'empty/missions'\n"
+    assert main(["check", "empty"]) == 2
+    assert capsys.readouterr().err.endswith("in 'empty'; did you mean 'empty/missions'?\n")
+
+
 @pytest.mark.parametrize(
     ("arguments", "told"),
     [
@@ -380,7 +402,9 @@ def test_a_file_that_goes_away_meanwhile_is_no_failure(tmp_path: Path) -> None:
 
 #: Each of these would cost more than a check may; numpy comes with a plugin's geometry.
 NEEDLESS = ("numpy", "rich", "structlog", "transitions", "rclpy", "asyncio", "matplotlib", "readline")
-NEEDLESS_ROOMS = ("machine", "runtime", "launch", "diagram", "ros", "editor", "verify")
+NEEDLESS_ROOMS = ("machine", "runtime", "diagram", "ros", "editor", "verify")
+#: It knows where missions are looked for, and imports nothing else.
+ALLOWED_OF_LAUNCH = {"lupin_engine.launch", "lupin_engine.launch.mission"}
 
 
 def test_a_check_imports_what_it_needs() -> None:
@@ -392,6 +416,7 @@ def test_a_check_imports_what_it_needs() -> None:
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     loaded = set(done.stdout.splitlines()[-1].split())
     assert loaded & {*NEEDLESS, *(f"lupin_engine.{room}" for room in NEEDLESS_ROOMS)} == set()
+    assert {name for name in loaded if name.startswith("lupin_engine.launch")} <= ALLOWED_OF_LAUNCH
     # Nor does pydantic go through all packages for plugins of its own.
     assert "lupin_engine.cli.excerpt" in loaded
     assert "lupin_engine.cli.sarif" not in loaded

@@ -124,3 +124,13 @@ def test_a_reader_that_leaves_is_no_defect() -> None:
         process.stdin.close()
         assert process.stderr.read() == b""
         assert process.wait(30) == 141
+
+
+def test_garbage_is_collected_after_the_imports() -> None:
+    """Only they go without it; what they made is never looked through again."""
+    program = (
+        "import gc; from lupin_engine.cli.main import main; main(['schema', '--help']); "
+        "print(gc.isenabled(), gc.get_freeze_count() > 10_000)"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines()[-1] == "True True"

@@ -164,6 +164,13 @@ def test_a_new_file_begins_with_what_it_is(folder: Folder) -> None:
     assert [offer.insert for offer in found.found] == ["lifecycle: ", "mission: ", "part: "]
 
 
+def test_a_scenario_is_left_to_the_schema(folder: Folder) -> None:
+    """It does not begin with what it is not."""
+    path = folder.path.parent / "scenarios" / "a.scenario.yaml"
+    folder.put(path, "scenario: one tag\nmission: inspection\n")
+    assert complete(folder, path, 0).found == ()
+
+
 def test_a_name_with_dots_is_replaced_as_a_whole(typed: Typed, folder: Folder) -> None:
     """Editors do not agree on what a word is."""
     path, offset = typed("inspection.yaml", "do: nav.localize", "do: nav.lo|")

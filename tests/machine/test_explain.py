@@ -105,7 +105,7 @@ def explained(bench: Bench) -> dict[str, Possibility]:
 
 
 def test_requests_come_first_then_events_by_name() -> None:
-    """Of the engine's own events those that are heard here; patterns are no names."""
+    """How operations end and time passes is not asked for; patterns are no names."""
     states = {
         "A": {
             "always": {"target": "B", "guard": lambda env: False},
@@ -122,7 +122,6 @@ def test_requests_come_first_then_events_by_name() -> None:
         "operator.reset",
         "operator.resume",
         "operator.skip_current",
-        "after.0",
         "nav.gone",
         "zoo",
         "always",
@@ -158,15 +157,16 @@ def test_events_of_plugins_wait_while_held() -> None:
     assert bench.leaves == ["B"]
 
 
-def test_an_error_does_not_wait() -> None:
-    """FAULT is entered while held; the explanation agrees."""
-    bad = ("arm.preset", {"name": fails})
-    states = {"A": {"on": {"operator.dock": {"do": bad, "during": ["pause"]}}}, "FAULT": {}}
-    bench = Bench(chart(states, holds={"pause": PAUSE}))
+def test_a_level_is_possible_when_it_is_true() -> None:
+    """While it is held back by a hold, it is explained like an event that waits."""
+    states = {"A": {"on": {"input.wet": {"target": "B", "id": "A.wet"}}}, "B": {}}
+    bench = Bench(chart(states, inputs={"wet": {}}, holds={"pause": PAUSE}))
+    assert str(explained(bench)["input.wet"]) == "input.wet: it is not true now"
     bench.send("operator.pause")
-    assert str(explained(bench)["error.execution"]) == "error.execution: engine.fault"
-    bench.send("operator.dock")
-    assert (bench.leaves, bench.machine.view.held) == (["FAULT"], ("pause",))
+    bench.send(events.observed("wet", True, 0.0))
+    assert str(explained(bench)["input.wet"]) == f"input.wet: A.wet ({HERE}) waits: pause is engaged"
+    bench.send("operator.resume")
+    assert bench.leaves == ["B"]
 
 
 # -- the shipped mission ----------------------------------------------------------------------------------
@@ -194,12 +194,6 @@ def told(world: World) -> dict[str, str]:
     return {one.event: str(one).removeprefix(f"{one.event}: ") for one in found}
 
 
-def at(world: World, transition: str) -> str:
-    """Return a transition with its place."""
-    rules = {rule.id: rule for state in world.chart.states.values() for rule in state.transitions}
-    return f"{transition} ({rules[transition].place})"
-
-
 def test_in_ready() -> None:
     """A start is possible; the rest says where it would be."""
     world = World()
@@ -212,13 +206,12 @@ def test_in_ready() -> None:
         "operator.reset": "reset is not possible in READY; it is possible in FAULT",
         "operator.resume": "resume is not possible in READY because nothing is paused",
         "operator.skip_current": "skip_current is not possible in READY; it is possible in INSPECTING",
-        "error.execution": "engine.fault",
         "input.battery.low": "nobody listens to it here",
     }
 
 
 def test_in_a_drive() -> None:
-    """What the operator can do, and where the drive's end leads."""
+    """What the operator can do; a level is possible when it is true."""
     assert told(mission()) == {
         "mission.start": "start refused: a mission is already running",
         "operator.abort": "MISSION.on.operator.abort.0",
@@ -227,21 +220,17 @@ def test_in_a_drive() -> None:
         "operator.reset": "reset is not possible in INSPECTING NAVIGATING; it is possible in FAULT",
         "operator.resume": "resume is not possible in INSPECTING NAVIGATING because nothing is paused",
         "operator.skip_current": f"{NAVIGATING}.on.operator.skip_current.0",
-        "done": f"{NAVIGATING}.on_done.1",
-        "error": f"{NAVIGATING}.on_error.0",
-        "error.execution": "engine.fault",
-        "input.battery.low": "MISSION.on.input.battery.low.0",
+        "input.battery.low": "it is not true now",
     }
 
 
 def test_while_held() -> None:
-    """The drive's end waits; what says `during` or `releases` does not."""
+    """What says `during` or `releases` does not wait."""
     world = mission(Event("operator.pause"))
     found = told(world)
     assert found["operator.pause"] == "pause refused: paused by the operator"
     assert found["operator.resume"] == "releases pause"
     assert found["operator.abort"] == "MISSION.on.operator.abort.0"
-    assert found["error"] == f"{at(world, f'{NAVIGATING}.on_error.0')} waits: pause is engaged"
 
 
 def test_while_stopped() -> None:
@@ -251,7 +240,8 @@ def test_while_stopped() -> None:
     assert found["operator.resume"] == "resume refused: e-stop engaged"
     assert found["operator.skip_current"] == "skip_current refused: e-stop engaged"
     assert found["operator.dock"] == "MISSION.on.operator.dock.1"
-    assert found["input.battery.low"] == "MISSION.on.input.battery.low.0"
+    world.send(events.observed("robot.battery", 0.1, 0.0))
+    assert told(world)["input.battery.low"] == "nobody listens to it here", "the robot goes home on release"
 
 
 def test_on_the_way_home() -> None:
@@ -261,7 +251,7 @@ def test_on_the_way_home() -> None:
     assert found["operator.abort"] == "abort refused: returning because the battery is low"
     assert found["operator.pause"] == "pause refused: returning because the battery is low"
     assert found["operator.dock"] == "dock refused: the robot is already returning"
-    assert found["done"] == "RETURNING.DRIVING_HOME.on_done.0"
+    assert found["input.battery.low"] == "nobody listens to it here"
 
 
 def test_every_explanation_comes_true() -> None:

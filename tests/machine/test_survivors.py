@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from lupin_engine.machine.event import Act, Event, Publish, cancelled, done, failed, progress
+from lupin_engine.machine.event import Act, Event, Publish, accepted, cancelled, done, failed, progress
 from lupin_engine.machine.explain import Possibility
 from lupin_engine.machine.memory import Phase, Visit, Walk
 from lupin_engine.machine.snapshot import shift
@@ -595,3 +595,53 @@ def test_sweeps_that_cannot_be_computed_are_one() -> None:
     walk = bench.machine.memory.walk
     assert walk is not None
     assert (walk.sweeps, walk.is_last_sweep) == (1, True)
+
+
+ENDS = {
+    "done": lambda attempt: done(attempt, {}),
+    "failed": lambda attempt: failed(attempt, "blocked"),
+    "cancelled": cancelled,
+}
+
+
+@pytest.mark.parametrize(("word", "leaf"), [("done", "GOOD"), ("failed", "BAD"), ("cancelled", "BAD")])
+def test_an_accepted_operation_ends_with_every_word(word: str, leaf: str) -> None:
+    """After that nothing is known of it, and nothing is to be cancelled."""
+    state = {"invoke": "nav.go", "on_done": "GOOD", "on_error": "BAD"}
+    bench = Bench(chart({"A": state, "GOOD": {}, "BAD": {}}))
+    bench.send(accepted(bench.attempt))
+    step = bench.send(ENDS[word](bench.attempt))
+    assert (bench.leaves, step.commands, bench.machine.memory.attempts) == ([leaf], (), {})
+
+
+def test_an_accepted_operation_that_nobody_wants_is_cancelled() -> None:
+    """Its server works on it."""
+    bench = Bench(chart({"A": {"invoke": "nav.go", "on": {"go": "B"}}, "B": {}}))
+    bench.send(accepted(bench.attempt))
+    bench.send("go")
+    assert bench.commands == ["cancel a2"]
+    assert bench.machine.view.cancelling == ("nav.go",)
+
+
+@pytest.mark.parametrize("word", ENDS)
+def test_a_lost_operation_that_ends_after_all_is_forgotten(word: str) -> None:
+    """Its server is free again."""
+    bench = Bench(chart({"A": {"invoke": "nav.go", "on": {"go": "B"}}, "B": {}}))
+    attempt = bench.attempt
+    bench.send("go")
+    bench.wait_for_next()
+    assert [one.phase for one in bench.machine.memory.attempts.values()] == [Phase.LOST]
+    bench.send(ENDS[word](attempt))
+    assert bench.machine.memory.attempts == {}
+
+
+@pytest.mark.parametrize(("word", "leaf"), [("done", "GOOD"), ("failed", "BAD"), ("cancelled", "BAD")])
+def test_an_end_passes_a_hold_where_its_transition_does(word: str, leaf: str) -> None:
+    """Success and failure each by their own transitions."""
+    for during, expected in ((("pause",), leaf), ((), "A")):
+        rules = {name: {"target": name, "during": during} for name in ("GOOD", "BAD")}
+        state = {"invoke": "bridge.read", "on_done": rules["GOOD"], "on_error": rules["BAD"]}
+        bench = Bench(chart({"A": state, "GOOD": {}, "BAD": {}}, holds={"pause": PAUSE}))
+        bench.send("operator.pause")
+        bench.send(ENDS[word](bench.attempt))
+        assert bench.leaves == [expected]

@@ -494,3 +494,13 @@ def test_missions_and_worlds_are_made_once(tmp_path: Path) -> None:
         one.chart, {"nav_max_attempts": 3}
     )
     assert MISSIONS.world(one.chart, {}) is not MISSIONS.world(one.chart, {"nav_max_attempts": 3})
+
+
+def test_of_several_transitions_of_a_step_the_one_that_led_there_is_shown(tmp_path: Path) -> None:
+    """The last tag's end ends the mission in the same step; PUBLISHING is not what leads home."""
+    scenario = loaded(tmp_path, HEAD + "expect: {never: [RETURNING]}\n")
+    (failure,) = scenario.failures(scenario.run())
+    assert [what for what, _ in failure.concerned] == [
+        "the state RETURNING",
+        "taken at 3.7 s: MISSION.on_done.0",
+    ]

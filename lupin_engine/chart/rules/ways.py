@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 
-from lupin_engine.chart.model import Chart, Kind, State
+from lupin_engine.chart.model import Chart, Constant, Kind, State
 from lupin_engine.chart.rules.graph import components
 from lupin_engine.chart.rules.index import FAULT, Index
-from lupin_engine.errors import Diagnostic
+from lupin_engine.errors import Diagnostic, Severity
 
 # -- never-happens, no-deadline ---------------------------------------------------------------------------
 
@@ -54,6 +54,36 @@ def waits_for_ever(index: Index) -> Iterator[Diagnostic]:
             problem = f"{work.invoke.name} may take for ever, and nothing else leaves this state"
             hint = "add an 'after', an 'always' or an answer to an event"
             yield Diagnostic(node.invoke.at("timeout"), "no-deadline", work.state.name, problem, hint)
+
+
+def waits_for_the_world(index: Index) -> Iterator[Diagnostic]:
+    """Find a state of a mission that only live values and events of plugins lead out of, and no time."""
+    events = [call.action.arguments["event"] for call in index.calls if call.action.name == "raise"]
+    raised = {str(event.value) for event in events if isinstance(event, Constant)}
+    for state in index.states:
+        around = [index.chart.states[name] for name in index.lineage[state.name]]
+        inner = [one for one in around if one.mission]
+        if not inner or state.kind is not Kind.ATOMIC or any(_does_something(index, one) for one in inner):
+            continue
+        leading = [t for one in inner for t in one.transitions if t.target is not None]
+        if leading and all(_comes_from_the_world(t.event, raised) for t in leading):
+            problem = f"nothing ends the wait for {leading[0].event} should it never come"
+            hint = "add 'after: {DURATION: STATE}'"
+            place = leading[0].place
+            yield Diagnostic(place, "no-deadline", state.name, problem, hint, Severity.WARN)
+
+
+def _does_something(index: Index, state: State) -> bool:
+    """Tell whether a state works, watches the clock (as it is written), or stands beside others that do."""
+    node = index.composed.drafts[state.name].node
+    written = node is not None and bool(node.invoke or node.for_each or node.after or node.budget)
+    return written or state.kind is Kind.PARALLEL
+
+
+def _comes_from_the_world(event: str, raised: set[str]) -> bool:
+    """Tell whether nobody in the chart and no operator makes an event."""
+    first = event.partition(".")[0]
+    return event not in raised and first not in ("", "*", "operator", "mission", "done", "error")
 
 
 def _has_way_out(index: Index, state: State, without: Iterable[str] = ()) -> bool:
