@@ -25,6 +25,7 @@ from lupin_engine.plugin.types import (
     POSE,
     TEXT,
     Type,
+    convert,
     list_of,
 )
 
@@ -208,3 +209,10 @@ def test_a_number_that_cannot_be_kept_is_refused(text: str, wanted: Type, shown:
     file, findings = written(f"a: {text}"), Findings()
     assert read_constant(file["a"], file.value_place("a"), wanted, findings, "here") is None
     assert told(findings) == [f"4: {shown} is too large;  [wrong-type]"]
+
+
+@pytest.mark.parametrize("given", [float("inf"), float("-inf"), float("nan"), 10**400, "1e400 s"])
+def test_data_that_no_clock_could_show_is_refused(given: object) -> None:
+    """A request or a parameter with an endless number is wrong when it is read, not when a timer needs it."""
+    with pytest.raises(ValueError, match="expected duration, got"):
+        convert(given, DURATION)

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import pytest
 
+from lupin_engine.chart.model import Variable
 from lupin_engine.machine.event import Publish, Report
-from tests.machine.charts import PAUSE, Bench, chart, said
+from lupin_engine.plugin.types import COUNT
+from tests.machine.charts import PAUSE, PLACE, Bench, chart, said, value
 
 BROKEN = ("arm.preset", {"name": lambda env: env["absent"]})
 
@@ -241,3 +244,18 @@ def test_context_is_written_by_set() -> None:
     bench.send("go")
     bench.send("go")
     assert bench.context["n"] == 3
+
+
+def test_a_variable_keeps_within_its_type() -> None:
+    """A count below zero is an error with its place, whichever way the event goes, and nothing is written."""
+    less = ("set", {"n": lambda env: env["context"]["n"] - 1})
+    states = {
+        "A": {"on": {"less": {"target": "B", "do": less}}},
+        "B": {"on": {"less": {"target": "A", "do": less}}},
+    }
+    given = chart(states, context={"n": 3})
+    bench = Bench(replace(given, context={"n": Variable("n", COUNT, value(3), PLACE)}))
+    steps = [bench.send("less") for _ in range(5)]
+    assert bench.context == {"n": 0}
+    told = "test.yaml:1:1: set: n is a count of at least 0, got -1"
+    assert [step.notes for step in steps[2:]] == [(), *[(told, f"nobody handles the error {told}")] * 2]

@@ -244,3 +244,11 @@ def test_names_without_number_teach_nothing_without_bound() -> None:
         bench.machine.handle(Event(f"nav.{number}"), 0.0)
     row = bench.machine._row
     assert (len(row.answers), len(row._candidates)) == (1024, 1024)
+
+
+def test_a_name_that_is_no_text_is_dropped() -> None:
+    """Against the types, but a driver of others may do it."""
+    bench = Bench(chart({"A": {}}))
+    for name, shown in ((None, "None"), (5, "5")):
+        step = bench.machine.handle(Event(name), 0.0)  # type: ignore[arg-type]
+        assert step.notes == (f"dropped: the name of an event is no text: {shown}",)
