@@ -14,7 +14,7 @@ from pathlib import Path
 
 from bench import FIRST_EVENTS, FOLDER, Bench, Reached, Unsupported, is_load, loading, reached
 
-from lupin_engine.chart.load import LIFECYCLE, default_missions_folder, load_chart
+from lupin_engine.chart.load import LIFECYCLE, default_missions_folder, forget, load_chart
 from lupin_engine.chart.model import Chart
 from lupin_engine.machine.event import Event, Start, done
 from lupin_engine.machine.machine import Machine
@@ -149,6 +149,7 @@ def _load(states: int) -> Bench:
     file.write_text(mission(states), encoding="utf-8")
 
     def load() -> Machine:
+        forget()  # nothing may come from the cache
         machine = make_machine(load_chart(lifecycle, [file], catalog), catalog, {})
         machine.start(0.0)
         return machine

@@ -111,6 +111,11 @@ class Surroundings(dict[str, Any]):
         self["event"] = cause.event
         return self
 
+    def forget(self) -> None:
+        """Let go of what the last step was about."""
+        self._cause = NO_CAUSE
+        self["event"] = NOTHING
+
     def __missing__(self, root: str) -> Any:
         found = _ASKED_SELDOM.get(root)
         if found is None:

@@ -246,6 +246,7 @@ class Machine:
         self.answers = self._row.answers if quiet else _NO_ANSWERS
         turn.row = self._row
         self._turn = _NO_TURN
+        self.env.forget()
         return Step(memory.sequence, turn.now, turn.event, tuple(turn.plans), turn)
 
     def _comes_to_rest(self) -> bool:

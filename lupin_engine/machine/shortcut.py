@@ -214,17 +214,31 @@ def _writer(chart: Chart, writes: Writes) -> Callable[[Environment], None] | Non
     if not writes:
         return None
     bounds = {name: chart.context[name].type.minimum for name, _ in writes if name in chart.context}
-    if len(writes) > 1 or any(least is not None for least in bounds.values()):
-        return _bounded_writer([(name, evaluate, bounds.get(name)) for name, evaluate in writes])
-    ((only, value),) = writes
+    if len(writes) > 1:
+        return _writer_of_several([(name, evaluate, bounds.get(name)) for name, evaluate in writes])
+    ((only, evaluate),) = writes
+    least = bounds.get(only)
+    return _bounded_writer(only, evaluate, least) if least is not None else _plain_writer(only, evaluate)
 
+
+def _plain_writer(name: str, evaluate: Evaluate) -> Callable[[Environment], None]:
     def write(env: Environment) -> None:
-        env["context"][only] = value(env)
+        env["context"][name] = evaluate(env)
 
     return write
 
 
-def _bounded_writer(writes: Sequence[tuple[str, Evaluate, float | None]]) -> Callable[[Environment], None]:
+def _bounded_writer(name: str, evaluate: Evaluate, least: float) -> Callable[[Environment], None]:
+    def write(env: Environment) -> None:
+        value = evaluate(env)
+        if value < least:
+            raise ValueError(name)
+        env["context"][name] = value
+
+    return write
+
+
+def _writer_of_several(writes: Sequence[tuple[str, Evaluate, float | None]]) -> Callable[[Environment], None]:
     """Return what writes variables after a look at each value: the type of some has a minimum."""
 
     def write(env: Environment) -> None:

@@ -8,12 +8,14 @@ import pytest
 
 from lupin_engine.machine.event import Act, Event, Publish, accepted, cancelled, done, failed, progress
 from lupin_engine.machine.explain import Possibility
+from lupin_engine.machine.machine import Machine
 from lupin_engine.machine.memory import Phase, Visit, Walk
+from lupin_engine.machine.operations import CANCEL_DEADLINE
 from lupin_engine.machine.snapshot import shift
-from lupin_engine.machine.step import Considered, Refusal
+from lupin_engine.machine.step import Considered, Refusal, Step
 from lupin_engine.machine.view import Moment
 from lupin_engine.plugin.types import NUMBER, TEXT
-from tests.machine.charts import PAUSE, PLACE, Bench, chart, fails, value
+from tests.machine.charts import PAUSE, PLACE, Bench, chart, expression, fails, value
 
 # -- events -----------------------------------------------------------------------------------------------
 
@@ -258,6 +260,32 @@ def test_a_level_moves_one_region_while_another_waits() -> None:
     bench.observe("right", False)
     bench.observe("left", True)
     assert bench.leaves == ["P.left.ON", "P.right.OFF"]
+
+
+def test_what_is_left_of_a_wait_is_left_after_a_hold() -> None:
+    """Also when it is less than a second, and nothing when its time had come."""
+    for paused_at, left in ((4.5, 0.5), (5.0, 0.0), (6.0, 0.0)):
+        bench = Bench(chart({"A": {"after": {5.0: "B"}}, "B": {}}, holds={"pause": PAUSE}))
+        bench.now = paused_at
+        bench.send("operator.pause")
+        bench.wait(20.0)
+        bench.send("operator.resume")
+        assert bench.wait_for_next() == left
+        assert bench.leaves == ["B"]
+
+
+def test_the_world_goes_on_while_the_chart_is_held() -> None:
+    """A value grows old, and a cancel under way is not waited for any longer than without the hold."""
+    state = {"invoke": "nav.go", "on": {"go": "B"}}
+    bench = Bench(chart({"A": state, "B": {}}, holds={"pause": PAUSE}, inputs={"x": {"freshness": 2.0}}))
+    bench.observe("x", 1)
+    bench.send("go")
+    bench.send("operator.pause")
+    notes = [note for step in bench.wait(CANCEL_DEADLINE) for note in step.notes]
+    assert notes == [
+        "input.x is unknown: last reported 2 s ago",
+        f"nav.go did not confirm its cancel in {CANCEL_DEADLINE:g} s",
+    ]
 
 
 # -- requests -----------------------------------------------------------------------------------------------
@@ -645,3 +673,64 @@ def test_an_end_passes_a_hold_where_its_transition_does(word: str, leaf: str) ->
         bench.send("operator.pause")
         bench.send(ENDS[word](bench.attempt))
         assert bench.leaves == [expected]
+
+
+# -- shortcuts ----------------------------------------------------------------------------------------------
+
+
+class Slow(Machine):
+    """A machine that takes no shortcuts."""
+
+    __slots__ = ()
+
+    def handle(self, event: Event, now: float) -> Step:
+        """Always by the general algorithm."""
+        return self.macrostep(event, now)
+
+    def advance(self, now: float) -> Step | None:
+        """Always by the general algorithm."""
+        self.answers = {}
+        return super().advance(now)
+
+
+class SlowBench(Bench):
+    """A bench with such a machine."""
+
+    machine_type = Slow
+
+
+def fresh(env: Any) -> Any:
+    """Return whether `x` is known."""
+    return env["known"]("x")
+
+
+SEEN = ("set", {"in_c": expression(lambda env: env["in_state"](["C"]), "in_state(C)")})
+
+
+def test_shortcuts_count_set_and_arm_as_the_general_algorithm_does() -> None:
+    """Guards, variables, deadlines and live values, three times round: after the first all was learned."""
+    n, odd = (lambda env: env["context"]["n"] + 1), (lambda env: env["context"]["n"] % 2 == 1)
+    one, two = ("set", {"n": n}), ("set", {"n": n, "m": n})
+    rules = [{"target": "C", "guard": odd}, {"target": "B"}]
+    states = {
+        "A": {"after": {5.0: "B", 7.0: "C"}, "on": {"go": "B", "choose": rules}},
+        "B": {"on": {"back": {"target": "A", "do": one}, "old": {"target": "A", "guard": fresh}}},
+        "C": {"on": {"back": {"target": "A", "do": two}, "here": {"target": "D", "do": SEEN}}},
+        "D": {"after": {1.0: "A"}, "on": {"go": {"target": "A", "code": "told"}}},
+    }
+    context = {"n": 0, "m": 0, "in_c": None}
+    given = chart(states, context=context, codes={"told": "told"}, inputs={"x": {"freshness": 40.0}})
+    quick, slow = Bench(given), SlowBench(given)
+    for bench in (quick, slow):
+        bench.observe("x", 1, 0.0)
+        for _ in range(3):
+            for event in ("go", "back", "choose", "back", "choose", "here", "go", "choose", "old", "back"):
+                bench.send(event)
+                bench.wait(0.5)
+            bench.wait(13.0)
+            bench.send("back")
+            bench.send("back")
+    assert quick.machine.answers != {}
+    assert quick.steps == slow.steps
+    assert quick.machine.memory == slow.machine.memory
+    assert [step.sequence for step in quick.steps] == [*range(1, len(quick.steps) + 1)]
