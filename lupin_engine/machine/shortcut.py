@@ -191,6 +191,8 @@ def _timing(plan: Plan) -> tuple[tuple[Arm, ...], frozenset[tuple[str, str]]]:
 def _guarded(chart: Chart, options: tuple[Option, ...], fixed: Event | None) -> Shortcut:
     """Return the shortcut for transitions with guards, or that write variables."""
     choices = tuple((guard, _writer(chart, writes), _plain(plan, fixed)) for guard, plan, writes in options)
+    if len(choices) == 1:
+        return _guarded_once(*choices[0])
 
     def take(machine: Machine, event: Event, now: float) -> Step | None:
         env = machine.env
@@ -205,6 +207,27 @@ def _guarded(chart: Chart, options: tuple[Option, ...], fixed: Event | None) -> 
         except Exception:
             return None  # the general way tells what raised, and where
         return None
+
+    return take
+
+
+def _guarded_once(
+    guard: Evaluate | None, write: Callable[[Environment], None] | None, move: Shortcut
+) -> Shortcut:
+    """Return the shortcut for the one transition that can be taken, which is what most have."""
+
+    def take(machine: Machine, event: Event, now: float) -> Step | None:
+        env = machine.env
+        env["event"] = event.data
+        env.inputs.now = now
+        try:
+            if guard is not None and not guard(env):
+                return None
+            if write is not None:
+                write(env)
+        except Exception:
+            return None  # the general way tells what raised, and where
+        return move(machine, event, now)
 
     return take
 
