@@ -141,8 +141,8 @@ def test_a_level_has_hysteresis() -> None:
     """A low battery is low until it is clearly charged."""
     bench = Bench(chart({"A": {}}, inputs=BATTERY))
     found = []
-    for value in (0.5, 0.19, 0.2, 0.24, 0.25, 0.21):
-        charge(bench, value)
+    for charged in (0.5, 0.19, 0.2, 0.24, 0.25, 0.21):
+        charge(bench, charged)
         found.append(bench.machine.memory.levels["input.battery.low"])
     assert found == [False, True, True, True, False, False]
 
