@@ -259,3 +259,35 @@ def test_a_variable_keeps_within_its_type() -> None:
     assert bench.context == {"n": 0}
     told = "test.yaml:1:1: set: n is a count of at least 0, got -1"
     assert [step.notes for step in steps[2:]] == [(), *[(told, f"nobody handles the error {told}")] * 2]
+
+
+def test_a_choice_that_fails_is_told_and_writes_nothing() -> None:
+    """Two variables of one `set` are written together or not at all, by the second way as by the first."""
+    both = ("set", {"n": lambda env: env["context"]["n"] - 1, "m": lambda env: env["context"]["m"] + 1})
+    choice = [
+        {"target": "B", "guard": lambda env: env["event"]["odd"], "do": both},
+        {"target": "C", "do": both},
+    ]
+    back = {"on": {"back": "A"}}
+    given = chart({"A": {"on": {"go": choice}}, "B": back, "C": back}, context={"n": 2, "m": 0})
+    bench = Bench(replace(given, context={**given.context, "n": Variable("n", COUNT, value(2), PLACE)}))
+    seen = []
+    for odd in (True, False, True):
+        bench.send("go", odd=odd)
+        seen.append((bench.leaves[0], dict(bench.context)))
+        bench.send("back")
+    assert seen == [("B", {"n": 1, "m": 1}), ("C", {"n": 0, "m": 2}), ("B", {"n": 0, "m": 2})]
+    step = bench.send("go")
+    assert bench.leaves == ["C"], "a guard that cannot be evaluated is false, and an error"
+    assert step.notes[0].startswith("test.yaml:1:1: guard: 'odd'")
+
+
+def test_a_choice_may_choose_nothing() -> None:
+    """When no guard of a choice that was met before holds, nothing happens, and the step says why."""
+    choice = [{"target": name, "guard": lambda env, n=name: env["event"]["to"] == n} for name in ("B", "C")]
+    bench = Bench(chart({"A": {"on": {"go": choice}}, "B": {"on": {"back": "A"}}, "C": {}}))
+    for to in ("B", "nowhere"):
+        step = bench.send("go", to=to)
+        bench.send("back")
+    assert bench.leaves == ["A"]
+    assert (step.taken, len(step.why)) == ((), 2)
