@@ -90,12 +90,7 @@ class Node(BaseModel):
 
     def key_at(self, key: str, *inner: str) -> Place:
         """Return where the key itself stands, or a key in its mapping, as deep as there is one."""
-        raw, words = self._raw, (key, *inner)
-        holder, last = None, key
-        for name in words:
-            if not isinstance(raw, Map) or name not in raw:
-                break
-            holder, last, raw = raw, name, raw[name]
+        holder, last = self._deepest(key, *inner)
         return self.place if holder is None else holder.key_place(last)
 
     def text_of_key(self, key: str, inner: str) -> Text:
@@ -110,13 +105,17 @@ class Node(BaseModel):
 
     def value_at(self, key: str, *inner: str) -> Place:
         """Return where a value in nested mappings stands, as deep as there is one."""
-        raw, words = self._raw, (key, *inner)
-        holder, last = None, key
+        holder, last = self._deepest(key, *inner)
+        return self.place if holder is None else holder.value_place(last)
+
+    def _deepest(self, *words: str) -> tuple[Map | None, str]:
+        """Follow keys into nested mappings; return the last mapping that had its key, and that key."""
+        raw, holder, last = self._raw, None, ""
         for name in words:
             if not isinstance(raw, Map) or name not in raw:
                 break
             holder, last, raw = raw, name, raw[name]
-        return self.place if holder is None else holder.value_place(last)
+        return holder, last
 
 
 def _many(description: str) -> Any:
