@@ -22,7 +22,7 @@ from lupin_engine.chart.documents import (
 )
 from lupin_engine.chart.expressions import BUILTIN_CALLS, ROOTS, WORDS, Scope, Usage
 from lupin_engine.chart.findings import Findings
-from lupin_engine.chart.model import Constant, Field, Hold, Input, Level, Variable
+from lupin_engine.chart.model import REQUESTS, Constant, Field, Hold, Input, Level, Variable
 from lupin_engine.chart.quantities import describe, is_number
 from lupin_engine.chart.values import read_constant, read_guard, read_key, read_value
 from lupin_engine.errors import Place, Severity, nearest
@@ -31,10 +31,6 @@ from lupin_engine.plugin.registry import Catalog
 from lupin_engine.plugin.types import BOOL, DURATION, UNITS, Type, number_in, parse_type
 
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
-
-#: What an operator may ask for at any time; the other request is mission.start.
-OPERATOR_REQUESTS = ("abort", "dock", "pause", "reset", "resume", "skip_current")
-REQUESTS = ("mission.start", *(f"operator.{name}" for name in OPERATOR_REQUESTS))
 
 _SEVERITIES: Mapping[str, Severity] = {"info": Severity.INFO, "warn": Severity.WARN, "error": Severity.ERROR}
 

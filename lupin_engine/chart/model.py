@@ -17,6 +17,10 @@ from lupin_engine.errors import Place
 from lupin_engine.plugin.contract import Code, Operation, Parameter
 from lupin_engine.plugin.types import Type
 
+#: What an operator may ask for at any time, as `operator.NAME`; the other request is `mission.start`.
+OPERATOR_REQUESTS = ("abort", "dock", "pause", "reset", "resume", "skip_current")
+REQUESTS = ("mission.start", *(f"operator.{name}" for name in OPERATOR_REQUESTS))
+
 #: What an expression sees: the records param, request, input, event, error, target and itinerary; `item`
 #: (what a `for_each` is at); `context` (variables by name); and the callables `known(input)`, `held(hold)`,
 #: `in_state(full_names)` and, in `functions`, those of the plugins by full name.

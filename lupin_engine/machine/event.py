@@ -8,10 +8,6 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any
 
-#: The requests that an operator can make beside `mission.start`, as `operator.NAME`.
-OPERATOR_REQUESTS = ("abort", "dock", "pause", "reset", "resume", "skip_current")
-
-
 #: The data of an event that has none.
 NOTHING: Mapping[str, Any] = MappingProxyType({})
 

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from lupin_engine.chart.model import REQUESTS
 from lupin_engine.machine.answers import Answers, consider
 from lupin_engine.machine.core import Core
 from lupin_engine.machine.environment import NO_CAUSE, Cause
-from lupin_engine.machine.event import OPERATOR_REQUESTS, Event
+from lupin_engine.machine.event import Event
 from lupin_engine.machine.plan import Row
 from lupin_engine.machine.step import Considered, Refusal
 from lupin_engine.machine.structure import ENGINE_EVENTS, Structure
 from lupin_engine.machine.turn import Turn
 
-_REQUESTS = ("mission.start", *(f"operator.{name}" for name in OPERATOR_REQUESTS))
 #: How eventless transitions are called where an event's name is expected.
 ALWAYS = "always"
 
@@ -65,8 +65,8 @@ class Explainer:
         operations end and time passes is not asked for. What a mission's request must carry is
         looked at only when it comes, and a guard that reads the event's data sees none.
         """
-        others = [n for n in (*self._structure.events, "") if n not in _REQUESTS and not _is_internal(n)]
-        found = [self._request(name, now) for name in _REQUESTS] + [self._event(name, now) for name in others]
+        others = [n for n in (*self._structure.events, "") if n not in REQUESTS and not _is_internal(n)]
+        found = [self._request(name, now) for name in REQUESTS] + [self._event(name, now) for name in others]
         return tuple(one for one in found if one.considered or one.event != ALWAYS)
 
     def considered(self, event: str, now: float, cause: Cause = NO_CAUSE) -> tuple[Considered, ...]:

@@ -18,7 +18,7 @@ from typing import Any, Literal
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
-from lupin_engine.machine.event import OPERATOR_REQUESTS
+from lupin_engine.chart.model import OPERATOR_REQUESTS
 from lupin_engine.ros.middleware import Failure, Qos, RosNode, ServiceCaller
 from lupin_msgs.msg import MissionState, Observation
 from lupin_msgs.srv import StartMission

@@ -21,9 +21,9 @@ from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
 from lupin_engine.chart.load import default_missions_folder, find_mission, load_chart, mission_files
-from lupin_engine.chart.model import Chart
+from lupin_engine.chart.model import OPERATOR_REQUESTS, Chart
 from lupin_engine.errors import LupinError
-from lupin_engine.machine.event import OPERATOR_REQUESTS, Event, Publish, Report
+from lupin_engine.machine.event import Event, Publish, Report
 from lupin_engine.machine.step import Step
 from lupin_engine.machine.view import Moment, View
 from lupin_engine.plugin.contract import Driver, Parameter

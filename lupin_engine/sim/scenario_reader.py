@@ -8,9 +8,8 @@ from typing import Any
 
 from lupin_engine.chart.documents import Node, show
 from lupin_engine.chart.findings import Findings
-from lupin_engine.chart.model import Chart
+from lupin_engine.chart.model import OPERATOR_REQUESTS, Chart
 from lupin_engine.errors import Place
-from lupin_engine.machine.event import OPERATOR_REQUESTS
 from lupin_engine.plugin.contract import Operation
 from lupin_engine.plugin.registry import Catalog
 from lupin_engine.plugin.types import DURATION, NUMBER, Type, convert

@@ -11,10 +11,9 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from lupin_engine.chart.model import Chart
+from lupin_engine.chart.model import OPERATOR_REQUESTS, Chart
 from lupin_engine.errors import LupinError, nearest
 from lupin_engine.machine.environment import World
-from lupin_engine.machine.event import OPERATOR_REQUESTS
 from lupin_engine.plugin.registry import Catalog
 from lupin_engine.plugin.types import ANY, DURATION, Type, convert
 from lupin_engine.sim import looks

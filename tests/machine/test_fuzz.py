@@ -11,8 +11,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from lupin_engine.chart.model import OPERATOR_REQUESTS
 from lupin_engine.machine import event as events
-from lupin_engine.machine.event import OPERATOR_REQUESTS, Event
+from lupin_engine.machine.event import Event
 from lupin_engine.machine.machine import MAX_DEFERRED
 from lupin_engine.machine.operations import CANCEL_DEADLINE, MAX_LOST
 from lupin_engine.machine.step import Refusal

@@ -7,9 +7,9 @@ import copy
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lupin_engine.chart.model import Chart
+from lupin_engine.chart.model import OPERATOR_REQUESTS, Chart
 from lupin_engine.machine import event as events
-from lupin_engine.machine.event import OPERATOR_REQUESTS, Event, Publish
+from lupin_engine.machine.event import Event, Publish
 from lupin_engine.machine.machine import Machine
 from lupin_engine.machine.memory import Memory, Phase
 from lupin_engine.machine.snapshot import restore
