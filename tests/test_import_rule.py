@@ -26,7 +26,8 @@ RULE = {
     "machine": ("chart",),
     "runtime": ("machine",),
     "sim": ("runtime",),
-    "ros": ("runtime",),
+    "middleware": ("plugin",),
+    "ros": ("runtime", "middleware"),
     "diagram": ("chart",),
     "verify": ("machine",),
     "editor": ("chart",),
@@ -36,7 +37,7 @@ RULE = {
 }
 #: Outside packages that belong to certain rooms only.
 OWNED = {
-    "rclpy": {"ros"},
+    "rclpy": {"middleware"},
     "transitions": {"machine"},
     "click": {"cli"},
     "rich": {"cli"},
@@ -44,7 +45,7 @@ OWNED = {
     "pygls": {"editor"},
     "lsprotocol": {"editor"},
     "resvg_py": {"diagram"},
-    "structlog": {"ros", "launch", "cli"},
+    "structlog": {"middleware", "launch", "cli"},
 }
 #: What would make a chart or a machine depend on more than its inputs.
 IMPURE = {"asyncio", "datetime", "logging", "multiprocessing", "os", "queue", "random", "secrets", "socket"}

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from lupin_engine.ros import environment
+from lupin_engine.middleware import environment
 
 DOMAIN = "ROS_DOMAIN_ID"
 RANGE = "ROS_AUTOMATIC_DISCOVERY_RANGE"

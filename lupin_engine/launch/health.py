@@ -22,9 +22,9 @@ from lupin_engine.launch.environment import DOMAIN, HIGHEST_DOMAIN, RANGE
 from lupin_engine.launch.mission import folders
 from lupin_engine.launch.requirements import INSTALL_ROS
 from lupin_engine.launch.shared_memory import stale_segments
+from lupin_engine.middleware import environment
+from lupin_engine.middleware.type_hashes import local_hash
 from lupin_engine.plugin.registry import GROUP, build_catalog, import_plugin, load_catalog
-from lupin_engine.ros import environment
-from lupin_engine.ros.type_hashes import local_hash
 
 State = Literal["ok", "note", "problem"]
 

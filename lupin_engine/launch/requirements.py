@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from lupin_engine.errors import UsageError
-from lupin_engine.ros import environment
+from lupin_engine.middleware import environment
 
 #: How to get ROS 2, in the words that every message uses.
 INSTALL_ROS = (

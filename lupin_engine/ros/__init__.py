@@ -1,1 +1,1 @@
-"""The ROS 2 edge: everything that knows rclpy, and what a process needs before it may import it."""
+"""The engine on ROS 2: the node that runs missions, and the operator's side of it."""

@@ -19,7 +19,7 @@ from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
 from lupin_engine.chart.model import OPERATOR_REQUESTS
-from lupin_engine.ros.middleware import Failure, Qos, RosNode, ServiceCaller
+from lupin_engine.middleware.node import Failure, Qos, RosNode, ServiceCaller
 from lupin_msgs.msg import MissionState, Observation
 from lupin_msgs.srv import StartMission
 

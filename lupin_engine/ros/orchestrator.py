@@ -26,11 +26,11 @@ from lupin_engine.errors import LupinError
 from lupin_engine.machine.event import Event, Publish, Report
 from lupin_engine.machine.step import Step
 from lupin_engine.machine.view import Moment, View
+from lupin_engine.middleware.node import Qos, RosNode, Timer
 from lupin_engine.plugin.contract import Driver, Parameter
 from lupin_engine.plugin.registry import Catalog, load_catalog
 from lupin_engine.plugin.types import NUMBER, TEXT, list_of
 from lupin_engine.ros import messages
-from lupin_engine.ros.middleware import Qos, RosNode, Timer
 from lupin_engine.ros.readiness import Readiness
 from lupin_engine.runtime.engine import Engine, EngineOutlet
 from lupin_engine.runtime.record import step_record, view_record

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any
 
+from lupin_engine.middleware.host import Timer
 from lupin_engine.plugin.contract import Driver, Outlet
-from lupin_engine.ros.host import Timer
 
 #: How often the drivers are asked while BOOT waits, in seconds.
 POLL_PERIOD = 0.2

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from typing import Any
 
 from lupin_bridge.greenhouse import Greenhouse, ReadingFailed, Settings, UnknownTag
+from lupin_engine.middleware.node import RosNode
 from lupin_engine.plugin.contract import Parameter
 from lupin_engine.plugin.types import INTEGER, NUMBER, TEXT
-from lupin_engine.ros.middleware import RosNode
 from lupin_msgs.msg import SensorReading, TagReading
 from lupin_msgs.srv import GetTagReading
 

@@ -17,8 +17,8 @@ from nav2_msgs.action import NavigateToPose
 from sensor_msgs.msg import BatteryState
 from std_msgs.msg import Bool
 
+from lupin_engine.middleware.node import Call, Goal, Qos, RosNode, Timer
 from lupin_engine.plugin.contract import Outlet
-from lupin_engine.ros.middleware import Call, Goal, Qos, RosNode, Timer
 from lupin_nav import goal_status, localization
 from lupin_nav.battery import charge
 

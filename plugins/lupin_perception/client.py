@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from lupin_engine.middleware.node import Failure, RosNode
+from lupin_engine.middleware.service_driver import Done, Failed, ServiceDriver, ServiceOperation
 from lupin_engine.plugin.contract import Outlet
-from lupin_engine.ros.middleware import Failure, RosNode
-from lupin_engine.ros.service_driver import Done, Failed, ServiceDriver, ServiceOperation
 from lupin_msgs.srv import ConfirmTag
 
 

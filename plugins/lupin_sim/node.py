@@ -25,9 +25,9 @@ from std_msgs.msg import Bool
 from tf2_msgs.msg import TFMessage
 
 from lupin_engine.errors import LupinError
+from lupin_engine.middleware.node import Qos, RosNode, ServedGoal, Timer
 from lupin_engine.plugin.contract import Parameter
 from lupin_engine.plugin.types import BOOL, COUNT, NUMBER, POSE, TEXT, number_in
-from lupin_engine.ros.middleware import Qos, RosNode, ServedGoal, Timer
 from lupin_sim.faults import Fault, Faults
 from lupin_sim.floor import Floor, load_tables
 from lupin_sim.robot import Pose, Robot

@@ -104,7 +104,7 @@ def test_without_ros_the_way_to_get_it_is_told(
     from lupin_engine.launch.requirements import prepare_ros
 
     monkeypatch.setattr("lupin_engine.cli.bring_up.prepare_ros", prepare_ros)
-    monkeypatch.setattr("lupin_engine.ros.environment.rclpy_source", lambda: None)
+    monkeypatch.setattr("lupin_engine.middleware.environment.rclpy_source", lambda: None)
     assert main(["run", "inspection"]) == 2
     told = capsys.readouterr().err
     assert told.startswith("lupin: ROS 2 is not installed for this Python; install it with `pip install ")

@@ -29,7 +29,7 @@ def test_a_machine_without_ros_is_told_how_to_get_it(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The rest is looked at all the same; exit code 1."""
-    monkeypatch.setattr("lupin_engine.ros.environment.rclpy_source", lambda: None)
+    monkeypatch.setattr("lupin_engine.middleware.environment.rclpy_source", lambda: None)
     assert main(["doctor", "--json"]) == 1
     found = findings(capsys)
     assert found["rclpy"]["state"] == "problem"

@@ -15,7 +15,7 @@ from nav2_msgs.action import NavigateToPose
 from sensor_msgs.msg import BatteryState
 from std_msgs.msg import Bool
 
-from lupin_engine.ros.middleware import Qos, RosNode, ServedGoal
+from lupin_engine.middleware.node import Qos, RosNode, ServedGoal
 from lupin_nav.catalog import PLUGIN
 from lupin_nav.client import SERVER_GRACE_S, NavClient
 from tests.plugins.fakes import FakeOutlet, defaults

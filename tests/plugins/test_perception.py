@@ -9,7 +9,7 @@ import pytest
 
 pytest.importorskip("rclpy", reason="ROS 2 is not installed here")
 
-from lupin_engine.ros.middleware import Failure, RosNode
+from lupin_engine.middleware.node import Failure, RosNode
 from lupin_msgs.srv import ConfirmTag
 from lupin_perception.catalog import PLUGIN
 from lupin_perception.client import PerceptionClient

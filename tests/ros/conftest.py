@@ -9,7 +9,7 @@ import pytest
 
 pytest.importorskip("rclpy", reason="ROS 2 is not installed here")
 
-from lupin_engine.ros.middleware import RosNode
+from lupin_engine.middleware.node import RosNode
 from tests.domains import claimed_domain
 
 

@@ -25,9 +25,9 @@ from std_msgs.msg import Bool, String
 from std_srvs.srv import Trigger
 
 from lupin_engine.errors import LupinError, UsageError
+from lupin_engine.middleware.node import ActionCaller, Failure, Qos, RosNode, ServedGoal, peer_mismatches
 from lupin_engine.plugin.contract import Parameter
 from lupin_engine.plugin.types import DURATION, INTEGER, POSE, TEXT, list_of
-from lupin_engine.ros.middleware import ActionCaller, Failure, Qos, RosNode, ServedGoal, peer_mismatches
 from tests.ros.helpers import spin_for, spin_until
 
 pytestmark = pytest.mark.ros
@@ -260,7 +260,7 @@ def test_a_signal_ends_the_spin_cleanly(make_node: MakeNode, number: signal.Sign
 def test_a_node_that_cannot_be_released_does_not_keep_the_process() -> None:
     program = (
         "import threading\n"
-        "from lupin_engine.ros import middleware\n"
+        "from lupin_engine.middleware import node as middleware\n"
         "middleware.TEARDOWN_LIMIT = 0.2\n"
         "ros = middleware.RosNode('stuck')\n"
         "ros.node.destroy_node = threading.Event().wait\n"

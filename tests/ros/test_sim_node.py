@@ -20,7 +20,7 @@ from std_msgs.msg import Bool
 from tf2_msgs.msg import TFMessage
 
 from lupin_engine.errors import LupinError
-from lupin_engine.ros.middleware import Goal, Qos, RosNode
+from lupin_engine.middleware.node import Goal, Qos, RosNode
 from lupin_sim.node import PARAMETERS, SimNode
 from tests.ros.helpers import spin_until
 

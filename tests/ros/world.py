@@ -16,7 +16,7 @@ from rcl_interfaces.msg import ParameterType, ParameterValue
 from rcl_interfaces.srv import SetParameters
 from std_srvs.srv import Trigger
 
-from lupin_engine.ros.middleware import Failure, Qos, RosNode
+from lupin_engine.middleware.node import Failure, Qos, RosNode
 from lupin_msgs.msg import MissionState, Observation
 from lupin_msgs.srv import StartMission
 

@@ -112,7 +112,7 @@ def _put(environment: dict[str, str], variable: str, entry: str) -> None:
 
 
 def main(arguments: list[str]) -> None:
-    """Run another program in this environment: `python -m lupin_engine.ros.environment PROGRAM ...`."""
+    """Run PROGRAM in this environment: `python -m lupin_engine.middleware.environment PROGRAM ...`."""
     refuse_mixture(os.environ)
     os.execvpe(arguments[0], arguments, child_environment())
 

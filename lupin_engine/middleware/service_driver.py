@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
 
+from lupin_engine.middleware.node import Call, Failure, ServiceCaller
 from lupin_engine.plugin.contract import Outlet
-from lupin_engine.ros.middleware import Call, Failure, ServiceCaller
 
 #: When a call counts as lost, in seconds. The mission's own timeout is shorter and cancels the attempt; this
 #: one is for a mission that says `timeout: never`.

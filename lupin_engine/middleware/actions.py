@@ -19,8 +19,8 @@ from rclpy.action.server import ServerGoalHandle
 from rclpy.task import Future
 from unique_identifier_msgs.msg import UUID
 
-from lupin_engine.ros.host import Host, Timer
-from lupin_engine.ros.qos import Qos
+from lupin_engine.middleware.host import Host, Timer
+from lupin_engine.middleware.qos import Qos
 
 #: Seconds between two looks at the servers while a goal is under way; none otherwise.
 WATCH_PERIOD = 1.0

@@ -55,11 +55,11 @@ from rclpy.task import Future, Task
 from structlog.typing import EventDict, FilteringBoundLogger
 
 from lupin_engine.errors import LupinError, UsageError, nearest
+from lupin_engine.middleware import parameters as ros_parameters
+from lupin_engine.middleware.actions import ActionCaller, ActionHost, Goal, ServedGoal
+from lupin_engine.middleware.peers import action_channels, peer_mismatches, service_channels
+from lupin_engine.middleware.qos import Qos
 from lupin_engine.plugin.contract import Parameter
-from lupin_engine.ros import parameters as ros_parameters
-from lupin_engine.ros.actions import ActionCaller, ActionHost, Goal, ServedGoal
-from lupin_engine.ros.peers import action_channels, peer_mismatches, service_channels
-from lupin_engine.ros.qos import Qos
 
 __all__ = [
     "ActionCaller",

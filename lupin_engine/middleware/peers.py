@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from typing import Any
 
-from lupin_engine.ros.host import Host
+from lupin_engine.middleware.host import Host
 
 #: What rmw says for the node of an endpoint that has not been discovered itself.
 _NAMELESS = "_NODE_NAME_UNKNOWN_"
