@@ -17,7 +17,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from lupin_engine.cli.diagram import FORMATS
+from lupin_engine.diagram.formats import FORMATS
 
 PROGRAM = (sys.executable, "-m", "lupin_engine.cli.main", "diagram", "inspection", "-o")
 

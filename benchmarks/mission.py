@@ -38,7 +38,7 @@ def main() -> None:
     chart = load_chart(folder / LIFECYCLE, files, catalog)
 
     def run(tags: list[str]) -> None:
-        simulate(chart, catalog, Script("InspectionMission", {"tag_sequence": tags}))
+        simulate(chart, Script("InspectionMission", {"tag_sequence": tags}))
 
     def load() -> None:
         forget()

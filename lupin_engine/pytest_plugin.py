@@ -1,8 +1,10 @@
 """pytest collects `*.scenario.yaml` and runs each as a test.
 
-A scenario is one item, so pytest's own options choose (`-k`), share (`-n` of pytest-xdist) and report them
-(`--junit-xml`). `--lupin-seed` is added to the seeds of random scenarios, `--lupin-seeds` runs each with so
-many of them, and `--lupin-coverage` tells what no scenario reached.
+A scenario is one item, so pytest's own options choose (`-k`), end (`-x`) and report them (`--junit-xml`).
+Many are run ahead of pytest by processes of their own (`--lupin-jobs`), and each item asks how its scenario
+went; where pytest-xdist shares the items (`-n`), its workers run them. `--lupin-seed` is added to the seeds
+of random scenarios, `--lupin-seeds` runs each with so many of them, and `--lupin-coverage` tells what no
+scenario reached.
 
 Installed packages are asked by every run of pytest, also where no scenario is: the engine is imported with
 the first one.
@@ -22,10 +24,11 @@ from lupin_engine.sim import SUFFIX
 
 if TYPE_CHECKING:
     from lupin_engine.sim.coverage import Counts
-    from lupin_engine.sim.suite import Result, Suite
+    from lupin_engine.sim.suite import Crew, Result, Suite
 
-#: What is kept between scenarios: the suite, and what was reached of each mission.
+#: What is kept between scenarios: the suite, the processes that help, and what was reached of each mission.
 _SUITE: pytest.StashKey[Suite] = pytest.StashKey()
+_CREW: pytest.StashKey[Crew | None] = pytest.StashKey()
 _REACHED: pytest.StashKey[dict[Path, Counts]] = pytest.StashKey()
 #: What a worker of pytest-xdist tells the process that began it.
 _OUTPUT = "lupin_reached"
@@ -36,6 +39,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     group = parser.getgroup("lupin", "scenarios of missions")
     group.addoption("--lupin-seed", type=int, default=0, help="added to the seeds of random scenarios")
     group.addoption("--lupin-seeds", type=int, default=1, help="run random scenarios with so many seeds")
+    group.addoption("--lupin-jobs", type=int, default=0, help="processes; 0: as many as pay off")
     group.addoption("--lupin-coverage", action="store_true", help="tell what no scenario reached")
 
 
@@ -73,10 +77,9 @@ class ScenarioItem(pytest.Item):
 
     def runtest(self) -> None:
         """Run it."""
-        option = self.config.option
-        seeds = range(option.lupin_seed, option.lupin_seed + max(1, option.lupin_seeds))
-        result = _suite(self.config).run(self.path, seeds)
-        if result.mission is not None and option.lupin_coverage:
+        crew = _crew(self.session)
+        result = crew.result(self.path) if crew else _suite(self.config).run(self.path, _seeds(self.config))
+        if result.mission is not None and self.config.option.lupin_coverage:
             _reach(self.config, result.mission, result.counts)
         if not result.holds:
             raise Unmet(result)
@@ -97,6 +100,25 @@ class ScenarioItem(pytest.Item):
         return self.path, 0, self.name
 
 
+def _seeds(config: pytest.Config) -> range:
+    first = config.option.lupin_seed
+    return range(first, first + max(1, config.option.lupin_seeds))
+
+
+def _crew(session: pytest.Session) -> Crew | None:
+    """Return who runs the scenarios that were chosen; None where this process does: they are few."""
+    config = session.config
+    if _CREW not in config.stash:
+        from lupin_engine.sim.suite import Crew, useful_workers
+
+        option, seeds = config.option, _seeds(config)
+        files = dict.fromkeys(item.path for item in session.items if isinstance(item, ScenarioItem))
+        workers = useful_workers(len(files), len(seeds), option.lupin_jobs)
+        is_shared = workers > 1 and not hasattr(config, "workerinput")  # that is, not by pytest-xdist already
+        config.stash[_CREW] = Crew(files, seeds, workers, option.lupin_coverage) if is_shared else None
+    return config.stash[_CREW]
+
+
 def _suite(config: pytest.Config) -> Suite:
     """Return what runs the scenarios of this process."""
     if _SUITE not in config.stash:
@@ -115,7 +137,10 @@ def _reach(config: pytest.Config, mission: Path, counts: Counts) -> None:
 
 
 def pytest_sessionfinish(session: pytest.Session) -> None:
-    """Tell the process that began this one what was reached here."""
+    """End the processes that helped, and tell the one that began this one what was reached here."""
+    crew = session.config.stash.get(_CREW, None)
+    if crew is not None:
+        crew.close()
     output: dict[str, Any] | None = getattr(session.config, "workeroutput", None)
     if output is not None:
         reached = session.config.stash[_REACHED]

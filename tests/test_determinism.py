@@ -39,6 +39,6 @@ def test_same_inputs_same_steps(file: Path) -> None:
     scenario = load_scenario(file, shipped.catalog())
     run = scenario.run()
     assert records(run.steps) == records(scenario.run().steps)
-    fresh = make_machine(scenario.chart, scenario.catalog, scenario.parameters)
+    fresh = make_machine(scenario.chart, scenario.parameters)
     assert replay(fresh, run.steps) == list(run.steps)
     assert fresh.view == run.view

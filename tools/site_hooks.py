@@ -30,6 +30,8 @@ _PICTURE = re.compile(r"!\[[^]]*\]\(([^):]+)\.svg\)")
 _THEIRS, _OURS = "https://unpkg.com/iframe-worker/shim", "assets/iframe-worker.js"
 #: Drawn with the lifecycle around it, to be seen once.
 WHOLE = ("guide/steps/01-first",)
+#: A link out of the documentation, into the repository.
+_LINK_OUT = re.compile(r"\[([^]]+)\]\(((?:\.\./)+[^)#]+)\)")
 
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:
@@ -57,6 +59,21 @@ def draw(mission: Path, name: str) -> str:
     loaded = load_missions([str(mission)], load_catalog())
     focus = None if name in WHOLE else loaded.names[0]
     return svg(outline(loaded.chart, focus=focus))
+
+
+def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Files) -> str:
+    """Leave only the text of links to files beside the documentation (called by MkDocs).
+
+    The site does not have them, the repository does. A link to what neither has stays, and fails the build.
+    """
+    docs = Path(config.docs_dir).resolve()
+    here = (docs / page.file.src_uri).parent
+
+    def told(link: re.Match[str]) -> str:
+        target = (here / link[2]).resolve()
+        return f"`{link[1]}`" if target.is_file() and not target.is_relative_to(docs) else link[0]
+
+    return _LINK_OUT.sub(told, markdown)
 
 
 def on_post_page(output: str, page: Page, config: MkDocsConfig) -> str:

@@ -31,7 +31,7 @@ def make(chart: str, mode: str = "") -> Bench:
     """Return a chart, running, its mission started."""
     if is_load(chart):
         return _load(int(chart.removeprefix("load-")))
-    machine = _started(make_machine(_chart(chart), _NOTHING, {}), chart)
+    machine = _started(make_machine(_chart(chart), {}), chart)
     if chart == "timed":
         return _timed(machine, mode)
     run = {"": _plain, "record": _record, "fresh": _fresh}[mode](machine)
@@ -40,7 +40,7 @@ def make(chart: str, mode: str = "") -> Bench:
 
 def further(chart: str) -> Callable[[], object]:
     """Return what makes one more machine of the same chart: parameters and compiled chart are shared."""
-    world = make_world(_chart(chart), _NOTHING, {})
+    world = make_world(_chart(chart), {})
     go = Event("go")
 
     def one() -> Machine:
@@ -150,7 +150,7 @@ def _load(states: int) -> Bench:
 
     def load() -> Machine:
         forget()  # nothing may come from the cache
-        machine = make_machine(load_chart(lifecycle, [file], catalog), catalog, {})
+        machine = make_machine(load_chart(lifecycle, [file], catalog), {})
         machine.start(0.0)
         return machine
 

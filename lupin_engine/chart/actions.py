@@ -12,7 +12,7 @@ from lupin_engine.chart.expressions import Scope
 from lupin_engine.chart.findings import Findings
 from lupin_engine.chart.model import ActionCall, Constant, Value, Variable
 from lupin_engine.chart.source import Map, Text
-from lupin_engine.chart.values import read_arguments, read_value
+from lupin_engine.chart.values import read_arguments, read_under
 from lupin_engine.errors import nearest
 from lupin_engine.plugin.contract import Argument
 from lupin_engine.plugin.registry import RESERVED_EVENTS, Catalog
@@ -56,7 +56,7 @@ class ActionReader:
     def read(self, nodes: Sequence[ActionNode], scope: Scope, path: str) -> tuple[ActionCall, ...]:
         """Read a list of actions; those with findings are left out."""
         found = [self._action(node, scope, f"{path}.{node.name}") for node in nodes]
-        return tuple(action for action in found if action is not None)
+        return tuple([action for action in found if action is not None])
 
     def _action(self, node: ActionNode, scope: Scope, path: str) -> ActionCall | None:
         given = node.arguments if isinstance(node.arguments, Map) else None
@@ -92,8 +92,8 @@ class ActionReader:
                 at, known = given.key_place(name), self._variables
                 self._findings.unknown(at, "unknown-argument", path, "variable", str(name), known)
                 continue
-            wanted, at = self._variables[name].type, given.value_place(name)
-            value = read_value(given[name], at, wanted, scope, self._findings, f"{path}.{name}")
+            wanted = self._variables[name].type
+            value = read_under(given, name, wanted, scope, self._findings, f"{path}.{name}")
             if value is not None:
                 found[str(name)] = value
         return ActionCall("set", found, node.place)

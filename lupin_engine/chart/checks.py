@@ -82,11 +82,8 @@ GLOBAL: tuple[Rule, ...] = (
 UNUSED: tuple[Rule, ...] = (unheard_event, unused_code, unused_input, unused_variable, unused_field)
 
 
-def check_composed(composed: Composed, findings: Findings, whole: bool = False) -> None:
-    """Run every rule that still makes sense after what has been found so far.
-
-    With `whole` all missions of the lifecycle are loaded, so what the lifecycle declares must be used too.
-    """
+def check_composed(composed: Composed, findings: Findings) -> None:
+    """Run every rule that still makes sense after what has been found so far."""
     rules = [*LOCAL]
     if not findings.has(*_BROKEN_WAYS):
         rules += GLOBAL
@@ -94,6 +91,6 @@ def check_composed(composed: Composed, findings: Findings, whole: bool = False) 
         rules.append(unused_parameter)
     if not findings.has(*_BROKEN_USES):
         rules += UNUSED
-    index = Index(composed, [found.place for found in findings.errors], whole)
+    index = Index(composed, [found.place for found in findings.errors])
     for rule in rules:
         findings.extend(rule(index))

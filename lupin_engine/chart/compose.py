@@ -9,11 +9,13 @@ Every step goes on after a finding. What comes out is a chart only when there ar
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import chain
 from typing import Any
 
 from lupin_engine.chart.actions import ActionReader, raised_events
+from lupin_engine.chart.bound_catalog import BoundCatalog
 from lupin_engine.chart.declare import REQUESTS, Declared, Declarer, level_events
 from lupin_engine.chart.documents import (
     ActionNode,
@@ -58,7 +60,6 @@ from lupin_engine.chart.values import (
 from lupin_engine.errors import Place, nearest
 from lupin_engine.plugin.builtin import BUILTIN
 from lupin_engine.plugin.contract import Code, Parameter
-from lupin_engine.plugin.registry import Catalog
 from lupin_engine.plugin.types import ANY, BOOL, COUNT, DURATION, TEXT, Type, list_of
 
 #: What expressions see of the itinerary around them.
@@ -70,6 +71,8 @@ ITINERARY = Type(
 _START = Type("record", "event", fields={"mission_type": TEXT, "mission_id": TEXT})
 _NOTHING = Type("record", "event")
 _NO_HOLDS: frozenset[str] = frozenset()
+
+_Names = Callable[[Invoke | None], Mapping[str, Type]]
 
 #: What an invariant does not see, because it is told of every moment.
 _MOMENTARY = ("event", "error", "request", "target", "itinerary")
@@ -90,11 +93,11 @@ def compose(
     lifecycle: LifecycleNode,
     missions: Sequence[MissionNode],
     parts: Mapping[str, PartNode],
-    catalog: Catalog,
+    bound: BoundCatalog,
     findings: Findings,
 ) -> Composed:
     """Compose the chart of these documents; after errors it has holes, but may be checked further."""
-    return _Composer(lifecycle, missions, parts, catalog, findings).compose()
+    return _Composer(lifecycle, missions, parts, bound, findings).compose()
 
 
 class _Composer:
@@ -103,13 +106,14 @@ class _Composer:
         lifecycle: LifecycleNode,
         missions: Sequence[MissionNode],
         parts: Mapping[str, PartNode],
-        catalog: Catalog,
+        bound: BoundCatalog,
         findings: Findings,
     ) -> None:
         self._lifecycle = lifecycle
         self._missions = list(missions)
         self._parts = parts
-        self._catalog = catalog
+        self._catalog = catalog = bound.catalog
+        self._bindings = bound.bindings
         self._findings = findings
         self._usage = Usage()
         self._declarer = Declarer(catalog, findings, self._usage)
@@ -119,6 +123,8 @@ class _Composer:
         self._bound: dict[str, list[set[str]]] = {}
         self._codes: dict[str, Code] = {}
         self._events: dict[str, None] = {}
+        self._event_types: dict[str, Type] = {}
+        self._names: dict[tuple[_Names, str, str | None], Mapping[str, Type]] = {}
 
     @property
     def _declared(self) -> Declared:
@@ -152,9 +158,11 @@ class _Composer:
             codes=self._codes,
             invariants=self._invariants(files),
             summary=self._lifecycle.summary,
+            catalog=self._catalog,
         )
         plugins = self._plugins(states.values())
-        chart = replace(chart, plugins=plugins, parameters=self._parameters(plugins))
+        bindings = {name: self._bindings[name] for name in plugins if name in self._bindings}
+        chart = replace(chart, plugins=plugins, parameters=self._parameters(plugins), bindings=bindings)
         return Composed(chart, self._forest.drafts, self._usage, self._declared)
 
     # -- what the whole chart knows ------------------------------------------------------------------------
@@ -176,21 +184,20 @@ class _Composer:
 
     def _all_events(self) -> dict[str, None]:
         """Return the events that can arrive, as the keys of a mapping: they are looked up for every `on`."""
-        raised = {name for draft in self._forest.drafts.values() for name in _raised(draft)}
+        raised = {name for draft in self._forest.drafts.values() for name in raised_events(_actions(draft))}
         levels = level_events(self._declared.inputs)
         return dict.fromkeys([*REQUESTS, *levels, *self._catalog.events, *sorted(raised)])
 
     def _plugins(self, states: Iterable[State]) -> tuple[str, ...]:
         """Return the plugins that anything of theirs is used from, sorted, without the built-in one."""
-        names: set[str] = set()
+        names, actions, events = set(), set(), set()
         for state in states:
-            for invoke in _invokes(state):
-                names.add(invoke.name)
-            for call in _calls(state):
-                if call.name in self._catalog.actions:
-                    names.add(call.name)
-            for transition in state.transitions:
-                names.update(self._plugin_events(transition.event))
+            names.update([invoke.name for invoke in _invokes(state)])
+            actions.update([call.name for call in _calls(state)])
+            events.update([transition.event for transition in state.transitions])
+        names |= actions & self._catalog.actions.keys()
+        for event in events:
+            names.update(self._plugin_events(event))
         found = {name.partition(".")[0] for name in names}
         owners = self._catalog.owners
         used: list[tuple[str, Iterable[str]]] = [
@@ -383,8 +390,8 @@ class _Composer:
             "summary": node.summary,
             "phase": node.phase,
             "paused": node.paused,
-            "entry": self._read_actions(node.entry, scope, draft, "entry"),
-            "exit": self._read_actions(node.exit, scope, draft, "exit"),
+            "entry": self._read_actions(node.entry, scope, draft, "entry") if node.entry else (),
+            "exit": self._read_actions(node.exit, scope, draft, "exit") if node.exit else (),
             "invoke": invoke,
             "for_each": for_each,
             "budget": budget,
@@ -396,7 +403,7 @@ class _Composer:
     def _read_actions(
         self, nodes: Sequence[ActionNode], scope: Scope, draft: Draft, key: str
     ) -> tuple[ActionCall, ...]:
-        return self._actions.read(nodes, scope, _path(draft.name, key)) if nodes else ()
+        return self._actions.read(nodes, scope, _path(draft.name, key))
 
     def _initial(self, draft: Draft) -> str | None:
         written = draft.initial
@@ -445,7 +452,8 @@ class _Composer:
         inner = outer.with_names({"target": item, "itinerary": ITINERARY})
         if items is None:
             return None, inner
-        return Itinerary(items, node.place, order, sweeps, node.on_abort == "leave_open"), inner
+        walk = Itinerary(items, node.place, order, sweeps, node.on_abort == "leave_open", node.source)
+        return walk, inner
 
     def _part_scope(self, draft: Draft, node: StateNode, scope: Scope) -> Scope:
         """Return what the states of a part see: the part's declarations, and what its user hands on."""
@@ -475,6 +483,11 @@ class _Composer:
             value = self._bound_value(raw, place, own[name].type, scope, path)
             if value is not None:
                 found[name] = value._replace(type=own[name].type)
+        for name, parameter in own.items():
+            if parameter.default is None and name not in node.with_:
+                path, problem = f"{draft.name}.with", f"the part {part.part!r} needs the parameter {name!r}"
+                hint = f"add 'with: {{{name}: ...}}'"
+                self._findings.add(node.at("use"), "missing-argument", path, problem, hint)
         self._bound.setdefault(part.title, []).append(set(found))
         return found
 
@@ -499,10 +512,10 @@ class _Composer:
         assert draft.scope is not None
         scope = draft.scope
         if node.on_done:
-            ended = scope.with_names(names_when_done(invoke))
+            ended = scope.with_names(self._names_after(names_when_done, invoke))
             yield from self._list(draft, draft, node.on_done, "on_done", "done", ended)
         if node.on_error:
-            failed = scope.with_names(names_when_failed(invoke))
+            failed = scope.with_names(self._names_after(names_when_failed, invoke))
             yield from self._list(draft, draft, node.on_error, "on_error", "error", failed)
         yield from self._handlers(draft, node, node.on)
         if node.always:
@@ -511,6 +524,14 @@ class _Composer:
             yield from self._list(draft, draft, nodes, f"after.{index}", f"after.{index}", any_event)
         if node.budget is not None:
             yield self._when_used_up(draft, node.budget)
+
+    def _names_after(self, names: _Names, invoke: Invoke | None) -> Mapping[str, Type]:
+        """Return what is seen after an operation, worked out once for all states that invoke it."""
+        key = (names, invoke.name, invoke.timeout_code) if invoke is not None else (names, "", None)
+        found = self._names.get(key)
+        if found is None:
+            found = self._names[key] = names(invoke)
+        return found
 
     def _handlers(
         self, draft: Draft, holder: StateNode | FileNode, handlers: Mapping[str, list[TransitionNode]]
@@ -593,17 +614,24 @@ class _Composer:
         if event == "mission.start":
             return draft.scope.with_event(_START)
         if event in self._catalog.events:
-            fields = self._catalog.events[event].fields
-            return draft.scope.with_event(Type("record", "event", fields=fields))
+            return draft.scope.with_event(self._type_of(event))
         return draft.scope.with_event(_NOTHING if event.startswith("operator.") else ANY)
 
+    def _type_of(self, event: str) -> Type:
+        """Return what is known of an event of a plugin, the same object every time."""
+        if event not in self._event_types:
+            self._event_types[event] = Type("record", "event", fields=self._catalog.events[event].fields)
+        return self._event_types[event]
+
     def _list(
-        self, source: Draft, owner: Draft, nodes: list[TransitionNode], key: str, event: str, scope: Scope
-    ) -> Iterator[Transition]:
+        self, source: Draft, owner: Draft, nodes: Sequence[TransitionNode], key: str, event: str, scope: Scope
+    ) -> list[Transition]:
         """Compose transitions that `owner` writes and `source` takes (they differ for copies only)."""
+        prefix, found = _path(source.name, key), []
         for index, node in enumerate(nodes):
-            name = key if key.startswith("after.") and index == 0 else f"{key}.{index}"
-            yield self._transition(node, _path(source.name, name), event, source, owner, scope, key)
+            id = prefix if index == 0 and key.startswith("after.") else f"{prefix}.{index}"
+            found.append(self._transition(node, id, event, source, owner, scope, key))
+        return found
 
     def _transition(
         self, node: TransitionNode, id: str, event: str, source: Draft, owner: Draft, scope: Scope, key: str
@@ -615,11 +643,10 @@ class _Composer:
         target = None
         if node.target is not None:
             target = self._forest.resolve(node.target, owner, node, "target", path)
-        for word in ("refuse", "code"):
-            code = getattr(node, word)
-            if code is not None:
-                check_code(code, node.at(word), path, self._codes, self._findings)
-        self._check_sense(node, event, path)
+        if node.refuse is not None or node.code is not None:
+            self._check_codes(node, path)
+        if node.refuse is not None or node.target is None:
+            self._check_sense(node, event, path)
         return Transition(
             id=id,
             event=event,
@@ -642,6 +669,12 @@ class _Composer:
         place = node.at("guard")
         found = read_guard(node.guard, place, scope, self._findings, f"{path}.guard")
         return found or Expression(str(node.guard), place, BOOL, lambda _: False)
+
+    def _check_codes(self, node: TransitionNode, path: str) -> None:
+        for word in ("refuse", "code"):
+            code = getattr(node, word)
+            if code is not None:
+                check_code(code, node.at(word), path, self._codes, self._findings)
 
     def _check_sense(self, node: TransitionNode, event: str, path: str) -> None:
         """Refuse combinations that contradict themselves."""
@@ -737,19 +770,16 @@ def _calls(state: State) -> Iterator[ActionCall]:
         yield from (*state.for_each.on_done, *state.for_each.on_error)
 
 
-def _raised(draft: Draft) -> Iterator[str]:
-    """Yield the events that a state's text raises."""
+def _actions(draft: Draft) -> Iterator[ActionNode]:
+    """Yield every action that a state's text writes."""
     holder: Any = draft.node or draft.file
-    for key in ("entry", "exit"):
-        yield from raised_events(getattr(holder, key, ()))
+    yield from getattr(holder, "entry", ())
+    yield from getattr(holder, "exit", ())
+    handlers = [getattr(holder, "on", {}).values(), getattr(holder, "after", {}).values()]
     lists = [getattr(holder, key, ()) for key in ("on_done", "on_error", "always")]
-    for key in ("on", "after"):
-        lists += getattr(holder, key, {}).values()
-    for nodes in lists:
-        for node in nodes:
-            if node.do:
-                yield from raised_events(node.do)
+    for node in chain(*lists, *chain(*handlers)):
+        yield from node.do
     budget, for_each = getattr(holder, "budget", None), getattr(holder, "for_each", None)
     for ending in (budget, for_each and for_each.on_done, for_each and for_each.on_error):
         if ending:
-            yield from raised_events(ending.do)
+            yield from ending.do

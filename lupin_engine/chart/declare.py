@@ -32,7 +32,8 @@ from lupin_engine.plugin.types import BOOL, DURATION, UNITS, Type, number_in, pa
 
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 
-_SEVERITIES: Mapping[str, Severity] = {"info": Severity.INFO, "warn": Severity.WARN, "error": Severity.ERROR}
+#: How bad a code is, by the word that files have for it.
+SEVERITIES: Mapping[str, Severity] = {"info": Severity.INFO, "warn": Severity.WARN, "error": Severity.ERROR}
 
 #: What a thing that expressions read cannot be called: those read by their bare name, and those after a dot.
 _TAKEN: Mapping[str, frozenset[str]] = {
@@ -161,7 +162,9 @@ class Declarer:
             kind = self._unit(node, kind, path)
         if kind is None:
             return None
-        default = read_constant(node.default, node.at("default"), kind, self._findings, f"{path}.default")
+        default = None
+        if "default" in node.model_fields_set:
+            default = read_constant(node.default, node.at("default"), kind, self._findings, f"{path}.default")
         low, high = (self._bound(node, key, kind, path) for key in ("min", "max"))
         value = default.value if default is not None else None
         if isinstance(value, (int, float)):
@@ -187,7 +190,7 @@ class Declarer:
         if raw is None:
             return None
         if kind.kind not in ("integer", "number"):
-            problem = f"a {describe(kind)} has no {key}"
+            problem = f"{_a(kind)} has no {key}"
             self._findings.add(node.key_at(key), "wrong-type", path, problem, f"leave {key!r} out")
             return None
         found = read_constant(raw, node.at(key), kind, self._findings, f"{path}.{key}")
@@ -219,7 +222,7 @@ class Declarer:
         for name, node in file.codes.items():
             place = file.key_at("codes", name)
             if self.good_name("code", name, place, f"codes.{name}"):
-                code = Code(name, node.label, _SEVERITIES[node.severity])
+                code = Code(name, node.label, SEVERITIES[node.severity])
                 self._put("code", self.declared.codes, name, code, place, _equal)
 
     def _inputs(self, file: FileNode) -> None:
@@ -269,9 +272,7 @@ class Declarer:
         hint = "leave 'unit' out"
         if of_value:
             hint = f"write {' or '.join(map(repr, of_value))}, or {hint}"
-        problem = (
-            f"{node.value} is a {describe(kind).removeprefix('a ')}, which is not measured in {node.unit!r}"
-        )
+        problem = f"{node.value} is {_a(kind)}, which is not measured in {node.unit!r}"
         self._findings.add(node.at("unit"), "wrong-unit", path, problem, hint)
 
     def _level(
@@ -281,7 +282,7 @@ class Declarer:
         if not self.good_name("level", name, place, path):
             return None
         if kind.kind not in ("number", "integer"):
-            problem = f"a level is drawn from a number, {node.value} is a {describe(kind)}"
+            problem = f"a level is drawn from a number, {node.value} is {_a(kind)}"
             self._findings.add(place, "wrong-type", path, problem)
             return None
         if name == "value":
@@ -387,7 +388,7 @@ class Declarer:
         if node.not_empty is not None:
             at = node.at("not_empty")
             if kind.kind != "list":
-                findings.add(at, "wrong-type", path, f"only a list can be empty, this is a {describe(kind)}")
+                findings.add(at, "wrong-type", path, f"only a list can be empty, this is {_a(kind)}")
             elif node.not_empty not in codes:
                 findings.unknown(at, "undeclared-code", path, "code", node.not_empty, codes)
         return Field(name, kind, place, default, node.not_empty, self._bound(node, "min", kind, path))
@@ -405,6 +406,12 @@ def level_events(inputs: Mapping[str, Input]) -> list[str]:
     """Return the events that stand for a level: yes-or-no inputs, and the levels drawn from numbers."""
     plain = [f"input.{name}" for name, found in inputs.items() if found.type.kind == "bool"]
     return plain + [f"input.{name}.{level.name}" for name, found in inputs.items() for level in found.levels]
+
+
+def _a(kind: Type) -> str:
+    """Return what a type is called, with an article."""
+    name = describe(kind).removeprefix("a ")
+    return f"an {name}" if name[0] in "aeiou" else f"a {name}"
 
 
 def _innermost(kind: Type) -> Type:
@@ -443,4 +450,4 @@ def _text(value: Any) -> Any:
     return getattr(value, "source", None) or getattr(value, "value", None)
 
 
-__all__ = ["NAME", "REQUESTS", "Declared", "Declarer", "input_type", "level_events"]
+__all__ = ["NAME", "REQUESTS", "SEVERITIES", "Declared", "Declarer", "input_type", "level_events"]

@@ -11,6 +11,7 @@ Every model keeps the mapping it was read from, and can say where each of its ke
 from __future__ import annotations
 
 import re
+from abc import abstractmethod
 from collections.abc import Iterable, Mapping
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, TypeVar
@@ -71,7 +72,8 @@ class Node(BaseModel):
     @property
     def place(self) -> Place:
         """Where this mapping, or the text that stands for it, begins."""
-        found: Place = self._raw.place
+        raw = self._raw
+        found: Place = raw.file.place(raw.start)
         return found
 
     @property
@@ -196,7 +198,12 @@ class TransitionNode(Node):
 
     @classmethod
     def _long_form(cls, data: Any) -> Any:
-        return {"target": data} if isinstance(data, str) else data
+        if isinstance(data, str):
+            return {"target": data}
+        if not isinstance(data, Map):
+            wanted = "expected a state to go to, or a mapping such as {target: STATE, do: ACTION}"
+            raise _wrong_shape(f"{wanted}, got {show(data)}; name the state")
+        return data
 
 
 def _transitions(value: Any) -> Any:
@@ -325,6 +332,7 @@ class ItineraryNode(Node):
     on_abort: Literal["skip", "leave_open"] = Field(
         "skip", description="what itinerary.close_rest does to the targets that are still open"
     )
+    source: str = Field("", description="what its observations name as their source; else the mission")
 
 
 class StateNode(Node):
@@ -377,7 +385,9 @@ class ParameterNode(Node):
     """A setting: becomes a ROS parameter of the same name."""
 
     type: str = Field(description="such as duration, count, text, list of text")
-    default: Written = Field(description="value when nobody sets it")
+    default: Written = Field(
+        None, description="value when nobody sets it; only a part may leave it out: its users give it then"
+    )
     unit: str | None = Field(None, description="unit of a number; a number in s is a duration")
     min: Bound = Field(None, description="smallest value")
     max: Bound = Field(None, description="largest value")
@@ -419,7 +429,9 @@ class InputNode(Node):
     min: Bound = Field(None, description="smallest value that is believed")
     max: Bound = Field(None, description="largest value that is believed")
     since: Literal["mission"] | None = Field(
-        None, description="only what was reported since the mission began counts"
+        None,
+        description="only what was reported since the mission began counts; "
+        "of a list, only elements that were not reported just the same before it",
     )
     levels: dict[str, LevelNode] = _by_name("yes or no drawn from the number, by name")
     summary: str = Field("", description="one sentence for people")
@@ -480,9 +492,9 @@ class FileNode(Node):
     states: dict[str, StateNode | None] = Field(description="states, by name")
 
     @property
+    @abstractmethod
     def name(self) -> str:
         """The name that the file gives itself."""
-        raise NotImplementedError
 
     @property
     def title(self) -> str:
@@ -538,16 +550,38 @@ KINDS: Mapping[str, type[FileNode]] = {"lifecycle": LifecycleNode, "mission": Mi
 _D = TypeVar("_D", bound=FileNode)
 
 
+#: Every key that says what kind of file it stands in.
+KEYS_OF_KINDS = (*KINDS, "binding")
+
+
 def read_document(raw: Map, model: type[_D], findings: Findings) -> _D | None:
     """Validate a file against its model; None after findings."""
     kind = next(word for word, known in KINDS.items() if known is model)
-    if kind not in raw:
-        other = next((word for word in KINDS if word in raw), None)
-        what = f"this is a {other}" if other else "the file does not say what it is"
-        place = raw.key_place(other) if other else raw.place
-        findings.add(place, "wrong-shape", "", f"expected a {kind}, but {what}", f"begin with '{kind}: NAME'")
+    if not is_kind(raw, kind, findings):
         return None
+    if kind != "part":
+        _want_defaults(raw, findings)
     return validate(raw, model, findings)
+
+
+def _want_defaults(raw: Map, findings: Findings) -> None:
+    """Tell the parameters without a default: only a part has users who can give one."""
+    params = raw.get("params")
+    for name, written in params.items() if isinstance(params, Map) else ():
+        if isinstance(written, Map) and "default" not in written:
+            problem, hint = "the key 'default' is missing", "write 'default: ...'"
+            findings.add(written.place, "missing-key", f"params.{name}", problem, hint)
+
+
+def is_kind(raw: Map, kind: str, findings: Findings) -> bool:
+    """Tell whether a file says that it is of a kind; a finding otherwise."""
+    if kind in raw:
+        return True
+    other = next((word for word in KEYS_OF_KINDS if word in raw), None)
+    what = f"this is a {other}" if other else "the file does not say what it is"
+    place = raw.key_place(other) if other else raw.place
+    findings.add(place, "wrong-shape", "", f"expected a {kind}, but {what}", f"begin with '{kind}: NAME'")
+    return False
 
 
 def validate(raw: Map, model: type[_M], findings: Findings) -> _M | None:
@@ -695,6 +729,7 @@ __all__ = [
     "StateNode",
     "TransitionNode",
     "VariableNode",
+    "is_kind",
     "keys_of",
     "read_document",
     "show",

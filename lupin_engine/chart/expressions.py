@@ -102,9 +102,10 @@ class Scope:
 
     def with_event(self, kind: Type) -> Scope:
         """Return this scope with an event of a type: what most transitions and actions see."""
-        derived = self._derived.get(kind)
+        key = id(kind)  # the scope that is kept under it keeps the type alive
+        derived = self._derived.get(key)
         if derived is None:
-            derived = self._derived[kind] = self.with_names({"event": kind})
+            derived = self._derived[key] = self.with_names({"event": kind})
         return derived
 
     def with_item(self, name: str, kind: Type) -> Scope:

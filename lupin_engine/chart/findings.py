@@ -27,7 +27,7 @@ SUBJECTS: Mapping[str, Mapping[str, str]] = MappingProxyType(
             "conflicting-definition": "a name that several files declare means the same in all of them",
         },
         "Types, units and expressions": {
-            "unknown-type": "a type is built in or a plugin's",
+            "unknown-type": "a type is built in or a plugin's; that of a service is installed",
             "wrong-type": "a value or operand has the type that is asked for",
             "wrong-unit": "quantities of different dimensions are not mixed",
             "no-unit": "a duration, length or angle says its unit",

@@ -1,7 +1,8 @@
 """Loading: from file names to one checked chart, or to everything that is wrong with it.
 
-`lifecycle.yaml` stands beside the missions, the parts they use in `parts/` beside them. `check_chart` tells
-errors and warnings, `load_chart` is for those who want to run: the chart, or `ChartError` with all errors.
+`lifecycle.yaml` stands beside the missions, else they are in the shipped one; the parts they use stand in
+`parts/` beside them. `check_chart` tells errors and warnings, `load_chart` is for those who want to run: the
+chart, or `ChartError` with all errors.
 
 Files are looked at every time, but what they say is worked out once: a file that has not changed is not
 parsed again, and a chart of which no file has changed is not composed again.
@@ -19,6 +20,8 @@ from types import MappingProxyType
 from typing import Any, Generic, TypeVar
 
 import lupin_engine
+from lupin_engine.chart import bound_catalog as bound_catalogs
+from lupin_engine.chart.bound_catalog import BoundCatalog, bound_catalog
 from lupin_engine.chart.checks import check_composed
 from lupin_engine.chart.compose import Composed, compose
 from lupin_engine.chart.documents import (
@@ -37,6 +40,8 @@ from lupin_engine.plugin.registry import Catalog
 
 #: What the file around the missions of a folder is called.
 LIFECYCLE = "lifecycle.yaml"
+#: What a folder of missions is called; one with a lifecycle may be called otherwise.
+MISSIONS = "missions"
 #: The folder of the parts, beside the missions.
 PARTS = "parts"
 
@@ -72,29 +77,18 @@ class _Made:
     found: tuple[Diagnostic, ...]
 
 
-class _Catalog:
-    """A catalog as a key: equal to itself only, for to compare two would take as long as to load a chart."""
-
-    def __init__(self, catalog: Catalog) -> None:
-        self.catalog = catalog
-
-    def __hash__(self) -> int:
-        return id(self.catalog)
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, _Catalog) and self.catalog is other.catalog
-
-
 @dataclass(frozen=True, eq=False)
 class Inspection:
     """All that reading a chart comes to, for those who look at mistaken ones too.
 
-    `documents` are those files that could be read; nothing is composed when one of them could not.
+    `documents` are those files that could be read; nothing is composed when one of them could not. `bound` is
+    what they can use: the installed plugins and the bindings beside the missions.
     """
 
     found: tuple[Diagnostic, ...]
     documents: Mapping[Path, FileNode]
     composed: Composed | None = None
+    bound: BoundCatalog | None = None
 
 
 #: Nothing that is being edited: every file is as it was saved.
@@ -128,6 +122,7 @@ def forget() -> None:
     """Forget what was read before; for those who measure how long reading takes."""
     _document.cache_clear()
     _make.cache_clear()
+    bound_catalogs.forget()
 
 
 @contextlib.contextmanager
@@ -175,17 +170,20 @@ def inspect_chart(
     `texts` are read in place of what is saved in their files: somebody is editing them.
     """
     findings = Findings()
+    holders = (lifecycle.parent, *(path.parent for path in missions))
+    bound = bound_catalog(dict.fromkeys(holders), catalog, texts, findings)
     root = _read(lifecycle, LifecycleNode, findings, texts)
     read_missions = {path: _read(path, MissionNode, findings, texts) for path in missions}
     parts = _read_parts([(lifecycle, root), *read_missions.items()], findings, texts)
     read = (root, *read_missions.values(), *parts.values())
     documents = {Path(d.node.place.file): d.node for d in read if d.node is not None}
-    if any(document.node is None for document in read) or findings.has("unknown-part", "no-file"):
-        return Inspection(findings.all, documents)
-    made = _make(root, tuple(read_missions.values()), tuple(parts.values()), _Catalog(catalog))
+    unread = any(document.node is None for document in read)
+    if bound is None or unread or findings.has("unknown-part", "no-file"):
+        return Inspection(findings.all, documents, bound=bound)
+    made = _make(root, tuple(read_missions.values()), tuple(parts.values()), bound)
     findings.extend(made.found)
     _warn_of_unused_parts(lifecycle, missions, parts, findings, texts)
-    return Inspection(findings.all, documents, made.composed)
+    return Inspection(findings.all, documents, made.composed, bound)
 
 
 @lru_cache(maxsize=MAX_CHARTS)
@@ -193,7 +191,7 @@ def _make(
     lifecycle: _Document[LifecycleNode],
     missions: tuple[_Document[MissionNode], ...],
     parts: tuple[_Document[PartNode], ...],
-    key: _Catalog,
+    bound: BoundCatalog,
 ) -> _Made:
     """Compose and check documents that all could be read."""
     root, findings = lifecycle.node, _Findings()
@@ -202,7 +200,7 @@ def _make(
         findings.extend(document.found)
     whole = [document.node for document in missions if document.node is not None]
     named = {document.node.part: document.node for document in parts if document.node is not None}
-    composed = findings.whole(lambda: compose(root, whole, named, key.catalog, findings))
+    composed = findings.whole(lambda: compose(root, whole, named, bound, findings))
     if composed is not None:
         check_composed(composed, findings)
     return _Made(composed, findings.all)
@@ -216,9 +214,20 @@ def mission_files(folder: Path) -> list[Path]:
     return [path for path in found if (head(path) or ("mission", ""))[0] == "mission"]
 
 
+def is_missions_folder(folder: Path) -> bool:
+    """Say whether missions are looked for in a folder: it has a lifecycle, or its name and files say so."""
+    return (folder / LIFECYCLE).is_file() or (folder.name == MISSIONS and bool(mission_files(folder)))
+
+
+def lifecycle_in(folder: Path) -> Path:
+    """Return the lifecycle around the missions of a folder: the one that stands there, else the shipped one."""
+    own = folder / LIFECYCLE
+    return own if own.is_file() else default_missions_folder() / LIFECYCLE
+
+
 def lifecycle_of(mission: Path) -> Path:
     """Return the lifecycle that a mission file belongs to."""
-    return mission.parent / LIFECYCLE
+    return lifecycle_in(mission.parent)
 
 
 def default_missions_folder() -> Path:
@@ -228,7 +237,7 @@ def default_missions_folder() -> Path:
         UsageError: this installation has neither.
     """
     package = Path(lupin_engine.__file__).resolve().parent
-    for folder in (package.parent / "missions", package / "missions"):
+    for folder in (package.parent / MISSIONS, package / MISSIONS):
         if (folder / LIFECYCLE).is_file():
             return folder
     raise UsageError("this installation ships no missions; name a mission file")

@@ -11,11 +11,26 @@ from __future__ import annotations
 import enum
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from lupin_engine.errors import Place
 from lupin_engine.plugin.contract import Code, Operation, Parameter
+from lupin_engine.plugin.registry import Catalog
 from lupin_engine.plugin.types import Type
+
+if TYPE_CHECKING:
+    from dataclasses import dataclass as record
+
+    from lupin_engine.chart.bindings import Binding
+else:
+
+    def record(*, frozen: bool) -> Callable[[type], type]:
+        """Make a dataclass that is frozen for the type checker only.
+
+        One that is frozen at run time takes three times as long to make, and a large chart has thousands.
+        """
+        return dataclass(unsafe_hash=frozen)
+
 
 #: What an operator may ask for at any time, as `operator.NAME`; the other request is `mission.start`.
 OPERATOR_REQUESTS = ("abort", "dock", "pause", "reset", "resume", "skip_current")
@@ -56,7 +71,7 @@ class Compiled:
         return self._function
 
 
-@dataclass(frozen=True)
+@record(frozen=True)
 class Expression:
     """A typed, compiled expression; `evaluate` reads an environment and has no side effect.
 
@@ -71,7 +86,7 @@ class Expression:
     parts: tuple[tuple[str, Callable[[Environment], Any]], ...] = ()
 
 
-@dataclass(frozen=True)
+@record(frozen=True)
 class Constant:
     """A value that is written out; has the same face as an expression."""
 
@@ -87,7 +102,7 @@ class Constant:
 Value = Expression | Constant
 
 
-@dataclass(frozen=True)
+@record(frozen=True)
 class ActionCall:
     """One action with its arguments: built-in (`set`, `raise`, `itinerary.close`, ...) or a plugin's.
 
@@ -100,7 +115,7 @@ class ActionCall:
     moves: bool = False
 
 
-@dataclass(frozen=True)
+@record(frozen=True)
 class Transition:
     """What an event does in a state.
 
@@ -125,7 +140,7 @@ class Transition:
     internal: bool = False
 
 
-@dataclass(frozen=True)
+@record(frozen=True)
 class Timer:
     """An `after` or the `budget` of a state: `event` is what its transitions listen to."""
 
@@ -134,7 +149,7 @@ class Timer:
     place: Place
 
 
-@dataclass(frozen=True)
+@record(frozen=True)
 class Retry:
     """How often and how patiently an operation is tried: `attempts` in all, `backoff` seconds between.
 
@@ -149,7 +164,7 @@ class Retry:
     jitter: Value | None = None
 
 
-@dataclass(frozen=True)
+@record(frozen=True)
 class Invoke:
     """An operation that lives exactly as long as its state. `timeout` is None for `never`."""
 
@@ -162,7 +177,7 @@ class Invoke:
     retry: Retry | None = None
 
 
-@dataclass(frozen=True)
+@record(frozen=True)
 class ForEach:
     """One operation for every new element of a collection, while the state is active.
 
@@ -183,13 +198,14 @@ class ForEach:
     on_error: tuple[ActionCall, ...] = ()
 
 
-@dataclass(frozen=True)
+@record(frozen=True)
 class Itinerary:
     """The list that a state walks; every item is visited and closed exactly once a sweep.
 
     `order` is a number for each `target`: the open one with the smallest is next, the first among equals;
     without it the list's order counts. `sweeps` is how often the list is walked, 0 without end; it is made
-    anew for every sweep. What `leaves_open` is not closed by `itinerary.close_rest`.
+    anew for every sweep. What `leaves_open` is not closed by `itinerary.close_rest`. `source` is what its
+    observations name as their source, '' for the mission's name.
     """
 
     items: Value
@@ -197,6 +213,7 @@ class Itinerary:
     order: Value | None = None
     sweeps: Value | None = None
     leaves_open: bool = False
+    source: str = ""
 
 
 class Kind(enum.Enum):
@@ -209,7 +226,7 @@ class Kind(enum.Enum):
     HISTORY = "history"
 
 
-@dataclass(frozen=True)
+@record(frozen=True)
 class State:
     """One state. `budget` is like a timer, but counts the state's active time over all visits in one mission.
 
@@ -249,7 +266,7 @@ class State:
         return self.name.rpartition(".")[2]
 
 
-@dataclass(frozen=True)
+@record(frozen=True)
 class Hold:
     """A suspension of the whole chart.
 
@@ -268,7 +285,7 @@ class Hold:
     release_guard: Expression | None = None
 
 
-@dataclass(frozen=True)
+@record(frozen=True)
 class Field:
     """A field of a mission's request: type, default, and the code that refuses an empty list."""
 
@@ -280,7 +297,7 @@ class Field:
     minimum: float | None = None
 
 
-@dataclass(frozen=True)
+@record(frozen=True)
 class Mission:
     """A mission in the slot; `state` is the full name of the state that wraps it."""
 
@@ -292,7 +309,7 @@ class Mission:
     place: Place
 
 
-@dataclass(frozen=True)
+@record(frozen=True)
 class Variable:
     """A context variable: written by `set`, kept in the snapshot."""
 
@@ -302,7 +319,7 @@ class Variable:
     place: Place
 
 
-@dataclass(frozen=True)
+@record(frozen=True)
 class Level:
     """A yes or no drawn from a number, exactly one of `below` and `above`.
 
@@ -317,12 +334,12 @@ class Level:
     above: Value | None = None
 
 
-@dataclass(frozen=True)
+@record(frozen=True)
 class Input:
     """A live value of a plugin under the chart's own name for it; unknown when older than freshness.
 
     A report outside `minimum` to `maximum` is dropped. With `of_mission` only what was reported since the
-    mission began counts; until then it is `initial`.
+    mission began counts, of a list only elements that were not the same before; until then it is `initial`.
     """
 
     name: str
@@ -337,7 +354,7 @@ class Input:
     of_mission: bool = False
 
 
-@dataclass(frozen=True)
+@record(frozen=True)
 class Invariant:
     """A condition that holds whenever the machine is at rest; broken, it is an error that leads to FAULT."""
 
@@ -350,6 +367,9 @@ class Invariant:
 @dataclass(frozen=True, eq=False)
 class Chart:
     """A lifecycle with its missions, checked. `states` are in document order, parents before children.
+
+    `plugins` are those that it uses, `bindings` those of them that are made of a file; `catalog` is what it
+    was checked against: all that the installed plugins and the bindings beside the missions offer.
 
     Two charts are equal only when they are the same one; what is worked out for a chart is kept under it.
     """
@@ -366,6 +386,8 @@ class Chart:
     invariants: Mapping[str, Invariant] = field(default_factory=dict)
     plugins: tuple[str, ...] = ()
     summary: str = ""
+    catalog: Catalog = field(default_factory=Catalog)
+    bindings: Mapping[str, Binding] = field(default_factory=dict)
 
     def ancestors(self, name: str) -> list[str]:
         """Return the proper ancestors of a state, innermost first, the root included."""

@@ -7,6 +7,7 @@ unit (`*`): there is no other zero to be confused with.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import cache
 
 from lupin_engine.plugin.types import ANY, BOOL, INTEGER, NUMBER, TEXT, Type, list_of, number_in
 
@@ -44,6 +45,7 @@ def is_number(kind: Type) -> bool:
     return kind.kind in ("integer", "number")
 
 
+@cache
 def number(unit: str) -> Type:
     """Return the number type of a computed value: a difference of durations may be negative."""
     return NUMBER if not unit else Type("number", number_in(unit).name, unit=unit)

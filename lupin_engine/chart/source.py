@@ -19,7 +19,7 @@ import stat
 from collections.abc import Callable, Iterator, Mapping
 from itertools import islice
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any, NamedTuple, NoReturn, Protocol
 
 import yaml
 from yaml import (
@@ -56,13 +56,35 @@ _NUMBER_STARTS = frozenset("+-.0123456789")
 _QUOTES = ("'", '"')
 #: What may stand between the beginning of a node and that of its value.
 _ANCHOR = re.compile(r"&\S+[ \t]*")
-_HEAD = re.compile(r"^(lifecycle|mission|part)[ \t]*:[ \t]*[\"']?([^\s\"'#]+)", re.MULTILINE)
+_HEAD = re.compile(r"^(lifecycle|mission|part|binding)[ \t]*:[ \t]*[\"']?([^\s\"'#]+)", re.MULTILINE)
 
-#: A position is line and column, counted from 0, in one number: a file has tens of thousands of them, and
-#: most are never asked for. Columns fit, for a file of `MAX_BYTES` has fewer characters.
-_LINE_SHIFT = 20
-_COLUMN_MASK = (1 << _LINE_SHIFT) - 1
 _new = tuple.__new__
+_new_text = str.__new__
+
+
+class Mark(Protocol):
+    """Line and column, counted from 0.
+
+    The parser's own marks are kept as they are: a file has tens of thousands of them, and most are never
+    asked for.
+    """
+
+    @property
+    def line(self) -> int:
+        """How many lines stand before."""
+        ...
+
+    @property
+    def column(self) -> int:
+        """How many characters stand before in the line."""
+        ...
+
+
+class _Spot(NamedTuple):
+    """A mark that the parser did not make."""
+
+    line: int
+    column: int
 
 
 class File:
@@ -83,21 +105,18 @@ class File:
             self._lines = self._text.splitlines()
         return self._lines
 
-    def place(self, position: int) -> Place:
-        """Return the place of a position."""
+    def place(self, mark: Mark) -> Place:
+        """Return the place of a mark."""
+        return self.at(mark.line, mark.column)
+
+    def at(self, line: int, column: int) -> Place:
+        """Return the place of a line and column, counted from 0."""
         # As `Place(...)` does it, but in half the time: every piece of a chart has its place.
-        return _new(Place, (self.name, (position >> _LINE_SHIFT) + 1, (position & _COLUMN_MASK) + 1))
+        return _new(Place, (self.name, line + 1, column + 1))
 
 
-def _position(mark: Any) -> int:
-    """Return where a mark of the parser stands."""
-    line: int = mark.line
-    column: int = mark.column
-    return line << _LINE_SHIFT | column
-
-
-def _position_of(place: Place) -> int:
-    return (place.line - 1) << _LINE_SHIFT | (place.column - 1)
+def _spot_of(place: Place) -> _Spot:
+    return _Spot(place.line - 1, place.column - 1)
 
 
 class Text(str):
@@ -106,7 +125,7 @@ class Text(str):
     __slots__ = ("file", "start", "style")
 
     file: File
-    start: int
+    start: Mark
     style: str | None
 
     @property
@@ -120,32 +139,33 @@ class Text(str):
         Characters other than blanks come in the same order in the file and in the value, so the n-th of the
         value is the n-th of the file; blanks may have been folded.
         """
-        start = self.start + 1 if self.style else self.start
-        if offset < len(self) and not self[offset].isspace() and self._stands_at(start):
-            return self.file.place(start + offset)
+        file, line, first = self.file, self.start.line, self.start.column + bool(self.style)
+        if offset < len(self) and not self[offset].isspace() and self._stands_at(line, first):
+            return file.at(line, first + offset)
         wanted, there = _ink(self[:offset]), _ink(self)
         if wanted < there or self.style in _QUOTES:
-            return self.file.place(self._inked(wanted))  # behind the last one stands the closing quote
-        return self.file.place(self._inked(there - 1) + 1 if there else self.start)
+            return file.place(self._inked(wanted))  # behind the last one stands the closing quote
+        last = self._inked(there - 1) if there else None
+        return self.place if last is None else file.at(last.line, last.column + 1)
 
-    def _inked(self, number: int) -> int:
-        """Return the position of the character with that number, blanks not counted."""
+    def _inked(self, number: int) -> Mark:
+        """Return where the character with that number stands, blanks not counted."""
         return next(islice(_inked(self), number, None), self.start)
 
-    def _stands_at(self, start: int) -> bool:
+    def _stands_at(self, line: int, column: int) -> bool:
         """Tell whether the file has exactly these characters there, in one line."""
-        line, lines = start >> _LINE_SHIFT, self.file.lines
-        return line < len(lines) and lines[line].startswith(self, start & _COLUMN_MASK)
+        lines = self.file.lines
+        return line < len(lines) and lines[line].startswith(self, column)
 
 
 def text_at(value: str, place: Place) -> Text:
     """Make a text that stands at `place` on one line, for what is not written as text in the file."""
     line, column = place.line - 1, place.column - 1
-    return _text(value, File(place.file, "\n" * line + " " * column + value), _position_of(place), None)
+    return _text(value, File(place.file, "\n" * line + " " * column + value), _spot_of(place), None)
 
 
-def _text(value: str, file: File, start: int, style: str | None) -> Text:
-    text = Text(value)
+def _text(value: str, file: File, start: Mark, style: str | None) -> Text:
+    text = _new_text(Text, value)
     text.file = file
     text.start = start
     text.style = style
@@ -157,8 +177,8 @@ def _ink(text: str) -> int:
     return sum(1 for char in text if not char.isspace())
 
 
-def _inked(text: Text) -> Iterator[int]:
-    """Yield the position of every character of the file that stands for one which is no blank.
+def _inked(text: Text) -> Iterator[_Spot]:
+    """Yield the place of every character of the file that stands for one which is no blank.
 
     It goes on behind the end of the text, which only its caller knows.
     """
@@ -171,13 +191,13 @@ def _inked(text: Text) -> Iterator[int]:
             continue
         width, blank = _character(row, column, style)
         if not blank:
-            yield line << _LINE_SHIFT | column
+            yield _Spot(line, column)
         column += width
 
 
 def _first_character(text: Text) -> tuple[int, int]:
     """Return line and column of the first character, behind anchor and quotes."""
-    line, column = text.start >> _LINE_SHIFT, text.start & _COLUMN_MASK
+    line, column = text.start.line, text.start.column
     if text.style in ("|", ">"):
         return line + 1, 0
     anchor = _ANCHOR.match(text.file.lines[line], column) if line < len(text.file.lines) else None
@@ -206,15 +226,20 @@ class Map(dict[str, Any]):
     known there.
     """
 
-    __slots__ = ("file", "key_starts", "model", "start", "starts")
+    __slots__ = ("_elsewhere", "file", "key_starts", "model", "start")
 
-    def __init__(self, file: File, start: int) -> None:
-        super().__init__()
+    def __init__(self, file: File, start: Mark) -> None:
         self.file = file
         self.start = start
-        self.key_starts: dict[str, int] = {}
-        self.starts: dict[str, int] = {}
+        self.key_starts: dict[str, Mark] = {}
+        self._elsewhere: dict[str, Mark] | None = None
         self.model: Any = None
+
+    def note(self, key: str, start: Mark) -> None:
+        """Note where a value stands that does not tell it itself, as texts, mappings and lists do."""
+        if self._elsewhere is None:
+            self._elsewhere = {}
+        self._elsewhere[key] = start
 
     @property
     def place(self) -> Place:
@@ -223,7 +248,8 @@ class Map(dict[str, Any]):
 
     def value_place(self, key: str) -> Place:
         """Return where a value stands."""
-        return self.file.place(self.starts[key])
+        start = None if self._elsewhere is None else self._elsewhere.get(key)
+        return self.file.place(self[key].start if start is None else start)
 
     def key_place(self, key: str) -> Place:
         """Return where a key stands."""
@@ -232,17 +258,18 @@ class Map(dict[str, Any]):
     def key_text(self, key: str) -> Text:
         """Return a key as it was written, where it is an expression or a quantity."""
         start = self.key_starts[key]
-        row, column = self.file.lines[start >> _LINE_SHIFT], start & _COLUMN_MASK
-        anchor = _ANCHOR.match(row, column)
-        if anchor:
-            column = anchor.end()
+        row, column = self.file.lines[start.line], start.column
         first = row[column : column + 1]
+        if first == "&":
+            anchor = _ANCHOR.match(row, column)
+            column = anchor.end() if anchor else column
+            first = row[column : column + 1]
         return _text(key, self.file, start, first if first in _QUOTES else None)
 
 
 def map_at(place: Place) -> Map:
     """Make an empty mapping that stands at `place`, for what is not written in the file."""
-    return Map(File(place.file, ""), _position_of(place))
+    return Map(File(place.file, ""), _spot_of(place))
 
 
 class Seq(list[Any]):
@@ -250,11 +277,10 @@ class Seq(list[Any]):
 
     __slots__ = ("file", "start", "starts")
 
-    def __init__(self, file: File, start: int) -> None:
-        super().__init__()
+    def __init__(self, file: File, start: Mark) -> None:
         self.file = file
         self.start = start
-        self.starts: list[int] = []
+        self.starts: list[Mark] = []
 
     @property
     def places(self) -> list[Place]:
@@ -264,6 +290,10 @@ class Seq(list[Any]):
     def place_of(self, index: int) -> Place:
         """Return where an element stands."""
         return self.file.place(self.starts[index])
+
+
+#: What knows itself where it stands.
+_PLACED = frozenset([Text, Map, Seq])
 
 
 def read(path: Path, findings: Findings) -> Map | None:
@@ -339,6 +369,9 @@ def parse(text: str, name: str, findings: Findings) -> Map | None:
     return root
 
 
+_BEGINNING = _Spot(0, 0)
+
+
 class _Unreadable(Exception):
     """Nothing sensible can be read after this; the finding has been made."""
 
@@ -361,39 +394,40 @@ class _Builder:
         except yaml.MarkedYAMLError as error:
             mark = error.problem_mark or error.context_mark
             context = f" {error.context}" if error.context else ""
-            start = _position(mark) if mark else 0
-            self._refuse(start, "wrong-yaml", f"{error.problem or 'not YAML'}{context}", _yaml_hint(error))
+            self._refuse(
+                mark or _BEGINNING, "wrong-yaml", f"{error.problem or 'not YAML'}{context}", _yaml_hint(error)
+            )
         except yaml.YAMLError as error:
             position = int(getattr(error, "position", 0) or 0)
             line = self._text.count("\n", 0, position)
             column = position - self._text.rfind("\n", 0, position) - 1
             reason = getattr(error, "reason", None) or "not YAML"
-            self._refuse(line << _LINE_SHIFT | column, "wrong-yaml", str(reason))
+            self._refuse(_Spot(line, column), "wrong-yaml", str(reason))
 
     def _document(self) -> Any:
         self._next()
         event = self._next()
         if isinstance(event, StreamEndEvent):
-            self._refuse(0, "wrong-yaml", "the file is empty")
+            self._refuse(_BEGINNING, "wrong-yaml", "the file is empty")
         event = self._next()
-        root = self._node(event, _position(event.start_mark), 0)
+        root = self._node(event, event.start_mark, 0)
         self._next()
         event = self._next()
         if not isinstance(event, StreamEndEvent):
             problem = "a second document starts here"
-            self._refuse(_position(event.start_mark), "wrong-yaml", problem, "use one file each")
+            self._refuse(event.start_mark, "wrong-yaml", problem, "use one file each")
         return root
 
-    def _refuse(self, start: int, rule: str, problem: str, hint: str = "") -> NoReturn:
+    def _refuse(self, start: Mark, rule: str, problem: str, hint: str = "") -> NoReturn:
         self._findings.add(self._file.place(start), rule, "", problem, hint)
         raise _Unreadable
 
-    def _check_count(self, start: int) -> None:
+    def _check_count(self, start: Mark) -> None:
         if self._nodes > MAX_NODES:
             problem = f"more than {MAX_NODES} values, aliases counted as often as they are used"
             self._refuse(start, "too-large", problem, "write less, or alias less")
 
-    def _node(self, event: Any, start: int, depth: int) -> Any:
+    def _node(self, event: Any, start: Mark, depth: int) -> Any:
         kind = type(event)
         if kind is AliasEvent:
             return self._alias(event.anchor or "", start)
@@ -402,27 +436,29 @@ class _Builder:
             self._refuse_node(event, start, depth)
         if event.anchor is not None:
             return self._anchored(event, start, depth)
+        return self._value(event, kind, start, depth)
+
+    def _value(self, event: Any, kind: type, start: Mark, depth: int) -> Any:
         if kind is ScalarEvent:
             return self._scalar(event, start)
-        return self._collection(kind, start, depth)
+        if kind is SequenceStartEvent:
+            return self._sequence(start, depth + 1)
+        return self._mapping(start, depth + 1)
 
-    def _refuse_node(self, event: Any, start: int, depth: int) -> NoReturn:
+    def _refuse_node(self, event: Any, start: Mark, depth: int) -> NoReturn:
         self._check_count(start)
         if depth > MAX_DEPTH:
             self._refuse(start, "too-large", f"more than {MAX_DEPTH} levels of nesting")
         self._refuse(start, "wrong-yaml", f"the tag {event.tag!r} is not allowed", "write the plain value")
 
-    def _anchored(self, event: Any, start: int, depth: int) -> Any:
+    def _anchored(self, event: Any, start: Mark, depth: int) -> Any:
         self._anchors[event.anchor] = None
         before = self._nodes
-        if type(event) is ScalarEvent:
-            value = self._scalar(event, start)
-        else:
-            value = self._collection(type(event), start, depth)
+        value = self._value(event, type(event), start, depth)
         self._anchors[event.anchor] = (value, self._nodes - before + 1)
         return value
 
-    def _alias(self, anchor: str, start: int) -> Any:
+    def _alias(self, anchor: str, start: Mark) -> Any:
         known = self._anchors.get(anchor)
         if known is None:
             reason = "contains itself" if anchor in self._anchors else "is not defined above"
@@ -432,72 +468,73 @@ class _Builder:
         self._check_count(start)
         return value
 
-    def _collection(self, kind: type, start: int, depth: int) -> Any:
-        if kind is SequenceStartEvent:
-            return self._sequence(start, depth + 1)
-        return self._mapping(start, depth + 1)
-
-    def _sequence(self, start: int, depth: int) -> Seq:
+    def _sequence(self, start: Mark, depth: int) -> Seq:
         found = Seq(self._file, start)
         while type(event := self._next()) is not SequenceEndEvent:
-            at = _position(event.start_mark)
+            at = event.start_mark
             found.starts.append(at)
             found.append(self._node(event, at, depth))
         return found
 
-    def _mapping(self, start: int, depth: int) -> Map:
+    def _mapping(self, start: Mark, depth: int) -> Map:
         found = Map(self._file, start)
-        key_starts, starts = found.key_starts, found.starts
-        while type(event := self._next()) is not MappingEndEvent:
-            key_start = _position(event.start_mark)
+        following, key_starts = self._next, found.key_starts
+        while type(event := following()) is not MappingEndEvent:
+            key_start = event.start_mark
             key = self._key(event, key_start)
-            event = self._next()
-            at = _position(event.start_mark)
+            event = following()
+            at = event.start_mark
             value = self._node(event, at, depth)
-            if key in starts:
+            if key in key_starts:
                 self._tell_twice(key, found.key_place(key), self._file.place(key_start))
                 continue
             found[key] = value
             key_starts[key] = key_start
-            starts[key] = at
+            if type(value) not in _PLACED or value.start is not at:
+                found.note(key, at)
         return found
 
     def _tell_twice(self, key: str, first: Place, second: Place) -> None:
         problem = f"the key {key!r} stands twice, in line {first.line} and in line {second.line}"
         self._findings.add(second, "duplicate-key", "", problem, "remove or rename one")
 
-    def _key(self, event: Any, start: int) -> str:
+    def _key(self, event: Any, start: Mark) -> str:
+        self._nodes += 1
+        plain = type(event) is ScalarEvent and event.tag is None and event.anchor is None
+        if not plain or self._nodes > MAX_NODES:
+            self._check_key(event, start)
+        key: str = event.value
+        return key
+
+    def _check_key(self, event: Any, start: Mark) -> None:
+        """Look at a key that is not just a word."""
         if type(event) is not ScalarEvent:
             self._refuse(start, "wrong-yaml", "a key must be a plain word")
-        self._nodes += 1
         self._check_count(start)
         if event.tag is not None:
             self._refuse(start, "wrong-yaml", f"the tag {event.tag!r} is not allowed", "write the plain key")
         if event.anchor is not None:
             self._anchors[event.anchor] = (self._text_of(event, start), 1)
-        key: str = event.value
-        return key
 
-    def _scalar(self, event: Any, start: int) -> Any:
+    def _scalar(self, event: Any, start: Mark) -> Any:
         value: str = event.value
-        if event.style:
-            return self._text_of(event, start)
+        if event.style or not (value in _WORDS or value[0] in _NUMBER_STARTS):
+            return _text(value, self._file, start, event.style or None)
         if value in _WORDS:
             return _WORDS[value]
-        if value[0] in _NUMBER_STARTS:
-            if _INTEGER.fullmatch(value):
-                return self._number(value, start, _integer)
-            if _FLOAT.fullmatch(value):
-                return self._number(value, start, float)
-        return self._text_of(event, start)
+        if _INTEGER.fullmatch(value):
+            return self._number(value, start, _integer)
+        if _FLOAT.fullmatch(value):
+            return self._number(value, start, float)
+        return _text(value, self._file, start, None)
 
-    def _number(self, value: str, start: int, convert: Callable[[str], Any]) -> Any:
+    def _number(self, value: str, start: Mark, convert: Callable[[str], Any]) -> Any:
         if len(value) > MAX_NUMBER:
             problem = f"a number of {len(value)} digits"
             self._refuse(start, "too-large", problem, f"at most {MAX_NUMBER} are read")
         return convert(value)
 
-    def _text_of(self, event: Any, start: int) -> Text:
+    def _text_of(self, event: Any, start: Mark) -> Text:
         return _text(event.value, self._file, start, event.style or None)
 
 

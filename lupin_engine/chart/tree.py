@@ -139,9 +139,9 @@ class Forest:
             self._findings.add(place, "too-large", "", problem)
             return
         draft = Draft(full, _KINDS[node.type], place, file, parent, node, mission=parent.mission)
-        draft.label = _label(draft)
+        draft.label = _label(parent, name)
         self._check_shape(draft, node)
-        self._enter(draft)
+        self._enter(parent, draft)
         if node.slot:
             self._fill_slot(draft, node, missions)
         elif node.use is not None:
@@ -155,10 +155,9 @@ class Forest:
         if draft.children and draft.kind is Kind.ATOMIC:
             draft.kind = Kind.COMPOUND
 
-    def _enter(self, draft: Draft) -> None:
+    def _enter(self, parent: Draft, draft: Draft) -> None:
         self.drafts[draft.name] = draft
-        if draft.parent is not None:
-            draft.parent.children[draft.local] = draft
+        parent.children[draft.local] = draft
 
     def _fill_slot(self, draft: Draft, node: StateNode, missions: list[MissionNode] | None) -> None:
         if missions is None:
@@ -184,13 +183,11 @@ class Forest:
                 )
                 continue
             wrapper = Draft(full, Kind.COMPOUND, place, mission, draft, mission=mission.name)
-            self._enter(wrapper)
+            self._enter(draft, wrapper)
             self._children(wrapper, mission.states, mission)
 
     def _use(self, draft: Draft, node: StateNode, name: str) -> None:
-        part = self._parts.get(name)
-        if part is None:
-            return  # the loader has told why
+        part = self._parts[name]  # the loader goes no further without one
         if node.states:
             problem = "a state has either states of its own or a part's"
             self._findings.add(node.key_at("states"), "wrong-shape", draft.name, problem, "drop one of them")
@@ -210,7 +207,7 @@ class Forest:
         depth = None if node.history == "deep" else 2 if draft.slot else 1
         history = Draft(f"{draft.name}.history", Kind.HISTORY, node.key_at("history"), draft.file, draft)
         history.depth, history.mission = depth, draft.mission
-        self._enter(history)
+        self._enter(draft, history)
 
     def _check_shape(self, draft: Draft, node: StateNode) -> None:
         """Refuse words that say nothing in a state of this kind."""
@@ -282,14 +279,16 @@ class Forest:
         A state that uses a part looks around itself first: what a part calls its states is its own affair.
         """
         first, *rest = name.split(".")
+        scope = start if start.part is None else start.parent
         found = []
-        scopes = list(start.up())
-        for scope in scopes if start.part is None else (*scopes[1:], start):
-            draft = scope.children.get(first)
-            for word in rest:
-                draft = draft.children.get(word) if draft is not None else None
-            if draft is not None:
-                found.append(draft)
+        while scope is not None:
+            if first in scope.children:
+                found.append(scope.children[first])
+            scope = scope.parent
+        if start.part is not None and first in start.children:
+            found.append(start.children[first])
+        for word in rest:
+            found = [draft.children[word] for draft in found if word in draft.children]
         return found
 
     def resolve(self, name: str, start: Draft, node: Node, key: str, path: str) -> str | None:
@@ -314,13 +313,17 @@ class Forest:
         return found[0].name
 
     def resolve_child(self, name: str, parent: Draft, place: Place, path: str) -> str | None:
-        """Return the full name of a descendant; None after a finding."""
+        """Return the full name of a descendant that is entered; None after a finding."""
         draft: Draft | None = parent
         for word in name.split("."):
             draft = draft.children.get(word) if draft is not None else None
         if draft is None:
             problem = f"{parent.name or 'the root'} has no state {name!r}"
             self._findings.add(place, "unknown-state", path, problem, nearest(name, parent.children))
+            return None
+        if draft.kind is Kind.HISTORY:
+            problem = f"{name!r} only remembers: nothing can begin there"
+            self._findings.add(place, "wrong-shape", path, problem, "name a state that can be active")
             return None
         return draft.name
 
@@ -330,7 +333,8 @@ class Forest:
             first, _, last = name.rpartition(".")
             holders = self.find(first, start)
             if holders:
-                return nearest(last, holders[0].children)
+                inside = holders[0].children
+                return nearest(last, inside) if inside else f"{holders[0].name!r} has no states inside"
         elsewhere = sorted(draft.name for draft in self.drafts.values() if draft.name and draft.local == name)
         if elsewhere:
             return f"{elsewhere[0]!r} is out of scope from here"
@@ -354,13 +358,10 @@ def _can_end(draft: Draft) -> bool:
     return any(child.kind is Kind.FINAL for child in children)
 
 
-def _label(draft: Draft) -> str:
+def _label(parent: Draft, name: str) -> str:
     """Return the lifecycle state that a state is published as: the outermost one, or the mission's child."""
-    parent = draft.parent
-    if parent is None:
-        return ""
     outermost = not parent.name or (parent.node is None and parent.mission)
-    return draft.local if outermost else parent.label
+    return name if outermost else parent.label
 
 
 def _empty(place: Place) -> StateNode:

@@ -27,7 +27,7 @@ def read_value(
     raw: Any, place: Place, wanted: Type, scope: Scope, findings: Findings, path: str
 ) -> Value | None:
     """Read an expression or a constant of type `wanted`; None after findings."""
-    if isinstance(raw, Text) and is_expression(raw):
+    if is_expression(raw):
         fragment = fragment_of(raw)
         if fragment is not None:
             return compile_expression(fragment, scope, wanted, findings, path)
@@ -35,6 +35,17 @@ def read_value(
         findings.add(place, "partial-expression", path, "an expression must be the whole value", hint)
         return None
     return read_constant(raw, place, wanted, findings, path)
+
+
+def read_under(
+    holder: Map, key: str, wanted: Type, scope: Scope, findings: Findings, path: str
+) -> Value | None:
+    """Read the value under a key as `read_value` does; where it stands is asked for constants only."""
+    raw = holder[key]
+    fragment = fragment_of(raw) if is_expression(raw) else None
+    if fragment is not None:
+        return compile_expression(fragment, scope, wanted, findings, path)
+    return read_value(raw, holder.value_place(key), wanted, scope, findings, path)
 
 
 def read_key(node: Node, key: str, wanted: Type, scope: Scope, findings: Findings, path: str) -> Value | None:
@@ -242,13 +253,12 @@ def read_arguments(
     """Read the arguments of an operation or action called `what`; defaults stand in for what is not given."""
     found: dict[str, Value] = {}
     written = map_at(place) if given is None else given
-    for name, raw in written.items():
+    for name in written:
         if name not in wanted:
             problem, hint = f"{what} has no argument {name!r}", nearest(name, wanted)
             findings.add(written.key_place(name), "unknown-argument", path, problem, hint)
             continue
-        at = written.value_place(name)
-        value = read_value(raw, at, wanted[name].type, scope, findings, f"{path}.{name}")
+        value = read_under(written, name, wanted[name].type, scope, findings, f"{path}.{name}")
         if value is not None:
             found[name] = value
     for name, argument in wanted.items():

@@ -5,42 +5,22 @@ Exit codes: 0 nothing is wrong; 1 there are errors, or with `--strict` warnings;
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from pathlib import Path
+from typing import Any
 
 import click
-
-from lupin_engine.chart.load import (
-    LIFECYCLE,
-    PARTS,
-    check_chart,
-    default_missions_folder,
-    find_mission,
-    lifecycle_of,
-    mission_files,
-)
-from lupin_engine.chart.source import head
-from lupin_engine.cli.findings import FORMS, Checked, as_text, counted, wants_colour
-from lupin_engine.errors import Diagnostic, LupinError, Severity, UsageError
-from lupin_engine.launch.mission import LOCAL, folders
-from lupin_engine.plugin.registry import Catalog, load_catalog
-from lupin_engine.sim import SUFFIX
 
 
 @click.command()
 @click.argument("paths", nargs=-1)
-@click.option("--json", "form", flag_value="json", help="Print the findings as a JSON list.")
-@click.option("--sarif", "form", flag_value="sarif", help="Print the findings as SARIF 2.1.0, for CI.")
-@click.option(
-    "--github", "form", flag_value="github", help="Print the findings as annotations of a workflow."
-)
+@click.option("--json", "as_json", is_flag=True, help="Print the findings as a JSON list.")
+@click.option("--sarif", "as_sarif", is_flag=True, help="Print the findings as SARIF 2.1.0, for CI.")
+@click.option("--github", "as_github", is_flag=True, help="Print the findings as annotations of a workflow.")
 @click.option("--strict", is_flag=True, help="Warnings count like errors for the exit code.")
 @click.option("--watch", "-w", is_flag=True, help="Check again whenever a file changes; Ctrl-C ends.")
 @click.option(
     "--explain", metavar="RULE", help="Tell what a rule protects, with an example, and check nothing."
 )
-def check(paths: tuple[str, ...], form: str | None, strict: bool, watch: bool, explain: str | None) -> int:
+def check(**given: Any) -> int:
     """Check missions and tell everything that is wrong with them.
 
     PATHS are mission files, lifecycles, parts, folders, or names of missions; without any, the missions of
@@ -49,137 +29,7 @@ def check(paths: tuple[str, ...], form: str | None, strict: bool, watch: bool, e
     Exit code: 0 nothing is wrong, 1 there are errors (with --strict also warnings), 2 wrong usage. Warnings
     alone leave it at 0.
     """
-    if explain is not None:
-        from lupin_engine.cli.rules import rule_text
+    forms = [name for name in ("json", "sarif", "github") if given.pop(f"as_{name}")]
+    from lupin_engine.cli.work.check import work
 
-        click.echo(rule_text(explain), color=wants_colour())
-        return 0
-    if watch and form:
-        raise UsageError(f"--watch is for people and --{form} for programs; use one of them")
-    if watch:
-        return watch_paths(paths, strict)
-    return check_paths(paths, form or "text", strict)
-
-
-def check_paths(paths: Sequence[str | Path], form: str = "text", strict: bool = False) -> int:
-    """Check what `paths` name, print the findings and return the exit code.
-
-    Raises:
-        UsageError: a path does not exist.
-        PluginError: the installed plugins cannot be used.
-    """
-    checked = run_check(paths, load_catalog())
-    text = FORMS[form](checked)
-    if text:
-        click.echo(text, color=wants_colour())
-    return checked.exit_code(strict)
-
-
-def watch_paths(
-    paths: Sequence[str | Path],
-    strict: bool = False,
-    wait: Callable[[], None] | None = None,
-    clock: Callable[[], str] = lambda: time.strftime("%H:%M:%S"),
-) -> int:
-    """Check what `paths` name whenever one of its files changes, until Ctrl-C.
-
-    Args:
-        wait: called between two looks at the files; default: a short sleep.
-        clock: tells the time that is shown.
-
-    Returns:
-        The exit code of the last check.
-
-    Raises:
-        UsageError: a path does not exist when this begins; later that is a line like others.
-    """
-    from lupin_engine.cli.watch import PAUSE_S, changes
-
-    catalog = load_catalog()
-    code, first = 0, True
-    try:
-        for _ in changes(lambda: _watched(paths), wait or (lambda: time.sleep(PAUSE_S))):
-            try:
-                checked = run_check(paths, catalog)
-                text, code = as_text(checked), checked.exit_code(strict)
-            except LupinError as problem:
-                if first:
-                    raise
-                text, code = str(problem), problem.exit_code
-            first = False
-            click.clear()
-            click.echo(
-                f"{text}\n{clock()}  watching {counted(len(set(_watched(paths))), 'file')}; Ctrl-C ends"
-            )
-    except KeyboardInterrupt:
-        click.echo()
-    return code
-
-
-# -- what is checked --------------------------------------------------------------------------------------
-
-
-def run_check(paths: Sequence[str | Path], catalog: Catalog) -> Checked:
-    """Check what `paths` name; what is meant twice is checked once. Errors as for `check_paths`."""
-    groups: dict[Path, dict[Path, None]] = {}
-    for path in paths or folders()[:1]:
-        lifecycle, missions = _meant_by(str(path))
-        groups.setdefault(lifecycle, {}).update(dict.fromkeys(missions))
-    found = {
-        d: None
-        for root, files in groups.items()
-        for d in check_chart(root, list(files), catalog)[1]
-        if not _is_elsewhere(d, root, files)
-    }
-    return Checked(sum(map(len, groups.values())), tuple(found))
-
-
-def _is_elsewhere(diagnostic: Diagnostic, lifecycle: Path, missions: Iterable[Path]) -> bool:
-    """Say whether this warns of a lifecycle that was only lent to a mission which stands alone."""
-    lent = all(mission.parent != lifecycle.parent for mission in missions)
-    return lent and diagnostic.severity < Severity.ERROR and diagnostic.place.file == str(lifecycle)
-
-
-def _meant_by(name: str) -> tuple[Path, list[Path]]:
-    """Return the lifecycle and the missions to check for a path or a mission's name."""
-    path = Path(name)
-    if path.name.endswith(SUFFIX):
-        raise UsageError(f"{name!r} is a scenario; scenarios are read by lupin test")
-    if path.is_dir():
-        missions = mission_files(path)
-        if not missions and not (path / LIFECYCLE).is_file():
-            inside = path / LOCAL
-            hint = f"; did you mean {str(inside)!r}?" if inside.is_dir() else ""
-            raise UsageError(f"there are no missions in {name!r}{hint}")
-        return path / LIFECYCLE, missions
-    if not path.is_file():
-        mission = find_mission(name, folders())
-        return lifecycle_of(mission), [mission]
-    kind = (head(path) or ("", ""))[0]
-    if path.name == LIFECYCLE or kind == "lifecycle":
-        return path, mission_files(path.parent)
-    if kind == "part" and path.parent.name == PARTS:
-        folder = path.parent.parent
-        return folder / LIFECYCLE, mission_files(folder)
-    if kind == "part":
-        raise UsageError(f"the part {name!r} does not stand in a folder {PARTS!r} beside missions")
-    return _lifecycle(path), [path]
-
-
-def _lifecycle(mission: Path) -> Path:
-    """Return the lifecycle beside a mission, or for a mission that stands alone the shipped one."""
-    beside = lifecycle_of(mission)
-    return beside if beside.is_file() else default_missions_folder() / LIFECYCLE
-
-
-def _watched(paths: Sequence[str | Path]) -> Iterator[Path]:
-    """Yield every file that may have to do with what `paths` name."""
-    for path in paths or folders()[:1]:
-        named = Path(path)
-        if not named.is_dir() and not named.suffix:
-            named = find_mission(str(path), folders())
-        folder = named if named.is_dir() else named.parent
-        if folder.name == PARTS:
-            folder = folder.parent
-        yield from folder.glob("*.yaml")
-        yield from folder.glob(f"{PARTS}/*.yaml")
+    return work(forms=forms, **given)

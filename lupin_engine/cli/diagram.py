@@ -2,32 +2,12 @@
 
 from __future__ import annotations
 
-import sys
-from importlib import import_module
 from pathlib import Path
+from typing import Any
 
 import click
 
-from lupin_engine.diagram.index import Page, index
-from lupin_engine.diagram.outline import outline, readable_depth
-from lupin_engine.diagram.picture import Picture
-from lupin_engine.errors import UsageError
-from lupin_engine.launch.mission import Loaded, load_missions
-from lupin_engine.plugin.registry import load_catalog
-
-#: Format -> ending of its files. The function of that name in the module of that name writes it.
-FORMATS = {
-    "mermaid": ".mmd",
-    "plantuml": ".puml",
-    "dot": ".dot",
-    "scxml": ".scxml",
-    "svg": ".svg",
-    "png": ".png",
-}
-#: What else the name of an output file may end in.
-_ENDINGS = {ending: name for name, ending in FORMATS.items()} | {".mermaid": "mermaid", ".gv": "dot"}
-#: Those that one looks at: a large chart is shown to a depth at which it can be read.
-_PICTURES = ("svg", "png")
+from lupin_engine.diagram.formats import FORMATS
 
 
 @click.command(short_help="Draw a mission.")
@@ -53,115 +33,13 @@ _PICTURES = ("svg", "png")
     type=click.Path(exists=True, file_okay=False, path_type=Path),
     help="Draw every mission of a folder; the output is a folder, with an index.",
 )
-def diagram(
-    mission: str | None,
-    formats: tuple[str, ...],
-    output: Path | None,
-    focus: str | None,
-    depth: int | None,
-    trace: Path | None,
-    folder: Path | None,
-) -> int:
+def diagram(**given: Any) -> int:
     """Draw a mission with the lifecycle around it.
 
     MISSION is the name of a mission (inspection, InspectionMission) or a file. SVG needs nothing but this
     program; PNG needs the package's extra 'diagram'. Mermaid and PlantUML are for documentation sites, DOT is
     for Graphviz, SCXML for other statechart tools.
     """
-    if folder is not None:
-        if mission or focus or trace or output is None:
-            raise UsageError("--all FOLDER needs --output FOLDER, and takes no MISSION, --focus or --trace")
-        _draw_all(folder, formats or ("mermaid", "svg"), depth, output)
-        return 0
-    if mission is None:
-        raise UsageError("name a mission, or a folder of missions with --all FOLDER")
-    wanted = _format(formats, output)
-    picture = _picture(load_missions([mission], load_catalog()), wanted, focus, depth, trace)
-    _write(_draw(picture, wanted), output)
-    return 0
+    from lupin_engine.cli.work.diagram import work
 
-
-command = diagram
-
-
-def _format(formats: tuple[str, ...], output: Path | None) -> str:
-    if len(formats) > 1:
-        raise UsageError("one file has one format; several are for --all")
-    named = _ENDINGS.get(output.suffix) if output else "mermaid"
-    if not formats and named is None:
-        endings = ", ".join(FORMATS.values())
-        raise UsageError(f"{str(output)!r} says no format: end it in {endings}, or add --format")
-    return formats[0] if formats else named or "mermaid"
-
-
-def _picture(
-    loaded: Loaded, wanted: str, focus: str | None, depth: int | None, trace: Path | None
-) -> Picture:
-    """Return what is to be drawn."""
-    if wanted == "scxml":
-        if focus or depth or trace:
-            raise UsageError("SCXML is the whole chart: leave --focus, --depth and --trace out")
-        return outline(loaded.chart, whole=True)
-    picture = outline(loaded.chart, focus=focus, depth=depth)
-    levels = readable_depth(picture) if wanted in _PICTURES and depth is None else None
-    if levels is not None:
-        click.echo(f"lupin: drawn {levels} levels deep, to be readable; --depth says how deep", err=True)
-        picture = outline(loaded.chart, focus=focus, depth=levels)
-    return picture if trace is None else _coloured(picture, trace)
-
-
-def _coloured(picture: Picture, trace: Path) -> Picture:
-    from lupin_engine.diagram.trace import check_fits, coloured, read_trace
-
-    counts = read_trace(trace.read_text(encoding="utf-8", errors="replace"), trace.name)
-    check_fits(picture, counts, trace.name)
-    return coloured(picture, counts)
-
-
-def _draw(picture: Picture, wanted: str) -> bytes:
-    """Return a picture in one of the formats."""
-    if wanted == "png":
-        from lupin_engine.diagram.png import png
-
-        return png(_text(picture, "svg"))
-    return _text(picture, wanted).encode()
-
-
-def _text(picture: Picture, wanted: str) -> str:
-    write = getattr(import_module(f"lupin_engine.diagram.{wanted}"), wanted)
-    return str(write(picture))
-
-
-def _write(content: bytes, output: Path | None) -> None:
-    if output is None:
-        if content.startswith(b"\x89PNG") and sys.stdout.isatty():
-            raise UsageError("a PNG is not for a terminal: name a file with --output")
-        click.echo(content, nl=False)
-        return
-    try:
-        output.write_bytes(content)
-    except OSError as problem:
-        raise UsageError(f"cannot write {str(output)!r}: {problem.strerror}") from problem
-
-
-def _draw_all(folder: Path, formats: tuple[str, ...], depth: int | None, output: Path) -> None:
-    from lupin_engine.chart.load import mission_files
-
-    catalog = load_catalog()
-    pages = []
-    try:
-        output.mkdir(parents=True, exist_ok=True)
-    except OSError as problem:
-        raise UsageError(f"cannot write {str(output)!r}: {problem.strerror}") from problem
-    files = mission_files(folder)
-    if not files:
-        raise UsageError(f"there are no missions in {str(folder)!r}")
-    for file in files:
-        loaded = load_missions([str(file)], catalog)
-        names = {wanted: f"{file.stem}{FORMATS[wanted]}" for wanted in formats}
-        for wanted, name in names.items():
-            picture = _picture(loaded, wanted, None, None if wanted == "scxml" else depth, None)
-            _write(_draw(picture, wanted), output / name)
-        mission = loaded.chart.missions[loaded.names[0]]
-        pages.append(Page(mission.name, mission.summary, names))
-    _write(index(pages).encode(), output / "index.md")
+    return work(**given)

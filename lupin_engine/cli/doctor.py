@@ -2,55 +2,18 @@
 
 from __future__ import annotations
 
-import json
-from dataclasses import asdict
+from typing import Any
 
 import click
-from rich.box import SIMPLE_HEAD
-from rich.console import Console, RenderableType
-from rich.table import Table
-from rich.text import Text
-
-from lupin_engine.launch.health import Finding, examine, usable
-
-_STYLES = {"ok": "green", "note": "yellow", "problem": "bold red"}
 
 
 @click.command()
 @click.option("--json", "as_json", is_flag=True, help="Print the findings as JSON.")
-def doctor(as_json: bool) -> int:
+def doctor(**given: Any) -> int:
     """Look at this machine and say what is missing.
 
     Exit code: 0 when missions can be run, 1 when something must be mended first.
     """
-    findings = examine()
-    if as_json:
-        text = {"usable": usable(findings), "findings": [asdict(finding) for finding in findings]}
-        click.echo(json.dumps(text, indent=2, ensure_ascii=False))
-    else:
-        console = Console(highlight=False)
-        console.print(table(findings))
-        console.print(verdict(findings))
-    return 0 if usable(findings) else 1
+    from lupin_engine.cli.work.doctor import work
 
-
-def table(findings: list[Finding]) -> RenderableType:
-    """Return the findings as a table; advice stands under what it is about."""
-    grid = Table(box=SIMPLE_HEAD, pad_edge=False)
-    grid.add_column("")
-    grid.add_column("looked at", overflow="fold")
-    grid.add_column("found", overflow="fold")
-    for finding in findings:
-        found = Text(finding.found)
-        if finding.advice:
-            found.append(f"\n{finding.advice}", _STYLES[finding.state])
-        grid.add_row(Text(finding.state, _STYLES[finding.state]), finding.topic, found)
-    return grid
-
-
-def verdict(findings: list[Finding]) -> Text:
-    """Return the last line."""
-    problems = sum(1 for finding in findings if finding.state == "problem")
-    if not problems:
-        return Text("missions can be run here", "bold green")
-    return Text(f"{problems} problem{'s' * (problems > 1)} to mend before missions can be run", "bold red")
+    return work(**given)

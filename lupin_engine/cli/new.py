@@ -5,60 +5,15 @@ What stands there already is left as it is; a mission that exists is never writt
 
 from __future__ import annotations
 
-import re
-from pathlib import Path
+from typing import Any
 
 import click
-
-from lupin_engine.chart.load import (
-    LIFECYCLE,
-    PARTS,
-    default_missions_folder,
-    find_mission,
-    inspect_chart,
-    lifecycle_of,
-)
-from lupin_engine.errors import UsageError
-from lupin_engine.launch.mission import LOCAL
-from lupin_engine.plugin.registry import load_catalog
-from lupin_engine.sim import SUFFIX
-
-#: What a file's name may be: it is also how the mission is called on the command line.
-_NAME = re.compile(r"[a-z][a-z0-9_]*")
-
-MISSION = """\
-mission: {title}
-summary: Wait a little and come home.
-initial: PREPARE
-states:
-  PREPARE:                                 # before the robot moves
-    after: {{2 s: WORKING}}
-  WORKING:                                 # what the robot does stands here
-    after: {{5 s: done}}
-  done: {{type: final}}                      # the end: the lifecycle takes the robot home
-"""
-
-SCENARIO = """\
-scenario: the mission runs to its end
-mission: {name}
-expect:
-  passes: [PREPARE, WORKING, done]         # in this order, others between them
-  never: [FAULT]
-"""
-
-#: Of a mission that is like another one nothing else is known.
-SCENARIO_LIKE = """\
-scenario: the mission runs to its end
-mission: {name}
-expect:
-  never: [FAULT]
-"""
 
 
 @click.command(short_help="Begin a mission: its file, the lifecycle around it, a scenario.")
 @click.argument("name")
 @click.option("--like", metavar="MISSION", help="Begin with a copy of this mission, and the parts it uses.")
-def new(name: str, like: str | None) -> int:
+def new(**given: Any) -> int:
     """Begin a mission: its file, the lifecycle around it, a scenario.
 
     NAME is what the file is called, such as water_beds. In the current folder this writes
@@ -67,80 +22,6 @@ def new(name: str, like: str | None) -> int:
 
     Example: lupin new my_inspection --like inspection
     """
-    written, kept = write_mission(name, like, Path())
-    for file in written:
-        click.echo(f"wrote {file}")
-    for file in kept:
-        click.echo(f"kept  {file}")
-    click.echo(f"next: lupin check missions; lupin simulate {name}; lupin test")
-    return 0
+    from lupin_engine.cli.work.new import work
 
-
-command = new
-
-
-def write_mission(name: str, like: str | None, folder: Path) -> tuple[list[Path], list[Path]]:
-    """Write what a mission needs below `folder`.
-
-    Returns:
-        The files that were written, and those that stood there already.
-
-    Raises:
-        UsageError: the name cannot be one, the mission exists, or there is none to be `like`.
-    """
-    if not _NAME.fullmatch(name) or name == Path(LIFECYCLE).stem:
-        hint = re.sub(r"\W+|(?<=[a-z0-9])(?=[A-Z])", "_", name).strip("_").lower()
-        other = f"; did you mean {hint!r}?" if _NAME.fullmatch(hint) and hint != name else ""
-        wanted = "lower-case letters, digits and underscores, such as water_beds"
-        raise UsageError(f"{name!r} cannot be the name of a mission's file: write {wanted}{other}")
-    missions = folder / LOCAL
-    scenario = folder / "scenarios" / f"{name}{SUFFIX}"
-    own = {
-        missions / f"{name}.yaml": MISSION.format(title=_title(name)),
-        scenario: (SCENARIO_LIKE if like else SCENARIO).format(name=name),
-    }
-    source = default_missions_folder()
-    others = [LIFECYCLE]
-    if like is not None:
-        file, parts = _model(like, folder)
-        source = file.parent
-        own[missions / f"{name}.yaml"] = _renamed(file.read_text(encoding="utf-8"), _title(name))
-        others += parts
-    for file in own:
-        if file.exists():
-            raise UsageError(f"{str(file)!r} exists; choose another name, or remove it")
-    shared = {missions / other: (source / other).read_text(encoding="utf-8") for other in others}
-    kept = [file for file in shared if file.exists()]
-    written = {file: text for file, text in {**shared, **own}.items() if file not in kept}
-    for file, text in written.items():
-        _write(file, text)
-    return list(written), kept
-
-
-def _model(like: str, folder: Path) -> tuple[Path, list[str]]:
-    """Return the file of a mission and its parts, as named beside it."""
-    local = folder / LOCAL
-    folders = [local] if (local / LIFECYCLE).is_file() else []
-    file = find_mission(like, [*folders, default_missions_folder()])
-    if not lifecycle_of(file).is_file():
-        raise UsageError(f"no {LIFECYCLE} stands beside {like!r}; name a mission that has one")
-    documents = inspect_chart(lifecycle_of(file), [file], load_catalog()).documents
-    parts = sorted(path.name for path in documents if path.parent.name == PARTS)
-    return file, [f"{PARTS}/{part}" for part in parts]
-
-
-def _title(name: str) -> str:
-    """Return what requests call a mission: `water_beds` is `WaterBeds`."""
-    return "".join(word.capitalize() for word in name.split("_"))
-
-
-def _renamed(text: str, title: str) -> str:
-    return re.sub(r"^mission:.*", f"mission: {title}", text, count=1, flags=re.MULTILINE)
-
-
-def _write(file: Path, text: str) -> None:
-    try:
-        file.parent.mkdir(parents=True, exist_ok=True)
-        file.write_text(text, encoding="utf-8")
-    except OSError as problem:
-        raise UsageError(f"cannot write {str(file)!r}: {problem.strerror}") from None
+    return work(**given)

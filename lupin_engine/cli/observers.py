@@ -51,7 +51,8 @@ class PlainObserver:
         self.show(story)
         if kind == "state" and (key := view.changed_key(data)) != self._last:
             self._last = key
-            self._write(f"{view.clock(story.elapsed(story.heard))}  {view.plain_state(data)}")
+            line = view.plain_state(data, story.searching)
+            self._write(f"{view.clock(story.elapsed(story.heard))}  {line}")
 
     def show(self, story: Story) -> None:
         """Write the events that are new."""

@@ -1,4 +1,4 @@
-"""The options that several verbs share."""
+"""The options that several verbs share, and what is known both to those who declare one and who follow it."""
 
 from __future__ import annotations
 
@@ -8,6 +8,21 @@ import click
 
 from lupin_engine.launch.environment import HIGHEST_DOMAIN
 
+#: How long a mission may wait for an operator when nobody watches a terminal, in seconds.
+PATIENCE_S = 60.0
+#: Stands for the terminal where a file could be named.
+TERMINAL = "-"
+#: What the file of a timeline ends in.
+SVG, PNG = ".svg", ".png"
+
+
+def _tags(_: click.Context, __: click.Parameter, text: str | None) -> tuple[str, ...]:
+    return tuple(part.strip() for part in (text or "").split(",") if part.strip())
+
+
+tags = click.option(
+    "--tags", metavar="1,5,12", callback=_tags, help="The tags to visit; default: the mission's own."
+)
 settings = click.option(
     "--set",
     "settings",

@@ -2,40 +2,17 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
-from rich.console import Console
 
 from lupin_engine.cli import options
-from lupin_engine.cli.bring_up import Wanted, session_settings
-from lupin_engine.cli.observers import JsonObserver, LiveObserver, PlainObserver, SavingPicture
-from lupin_engine.cli.settings import read_settings
-from lupin_engine.cli.terminal import quiet_terminal
-from lupin_engine.errors import LupinError, Severity
-from lupin_engine.launch.interrupts import Interrupted, Interrupts
-from lupin_engine.launch.mission import Loaded, check_request, load_missions
-from lupin_engine.launch.story import INTERRUPTED, NOT_DONE
-from lupin_engine.plugin.registry import Catalog, load_catalog
-
-if TYPE_CHECKING:
-    from lupin_engine.launch.session import Session
-
-#: How long a mission may wait for an operator when nobody watches a terminal, in seconds.
-PATIENCE_S = 60.0
-
-
-def _tags(_: click.Context, __: click.Parameter, text: str | None) -> tuple[str, ...]:
-    return tuple(part.strip() for part in (text or "").split(",") if part.strip())
 
 
 @click.command(short_help="Run a mission over ROS 2 and watch it.")
 @click.argument("mission")
-@click.option(
-    "--tags", metavar="1,5,12", callback=_tags, help="The tags to visit; default: the mission's own."
-)
+@options.tags
 @click.option("--goal", type=click.IntRange(min=0, max=65535), default=0, help="How many tags to discover.")
 @options.settings
 @options.speed
@@ -47,7 +24,8 @@ def _tags(_: click.Context, __: click.Parameter, text: str | None) -> tuple[str,
     "--patience",
     type=click.FloatRange(min=0.0),
     metavar="SECONDS",
-    help=f"How long the mission may wait for an operator; default: {PATIENCE_S:g}, on a terminal for ever.",
+    help="How long the mission may wait for an operator; "
+    f"default: {options.PATIENCE_S:g}, on a terminal for ever.",
 )
 @click.option("--json", "as_json", is_flag=True, help="Write one JSON object a line.")
 @click.option(
@@ -55,15 +33,7 @@ def _tags(_: click.Context, __: click.Parameter, text: str | None) -> tuple[str,
     type=click.Path(dir_okay=False, path_type=Path),
     help="Save a picture from the middle of the run.",
 )
-def run(
-    mission: str,
-    tags: tuple[str, ...],
-    goal: int,
-    patience: float | None,
-    as_json: bool,
-    save_svg: Path | None,
-    **wanted: Any,
-) -> int:
+def run(**given: Any) -> int:
     """Run a mission over ROS 2 and watch it.
 
     MISSION is the name of a mission (inspection, InspectionMission) or a file. What is missing of its nodes
@@ -72,49 +42,6 @@ def run(
 
     Exit code: 0 all targets visited, 1 some missed, 2 fault or not started, 130 interrupted.
     """
-    catalog = load_catalog()
-    loaded = load_missions([mission], catalog)
-    shared = Wanted(**wanted)
-    values = read_settings("--set", shared.settings, loaded.chart.parameters)
-    check_request(loaded, catalog, values, tags, goal)
-    if patience is None and (as_json or not sys.stdout.isatty()):
-        patience = PATIENCE_S
-    settings = session_settings(shared, loaded, catalog, values, patience)
-    observer = _observer(as_json, save_svg, loaded)
-    from lupin_engine.launch.session import Session  # needs rclpy
+    from lupin_engine.cli.work.run import work
 
-    with quiet_terminal(), Interrupts() as interrupts, Session(settings, observer, interrupts) as session:
-        code = _carry_out(session, observer, loaded, catalog, tags, goal)
-    observer.close(session.story, code)
-    return code
-
-
-def _carry_out(
-    session: Session, observer: Any, loaded: Loaded, catalog: Catalog, tags: tuple[str, ...], goal: int
-) -> int:
-    """Run the mission; whatever goes wrong, it is told here and the mission is aborted."""
-    try:
-        session.bring_up(loaded.chart.plugins, catalog)
-        story = session.start(loaded.names[0], tags, goal)
-        session.follow(story)
-        return story.verdict
-    except Interrupted:
-        code = INTERRUPTED
-    except LupinError as problem:
-        observer.note(str(problem), Severity.ERROR)
-        code = NOT_DONE
-    if session.story is not None and not session.story.ended:
-        session.abort(session.story)
-    return code
-
-
-def _observer(as_json: bool, save_svg: Path | None, loaded: Loaded) -> Any:
-    observer: Any
-    console = Console(highlight=False)
-    if as_json:
-        observer = JsonObserver()
-    elif console.is_terminal and not console.is_dumb_terminal:
-        observer = LiveObserver(console, loaded.chart)
-    else:
-        observer = PlainObserver()
-    return SavingPicture(observer, loaded.chart, save_svg) if save_svg else observer
+    return work(**given)

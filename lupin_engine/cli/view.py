@@ -201,8 +201,7 @@ def _details(story: Story, now: float, symbols: Symbols) -> RenderableType:
     grid.add_column(style="dim", width=10)
     grid.add_column(ratio=1)
     grid.add_row("target", _target(story))
-    done = f"{story.closed}/{story.total} targets"
-    grid.add_row("progress", _measure(story.closed, story.total, "green", done))
+    grid.add_row("progress", _progress(story))
     grid.add_row("", _counts(story, symbols))
     # This row is there even when it is empty, so that the picture does not jump.
     grid.add_row("waits" if story.waits else "", Text(WAITS if story.waits else "", "yellow"))
@@ -213,6 +212,17 @@ def _details(story: Story, now: float, symbols: Symbols) -> RenderableType:
         grid.add_row("", _running_detail(running))
     grid.add_row("battery", _battery(story))
     return grid
+
+
+def _progress(story: Story) -> RenderableType:
+    if story.searching:
+        return _measure(story.found, story.goal, "green", f"{story.found}/{story.goal} tags found")
+    return _measure(story.closed, story.total, "green", f"{_share(story.closed, story.total)} targets")
+
+
+def _share(closed: int, total: int) -> str:
+    """Say how many visits there were to how many targets; more than one sweep makes more of them."""
+    return f"{closed}/{total}" if closed <= total else f"{closed} visits to {total}"
 
 
 def _target(story: Story) -> Text:
@@ -330,30 +340,36 @@ def _value(value: float | None, symbols: Symbols) -> Text:
 
 def summary(story: Story, now: float) -> Text:
     """Return the last line of a run."""
-    counted = ((story.count(status), WORDS[status]) for status in STATUSES)
-    counts = ", ".join(f"{count} {word}" for count, word in counted if count)
     stage = story.lifecycle if story.ended else f"given up in {story.lifecycle or 'its beginning'}"
     text = Text(stage, _VERDICT_STYLES[story.verdict])
-    text.append(
-        f": {counts or 'none visited'} of {story.total} targets in {story.elapsed(now):.1f} s", "not bold"
-    )
+    text.append(f": {_outcome(story)} in {story.elapsed(now):.1f} s", "not bold")
     error = story.state.get("last_error")
     if error and story.verdict:
         text.append(f"; last: {error}", "yellow")
     return text
 
 
+def _outcome(story: Story) -> str:
+    found = f"{story.found} of {story.goal} tags found" if story.goal else ""
+    if story.searching:
+        return found
+    counted = ((story.count(status), WORDS[status]) for status in STATUSES)
+    counts = ", ".join(f"{count} {word}" for count, word in counted if count)
+    visited = f"{counts or 'none visited'} of {story.total} targets"
+    return f"{found}, {visited}" if found else visited
+
+
 # -- lines ----------------------------------------------------------------------------------------------
 
 
-def plain_state(state: Mapping[str, Any]) -> str:
-    """Return what a published state says, in one line."""
+def plain_state(state: Mapping[str, Any], searching: bool = False) -> str:
+    """Return what a published state says, in one line; the counters of a search are about tags found."""
     target = state.get("current_target")
     closed = sum(int(state.get(name, 0)) for name in COUNTERS.values())
     parts = (
         f"{state.get('lifecycle_state', '')} {state.get('mission_phase', '')}".strip(),
         f"tag {target}" if target else "",
-        f"{closed}/{state.get('targets_total', 0)}",
+        _share(closed, int(state.get("targets_total", 0))) + (" tags found" if searching else ""),
     )
     return "  ".join(part for part in parts if part)
 

@@ -7,7 +7,6 @@ import importlib.util
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
-from importlib import metadata
 from pathlib import Path
 
 from lupin_engine.chart.load import PARTS
@@ -19,7 +18,7 @@ from lupin_engine.editor.mentions import STATES, Mention
 from lupin_engine.editor.model import steps_of
 from lupin_engine.editor.scan import Steps
 from lupin_engine.plugin import builtin
-from lupin_engine.plugin.registry import GROUP
+from lupin_engine.plugin.discovery import entry_points
 
 
 @dataclass(frozen=True)
@@ -213,7 +212,7 @@ def _tree(file: Path) -> ast.Module:
 def catalog_file(plugin: str) -> Path | None:
     """Return the file that makes the `Plugin` of that name."""
     modules = [builtin.__name__] if plugin == builtin.BUILTIN else []
-    modules += [point.value.partition(":")[0] for point in metadata.entry_points(group=GROUP)]
+    modules += [point.module for point in entry_points()]
     for module in modules:
         spec = importlib.util.find_spec(module)
         if spec is None or spec.origin is None:

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Literal
 
 from lupin_engine import __version__
-from lupin_engine.chart.load import LIFECYCLE, check_chart, mission_files
+from lupin_engine.chart.load import check_chart, lifecycle_in, mission_files
 from lupin_engine.errors import LupinError, Severity
 from lupin_engine.launch.environment import DOMAIN, HIGHEST_DOMAIN, RANGE
 from lupin_engine.launch.mission import folders
@@ -24,7 +24,8 @@ from lupin_engine.launch.requirements import INSTALL_ROS
 from lupin_engine.launch.shared_memory import stale_segments
 from lupin_engine.middleware import environment
 from lupin_engine.middleware.type_hashes import local_hash
-from lupin_engine.plugin.registry import GROUP, build_catalog, import_plugin, load_catalog
+from lupin_engine.plugin.discovery import entry_points
+from lupin_engine.plugin.registry import build_catalog, import_plugin, load_catalog
 
 State = Literal["ok", "note", "problem"]
 
@@ -211,7 +212,7 @@ def _node_in(words: Sequence[str]) -> str:
 
 def look_at_plugins() -> Iterator[Finding]:
     """Every plugin that is installed: what it offers, or why it is refused."""
-    for point in sorted(metadata.entry_points(group=GROUP), key=lambda point: point.name):
+    for point in entry_points():
         try:
             plugin = import_plugin(point)
             build_catalog([plugin])
@@ -238,7 +239,7 @@ def look_at_missions() -> Iterator[Finding]:
         yield Finding("missions", "cannot be checked", "problem", str(problem))
         return
     for file in mission_files(folder):
-        _, diagnostics = check_chart(folder / LIFECYCLE, [file], catalog)
+        _, diagnostics = check_chart(lifecycle_in(folder), [file], catalog)
         errors = [d for d in diagnostics if d.severity is Severity.ERROR]
         if errors:
             advice = f"`lupin check {file}` tells them all; the first: {errors[0]}"

@@ -18,6 +18,8 @@ class Interrupts:
 
     def __init__(self) -> None:
         self.count = 0
+        #: Whether the first signal was Ctrl-C: somebody is there, and there is time to come home.
+        self.at_leisure = False
         self._before: dict[signal.Signals, Any] = {}
 
     def check(self) -> None:
@@ -30,6 +32,11 @@ class Interrupts:
         """Whether there was a second signal: stop now, with force."""
         return self.count > 1
 
+    @property
+    def insisted_twice(self) -> bool:
+        """Whether there was a third signal: wait for nothing any more."""
+        return self.count > 2
+
     def __enter__(self) -> Interrupts:
         self._before = {number: signal.signal(number, self._count) for number in _HANDLED}
         return self
@@ -40,3 +47,4 @@ class Interrupts:
 
     def _count(self, number: int, frame: types.FrameType | None) -> None:
         self.count += 1
+        self.at_leisure = self.at_leisure or (self.count == 1 and number == signal.SIGINT)

@@ -8,9 +8,11 @@ from pathlib import Path
 from typing import Any
 
 from lupin_engine.chart.load import (
-    LIFECYCLE,
+    MISSIONS,
     default_missions_folder,
     find_mission,
+    is_missions_folder,
+    lifecycle_in,
     lifecycle_of,
     load_chart,
     mission_files,
@@ -20,7 +22,7 @@ from lupin_engine.errors import UsageError
 from lupin_engine.plugin.registry import Catalog
 
 #: Where missions are looked for before the shipped ones: the folder `missions` of the current folder.
-LOCAL = Path("missions")
+LOCAL = Path(MISSIONS)
 
 
 @dataclass(frozen=True)
@@ -46,7 +48,7 @@ class Loaded:
 
 def folders() -> list[Path]:
     """Return where missions are looked for, nearest first."""
-    found = [LOCAL] if (LOCAL / LIFECYCLE).is_file() else []
+    found = [LOCAL] if is_missions_folder(LOCAL) else []
     shipped = default_missions_folder()
     return found if found and LOCAL.resolve() == shipped.resolve() else [*found, shipped]
 
@@ -59,22 +61,14 @@ def load_missions(names: Sequence[str], catalog: Catalog) -> Loaded:
         ChartError: with every error of every file.
     """
     files = [find_mission(name, folders()) for name in names] or mission_files(folders()[0])
-    lifecycles = {_lifecycle(file).resolve(): None for file in files}
+    lifecycles = {lifecycle_of(file).resolve(): None for file in files}
     if len(lifecycles) > 1:
         raise UsageError(f"these missions have different lifecycles: {', '.join(map(str, lifecycles))}")
-    lifecycle = next(iter(lifecycles), folders()[0] / LIFECYCLE)
+    lifecycle = next(iter(lifecycles), lifecycle_in(folders()[0]))
     return Loaded(load_chart(lifecycle, files, catalog), tuple(files), lifecycle)
 
 
-def _lifecycle(mission: Path) -> Path:
-    """Return the lifecycle beside a mission, or the shipped one for a mission that stands alone."""
-    beside = lifecycle_of(mission)
-    return beside if beside.is_file() else default_missions_folder() / LIFECYCLE
-
-
-def check_request(
-    loaded: Loaded, catalog: Catalog, given: Mapping[str, Any], tags: Sequence[str], goal: int
-) -> None:
+def check_request(loaded: Loaded, given: Mapping[str, Any], tags: Sequence[str], goal: int) -> None:
     """Ask the first mission whether it would take a request, as far as that needs no robot.
 
     Raises:
@@ -87,7 +81,7 @@ def check_request(
     from lupin_engine.machine.request import read_request
     from lupin_engine.runtime.setup import make_world
 
-    world = make_world(loaded.chart, catalog, given)
+    world = make_world(loaded.chart, given)
     data = {"mission_type": loaded.names[0], "tag_sequence": list(tags), "discovery_goal": goal}
     _, refusal = read_request(world, data, Surroundings(world, Memory()).at("", 0.0))
     if refusal is not None:

@@ -42,6 +42,8 @@ ANSWER_S = 5.0
 SILENCE_S = 6.0
 #: How long an abort may take until nothing moves, in seconds.
 ABORT_LIMIT_S = 5.0
+#: How long the robot may take to come home after an abort, in seconds; the missions' own limits are shorter.
+HOME_LIMIT_S = 300.0
 #: How long the last observations may come after the last state, in seconds.
 STRAGGLER_S = 2.0
 
@@ -232,7 +234,7 @@ class Session:
                 raise RunFailed(f"no /mission/state for {SILENCE_S:g} s: the orchestrator is gone")
             waiting_since = (waiting_since or now) if story.waits else None
             self._check_patience(story, now - (waiting_since or now))
-        self._wait_until(lambda: len(story.readings) >= story.closed, STRAGGLER_S)
+        self._wait_until(lambda: story.all_told, STRAGGLER_S)
 
     def _check_patience(self, story: Story, waited: float) -> None:
         patience = self._settings.patience
@@ -241,23 +243,38 @@ class Session:
             raise RunFailed(f"the mission waits for an operator ({why}); nobody came within {patience:g} s")
 
     def abort(self, story: Story) -> None:
-        """Abort the mission and stop where the robot is, as far as that can be done in a short time."""
+        """Abort the mission, which sends the robot home; stop it on the way if there is no time for that.
+
+        There is time after Ctrl-C, until it is pressed again or the robot cannot go on without help.
+        """
         if self.owns_orchestrator and ORCHESTRATOR not in self.supervisor.names:
             return  # nobody is left to ask
-        self._observer.note("aborting the mission; once more to force", Severity.WARN)
-        # The first sends the robot home, the second stops it on the way.
-        for _ in range(2):
-            answer = self._ask("abort")
-            if not answer.reached:
-                self._observer.note(f"the mission could not be aborted: {answer.text}", Severity.ERROR)
-                return
-            if not answer.accepted or story.ended:
-                break
-        still = lambda: (story.ended and not story.busy) or self._interrupts.insisted  # noqa: E731
-        if not self._wait_until(still, ABORT_LIMIT_S):
+        home = self._interrupts.at_leisure
+        text = "aborting the mission: the robot drives home; once more to stop it on the way"
+        self._observer.note(text if home else "aborting the mission", Severity.WARN)
+        # Who is on the way home already is not stopped by the wish to come home.
+        if not (home and story.returning) and not self._request_abort():
+            return
+        if home:
+            self._wait_until(lambda: story.ended or story.waits or self._interrupts.insisted, HOME_LIMIT_S)
+        if not story.ended and not self._request_abort():
+            return
+
+        def enough() -> bool:
+            return self._interrupts.insisted_twice if home else self._interrupts.insisted
+
+        if not self._wait_until(lambda: (story.ended and not story.busy) or enough(), ABORT_LIMIT_S):
             self._observer.note(f"the mission still runs after {ABORT_LIMIT_S:g} s", Severity.ERROR)
-        all_told = lambda: len(story.readings) >= story.closed or self._interrupts.insisted  # noqa: E731
-        self._wait_until(all_told, STRAGGLER_S)
+        self._wait_until(lambda: story.all_told or enough(), STRAGGLER_S)
+
+    def _request_abort(self) -> bool:
+        """Ask for an abort, and say whether there was an answer; a refusal is one."""
+        answer = self._ask("abort")
+        if not answer.reached:
+            self._observer.note(f"the mission could not be aborted: {answer.text}", Severity.ERROR)
+        elif not answer.accepted:
+            self._observer.note(answer.text, Severity.WARN)
+        return answer.reached
 
     def _ask(self, name: str) -> Answer:
         answer = self._operator.ask(name, ANSWER_S)

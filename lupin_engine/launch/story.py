@@ -31,6 +31,7 @@ _ENDS = ("attempt.done", "attempt.failed", "attempt.cancelled")
 #: What a lifecycle state means for a run.
 ENDED = ("DONE",)
 FAULTED = ("FAULT",)
+RETURNING = ("RETURNING",)
 
 
 @dataclass(frozen=True)
@@ -76,13 +77,16 @@ class Story:
     began: float
     state: dict[str, Any] = field(default_factory=dict)
     view: dict[str, Any] = field(default_factory=dict)
+    #: What is known of each target, the newest last; and how many observations that took.
     readings: dict[str, Reading] = field(default_factory=dict)
+    observed: int = 0
     happenings: list[Happening] = field(default_factory=list)
     heard: float = 0.0
     #: Monotonic time of this process minus the orchestrator's, as of the last step.
     _offset: float = 0.0
     _begun: dict[tuple[str, str, int], float] = field(default_factory=dict)
-    _open: set[str] = field(default_factory=set)
+    _open: dict[str, str] = field(default_factory=dict)
+    _published: int = 0
     _ended_at: float | None = None
 
     def take(self, kind: str, data: Mapping[str, Any], at: float) -> bool:
@@ -115,6 +119,11 @@ class Story:
         return self.lifecycle in FAULTED
 
     @property
+    def returning(self) -> bool:
+        """Whether the robot is on its way home, or there."""
+        return self.lifecycle in RETURNING
+
+    @property
     def waits(self) -> bool:
         """Whether the mission does nothing until an operator does something."""
         return bool(self.state.get("paused")) and not self.ended
@@ -135,15 +144,36 @@ class Story:
 
     @property
     def closed(self) -> int:
-        """How many targets have their outcome."""
-        return sum(self.count(status) for status in STATUSES)
+        """How many targets have their outcome; several sweeps give one several."""
+        return 0 if self.searching else sum(self.count(status) for status in STATUSES)
+
+    @property
+    def goal(self) -> int:
+        """How many tags are to be discovered; 0 for a mission that knows its targets."""
+        return int(self.state.get("discovery_goal", 0))
+
+    @property
+    def found(self) -> int:
+        """How many tags were discovered."""
+        return int(self.state.get("tags_discovered", 0))
+
+    @property
+    def searching(self) -> bool:
+        """Whether there is no list of targets yet: the published counters then tell of the search."""
+        return self.goal > 0 and not self.view.get("total") and not self.state.get("current_target")
+
+    @property
+    def all_told(self) -> bool:
+        """Whether every observation has come that was published, as far as is known."""
+        return self.observed >= max(self.closed, self._published)
 
     @property
     def verdict(self) -> int:
-        """The exit code: all visited, some missed, or not done."""
+        """The exit code: all found and visited, some missed, or not done."""
         if self.lifecycle not in ENDED:
             return NOT_DONE
-        return ALL_VISITED if self.count("OK") >= self.total else SOME_MISSED
+        missed = self.searching or self.found < self.goal or self.count("OK") < self.total
+        return SOME_MISSED if missed else ALL_VISITED
 
     def elapsed(self, now: float) -> float:
         """Return how long the mission has run at `now`; the clock stops at its end."""
@@ -171,6 +201,8 @@ class Story:
         if new.get("last_error") and new["last_error"] != before.get("last_error"):
             told = str(new.get("last_event", ""))
             self.note(at, Severity(new.get("last_event_severity", 0)), _event_text(new))
+        if self.found > int(before.get("tags_discovered", 0)):
+            self.note(at, Severity.INFO, f"{self.found}/{self.goal} tags found")
         for flag, on, off in (
             ("estop_engaged", "e-stop engaged", "e-stop released"),
             ("paused", "paused", "resumed"),
@@ -184,7 +216,10 @@ class Story:
         if data.get("mission_id") != self.mission_id:
             return False
         reading = reading_of(data)
-        self.readings[reading.tag or f"#{len(self.readings) + 1}"] = reading
+        self.observed += 1
+        name = reading.tag or f"#{self.observed}"
+        self.readings.pop(name, None)
+        self.readings[name] = reading
         self.note(at, Severity.INFO if reading.status == "OK" else Severity.WARN, str(reading))
         return True
 
@@ -194,19 +229,24 @@ class Story:
             return False
         self.view = view
         self._offset = at - float(data.get("time", 0.0))
-        self._follow_attempts(data.get("step") or {})
+        self._follow_attempts(data.get("step") or {}, at)
         current = {_key(attempt) for attempt in view.get("attempts", ())}
         self._begun = {key: begun for key, begun in self._begun.items() if key in current}
         for key in current:
             self._begun.setdefault(key, at)
         return True
 
-    def _follow_attempts(self, step: Mapping[str, Any]) -> None:
+    def _follow_attempts(self, step: Mapping[str, Any], at: float) -> None:
+        data = step.get("data", {})
         if step.get("event") in _ENDS:
-            self._open.discard(str(step.get("data", {}).get("attempt")))
+            operation = self._open.pop(str(data.get("attempt")), "")
+            pose = data.get("result", {}).get("pose")
+            if pose:
+                self.note(at, Severity.INFO, f"{operation}: x {pose['x']:.2f} m, y {pose['y']:.2f} m")
         for command in step.get("commands", ()):
             if command["command"] == "start":
-                self._open.add(str(command["attempt"]))
+                self._open[str(command["attempt"])] = str(command.get("operation", ""))
+            self._published += command["command"] == "publish"
 
     def _running(self, attempt: Mapping[str, Any], now: float) -> Running:
         begun = self._begun.get(_key(attempt), now)

@@ -9,6 +9,7 @@ from lupin_engine.chart.model import Chart, Environment, Expression, Transition,
 from lupin_engine.errors import Severity
 from lupin_engine.machine.environment import NO_CAUSE, Cause, Surroundings, World
 from lupin_engine.machine.memory import Memory
+from lupin_engine.machine.structure import FAULT
 from lupin_engine.machine.timers import Timers
 from lupin_engine.machine.turn import Turn
 
@@ -52,9 +53,14 @@ class Core:
         return value
 
     def report(self, code: str, detail: str) -> None:
-        """Remember a code for `last_error`; what is mere information does not replace a warning."""
+        """Remember a code for `last_error`; what is mere information does not replace a warning.
+
+        In FAULT nothing less severe than its reason does: an emergency stop there must not hide what failed.
+        """
         declared = self.chart.codes.get(code)
-        if declared is None or declared.severity > Severity.INFO:
+        shown = self.chart.codes.get(self.memory.code) if FAULT in self.memory.configuration else None
+        least = shown.severity if shown else Severity.WARN
+        if declared is None or declared.severity >= least:
             self.memory.code, self.memory.detail = code, detail
 
 

@@ -126,7 +126,7 @@ class Act:
 class Publish:
     """Tell the world what became of a target. `status` is OK, UNREACHABLE, SCAN_FAILED or SKIPPED."""
 
-    mission: str
+    source: str
     mission_id: str
     target: str
     status: str

@@ -97,14 +97,27 @@ class Machine:
     def start(self, now: float) -> Step:
         """Enter the chart's initial states at time `now`, in seconds of the caller's clock."""
         turn = self._open(Event("start"), now)
-        for name, variable in self._core.chart.context.items():
-            try:
-                self.memory.context[name] = variable.default.evaluate(self._core.see("", turn))
-            except Exception as problem:
-                turn.fail("", f"{variable.place}: context {name}: {problem}")
+        self._begin_context(turn)
         Values(self._core).begin(turn)
         self._microstep(self._planner.beginning(), NO_CAUSE)
         return self._finish()
+
+    def go_on(self, now: float) -> Step:
+        """Take over the memory of a machine of another chart (see `succession`): begin what is new here."""
+        turn = self._open(Event("loaded"), now)
+        self._begin_context(turn)
+        Values(self._core).go_on(turn)
+        return self._finish()
+
+    def _begin_context(self, turn: Turn) -> None:
+        """Give the variables that have none their first value."""
+        context = self.memory.context
+        for name, variable in self._core.chart.context.items():
+            try:
+                if name not in context:
+                    context[name] = variable.default.evaluate(self._core.see("", turn))
+            except Exception as problem:
+                turn.fail("", f"{variable.place}: context {name}: {problem}")
 
     def handle(self, event: Event, now: float) -> Step:
         """Process one event from outside; deadlines before `now` must have been fired by `advance`."""

@@ -138,7 +138,8 @@ class Memory:
 
     `timers` are in the order in which they fire. `budgets` is the time that each state with a budget had left
     when it was last entered or left, `handled` the keys that each `for_each` has dealt with, both in this
-    mission. `levels` is by `input.NAME.LEVEL`. `broken` names the invariants that do not hold.
+    mission. `levels` is by `input.NAME.LEVEL`. For inputs that are lists about the mission, `heard` is the
+    last report as a whole, `before` that from before it. `broken` names the invariants that do not hold.
     """
 
     configuration: tuple[str, ...] = ()
@@ -161,6 +162,8 @@ class Memory:
     waiting_actions: list[tuple[str, str, Mapping[str, Any]]] = field(default_factory=list)
     inputs: dict[str, Reported] = field(default_factory=dict)
     levels: dict[str, bool] = field(default_factory=dict)
+    heard: dict[str, list[Any]] = field(default_factory=dict)
+    before: dict[str, list[Any]] = field(default_factory=dict)
     broken: list[str] = field(default_factory=list)
     code: str = ""
     detail: str = ""

@@ -35,8 +35,8 @@ class Row:
     """A configuration and what follows from it alone.
 
     `label` and `phase` are published. `levels` are, for each leaf, the transitions that need no event.
-    `working` are the states with an operation. In a `passing` row a final state is active: nobody should see
-    it. `answers` are the shortcuts from here by event, or by (state, event) for the event of one state
+    `working` are the states with an operation. In a `passing` row a final state is active, or a helper
+    (named in lower case): nobody should see it. `answers` are the shortcuts from here by event, or by (state, event) for the event of one state
     alone.
     """
 
@@ -63,7 +63,7 @@ class Row:
         self.moment = Moment(self.label, self.phase, "")
         self.levels = tuple(filter(None, (structure.level_rules(leaf) for leaf in self.leaves)))
         self.working = tuple(state for state in states if state.invoke or state.for_each)
-        self.passing = any(state.kind is Kind.FINAL for state in states)
+        self.passing = self.label.islower() or any(state.kind is Kind.FINAL for state in states)
         self.plans: dict[tuple[str, ...], Plan] = {}
         self.answers: dict[str | tuple[str, str], Shortcut | None] = {}
         self._candidates: dict[str, tuple[tuple[Transition, ...], ...]] = {}

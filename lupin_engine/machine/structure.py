@@ -39,16 +39,16 @@ class ChartState(NestedState):
 
     separator = "."
 
-    def __init__(self, *args: Any, rule: State, **kwargs: Any) -> None:
-        super().__init__(*args, **kwargs)
+    def __init__(self, rule: State, initial: Any) -> None:
+        super().__init__(rule.local_name or ROOT, final=rule.kind is Kind.FINAL, initial=initial)
         self.rule = rule
 
 
 class ChartTransition(NestedTransition):
     """A transition of the library that knows its rule."""
 
-    def __init__(self, *args: Any, rule: Transition, **kwargs: Any) -> None:
-        super().__init__(*args, **kwargs)
+    def __init__(self, rule: Transition, target: Any) -> None:
+        super().__init__(_library_name(rule.source), target, _conditions(rule))
         self.rule = rule
 
 
@@ -65,24 +65,41 @@ def build_machine(chart: Chart) -> ChartMachine:
     History is no state of the library: whoever targets it gets the remembered states, so it stays out and
     a transition to it is declared to its parent.
     """
+    root = chart.states[""]
+    top = ChartState(root, _library_initial(chart, root))
     machine = ChartMachine(
-        model=None,
-        states=[_describe(chart, "")],
-        initial=ROOT,
-        auto_transitions=False,
-        queued=True,
-        send_event=True,
+        model=None, states=[top], initial=ROOT, auto_transitions=False, queued=True, send_event=True
     )
+    _add_children(chart, top)
     for state in chart.states.values():
         for rule in (*state.transitions, *_fault_transition(chart, state)):
-            machine.add_transition(
-                rule.event or "always",
-                _library_name(rule.source),
-                _library_target(chart, rule),
-                conditions=_condition(rule),
-                rule=rule,
-            )
+            _add_transition(chart, machine, rule)
     return machine
+
+
+def _add_children(chart: Chart, above: ChartState) -> None:
+    """Add the states inside a state.
+
+    Not by `add_states`, which walks through the whole tree for each of them to tell models that are not there.
+    """
+    for child in _proper_children(chart, above.rule):
+        inner = ChartState(child, _library_initial(chart, child))
+        above.states[child.local_name] = inner
+        _add_children(chart, inner)
+
+
+def _proper_children(chart: Chart, state: State) -> list[State]:
+    children = [chart.states[name] for name in state.children]
+    return [child for child in children if child.kind is not Kind.HISTORY]
+
+
+def _add_transition(chart: Chart, machine: ChartMachine, rule: Transition) -> None:
+    """Add a transition; `add_transition` asks for each what all of ours have in common."""
+    trigger = rule.event or "always"
+    event = machine.events.get(trigger)
+    if event is None:
+        event = machine.events[trigger] = machine.event_cls(trigger, machine)
+    event.add_transition(ChartTransition(rule, _library_target(chart, rule)))
 
 
 def _fault_transition(chart: Chart, state: State) -> tuple[Transition, ...]:
@@ -93,22 +110,13 @@ def _fault_transition(chart: Chart, state: State) -> tuple[Transition, ...]:
     return (Transition(FAULT_RULE, EXECUTION_ERROR, "", state.place, target=FAULT, during=through),)
 
 
-def _describe(chart: Chart, name: str) -> dict[str, Any]:
-    state = chart.states[name]
-    children = [child for child in state.children if chart.states[child].kind is not Kind.HISTORY]
-    described: dict[str, Any] = {"name": state.local_name or ROOT, "rule": state}
-    if state.kind is Kind.FINAL:
-        described["final"] = True
-    if children:
-        described["children"] = [_describe(chart, child) for child in children]
-        described["initial"] = _library_initial(chart, state, children)
-    return described
-
-
-def _library_initial(chart: Chart, state: State, children: Sequence[str]) -> str | list[str]:
+def _library_initial(chart: Chart, state: State) -> str | list[str] | None:
+    """Return what is entered first; the library's type hints do not know that it may be several."""
     if state.kind is Kind.PARALLEL:
-        return [chart.states[child].local_name for child in children]
-    return chart.states[state.initial or children[0]].local_name
+        return [child.local_name for child in _proper_children(chart, state)]
+    if state.initial:
+        return chart.states[state.initial].local_name
+    return next((child.local_name for child in _proper_children(chart, state)), None)
 
 
 def _library_name(name: str) -> str:
@@ -122,7 +130,7 @@ def _library_target(chart: Chart, rule: Transition) -> str | None:
     return _library_name((target.parent or "") if target.kind is Kind.HISTORY else target.name)
 
 
-def _condition(rule: Transition) -> list[str | Callable[..., bool | None]]:
+def _conditions(rule: Transition) -> Any:
     """Let the stock machine ask the same guard; it finds the environment in the event's keywords."""
     guard = rule.guard
     if guard is None:
@@ -153,8 +161,10 @@ class Structure:
 
     def _in_written_order(self, name: str, rules: list[Transition]) -> tuple[Transition, ...]:
         # The library groups by event; between an exact name and a wildcard the author's order decides.
-        written = {rule.id: index for index, rule in enumerate(self.chart.states[name].transitions)}
-        return tuple(sorted(rules, key=lambda rule: written.get(rule.id, len(written))))
+        if len(rules) > 1:
+            written = {rule.id: index for index, rule in enumerate(self.chart.states[name].transitions)}
+            rules.sort(key=lambda rule: written.get(rule.id, len(written)))
+        return tuple(rules)
 
     # -- which transitions ------------------------------------------------------------------------------
 
@@ -329,9 +339,11 @@ class _Entry:
             self.back.update(self._structure.lineage(state))
 
     def _anew(self, target: State, domain: str) -> tuple[str, ...]:
-        """Return the target, or for a history state without memory what its parent begins with."""
+        """Return the target, or for a history state without memory what it says, else its parent begins with."""
         if target.kind is not Kind.HISTORY:
             return (target.name,)
+        if target.initial is not None:
+            return (target.initial,)
         parent = target.parent or ""
         return (self._child(self._structure.chart.states[parent]) if parent == domain else parent,)
 

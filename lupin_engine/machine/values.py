@@ -26,13 +26,29 @@ class Values:
         for spec in self._core.chart.inputs.values():
             self._begin(spec, turn)
 
+    def go_on(self, turn: Turn) -> None:
+        """Begin what is not known, and compare what is known with the levels as they are now."""
+        for spec in self._core.chart.inputs.values():
+            known = self._core.memory.inputs.get(spec.name)
+            if known is None or _flaw(spec, known.value):
+                self._core.memory.inputs.pop(spec.name, None)
+                self._begin(spec, turn)
+            else:
+                self._set(spec, known, turn)
+
     def begin_mission(self, turn: Turn) -> None:
-        """Forget what was reported before the mission of those inputs that are about it."""
+        """Forget what was reported before the mission of those inputs that are about it.
+
+        Of a list the last report is remembered all the same: who tells it again has nothing new to tell.
+        """
+        memory = self._core.memory
         for spec in self._core.chart.inputs.values():
             if spec.of_mission:
-                self._core.memory.inputs.pop(spec.name, None)
+                if spec.name in memory.heard:
+                    memory.before[spec.name] = memory.heard.pop(spec.name)
+                memory.inputs.pop(spec.name, None)
                 for level in spec.levels:
-                    self._core.memory.levels.pop(f"input.{spec.name}.{level.name}", None)
+                    memory.levels.pop(f"input.{spec.name}.{level.name}", None)
                 self._core.timers.disarm("fresh", spec.name)
                 self._begin(spec, turn)
 
@@ -51,11 +67,24 @@ class Values:
             if flaw:
                 turn.note(f"dropped: input.{spec.name} is {flaw}: {reprlib.repr(data['value'])}")
             elif spec.of_mission and not self._is_of_mission(data["stamp"]):
+                if spec.type.kind == "list":
+                    self._core.memory.before[spec.name] = list(data["value"])
                 turn.note(f"dropped: a report of input.{spec.name} from before the mission")
             elif known is not None and known.reported and data["stamp"] < known.stamp:
                 turn.note(f"dropped: a report of input.{spec.name} that is older than the last")
             else:
-                self._set(spec, Reported(data["value"], data["stamp"]), turn)
+                self._set(spec, Reported(self._news(spec, data["value"]), data["stamp"]), turn)
+
+    def _news(self, spec: Input, value: Any) -> Any:
+        """Return what counts of a report: of a list about the mission, what was not the same before it.
+
+        A registry that forgets nothing tells the finds of earlier missions again and again.
+        """
+        if not spec.of_mission or spec.type.kind != "list":
+            return value
+        self._core.memory.heard[spec.name] = list(value)
+        before = self._core.memory.before.get(spec.name, ())
+        return [item for item in value if item not in before]
 
     def _is_of_mission(self, stamp: float) -> bool:
         started = self._core.memory.started_at

@@ -61,29 +61,32 @@ class Walks:
     def close(self, walk: Walk | None, outcome: Mapping[str, Any], turn: Turn) -> None:
         """Give the current visit its outcome and publish it; refused the second time."""
         visit = walk.visit if walk else None
-        if visit is None or visit.closed:
+        if walk is None or visit is None or visit.closed:
             turn.note("itinerary.close refused: the current visit is closed already")
         else:
-            self._close(visit, outcome, turn)
+            self._close(walk, visit, outcome, turn)
 
     def close_rest(self, walk: Walk | None, outcome: Mapping[str, Any], turn: Turn) -> None:
         """Close every open visit of an itinerary in order, unless it leaves them open."""
-        for visit in walk.visits if walk and not walk.leaves_open else ():
+        if walk is None or walk.leaves_open:
+            return
+        for visit in walk.visits:
             if not visit.closed:
-                self._close(visit, outcome, turn)
+                self._close(walk, visit, outcome, turn)
 
-    def publish(self, visit: Visit, turn: Turn) -> None:
-        """Tell the world what became of a target."""
+    def publish(self, visit: Visit, turn: Turn, source: str = "") -> None:
+        """Tell the world what became of a target; the mission is the source unless another one is named."""
         memory = self._core.memory
         told = (visit.target, visit.status, visit.code, visit.detail, visit.reading)
-        turn.commands.append(Publish(memory.mission, memory.mission_id, *told))
+        turn.commands.append(Publish(source or memory.mission, memory.mission_id, *told))
 
-    def _close(self, visit: Visit, outcome: Mapping[str, Any], turn: Turn) -> None:
+    def _close(self, walk: Walk, visit: Visit, outcome: Mapping[str, Any], turn: Turn) -> None:
         visit.status = outcome["status"]
         visit.code = outcome.get("code", "")
         visit.detail = outcome.get("detail", "")
         visit.reading = outcome.get("reading")
-        self.publish(visit, turn)
+        rule = self._core.chart.states[walk.state].itinerary
+        self.publish(visit, turn, rule.source if rule else "")
 
     # -- laying out -------------------------------------------------------------------------------------
 

@@ -164,6 +164,10 @@ class ServiceCaller:
         """Say whether a server is matched; a dead one counts for up to 3 s (the discovery lease)."""
         return bool(self.client.service_is_ready())
 
+    def close(self) -> None:
+        """Let go of the service; no answer follows."""
+        self.ros.node.destroy_client(self.client)
+
     def call(self, request: Any, timeout: float, done: Callable[[Any], None]) -> Call:
         """Send `request`; `done` gets the response, or a `Failure` after `timeout` seconds of real time.
 
@@ -269,19 +273,46 @@ class RosNode:
         """Correct a declared parameter from inside the node; the `on_parameter` callbacks hear of it."""
         self.node.set_parameters([ros_parameters.to_ros(name, self._specs[name], value)])
 
+    def starting_values(self, specs: Declared) -> dict[str, Any]:
+        """Return what parameters would be if the node was started with them; nothing changes.
+
+        Raises:
+            LupinError: a value was given that one of them may not have, or ROS has no such type.
+        """
+        for name, spec in specs.items():
+            ros_parameters.ros_type(name, spec.type)
+        return ros_parameters.starting_values(specs, self._given())
+
+    def declare_anew(self, specs: Declared) -> None:
+        """Have exactly these parameters: new and changed ones as at a start, the others as they are."""
+        values = self.starting_values(specs)
+        kept = {name for name, spec in self._specs.items() if specs.get(name) == spec}
+        for name in set(self._specs) - kept:
+            self.node.undeclare_parameter(name)
+        # What is set here was checked just now, and is no change of what somebody reads.
+        self.node.remove_on_set_parameters_callback(self._on_set)
+        self._specs = dict(specs)
+        for name in specs:
+            if name not in kept:
+                self._declare_parameter(name, specs[name], values[name])
+        self.node.add_on_set_parameters_callback(self._on_set)
+
     def _declare_parameters(self) -> None:
         given = self._given()
         self._tell_unknown(name for name in given if name not in self._specs and not self._is_ros_own(name))
-        values = ros_parameters.starting_values(self._specs, given)
+        values = self.starting_values(self._specs)
         for name, spec in self._specs.items():
-            kind = ros_parameters.ros_type(name, spec.type)
-            # Declared without the override, which may be an integer for a double, and then set.
-            self.node.declare_parameter(name, kind, ros_parameters.descriptor(spec), ignore_override=True)
-            value = ros_parameters.to_ros(name, spec, values[name])
-            if value.type_ != RosParameter.Type.NOT_SET:
-                self.node.set_parameters([value])
+            self._declare_parameter(name, spec, values[name])
         self.node.add_pre_set_parameters_callback(self._before_set)
         self.node.add_on_set_parameters_callback(self._on_set)
+
+    def _declare_parameter(self, name: str, spec: Parameter, value: Any) -> None:
+        kind = ros_parameters.ros_type(name, spec.type)
+        # Declared without the override, which may be an integer for a double, and then set.
+        self.node.declare_parameter(name, kind, ros_parameters.descriptor(spec), ignore_override=True)
+        given = ros_parameters.to_ros(name, spec, value)
+        if given.type_ != RosParameter.Type.NOT_SET:
+            self.node.set_parameters([given])
 
     def _tell_unknown(self, names: Iterable[str]) -> None:
         """Refuse unknown names of `-p`; one that a parameter file has may be meant for other nodes."""

@@ -22,6 +22,8 @@ class Qos(enum.Enum):
     EVENT = "event"  #: reliable, volatile, depth 10: e-stop, battery
     DETECTION = "detection"  #: reliable, volatile, depth 5: detections, joint states
     SENSOR = "sensor"  #: best effort, volatile, depth 5: camera images
+    TRANSFORMS = "transforms"  #: reliable, volatile, depth 100: /tf, many small messages of many publishers
+    STATIC_TRANSFORMS = "static transforms"  #: reliable, transient local, depth 100: /tf_static
     SERVICES = "services"  #: reliable, volatile, depth 1000: service requests and answers
 
     def profile(self) -> QoSProfile:
@@ -42,5 +44,7 @@ _PROFILES = {
     Qos.EVENT: (True, False, 10),
     Qos.DETECTION: (True, False, 5),
     Qos.SENSOR: (False, False, 5),
+    Qos.TRANSFORMS: (True, False, 100),
+    Qos.STATIC_TRANSFORMS: (True, True, 100),
     Qos.SERVICES: (True, False, SERVICE_DEPTH),
 }

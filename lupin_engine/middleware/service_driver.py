@@ -32,11 +32,15 @@ class Failed:
 
 @dataclass(frozen=True)
 class ServiceOperation:
-    """How an operation becomes a call: its request from the arguments, its outcome from the answer."""
+    """How an operation becomes a call: its request from the arguments, its outcome from the answer.
+
+    `deadline` is when the call counts as lost, in seconds.
+    """
 
     service: ServiceCaller
     request: Callable[[Mapping[str, Any]], Any]
     outcome: Callable[[Any | Failure], Done | Failed]
+    deadline: float = CALL_DEADLINE_S
 
 
 class ServiceDriver:
@@ -62,7 +66,7 @@ class ServiceDriver:
         request = wanted.request(arguments)
         self._outlet.accepted(attempt)  # a service has no word for it: what was sent is taken
         answered = partial(self._answered, attempt, wanted)
-        self._calls[attempt] = wanted.service.call(request, CALL_DEADLINE_S, answered)
+        self._calls[attempt] = wanted.service.call(request, wanted.deadline, answered)
 
     def _answered(self, attempt: str, operation: ServiceOperation, answer: Any | Failure) -> None:
         del self._calls[attempt]

@@ -34,6 +34,13 @@ def local_fields(type_name: str) -> tuple[tuple[str, dict[str, Any]], ...]:
     raise UsageError(f"the installed definition of {type_name} has no description")
 
 
+def installed(kind: str) -> Iterator[tuple[str, str]]:
+    """Yield package and name of every interface of a kind (`msg`, `srv`, `action`) that is installed."""
+    for prefix in _prefixes():
+        for file in sorted(prefix.glob(f"share/*/{kind}/*.json")):
+            yield file.parents[1].name, file.stem
+
+
 @functools.cache
 def _description(type_name: str) -> dict[str, Any]:
     """What the generator wrote about a type; a part such as X_Request stands beside its service X."""

@@ -1,24 +1,34 @@
-"""The plugin that is always there: operations of the engine itself.
+"""The plugin that is always there: what the engine itself offers to charts.
 
-`plugins.ready` ends when every plugin that the loaded missions use says that it can work; whoever runs the
-chart answers it, so it has no client.
+Both are about the same list: what the plugins that the loaded missions use wait for (servers, topics).
+`plugins.missing` tells it all the time, `plugins.ready` ends as soon as it is empty. Whoever runs the chart
+answers both, so there is no client.
 """
 
 from __future__ import annotations
 
-from lupin_engine.plugin.contract import Mock, OnHold, Operation, Plugin
+from lupin_engine.plugin.contract import LiveValue, Mock, OnHold, Operation, Plugin
+from lupin_engine.plugin.types import TEXT, list_of
 
 #: The name of the built-in plugin; charts do not list it among the plugins they need.
 BUILTIN = "plugins"
+#: The full names of what it offers.
+READY, MISSING = f"{BUILTIN}.ready", f"{BUILTIN}.missing"
 
 PLUGIN = Plugin(
     name=BUILTIN,
-    doc="Operations of the engine itself.",
+    doc="What the engine itself offers.",
     operations={
         "ready": Operation(
             doc="Wait until the servers and topics of all plugins that the loaded missions use are there.",
             on_hold=OnHold.FINISH,
             mock=Mock(after=0.0),
+        )
+    },
+    values={
+        MISSING: LiveValue(
+            "the servers and topics that the plugins of the loaded missions wait for; empty: all are there",
+            list_of(TEXT),
         )
     },
 )

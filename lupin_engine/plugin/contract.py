@@ -50,11 +50,15 @@ class Argument:
 class Mock:
     """What an operation does when nobody says otherwise in a simulation: `result` after `after` seconds.
 
-    `result` maps each result field to a value, or is a function of the arguments and the parameters.
+    `result` maps each result field to a value, or is a function of the arguments and the parameters; `values`
+    likewise says which live values are different once it has succeeded.
     """
 
     after: float = 0.0
     result: Mapping[str, Any] | Callable[[Mapping[str, Any], Parameters], Mapping[str, Any]] = field(
+        default_factory=dict
+    )
+    values: Mapping[str, Any] | Callable[[Mapping[str, Any], Parameters], Mapping[str, Any]] = field(
         default_factory=dict
     )
 

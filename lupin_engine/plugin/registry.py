@@ -10,7 +10,6 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
-from importlib import metadata
 from types import MappingProxyType
 from typing import Any, TypeVar
 
@@ -28,10 +27,8 @@ from lupin_engine.plugin.contract import (
     Plugin,
     Reader,
 )
+from lupin_engine.plugin.discovery import EntryPoint, entry_points
 from lupin_engine.plugin.types import BUILTIN_TYPES, Type, convert
-
-#: Entry points of this group name a `Plugin`.
-GROUP = "lupin.plugins"
 
 _NAME = re.compile(r"[a-z][a-z0-9_]*")
 _DOTTED = re.compile(r"[a-z][a-z0-9_]*(\.[a-z][a-z0-9_]*)*")
@@ -81,11 +78,10 @@ def load_catalog() -> Catalog:
     Raises:
         PluginError: a plugin cannot be imported, breaks the contract, or contradicts another one.
     """
-    found = sorted(metadata.entry_points(group=GROUP), key=lambda point: (point.name, point.value))
-    return build_catalog([builtin.PLUGIN, *(import_plugin(point) for point in found)])
+    return build_catalog([builtin.PLUGIN, *map(import_plugin, entry_points())])
 
 
-def import_plugin(point: metadata.EntryPoint) -> Plugin:
+def import_plugin(point: EntryPoint) -> Plugin:
     """Return the plugin that an entry point names.
 
     Raises:

@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 from builtin_interfaces.msg import Time
-from geometry_msgs.msg import Pose
+from geometry_msgs.msg import Pose, Quaternion
 
 from lupin_engine.errors import Severity
 from lupin_engine.machine.event import Publish
 from lupin_engine.machine.view import View
 from lupin_engine.plugin.contract import Code
 from lupin_msgs.msg import MissionState, Observation, SensorReading, TagReading
+
+#: The counters of MissionState are uint16; a robot that monitors for weeks stays at the highest.
+HIGHEST_COUNT = 2**16 - 1
 
 #: A true heading of 180° has w = 0, which on this wire means "never populated"; this is close enough to it.
 SMALLEST_W = 1e-9
@@ -64,15 +67,18 @@ def mission_state(
     message.lifecycle_state = view.lifecycle
     message.mission_phase = view.phase
     message.current_target = view.target
-    message.targets_total = view.total
-    message.targets_completed = view.completed
-    message.targets_failed = view.failed
-    message.targets_unreachable = view.unreachable
-    message.targets_skipped = view.skipped
+    message.discovery_goal = int(request.get("discovery_goal", 0))
+    message.tags_discovered = _count(inputs.discovered) if message.discovery_goal else 0
+    if message.discovery_goal and not view.total:  # it searches: what it is to find is its list
+        message.targets_total, message.targets_completed = message.discovery_goal, message.tags_discovered
+    else:
+        message.targets_total = _count(view.total)
+        message.targets_completed = _count(view.completed)
+        message.targets_failed = _count(view.failed)
+        message.targets_unreachable = _count(view.unreachable)
+        message.targets_skipped = _count(view.skipped)
     message.last_error = f"{view.code}: {view.detail}" if view.detail else view.code
     message.last_event, message.last_event_severity = classify(view.code, codes)
-    message.discovery_goal = int(request.get("discovery_goal", 0))
-    message.tags_discovered = inputs.discovered if message.discovery_goal else 0
     message.estop_engaged = inputs.estop is True
     message.paused = view.paused
     message.battery_percentage = math.nan if inputs.battery is None else inputs.battery
@@ -80,6 +86,10 @@ def mission_state(
     if started is not None:
         message.started_at = started
     return message
+
+
+def _count(number: int) -> int:
+    return min(number, HIGHEST_COUNT)
 
 
 def classify(code: str, codes: Mapping[str, Code]) -> tuple[str, int]:
@@ -90,21 +100,21 @@ def classify(code: str, codes: Mapping[str, Code]) -> tuple[str, int]:
     return (declared.label, int(declared.severity)) if declared else (code, int(Severity.WARN))
 
 
-def observation(published: Publish, pose: Mapping[str, float] | None, stamp: Time) -> Observation:
-    """Return the observation of one closed visit.
+def observation(published: Publish, pose: Pose | None, stamp: Time) -> Observation:
+    """Return the observation of one closed visit, or of a reading on the way.
 
     Args:
         published: the visit's outcome. Its target's id is carried whatever the outcome, because consumers
             key on it; a reading only with OK.
-        pose: where the target is (x, y in metres, yaw in radians, frame map); None when nobody knows. Used
-            with OK only; without it `orientation.w` stays 0, which means "never observed".
+        pose: where the target is, in frame map; None when nobody knows. Used with OK only; without it
+            `orientation.w` stays 0, which means "never observed".
         stamp: the time of publication.
     """
     message = Observation()
     message.header.stamp = stamp
     message.header.frame_id = "map"
     message.mission_id = published.mission_id
-    message.source = published.mission
+    message.source = published.source
     message.kind = Observation.KIND_TAG_READING
     message.status = _STATUS[published.status]
     message.tag_reading.tag_id = published.target
@@ -112,9 +122,30 @@ def observation(published: Publish, pose: Mapping[str, float] | None, stamp: Tim
     if published.status == "OK":
         message.tag_reading = tag_reading(published.target, published.reading or {})
         if pose is not None:
-            message.tag_pose_in_map = to_pose(pose)
+            message.tag_pose_in_map = pose
     else:
         message.status_detail = published.detail or published.code
+    return message
+
+
+def place_of(
+    target: str, discovered: Iterable[Mapping[str, Any]], robot: Mapping[str, float] | None
+) -> Pose | None:
+    """Return where a target is: its own pose where it was seen, else that of the robot in front of it."""
+    for seen in discovered:
+        if seen.get("id") == target:
+            return plate_pose(seen)
+    return None if robot is None else to_pose(robot)
+
+
+def plate_pose(seen: Mapping[str, Any]) -> Pose:
+    """Return the pose of a tag that was seen; an orientation that nobody filled in becomes the identity."""
+    message = Pose()
+    message.position.x, message.position.y = float(seen["x"]), float(seen["y"])
+    facing = {axis: float(value) for axis, value in seen.get("facing", {}).items()}
+    if any(facing.values()):
+        message.orientation = Quaternion(**facing)
+        message.orientation.w = _not_zero(message.orientation.w)
     return message
 
 
@@ -124,9 +155,12 @@ def to_pose(pose: Mapping[str, float]) -> Pose:
     message.position.x = float(pose["x"])
     message.position.y = float(pose["y"])
     message.orientation.z = math.sin(pose["yaw"] / 2.0)
-    w = math.cos(pose["yaw"] / 2.0)
-    message.orientation.w = w if abs(w) >= SMALLEST_W else math.copysign(SMALLEST_W, w)
+    message.orientation.w = _not_zero(math.cos(pose["yaw"] / 2.0))
     return message
+
+
+def _not_zero(w: float) -> float:
+    return w if abs(w) >= SMALLEST_W else math.copysign(SMALLEST_W, w)
 
 
 def tag_reading(tag_id: str, reading: Mapping[str, Any]) -> TagReading:

@@ -11,30 +11,33 @@ import importlib
 import json
 import time
 import uuid
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 from builtin_interfaces.msg import Time
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
-from lupin_engine.chart.load import default_missions_folder, find_mission, load_chart, mission_files
 from lupin_engine.chart.model import OPERATOR_REQUESTS, Chart
 from lupin_engine.errors import LupinError
 from lupin_engine.machine.event import Event, Publish, Report
 from lupin_engine.machine.step import Step
+from lupin_engine.machine.succession import is_idle, successor
 from lupin_engine.machine.view import Moment, View
+from lupin_engine.middleware.bound_client import BoundClient
 from lupin_engine.middleware.node import Qos, RosNode, Timer
+from lupin_engine.plugin.builtin import BUILTIN
 from lupin_engine.plugin.contract import Driver, Parameter
-from lupin_engine.plugin.registry import Catalog, load_catalog
+from lupin_engine.plugin.registry import load_catalog
 from lupin_engine.plugin.types import NUMBER, TEXT, list_of
 from lupin_engine.ros import messages
+from lupin_engine.ros.folder import LOOK_PERIOD, MissionsFolder
 from lupin_engine.ros.readiness import Readiness
 from lupin_engine.runtime.engine import Engine, EngineOutlet
+from lupin_engine.runtime.offer import offered
 from lupin_engine.runtime.record import step_record, view_record
-from lupin_engine.runtime.setup import make_machine
+from lupin_engine.runtime.setup import make_machine, make_world
 from lupin_msgs.msg import MissionState, Observation
 from lupin_msgs.srv import StartMission
 
@@ -75,34 +78,48 @@ class Outlet(EngineOutlet):
     def __init__(self, engine: Engine, clock: NodeClock, wake: Callable[[], None]) -> None:
         super().__init__(engine, wake)
         self._clock = clock
+        self._last: dict[str, tuple[float, float, Any]] = {}
 
     def value(self, name: str, value: Any, stamp: float) -> None:
         """A live value changed; `stamp` is of the node's clock."""
-        super().value(name, value, self._clock.from_ros(stamp))
+        # What is told again keeps its moment: reading two clocks a second time would give another one.
+        known = self._last.get(name)
+        at = known[1] if known is not None and known[0] == stamp else self._clock.from_ros(stamp)
+        self._last[name] = stamp, at, value
+        super().value(name, value, at)
+
+    def tell_again(self, names: Iterable[str]) -> None:
+        """Tell what was reported last of these live values: some topics speak only once."""
+        for name in self._last.keys() & set(names):
+            _, at, value = self._last[name]
+            super().value(name, value, at)
 
 
 class Orchestrator:
     """The node's parts, wired. Everything runs on the thread that spins `ros`."""
 
-    def __init__(self, ros: RosNode, chart: Chart, catalog: Catalog) -> None:
+    def __init__(self, ros: RosNode, chart: Chart, folder: MissionsFolder) -> None:
         self._ros = ros
         self._chart = chart
+        self._folder = folder
         self._clock = NodeClock(ros)
         given = ros.parameters()
         self._prefix = str(given["mission_id_prefix"])
-        machine = make_machine(chart, catalog, {name: given[name] for name in chart.parameters})
+        machine = make_machine(chart, {name: given[name] for name in chart.parameters})
         self._machine = machine
         drivers: dict[str, Driver] = {}
         self._engine = Engine(machine, self._clock, drivers, ros.guarded(self._stepped))
-        outlet = Outlet(self._engine, self._clock, self._work)
+        self._outlet = Outlet(self._engine, self._clock, self._work)
         self._state = ros.publisher(MissionState, "/mission/state", Qos.LATCHED)
         self._observations = ros.publisher(Observation, "/floranova/observations", Qos.BACKLOG)
         self._steps = ros.publisher(String, "~/steps", Qos.BACKLOG)
+        self._missions = ros.publisher(String, "~/missions", Qos.LATCHED)
+        self._offered = ""
         self._published: tuple[object, ...] = ()
         self._started: Time | None = None
         self._deadline: tuple[float, Timer] | None = None
-        drivers.update(_clients(ros, chart, catalog, outlet, machine.world.parameters))
-        drivers["plugins"] = Readiness(drivers, outlet, ros.timer)
+        drivers.update(_clients(ros, chart, chart.plugins, self._outlet, machine.world.parameters))
+        drivers["plugins"] = Readiness(drivers, self._outlet, ros.steady_timer, ros.now)
         self._drivers = drivers
         ros.on_stop(self._close)
         self._serve()
@@ -110,6 +127,8 @@ class Orchestrator:
         ros.steady_timer(1.0 / float(given["state_publish_rate_hz"]), self._publish_state)
         self._engine.start()
         self._work()
+        self._offer()
+        ros.steady_timer(LOOK_PERIOD, self._look)
 
     def _close(self) -> None:
         for driver in self._drivers.values():
@@ -133,10 +152,14 @@ class Orchestrator:
             "tag_sequence": list(request.tag_sequence),
             "discovery_goal": request.discovery_goal,
         }
+        if request.mission_type not in self._chart.missions:
+            self._look()
         step = self._ask(Event("mission.start", data))
         response.accepted = bool(step.accepted)
         response.mission_id = mission_id if step.accepted else ""
         response.error_message = step.refusal.text if step.refusal else ""
+        if request.mission_type not in self._chart.missions and self._folder.problem:
+            response.error_message += f"; what is new cannot be used: {self._folder.problem}"
         return response
 
     def _ask(self, event: Event) -> Step:
@@ -145,6 +168,58 @@ class Orchestrator:
         answer = "accepted" if step.accepted else step.refusal.text if step.refusal else "refused"
         self._ros.log.info("request", request=event.name, answer=answer)
         return step
+
+    # -- missions that come and go ----------------------------------------------------------------------
+
+    def _look(self) -> None:
+        """Take over missions that were added, changed or removed, unless one is running."""
+        if not is_idle(self._machine):
+            return
+        chart = self._folder.changed(self._chart)
+        if chart is not None:
+            try:
+                self._go_on_with(chart)
+                self._ros.log.info("missions loaded anew", missions=list(chart.missions))
+            except LupinError as problem:
+                self._folder.refuse(chart, str(problem))
+            except Exception as problem:  # whatever the client of a plugin that is new here raises
+                self._ros.log.exception("missions could not be loaded anew")
+                self._folder.refuse(chart, f"{type(problem).__name__}: {problem}")
+        self._offer()
+
+    def _go_on_with(self, chart: Chart) -> None:
+        """Run another chart from here on: what could fail comes first, so that it changes nothing.
+
+        Clients of plugins that both charts use stay as they are, with all that they know of the world.
+        """
+        declared = {**OWN_PARAMETERS, **chart.parameters}
+        values = self._ros.starting_values(declared)
+        world = make_world(chart, {name: values[name] for name in chart.parameters})
+        machine = successor(self._machine, world)
+        before, now = self._chart, {*chart.plugins, BUILTIN}
+        changed = {n for n in chart.plugins if before.bindings.get(n) is not chart.bindings.get(n)}
+        new = [name for name in chart.plugins if name not in self._drivers or name in changed]
+        clients = _clients(self._ros, chart, new, self._outlet, world.parameters)
+        for name in [name for name in self._drivers if name not in now or name in changed]:
+            self._drivers.pop(name).close()
+        self._drivers.update(clients)
+        self._ros.declare_anew(declared)
+        self._chart, self._machine = chart, machine
+        self._engine.go_on_with(machine)
+        heard = {name for name, found in machine.memory.inputs.items() if found.reported}
+        self._outlet.tell_again(spec.value for spec in chart.inputs.values() if spec.name not in heard)
+        self._work()
+
+    def _offer(self) -> None:
+        """Tell which missions there are and what they ask for, and what is wrong with the files."""
+        problems = self._folder.problem.splitlines()
+        told = {"missions": offered(self._machine, self._clock.now()), "problems": problems}
+        text = json.dumps(told, default=str)
+        if text != self._offered:
+            self._offered = text
+            self._missions.publish(String(data=text))
+            for problem in problems:
+                self._ros.log.error("missions stay as they were", problem=problem)
 
     # -- the loop ---------------------------------------------------------------------------------------
 
@@ -180,8 +255,7 @@ class Orchestrator:
         view = self._machine.view
         for command in step.commands:
             if isinstance(command, Publish):
-                pose = self._machine.input_value("pose", self._clock.now())
-                self._observations.publish(messages.observation(command, pose, self._ros.stamp()))
+                self._observe(command)
             elif isinstance(command, Report):
                 self._report(command)
         for moment in step.trail[:-1]:
@@ -190,6 +264,12 @@ class Orchestrator:
         self._log(step)
         record = {"time": self._clock.now(), "step": step_record(step), "view": view_record(view)}
         self._steps.publish(String(data=json.dumps(record, default=str)))
+
+    def _observe(self, published: Publish) -> None:
+        now = self._clock.now()
+        discovered = self._value("discovered", now) or ()
+        pose = messages.place_of(published.target, discovered, self._value("pose", now))
+        self._observations.publish(messages.observation(published, pose, self._ros.stamp()))
 
     def _log(self, step: Step) -> None:
         if step.taken:
@@ -264,41 +344,31 @@ def _answering(ask: Callable[[Event], Step], name: str) -> Callable[[Any, Any], 
 
 
 def _clients(
-    ros: RosNode, chart: Chart, catalog: Catalog, outlet: Outlet, parameters: Mapping[str, Any]
+    ros: RosNode, chart: Chart, names: Iterable[str], outlet: Outlet, parameters: Mapping[str, Any]
 ) -> dict[str, Driver]:
-    """Make the client of every plugin that the missions use."""
+    """Make the clients of some of the plugins that the missions use."""
     clients: dict[str, Driver] = {}
-    for name in chart.plugins:
-        module, _, attribute = catalog.plugins[name].client.partition(":")
+    for name in names:
+        if name in chart.bindings:
+            clients[name] = BoundClient(ros, name, chart.bindings[name].calls, outlet)
+            continue
+        module, _, attribute = chart.catalog.plugins[name].client.partition(":")
         if module:
             clients[name] = getattr(importlib.import_module(module), attribute)(ros, outlet, parameters)
     return clients
 
 
-def load_missions(given: Mapping[str, Any], catalog: Catalog) -> Chart:
-    """Return the chart of the missions that the node's parameters name.
-
-    Raises:
-        LupinError: a mission does not exist or has errors; the text says which.
-    """
-    folder = Path(given.get("missions_path") or default_missions_folder())
-    names = given.get("missions") or []
-    files = [find_mission(name, [folder]) for name in names] if names else mission_files(folder)
-    if not files:
-        raise LupinError(f"no missions in {folder}; say where they are with -p missions_path:=FOLDER")
-    return load_chart(folder / "lifecycle.yaml", files, catalog)
-
-
 def main(arguments: Sequence[str] = ()) -> int:
     """Run the node until SIGINT or SIGTERM; `arguments` are ROS arguments."""
     catalog = load_catalog()
-    charts: list[Chart] = []
+    loaded: list[tuple[Chart, MissionsFolder]] = []
 
     def declared(given: Mapping[str, Any]) -> Mapping[str, Parameter]:
-        charts.append(load_missions(given, catalog))
-        return {**OWN_PARAMETERS, **charts[-1].parameters}
+        folder = MissionsFolder(given, catalog)
+        loaded.append((folder.load(), folder))
+        return {**OWN_PARAMETERS, **loaded[-1][0].parameters}
 
     ros = RosNode(NAME, arguments, declared)
-    Orchestrator(ros, charts[-1], catalog)
+    Orchestrator(ros, *loaded[-1])
     ros.spin()
     return 0

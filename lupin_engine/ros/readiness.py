@@ -1,4 +1,6 @@
-"""The operation `plugins.ready`: done when every driver of the mission's plugins misses nothing."""
+"""What `plugins` tells of the others: `plugins.ready` is done when their drivers miss nothing, and
+`plugins.missing` names what they miss.
+"""
 
 from __future__ import annotations
 
@@ -6,28 +8,34 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from lupin_engine.middleware.host import Timer
+from lupin_engine.plugin.builtin import MISSING
 from lupin_engine.plugin.contract import Driver, Outlet
 
-#: How often the drivers are asked while BOOT waits, in seconds.
+#: How often the drivers are asked, in seconds.
 POLL_PERIOD = 0.2
+#: How often in a row something must be missing until that is told: discovery that stumbles is back sooner.
+POLLS_UNTIL_GONE = 10
 
 
 class Readiness:
-    """A driver that asks the other drivers. It polls only while somebody waits."""
+    """A driver that asks the other drivers, all the time: a server can go at any time."""
 
     def __init__(
         self,
         drivers: Mapping[str, Driver],
         outlet: Outlet,
         every: Callable[[float, Callable[[], None]], Timer],
+        now: Callable[[], float],
     ) -> None:
-        """`every(period, callback)` starts a repeating timer."""
+        """`every(period, callback)` starts a repeating timer, `now` tells the node's time."""
         self._drivers = drivers
         self._outlet = outlet
-        self._every = every
-        self._timer: Timer | None = None
+        self._now = now
         self._attempt = ""
-        self._told = ""
+        self._progress = ""
+        self._polls = 0  # in a row that found something missing
+        self._gone: list[str] = []  # as it was told last
+        self._timer = every(POLL_PERIOD, self._poll)
 
     def missing(self) -> list[str]:
         """Name what the other plugins wait for."""
@@ -36,33 +44,37 @@ class Readiness:
 
     def start(self, attempt: str, operation: str, arguments: Mapping[str, Any]) -> None:
         """Begin to wait."""
-        self._attempt, self._told = attempt, ""
+        self._attempt, self._progress = attempt, ""
         self._outlet.accepted(attempt)
-        self._timer = self._every(POLL_PERIOD, self._poll)
-
-    def _poll(self) -> None:
-        missing = ", ".join(self.missing())
-        if not missing:
-            self._stop()
-            self._outlet.done(self._attempt, {})
-        elif missing != self._told:
-            self._told = missing
-            self._outlet.progress(self._attempt, missing)
-
-    def _stop(self) -> None:
-        if self._timer is not None:
-            self._timer.cancel()
-            self._timer = None
 
     def cancel(self, attempt: str) -> None:
         """Stop waiting."""
-        if attempt == self._attempt and self._timer is not None:
-            self._stop()
+        if attempt == self._attempt:
+            self._attempt = ""
             self._outlet.cancelled(attempt)
 
     def act(self, action: str, arguments: Mapping[str, Any]) -> None:
         """There are no actions."""
 
     def close(self) -> None:
-        """Stop waiting; nothing is reported."""
-        self._stop()
+        """Ask no more; nothing is reported."""
+        self._timer.cancel()
+
+    def _poll(self) -> None:
+        missing = self.missing()
+        self._polls = self._polls + 1 if missing else 0
+        # That all is there is told before a wait for it ends, or a chart that looks at both would wait again.
+        if missing != self._gone and (not missing or self._polls >= POLLS_UNTIL_GONE):
+            self._gone = missing
+            self._outlet.value(MISSING, missing, self._now())
+        if self._attempt:
+            self._answer(", ".join(missing))
+
+    def _answer(self, missing: str) -> None:
+        """Tell who waits how far it is."""
+        if not missing:
+            attempt, self._attempt = self._attempt, ""
+            self._outlet.done(attempt, {})
+        elif missing != self._progress:
+            self._progress = missing
+            self._outlet.progress(self._attempt, missing)

@@ -55,6 +55,13 @@ class Engine:
             self._carry_out(self.machine.start(self.clock.now()))
         self.drain()
 
+    def go_on_with(self, machine: Machine) -> None:
+        """Run another machine from here on, which goes on from this one's memory."""
+        self.machine = machine
+        with self._busy():
+            self._carry_out(machine.go_on(self.clock.now()))
+        self.drain()
+
     def post(self, event: Event) -> None:
         """Queue an event; the caller, or whoever owns the loop, drains."""
         self._queue.append(event)

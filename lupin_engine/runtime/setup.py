@@ -10,33 +10,32 @@ from lupin_engine.errors import UsageError, nearest
 from lupin_engine.machine.environment import World
 from lupin_engine.machine.machine import Machine
 from lupin_engine.plugin.contract import Parameter
-from lupin_engine.plugin.registry import Catalog
 from lupin_engine.plugin.types import convert
 
 
-def make_machine(chart: Chart, catalog: Catalog, given: Mapping[str, Any]) -> Machine:
+def make_machine(chart: Chart, given: Mapping[str, Any]) -> Machine:
     """Return a machine that is not started.
 
     Raises:
         UsageError: a given parameter does not exist or has a wrong value; every such problem is named.
         LupinError: a plugin cannot work with the parameters (for example: a layout file that is absent).
     """
-    return Machine(make_world(chart, catalog, given))
+    return Machine(make_world(chart, given))
 
 
-def make_world(chart: Chart, catalog: Catalog, given: Mapping[str, Any]) -> World:
+def make_world(chart: Chart, given: Mapping[str, Any]) -> World:
     """Return what never changes while a machine lives; errors as for `make_machine`."""
     parameters = check_parameters(chart.parameters, given)
     used = set(chart.plugins)
     functions = {
         name: function.bind(parameters)
-        for plugin in catalog.plugins.values()
+        for plugin in chart.catalog.plugins.values()
         if plugin.name in used
         for name, function in plugin.functions.items()
     }
     readers = {
         name: reader.bind(parameters)
-        for plugin in catalog.plugins.values()
+        for plugin in chart.catalog.plugins.values()
         if plugin.name in used
         for name, reader in plugin.readers.items()
     }

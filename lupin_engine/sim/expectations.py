@@ -9,6 +9,7 @@ from lupin_engine.chart.model import Chart
 from lupin_engine.machine.event import Act, Cancel, Command, Publish, Start
 from lupin_engine.machine.memory import Visit
 from lupin_engine.machine.step import Step
+from lupin_engine.machine.view import View
 from lupin_engine.sim.failure import Failure
 from lupin_engine.sim.order import ROUNDING, Order, seconds
 from lupin_engine.sim.reporter import Reporter
@@ -53,7 +54,7 @@ class Comparison:
         yield from self._appeared("broken", expect.broken, run.broken)
         yield from self._same("final", expect.final, run.view.lifecycle)
         yield from self._same("paused", expect.paused, run.view.paused)
-        yield from self._same("last_error", expect.last_error, run.view.code)
+        yield from self._same("last_error", expect.last_error, _error(run.view, expect.last_error))
         yield from self._counts("counts", expect.counts, _begins)
         yield from self._counts("cancels", expect.cancels, _cancels)
         yield from self._dropped()
@@ -104,7 +105,7 @@ class Comparison:
             "target": view.target,
             "paused": view.paused,
             "held": list(view.held),
-            "last_error": view.code,
+            "last_error": _error(view, node.last_error),
             "running": sorted(attempt.operation for attempt in view.attempts),
         }
         for key, found in actual.items():
@@ -237,6 +238,11 @@ class Comparison:
             around = next((step for step in reversed(self._run.steps) if step.time <= time), None)
             place, actual = self._scenario.at("when", happening.number), f"not so at {time:.1f} s"
             yield self._reporter.failure(place, "when", expected, actual, around)
+
+
+def _error(view: View, wanted: str | None) -> str:
+    """Return the code reported last; with its detail, as it is published, where one is expected."""
+    return f"{view.code}: {view.detail}" if view.detail and ":" in (wanted or "") else view.code
 
 
 def _is_in(wanted: CountNode, count: int) -> bool:

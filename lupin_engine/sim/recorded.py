@@ -20,7 +20,6 @@ from typing import Any
 from lupin_engine.chart.model import Chart
 from lupin_engine.errors import UsageError
 from lupin_engine.machine.event import Start
-from lupin_engine.plugin.registry import Catalog
 from lupin_engine.runtime.record import step_record
 from lupin_engine.runtime.setup import check_parameters
 from lupin_engine.sim.scenario import Missions, load_scenario_text
@@ -149,8 +148,8 @@ def _hear(attempt: _Attempt, step: Record) -> None:
 class _Mocks:
     """Turns attempts into mocks."""
 
-    def __init__(self, chart: Chart, catalog: Catalog, recording: Recording, digits: int) -> None:
-        self._catalog = catalog
+    def __init__(self, chart: Chart, recording: Recording, digits: int) -> None:
+        self._catalog = chart.catalog
         self._parameters = check_parameters(chart.parameters, recording.parameters)
         self._steps = recording.steps
         self._digits = digits
@@ -225,9 +224,9 @@ def duration(seconds: float, digits: int) -> str:
 class _Happenings:
     """Turns requests, values and events into what happens when."""
 
-    def __init__(self, chart: Chart, catalog: Catalog, recording: Recording, digits: int) -> None:
+    def __init__(self, chart: Chart, recording: Recording, digits: int) -> None:
         self._chart = chart
-        self._catalog = catalog
+        self._catalog = chart.catalog
         self._recording = recording
         self._digits = digits
         self._inputs = {spec.value for spec in chart.inputs.values()}
@@ -302,9 +301,7 @@ def short(chart: Chart, name: str) -> str:
 # -- the scenario ----------------------------------------------------------------------------------------
 
 
-def script_of(
-    recording: Recording, mission: str, promise: str, chart: Chart, catalog: Catalog, digits: int
-) -> dict[str, Any]:
+def script_of(recording: Recording, mission: str, promise: str, chart: Chart, digits: int) -> dict[str, Any]:
     """Return a scenario that expects nothing yet.
 
     Args:
@@ -312,7 +309,7 @@ def script_of(
         promise: its sentence.
         digits: to how many digits times are written.
     """
-    happenings = _Happenings(chart, catalog, recording, digits)
+    happenings = _Happenings(chart, recording, digits)
     asked = [step for step in recording.steps if step["event"] == START]
     before = [step for step in recording.steps if "accepted" in step or step["event"] == "value"]
     starts = before[0] is asked[0] and bool(asked[0].get("accepted"))
@@ -324,7 +321,7 @@ def script_of(
         "seed": recording.seed,
         "start": "ready" if starts else "never",
         "limit": _limit(recording, chart, digits, starts),
-        "mocks": list(_Mocks(chart, catalog, recording, digits).mocks()),
+        "mocks": list(_Mocks(chart, recording, digits).mocks()),
         "when": happenings.happenings(starts),
     }
     usual = {"start": "ready"}
@@ -430,8 +427,8 @@ class _Maker:
         return yaml_text({**parts, "expect": expectations(self._run(parts))})
 
     def _parts(self, recording: Recording, digits: int) -> dict[str, Any]:
-        chart, catalog = self._missions.chart(self._mission), self._missions.catalog
-        return script_of(recording, self._mission.stem, self._promise, chart, catalog, digits)
+        chart = self._missions.chart(self._mission)
+        return script_of(recording, self._mission.stem, self._promise, chart, digits)
 
     def _run(self, parts: Mapping[str, Any]) -> Run:
         text = yaml_text({**parts, "expect": {}})

@@ -15,9 +15,10 @@ from typing import Any
 from lupin_engine.chart.documents import validate
 from lupin_engine.chart.findings import Findings
 from lupin_engine.chart.load import (
-    LIFECYCLE,
+    MISSIONS,
     default_missions_folder,
     find_mission,
+    is_missions_folder,
     lifecycle_of,
     load_chart,
 )
@@ -61,16 +62,14 @@ class Missions:
     def chart(self, mission: Path) -> Chart:
         """Return the chart of a mission file with its lifecycle; ChartError with all that is wrong."""
         if mission not in self._charts:
-            beside = lifecycle_of(mission)
-            lifecycle = beside if beside.is_file() else default_missions_folder() / LIFECYCLE
-            self._charts[mission] = self._prepare(load_chart(lifecycle, [mission], self.catalog))
+            self._charts[mission] = self._prepare(load_chart(lifecycle_of(mission), [mission], self.catalog))
         return self._charts[mission]
 
     def world(self, chart: Chart, parameters: Mapping[str, Any]) -> World:
         """Return the world of a chart under these settings; errors as for `make_world`."""
         key = (chart, repr(sorted(parameters.items())))
         if key not in self._worlds:
-            self._worlds[key] = make_world(chart, self.catalog, parameters)
+            self._worlds[key] = make_world(chart, parameters)
         return self._worlds[key]
 
 
@@ -103,12 +102,7 @@ class Scenario:
         """Simulate it, its seed shifted; errors as for `simulate`."""
         script = replace(self.script, seed=self.script.seed + shift) if shift else self.script
         world = self.missions.world(self.chart, self.parameters)
-        return simulate(self.chart, self.catalog, script, self.parameters, world)
-
-    @property
-    def catalog(self) -> Catalog:
-        """What the plugins offer."""
-        return self.missions.catalog
+        return simulate(self.chart, script, self.parameters, world)
 
     def failures(self, run: Run) -> list[Failure]:
         """Return every expectation that `run` does not meet, in the order of the file's words."""
@@ -163,7 +157,7 @@ def _load(raw: Map | None, path: Path, missions: Missions, findings: Findings) -
         raise ChartError(findings.all)
     mission = missions.file(node.mission, path)
     chart = missions.chart(mission)
-    words = Words(chart, missions.catalog, findings)
+    words = Words(chart, findings)
     ExpectChecker(words).check(node.expect)
     reader = ScriptReader(node, words)
     script, parameters = reader.script(), reader.parameters()
@@ -174,6 +168,6 @@ def _load(raw: Map | None, path: Path, missions: Missions, findings: Findings) -
 
 def _folders(scenario: Path) -> list[Path]:
     """Return where a mission is looked for: around the scenario, nearest first, else the shipped ones."""
-    around = [folder for parent in scenario.absolute().parents for folder in (parent, parent / "missions")]
-    near = [folder for folder in around if (folder / LIFECYCLE).is_file()]
+    around = [folder for parent in scenario.absolute().parents for folder in (parent, parent / MISSIONS)]
+    near = [folder for folder in around if is_missions_folder(folder)]
     return near or [default_missions_folder()]

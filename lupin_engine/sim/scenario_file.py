@@ -166,7 +166,9 @@ class MomentNode(Node):
     target: str | None = Field(None, description="the itinerary's current target; empty: none")
     paused: bool | None = Field(None, description="whether the mission waits for the operator")
     held: list[str] | None = Field(None, description="holds that are engaged, all of them, in their order")
-    last_error: str | None = Field(None, description="code reported last; empty: none")
+    last_error: str | None = Field(
+        None, description="code reported last, alone or as `code: detail`; empty: none"
+    )
     running: list[str] | None = Field(None, description="operations under way, all of them")
     variables: dict[str, Any] = Field(
         default_factory=dict, description="variables of the chart and their values"
@@ -325,7 +327,9 @@ class ExpectNode(Node):
     )
     final: str | None = Field(None, description="published state at the end")
     paused: bool | None = Field(None, description="whether it waits for the operator at the end")
-    last_error: str | None = Field(None, description="code reported last; empty: none")
+    last_error: str | None = Field(
+        None, description="code reported last, alone or as `code: detail`; empty: none"
+    )
     counts: dict[str, CountNode] = Field(
         default_factory=dict, description="how often an operation was started or an action done"
     )

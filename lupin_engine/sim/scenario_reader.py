@@ -11,7 +11,6 @@ from lupin_engine.chart.findings import Findings
 from lupin_engine.chart.model import OPERATOR_REQUESTS, Chart
 from lupin_engine.errors import Place
 from lupin_engine.plugin.contract import Operation
-from lupin_engine.plugin.registry import Catalog
 from lupin_engine.plugin.types import DURATION, NUMBER, Type, convert
 from lupin_engine.runtime.setup import check_value
 from lupin_engine.sim.scenario_file import (
@@ -78,9 +77,9 @@ _RULES: Mapping[str, str] = MappingProxyType(
 class Words:
     """Looks up names and reads values; what is wrong becomes a finding, and None."""
 
-    def __init__(self, chart: Chart, catalog: Catalog, findings: Findings) -> None:
+    def __init__(self, chart: Chart, findings: Findings) -> None:
         self.chart = chart
-        self.catalog = catalog
+        self.catalog = chart.catalog
         self.findings = findings
 
     def known(self, place: Place, what: str, name: str, allowed: Collection[str], path: str = "") -> bool:

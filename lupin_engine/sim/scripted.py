@@ -7,14 +7,19 @@ comes at once unless the script says otherwise.
 from __future__ import annotations
 
 import enum
+import math
 import random
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+from lupin_engine.plugin.builtin import MISSING, READY
 from lupin_engine.plugin.contract import Operation, Outlet
 from lupin_engine.plugin.registry import Catalog
 from lupin_engine.sim.agenda import Agenda
+
+#: Two numbers are the same when they differ by less than this share: nobody writes sixteen digits.
+SAME = 1e-6
 
 
 class OnCancel(enum.Enum):
@@ -99,9 +104,11 @@ class Rule:
 
 
 def contains(whole: Any, part: Any) -> bool:
-    """Say whether `whole` has everything that `part` names."""
+    """Say whether `whole` has everything that `part` names; what was computed is compared to six digits."""
     if isinstance(part, Mapping) and isinstance(whole, Mapping):
         return all(name in whole and contains(whole[name], value) for name, value in part.items())
+    if isinstance(whole, float) and isinstance(part, float):
+        return math.isclose(whole, part, rel_tol=SAME)
     return bool(whole == part)
 
 
@@ -184,6 +191,7 @@ class Stage:
         self._target = target
         self._running: dict[str, _Running] = {}
         self._gone: set[str] = set()
+        self._missing: list[str] = []
         self._outlet: Outlet | None = None
 
     def drivers(self, outlet: Outlet) -> dict[str, ScriptedDriver]:
@@ -226,6 +234,15 @@ class Stage:
             self._later(wait, lambda: self.outlet.cancelled(attempt))
 
     # -- what the world does ------------------------------------------------------------------------------
+
+    def tell(self, value: str, is_now: Any) -> None:
+        """Report a live value; when it says that nothing is missing any more, who waits for that is told."""
+        self.outlet.value(value, is_now, self._now())
+        if value == MISSING:
+            self._missing = list(is_now)
+            waiting = [attempt for attempt, found in self._running.items() if found.operation == READY]
+            for attempt in waiting if not self._missing else ():
+                self._end(attempt, self._running[attempt].outcome)
 
     def end_current(self, operation: str, outcome: Outcome) -> bool:
         """End the newest attempt of an operation now; False when there is none."""
@@ -275,17 +292,21 @@ class Stage:
             self._later(after, lambda: self._end(attempt, outcome))
 
     def _end(self, attempt: str, outcome: Outcome) -> None:
-        running = self._running.pop(attempt, None)
-        if running is None:
+        running = self._running.get(attempt)
+        if running is None or (running.operation == READY and self._missing):
             return
+        del self._running[attempt]
         if outcome.code:
             self.outlet.failed(attempt, outcome.code, outcome.detail)
         else:
-            self.outlet.done(attempt, {**self._mocked(running), **outcome.result})
+            mock = self._operation(running).mock
+            for name, is_now in self._mocked(mock.values, running).items():
+                self.tell(name, is_now)
+            self.outlet.done(attempt, {**self._mocked(mock.result, running), **outcome.result})
 
-    def _mocked(self, running: _Running) -> Mapping[str, Any]:
-        result = self._operation(running).mock.result
-        return result(running.arguments, self._parameters) if callable(result) else result
+    def _mocked(self, given: Any, running: _Running) -> Mapping[str, Any]:
+        found: Mapping[str, Any] = given(running.arguments, self._parameters) if callable(given) else given
+        return found
 
     def _operation(self, running: _Running) -> Operation:
         return self._catalog.operations[running.operation]

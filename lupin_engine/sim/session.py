@@ -14,7 +14,6 @@ from typing import Any
 from lupin_engine.chart.model import OPERATOR_REQUESTS, Chart
 from lupin_engine.errors import LupinError, nearest
 from lupin_engine.machine.environment import World
-from lupin_engine.plugin.registry import Catalog
 from lupin_engine.plugin.types import ANY, DURATION, Type, convert
 from lupin_engine.sim import looks
 from lupin_engine.sim.looks import Row
@@ -73,10 +72,8 @@ class Session:
         width: of the terminal, in cells.
     """
 
-    def __init__(
-        self, chart: Chart, catalog: Catalog, script: Script, world: World, read: Read, width: int = 100
-    ) -> None:
-        self._chart, self._catalog, self._script, self._world = chart, catalog, script, world
+    def __init__(self, chart: Chart, script: Script, world: World, read: Read, width: int = 100) -> None:
+        self._chart, self._catalog, self._script, self._world = chart, chart.catalog, script, world
         self._read = read
         self._columns = usual_columns(width)
         self._rewindable = Rewindable(self._begun)
@@ -84,7 +81,7 @@ class Session:
         self.over = False
 
     def _begun(self) -> Simulation:
-        simulation = Simulation(self._chart, self._catalog, self._script, {}, self._world)
+        simulation = Simulation(self._chart, self._script, {}, self._world)
         simulation.begin()
         # Starting up takes no time in most charts; nobody wants to step through it.
         while simulation.next_due == 0.0 and not simulation.is_over:

@@ -20,7 +20,6 @@ from lupin_engine.machine.memory import Memory, Visit
 from lupin_engine.machine.snapshot import restore
 from lupin_engine.machine.step import Step
 from lupin_engine.machine.view import View, target_of
-from lupin_engine.plugin.registry import Catalog
 from lupin_engine.runtime.clock import VirtualClock
 from lupin_engine.runtime.engine import Engine, EngineOutlet
 from lupin_engine.runtime.setup import make_world
@@ -212,7 +211,6 @@ class Run:
 
 def simulate(
     chart: Chart,
-    catalog: Catalog,
     script: Script,
     parameters: Mapping[str, Any] | None = None,
     world: World | None = None,
@@ -226,7 +224,7 @@ def simulate(
         UsageError: a parameter does not exist or is out of range.
         LupinError: a plugin cannot work with the parameters, or the chart never comes to rest.
     """
-    return Simulation(chart, catalog, script, parameters or {}, world).run()
+    return Simulation(chart, script, parameters or {}, world).run()
 
 
 class Simulation:
@@ -235,7 +233,6 @@ class Simulation:
     def __init__(
         self,
         chart: Chart,
-        catalog: Catalog,
         script: Script,
         parameters: Mapping[str, Any],
         world: World | None = None,
@@ -244,10 +241,10 @@ class Simulation:
         self._parameters = parameters
         self._clock = VirtualClock()
         self._agenda = Agenda()
-        self._world = replace(world or make_world(chart, catalog, parameters), seed=script.seed)
+        self._world = replace(world or make_world(chart, parameters), seed=script.seed)
         self._machine = Machine(self._world)
         self._stage = Stage(
-            catalog,
+            chart.catalog,
             self._world.parameters,
             script.rules,
             self._agenda,
@@ -361,7 +358,7 @@ class Simulation:
             self._idle.append((self._clock.now(), happening))
 
     def _tell(self, effect: Tell) -> None:
-        self._stage.outlet.value(effect.value, effect.is_now, self._clock.now())
+        self._stage.tell(effect.value, effect.is_now)
 
     def _end(self, effect: End) -> bool:
         outcome = Outcome(code=effect.code, detail=effect.detail, result=effect.result)

@@ -60,8 +60,13 @@ class Teller:
         """Tell the steps in which something happened, in order."""
         for step in steps:
             line = self._narrator.line(step)
-            if step.changed or line.notes or step.accepted is not None or step.event.name == "value":
+            if step.changed or line.notes or step.accepted is not None or _is_news(step):
                 yield line
+
+
+def _is_news(step: Step) -> bool:
+    """Say whether a live value is told although nothing follows: not a pose, which changes all the time."""
+    return step.event.name == "value" and not isinstance(step.event.data["value"], Mapping)
 
 
 def tell(chart: Chart, steps: Iterable[Step]) -> Iterator[Line]:

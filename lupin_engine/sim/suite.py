@@ -6,8 +6,9 @@ import multiprocessing
 import os
 import threading
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
+from contextlib import closing
 from dataclasses import dataclass, field, replace
 from multiprocessing.context import BaseContext
 from pathlib import Path
@@ -101,6 +102,25 @@ class Suite:
         )
 
 
+class Crew:
+    """Processes that run scenarios before anybody asks how they went, in the order of `files`.
+
+    Close it in the end: what has not been begun then is dropped.
+    """
+
+    def __init__(self, files: Iterable[Path], seeds: Sequence[int], workers: int, counts: bool) -> None:
+        self._pool = ProcessPoolExecutor(workers, _context(), _begin, (counts,))
+        self._coming = {file: self._pool.submit(_run, file, seeds) for file in files}
+
+    def result(self, file: Path) -> Result:
+        """Wait until it is known how one of the scenarios went."""
+        return self._coming[file].result()
+
+    def close(self) -> None:
+        """End the processes, each after the scenario that it is at."""
+        self._pool.shutdown(cancel_futures=True)
+
+
 def run_all(
     catalog: Catalog, files: Sequence[Path], seeds: Sequence[int] = (0,), jobs: int = 0, counts: bool = False
 ) -> Iterator[Result]:
@@ -109,14 +129,19 @@ def run_all(
     Args:
         jobs: how many processes; 0: as many as it is worth.
     """
-    workers = min(jobs or _useful(len(files) * len(seeds)), len(files))
+    workers = useful_workers(len(files), len(seeds), jobs)
     if workers <= 1:
         suite = Suite(catalog, counts)
-        for file in files:
-            yield suite.run(file, seeds)
+        yield from (suite.run(file, seeds) for file in files)
         return
-    with ProcessPoolExecutor(workers, _context(), _begin, (counts,)) as pool:
-        yield from pool.map(_run, files, [seeds] * len(files), chunksize=max(1, len(files) // (4 * workers)))
+    with closing(Crew(files, seeds, workers, counts)) as crew:
+        yield from map(crew.result, files)
+
+
+def useful_workers(files: int, seeds: int, jobs: int = 0) -> int:
+    """Return how many processes should run so many scenarios with so many seeds; `jobs` when it is not 0."""
+    cores = len(os.sched_getaffinity(0)) if files * seeds >= WORTH_SHARING else 1
+    return min(jobs or cores, files)
 
 
 def add_up(results: Sequence[Result], missions: Missions) -> Coverage:
@@ -126,10 +151,6 @@ def add_up(results: Sequence[Result], missions: Missions) -> Coverage:
         if result.mission is not None:
             coverage.add(result.mission, missions.chart(result.mission), result.counts)
     return coverage
-
-
-def _useful(runs: int) -> int:
-    return len(os.sched_getaffinity(0)) if runs >= WORTH_SHARING else 1
 
 
 def _context() -> BaseContext:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 from lupin_engine.plugin.contract import (
     Argument,
@@ -13,12 +14,15 @@ from lupin_engine.plugin.contract import (
     OnHold,
     Operation,
     Parameter,
+    Parameters,
     Plugin,
     Reader,
 )
-from lupin_engine.plugin.types import ANGLE, BOOL, LENGTH, NUMBER, POSE, TEXT, Type, list_of
+from lupin_engine.plugin.types import ANGLE, BOOL, COUNT, INTEGER, LENGTH, NUMBER, POSE, TEXT, Type, list_of
 from lupin_nav.functions import (
     bind_approach,
+    bind_approach_discovered,
+    bind_distance,
     bind_home_pose,
     bind_named,
     bind_numeric_order,
@@ -27,6 +31,12 @@ from lupin_nav.functions import (
 
 #: A tag of the known layout: decimal id, and the position of its plate in metres in frame `map`.
 TAG = Type("record", "tag", fields={"id": TEXT, "x": LENGTH, "y": LENGTH})
+
+#: An orientation as in ROS messages; all zeros when nobody knows it.
+QUATERNION = Type("record", "quaternion", fields=dict.fromkeys("xyzw", NUMBER))
+
+#: A tag that was seen on the way: where its plate is, and the rotation whose +Z axis is the plate's normal.
+SEEN_TAG = Type("record", "seen_tag", fields={"x": LENGTH, "y": LENGTH, "facing": QUATERNION})
 
 UNKNOWN_TAG = Code("unknown_tag", "unknown tag")
 
@@ -43,9 +53,19 @@ DRIFTED = Code("amcl_drift_var", "localization drifted")
 
 MOCK_LOCALIZE_S = 0.5
 MOCK_DRIVE_S = 3.0
-
+MOCK_CHOICE_S = 0.5
+#: Where the robot finds itself.
+MOCK_START = {"x": 0.5, "y": 0.5, "yaw": 0.0}
+#: A place in the middle aisle of the bundled greenhouse.
+MOCK_FRONTIER = {"x": 2.0, "y": 4.0, "yaw": 0.0}
 
 _POSE = Argument(POSE, "where to drive, in frame `map`")
+
+
+def _arrived(arguments: Mapping[str, Any], _: Parameters) -> Mapping[str, Any]:
+    """Return the robot's pose after a drive."""
+    return {"robot.pose": arguments["pose"]}
+
 
 OPERATIONS: Mapping[str, Operation] = {
     "localize": Operation(
@@ -54,7 +74,7 @@ OPERATIONS: Mapping[str, Operation] = {
             "max_variance": Argument(NUMBER, "largest variance of x, y (m²) and yaw (rad²) that passes"),
         },
         on_hold=OnHold.FINISH,
-        mock=Mock(after=MOCK_LOCALIZE_S),
+        mock=Mock(after=MOCK_LOCALIZE_S, values={"robot.pose": MOCK_START}),
     ),
     "go_to": Operation(
         doc="Drive to a pose; refused at once when the robot does not know well enough where it is.",
@@ -69,7 +89,13 @@ OPERATIONS: Mapping[str, Operation] = {
         codes=(*DRIVE_CODES, DRIFTED),
         uses=("base",),
         on_hold=OnHold.CANCEL,
-        mock=Mock(after=MOCK_DRIVE_S),
+        mock=Mock(after=MOCK_DRIVE_S, values=_arrived),
+    ),
+    "choose_frontier": Operation(
+        doc="Wait until the map has a frontier where the robot fits, and choose the best: large and near.",
+        result={"pose": POSE},
+        on_hold=OnHold.FINISH,
+        mock=Mock(after=MOCK_CHOICE_S, result={"pose": MOCK_FRONTIER}),
     ),
     "dock": Operation(
         doc="Drive to the dock, however uncertain the pose: staying away from the charger helps nobody.",
@@ -77,7 +103,7 @@ OPERATIONS: Mapping[str, Operation] = {
         codes=DRIVE_CODES,
         uses=("base",),
         on_hold=OnHold.CANCEL,
-        mock=Mock(after=MOCK_DRIVE_S),
+        mock=Mock(after=MOCK_DRIVE_S, values=_arrived),
     ),
 }
 
@@ -87,6 +113,21 @@ FUNCTIONS: Mapping[str, Function] = {
         returns=POSE,
         bind=bind_approach,
         arguments={"target": Argument(TAG, "the tag to stand in front of")},
+    ),
+    "approach_discovered": Function(
+        doc="The pose from which a tag is read that was found on the way: a standoff along its normal.",
+        returns=POSE,
+        bind=bind_approach_discovered,
+        arguments={
+            "target": Argument(SEEN_TAG, "the tag to stand in front of"),
+            "robot": Argument(POSE, "where the robot is; its side is taken when the tag lies flat"),
+        },
+    ),
+    "distance": Function(
+        doc="How far apart two poses are, as the crow flies.",
+        returns=LENGTH,
+        bind=bind_distance,
+        arguments={"a": Argument(POSE, "one pose"), "b": Argument(POSE, "the other one")},
     ),
     "tags.numeric_order": Function(
         doc="All tags of the layout, numeric ids first and by number, then the others by name.",
@@ -133,6 +174,29 @@ PARAMETERS: Mapping[str, Parameter] = {
     "approach_yaw": Parameter(ANGLE, 0.0, "heading where the geometry gives none"),
     # Without a range: values outside are clamped and not refused, as on the reference robot.
     "approach_standoff_m": Parameter(LENGTH, 0.5, "distance from a tag to read it, kept in 0.2 m ... 1.5 m"),
+    "map_yaml_path": Parameter(
+        TEXT, "", "a map to load; this build loads none and only warns: Nav2 must have one already"
+    ),
+    "map_topic": Parameter(TEXT, "/map", "topic of the occupancy grid that is explored"),
+    "base_frame": Parameter(TEXT, "base_link", "frame of the robot's body"),
+    # Occupancy is 0 (free) to 100 (occupied), -1 is unknown; as nav_msgs/OccupancyGrid has it.
+    "frontier_free_thresh": Parameter(COUNT, 20, "occupancy up to which a cell is free", maximum=100),
+    "frontier_occupied_thresh": Parameter(
+        COUNT,
+        65,
+        "occupancy from which a cell is solid; a search without result tells how many are in between",
+        maximum=100,
+    ),
+    "frontier_min_cluster_cells": Parameter(COUNT, 6, "frontiers of fewer cells are noise", minimum=1),
+    "frontier_robot_clearance_m": Parameter(
+        LENGTH, 0.35, "distance from what is solid; at least the planner's inflation radius", minimum=0.0
+    ),
+    "frontier_robot_radius_cells": Parameter(
+        INTEGER, -1, "the same in cells of the map, where 0 or more; -1: by the distance", minimum=-1
+    ),
+    "frontier_clearance_occupied_thresh": Parameter(
+        COUNT, 65, "occupancy from which a cell is solid to this clearance", maximum=100
+    ),
     "approach_overrides_file": Parameter(TEXT, "", "YAML with poses set by hand for tags; empty: none"),
     "dock_pose": Parameter(
         POSE,
@@ -147,7 +211,7 @@ PLUGIN = Plugin(
     operations=OPERATIONS,
     functions=FUNCTIONS,
     values=VALUES,
-    types={"tag": TAG},
+    types={"tag": TAG, "quaternion": QUATERNION, "seen_tag": SEEN_TAG},
     readers={"tag": Reader(UNKNOWN_TAG, bind_tag_reader)},
     parameters=PARAMETERS,
     client="lupin_nav.client:NavClient",

@@ -14,16 +14,22 @@ from typing import Any
 from action_msgs.srv import CancelGoal
 from geometry_msgs.msg import PoseWithCovarianceStamped
 from nav2_msgs.action import NavigateToPose
+from nav_msgs.msg import OccupancyGrid
 from sensor_msgs.msg import BatteryState
 from std_msgs.msg import Bool
+from tf2_msgs.msg import TFMessage
 
 from lupin_engine.middleware.node import Call, Goal, Qos, RosNode, Timer
 from lupin_engine.plugin.contract import Outlet
 from lupin_nav import goal_status, localization
 from lupin_nav.battery import charge
+from lupin_nav.exploration import Explorer
+from lupin_nav.transforms import Planar, frame_name
 
 #: How often the localizer and the action server are looked at, in seconds.
 WATCH_PERIOD_S = 0.2
+#: How often a map is searched again while a frontier is waited for, in seconds; each new map is, too.
+SEARCH_PERIOD_S = 1.0
 #: How long the answer to a cancel is waited for, in seconds. Nothing depends on it.
 CANCEL_DEADLINE_S = 3.0
 #: How long an action server may be out of sight before its goals count as lost, in seconds of real time:
@@ -60,7 +66,7 @@ class NavClient:
         self._drives: dict[str, _Drive] = {}
         self._localizing: dict[str, _Localizing] = {}
         self._lost: dict[str, _Drive] = {}  # nobody waits for these, and yet a server may still drive them
-        self._frames_refused: set[str] = set()
+        self._frames_refused: set[tuple[str, str]] = set()
         self._closed = False
         self._server = ros.action(NavigateToPose, parameters["nav_action_name"])
         self._cancel_all = ros.service(CancelGoal, f"{parameters['nav_action_name']}/_action/cancel_goal")
@@ -71,6 +77,14 @@ class NavClient:
         ros.subscribe(BatteryState, parameters["battery_topic"], Qos.EVENT, self._on_battery)
         ros.subscribe(Bool, parameters["estop_topic"], Qos.EVENT, self._on_estop)
         self._timer: Timer | None = None
+        self._explorer = Explorer(outlet, parameters, self._believed_place)
+        self._explores = False
+        self._searching: Timer | None = None
+        if parameters["map_yaml_path"]:
+            ros.log.warning(
+                "map_yaml_path is ignored: this build loads no maps, Nav2 must have one already",
+                map_yaml_path=parameters["map_yaml_path"],
+            )
 
     def missing(self) -> list[str]:
         """Name the action server while it cannot be reached, or its old goals are not yet cancelled.
@@ -95,11 +109,13 @@ class NavClient:
         self._is_cleared = True
 
     def start(self, attempt: str, operation: str, arguments: Mapping[str, Any]) -> None:
-        """Begin `localize`, `go_to` or `dock`."""
+        """Begin `localize`, `go_to`, `choose_frontier` or `dock`."""
         if operation == "localize":
             self._start_localizing(attempt, arguments["max_variance"])
         elif operation == "go_to":
             self._go_to(attempt, arguments["pose"], arguments.get("max_variance"))
+        elif operation == "choose_frontier":
+            self._choose_frontier(attempt)
         elif operation == "dock":
             self._drive(attempt, arguments["pose"])
         else:
@@ -109,6 +125,7 @@ class NavClient:
         """Ask that an attempt ends; a goal not yet accepted is left to be cancelled when it is."""
         if self._localizing.pop(attempt, None) is not None:
             self._outlet.cancelled(attempt)
+        self._explorer.cancel(attempt)
         drive = self._drives.get(attempt)
         if drive is not None and drive.goal is not None:
             drive.cancelling = True
@@ -122,6 +139,8 @@ class NavClient:
         """Stop the robot as far as it can still be told, and report no more."""
         self._closed = True
         self._localizing.clear()
+        self._explorer.close()
+        self._stop_searching()
         self._stop_watching()
         for attempt in list(self._drives):
             self._abandon(attempt)
@@ -156,9 +175,7 @@ class NavClient:
         return not must_live or self._ros.node.count_publishers(self._pose_topic) > 0
 
     def _on_pose(self, message: PoseWithCovarianceStamped) -> None:
-        frame = message.header.frame_id.lstrip("/")
-        if frame not in ("", self._parameters["frame_id"]):
-            self._refuse_frame(frame)
+        if not self._is_in_map(message.header.frame_id, self._pose_topic):
             return
         self._fix = localization.fix(message)
         if self._fix is not None:
@@ -167,15 +184,52 @@ class NavClient:
             self._report("robot.pose", self._fix.pose)
         self._look_at_localization()
 
-    def _refuse_frame(self, frame: str) -> None:
-        if frame not in self._frames_refused:
-            self._frames_refused.add(frame)
+    def _is_in_map(self, frame: str, topic: str) -> bool:
+        """Say whether a message is in our frame; the others are ignored, with one warning."""
+        frame, expected = frame_name(frame), self._parameters["frame_id"]
+        if frame in ("", expected):
+            return True
+        if (topic, frame) not in self._frames_refused:
+            self._frames_refused.add((topic, frame))
             self._ros.log.warning(
-                "pose in another frame ignored",
-                topic=self._pose_topic,
-                frame=frame,
-                expected=self._parameters["frame_id"],
+                "message in another frame ignored", topic=topic, frame=frame, expected=expected
             )
+        return False
+
+    # --- exploring
+
+    def _choose_frontier(self, attempt: str) -> None:
+        self._start_exploring()
+        if self._searching is None:
+            self._searching = self._ros.steady_timer(SEARCH_PERIOD_S, self._search)
+        self._explorer.start(attempt)
+
+    def _start_exploring(self) -> None:
+        """Listen to map and transforms from the first search on: who never searches pays nothing."""
+        if self._explores:
+            return
+        self._explores = True
+        ros, topic = self._ros, self._ros.node.resolve_topic_name(self._parameters["map_topic"])
+        ros.subscribe(OccupancyGrid, topic, Qos.LATCHED, partial(self._on_map, topic))
+        ros.subscribe(TFMessage, "/tf", Qos.TRANSFORMS, self._explorer.take_transforms)
+        ros.subscribe(TFMessage, "/tf_static", Qos.STATIC_TRANSFORMS, self._explorer.take_transforms)
+
+    def _on_map(self, topic: str, message: OccupancyGrid) -> None:
+        if self._is_in_map(message.header.frame_id, topic):
+            self._explorer.take_map(message)
+
+    def _believed_place(self) -> Planar | None:
+        return None if self._fix is None else Planar(self._fix.x, self._fix.y, self._fix.yaw)
+
+    def _search(self) -> None:
+        self._explorer.look()
+        if self._explorer.idle:
+            self._stop_searching()
+
+    def _stop_searching(self) -> None:
+        if self._searching is not None:
+            self._searching.cancel()
+            self._searching = None
 
     # --- driving
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Any
 
@@ -31,6 +32,26 @@ def bind_approach(parameters: Parameters) -> Callable[[TagRecord], Pose]:
         return {"x": found.x, "y": found.y, "yaw": found.yaw}
 
     return approach_target
+
+
+def bind_approach_discovered(parameters: Parameters) -> Callable[[TagRecord, Pose], Pose]:
+    """Return `approach_discovered(target, robot)` for the standoff and heading of the parameters."""
+    from lupin_nav.approach import approach_discovered
+
+    standoff, yaw = parameters["approach_standoff_m"], parameters["approach_yaw"]
+
+    def approach_target(target: TagRecord, robot: Pose) -> Pose:
+        facing = tuple(target["facing"][axis] for axis in "xyzw")
+        robot_at = robot["x"], robot["y"]
+        found = approach_discovered((target["x"], target["y"]), facing, standoff, yaw, robot_at)
+        return {"x": found.x, "y": found.y, "yaw": found.yaw}
+
+    return approach_target
+
+
+def bind_distance(_: Parameters) -> Callable[[Pose, Pose], float]:
+    """Return `distance(a, b)` in metres; headings play no part."""
+    return lambda a, b: math.hypot(a["x"] - b["x"], a["y"] - b["y"])
 
 
 def bind_numeric_order(parameters: Parameters) -> Callable[[], list[TagRecord]]:

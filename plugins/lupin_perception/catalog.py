@@ -2,8 +2,35 @@
 
 from __future__ import annotations
 
-from lupin_engine.plugin.contract import Argument, Code, Mock, OnHold, Operation, Parameter, Plugin
-from lupin_engine.plugin.types import NUMBER, TEXT
+from lupin_engine.plugin.contract import (
+    Argument,
+    Code,
+    LiveValue,
+    Mock,
+    OnHold,
+    Operation,
+    Parameter,
+    Plugin,
+)
+from lupin_engine.plugin.types import BOOL, COUNT, LENGTH, NUMBER, TEXT, Type, list_of
+
+#: A tag that was seen: its id and position in metres in frame `map`, the rotation of its plate (+Z is the
+#: plate's normal; x, y, z, w as in ROS), the dominant flower with its confidence (0 to 1), whether a pest was
+#: seen there, and how many confident detections were fused into this.
+DISCOVERED_TAG = Type(
+    "record",
+    "discovered_tag",
+    fields={
+        "id": TEXT,
+        "x": LENGTH,
+        "y": LENGTH,
+        "facing": Type("record", "quaternion", fields=dict.fromkeys("xyzw", NUMBER)),
+        "species": TEXT,
+        "species_confidence": NUMBER,
+        "anomaly": BOOL,
+        "sightings": COUNT,
+    },
+)
 
 PLUGIN = Plugin(
     name="perception",
@@ -21,7 +48,14 @@ PLUGIN = Plugin(
             mock=Mock(after=0.2, result={"confidence": 1.0}),
         ),
     },
+    values={
+        "tags.discovered": LiveValue("all tags that were seen so far", list_of(DISCOVERED_TAG)),
+    },
+    types={"discovered_tag": DISCOVERED_TAG},
     parameters={
+        "discovered_tags_topic": Parameter(
+            TEXT, "/perception/discovered_tags", "topic of the tags that were seen (DiscoveredTags)"
+        ),
         "visual_confirmation_service": Parameter(
             TEXT, "/perception/confirm_tag", "service that confirms a tag (ConfirmTag)"
         ),

@@ -1,14 +1,19 @@
-"""Visual confirmation over ROS: one call of ConfirmTag for each attempt."""
+"""The cameras over ROS: one call of ConfirmTag for each confirmation, and the tags that were discovered."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from typing import Any
 
-from lupin_engine.middleware.node import Failure, RosNode
+from lupin_engine.middleware.node import Failure, Qos, RosNode
 from lupin_engine.middleware.service_driver import Done, Failed, ServiceDriver, ServiceOperation
 from lupin_engine.plugin.contract import Outlet
+from lupin_msgs.msg import DiscoveredTags
 from lupin_msgs.srv import ConfirmTag
+from lupin_perception.discovered import records
+
+#: The frame of every pose on this wire.
+FRAME = "map"
 
 
 class PerceptionClient(ServiceDriver):
@@ -19,10 +24,43 @@ class PerceptionClient(ServiceDriver):
         super().__init__("perception", outlet, {"confirm_tag": ServiceOperation(service, _request, _outcome)})
         # A parameter of the missions that look before they read; without such a mission nobody waits for us.
         self._required = bool(parameters.get("require_visual_confirmation", False))
+        self._ros = ros
+        self._values = outlet
+        self._told: set[str] = set()
+        self._closed = False
+        topic = parameters["discovered_tags_topic"]
+        ros.subscribe(DiscoveredTags, topic, Qos.LATCHED, self._on_discovered)
 
     def missing(self) -> list[str]:
         """Name the service while it cannot be reached and a mission insists on it."""
         return super().missing() if self._required else []
+
+    def close(self) -> None:
+        """Report no more."""
+        self._closed = True
+        super().close()
+
+    def _on_discovered(self, message: DiscoveredTags) -> None:
+        """Report the whole list, as of its stamp: it is latched, and may be older than the mission."""
+        frame = message.header.frame_id.lstrip("/")
+        if frame not in ("", FRAME):
+            self._warn_once(f"tags in frame {frame!r} ignored, expected {FRAME!r}")
+            return
+        placed, others = records(message)
+        for tag_id in others:
+            self._warn_once(f"tag {tag_id!r} left out: it has no pose yet")
+        if not self._closed:
+            self._values.value("tags.discovered", placed, self._time_of(message))
+
+    def _time_of(self, message: DiscoveredTags) -> float:
+        """Return the stamp; a message that nobody stamped counts from its receipt."""
+        stamp = message.header.stamp
+        return float(stamp.sec + stamp.nanosec * 1e-9) or self._ros.now()
+
+    def _warn_once(self, text: str) -> None:
+        if text not in self._told:
+            self._told.add(text)
+            self._ros.log.warning(text)
 
 
 def _request(arguments: Mapping[str, Any]) -> ConfirmTag.Request:

@@ -6,22 +6,14 @@ takes some milliseconds and may happen on the thread that also serves ROS.
 
 from __future__ import annotations
 
-import json
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from importlib import resources
-from pathlib import Path
-from typing import Any
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lupin_engine.errors import LupinError
+from lupin_sim.layout import LENGTH, WIDTH, Table
 
 Point = tuple[float, float]
-
-#: Inner measures of the greenhouse in metres, x and y; it has a wall around.
-WIDTH, LENGTH = 4.0, 8.0
 
 #: Half the width of the robot, and the side of a grid cell, in metres.
 ROBOT_RADIUS = 0.12
@@ -34,42 +26,6 @@ GOAL_TOLERANCE = 0.25
 _MOVES = tuple(
     (dx, dy, float(np.hypot(dx, dy))) for dx in (-1, 0, 1) for dy in (-1, 0, 1) if (dx, dy) != (0, 0)
 )
-
-
-@dataclass(frozen=True)
-class Table:
-    """A table as an upright rectangle."""
-
-    x0: float
-    y0: float
-    x1: float
-    y1: float
-
-
-def load_tables(file: str = "") -> tuple[Table, ...]:
-    """Read the tables of a layout file; the empty name stands for the one of `mdp-greenhouse`.
-
-    Raises:
-        LupinError: the file is missing or is no layout.
-    """
-    try:
-        text = Path(file).expanduser().read_text(encoding="utf-8") if file else _bundled_layout()
-        return tables_of(json.loads(text))
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        raise LupinError(f"layout {file or 'of mdp-greenhouse'} cannot be used: {error}") from error
-
-
-def tables_of(layout: Mapping[str, Any]) -> tuple[Table, ...]:
-    """Return the tables of a parsed layout; one that is a bare map of tags has none."""
-    sides, tables = ("x0", "y0", "x1", "y1"), layout.get("tables", {})
-    return tuple(Table(*(float(table[side]) for side in sides)) for table in tables.values())
-
-
-def _bundled_layout() -> str:
-    try:
-        return (resources.files("greenhouse_sim") / "configs" / "tag_locations.json").read_text("utf-8")
-    except ModuleNotFoundError as error:
-        raise LupinError("the greenhouse is not installed: pip install mdp-greenhouse") from error
 
 
 class Floor:

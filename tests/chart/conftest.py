@@ -97,6 +97,7 @@ ARM = Plugin(
     name="arm",
     doc="The arm.",
     actions={"preset": Action("Move the arm.", {"name": Argument(TEXT, "preset")}, moves=True)},
+    parameters={"arm_patrol_enabled": Parameter(BOOL, False, "whether missions move the arm")},
 )
 
 

@@ -310,7 +310,7 @@ def test_a_chart_says_what_it_needs(shipped: Chart) -> None:
 
 def test_arguments_and_limits_are_typed_values(shipped: Chart) -> None:
     """Constants in base units, expressions compiled."""
-    invoke = shipped.states["MISSION.InspectionMission.INSPECTING.NAVIGATING"].invoke
+    invoke = shipped.states["MISSION.InspectionMission.INSPECTING.NAVIGATING.DRIVING"].invoke
     assert invoke is not None
     assert isinstance(invoke.arguments["pose"], Expression)
     assert invoke.timeout is not None
@@ -408,11 +408,83 @@ def test_a_mission_is_found_by_file_by_name_and_by_path() -> None:
     assert MISSIONS / LIFECYCLE not in mission_files(MISSIONS)
 
 
-@pytest.mark.parametrize(
-    ("name", "text"),
-    [("inspektion", "did you mean 'inspection'"), ("none.yaml", "no mission file"), ("x", "allowed: ")],
-)
-def test_an_unknown_mission_is_answered_with_those_there_are(name: str, text: str) -> None:
-    """The nearest spelling, or the list."""
-    with pytest.raises(UsageError, match=text):
-        find_mission(name, [MISSIONS])
+def test_an_unknown_mission_is_answered_with_those_there_are(tmp_path: Path) -> None:
+    """The nearest spelling, or the list, and where was looked."""
+    shutil.copy(GOOD / "tours.yaml", tmp_path)
+    shutil.copy(GOOD / "knocks.yaml", tmp_path)
+    for name, folders, problem in (
+        ("tour", [tmp_path], f"no mission 'tour' in {tmp_path}; did you mean 'tours'?"),
+        (
+            "x",
+            [tmp_path, tmp_path / "none"],
+            f"no mission 'x' in {tmp_path}, {tmp_path / 'none'}; "
+            "allowed: 'Knocks', 'Tours', 'knocks', 'tours'",
+        ),
+        ("x", [], "no mission 'x' in no folder; nothing is allowed here"),
+        ("none.yaml", [tmp_path], "no mission file 'none.yaml'"),
+        ("none.yml", [tmp_path], "no mission file 'none.yml'"),
+        ("none/tours", [tmp_path], "no mission file 'none/tours'"),
+    ):
+        with pytest.raises(UsageError) as caught:
+            find_mission(name, folders)
+        assert str(caught.value) == problem
+
+
+def test_what_is_no_mission_is_not_offered_as_one(tmp_path: Path) -> None:
+    """Lifecycles and scenarios stand in the same folder; a mission that says no name has its file's."""
+    for name, text in (
+        ("a.yaml", "mission: A\nstates: {}\n"),
+        ("b.yaml", "mission:\n"),
+        ("c.yaml", "part: C\nstates: {}\n"),
+        ("d.scenario.yaml", "mission: D\n"),
+        (LIFECYCLE, "mission: L\n"),
+    ):
+        (tmp_path / name).write_text(text, encoding="utf-8")
+    assert [path.name for path in mission_files(tmp_path)] == ["a.yaml", "b.yaml"]
+    assert find_mission("b", [tmp_path]).name == "b.yaml"
+
+
+def test_a_part_is_unused_when_all_missions_are_there(tmp_path: Path, catalog: Catalog) -> None:
+    """One that is not loaded may use it."""
+    lifecycle, (mission,) = copied(tmp_path)
+    other = tmp_path / "other.yaml"
+    shutil.copy(CHARTS / "mini" / "idle.yaml", other)
+    for part in (tmp_path / "parts").glob("*.yaml"):
+        if part.stem != "knock":
+            part.unlink()
+    assert check_chart(lifecycle, [other], catalog)[1] == ()
+    assert check_chart(lifecycle, [other, mission], catalog)[1] == ()
+    mission.unlink()
+    found = check_chart(lifecycle, [other], catalog)[1]
+    assert [str(one) for one in found] == [
+        f"{tmp_path}/parts/knock.yaml:1:1: warning: no mission uses the part 'knock'; "
+        "use it, or remove the file [unused-part]"
+    ]
+
+
+def test_a_part_is_found_wherever_it_is_used(tmp_path: Path, catalog: Catalog) -> None:
+    """After a state of which nothing is written, and inside another one."""
+    lifecycle, (mission,) = copied(tmp_path)
+    mission.write_text(
+        "mission: M\ninitial: B\nstates:\n"
+        "  A:\n"
+        "  B: {on_done: A, states: {C: {use: knok}, over: {type: final}}}\n"
+    )
+    found = check_chart(lifecycle, [mission], catalog)[1]
+    assert [str(one) for one in found if one.rule == "unknown-part"] == [
+        f"{mission}:5:37: error: B.C: unknown part 'knok'; did you mean 'knock'? [unknown-part]"
+    ]
+
+
+def test_after_an_unknown_key_ways_are_not_followed(tmp_path: Path, catalog: Catalog) -> None:
+    """Half the chart may stand behind it."""
+    lifecycle, (mission,) = copied(tmp_path)
+    text = "mission: M\ninitial: A\nstates:\n  A: {after: {1 s: done}}\n  B: {after: {1 s: done}}\n"
+    text += "  done: {type: final}\n"
+    for written, rule in (
+        (text, "unreachable-state"),
+        (text.replace("A: {", "A: {onn: {}, "), "unknown-key"),
+    ):
+        mission.write_text(written)
+        found = check_chart(lifecycle, [mission], catalog)[1]
+        assert [one.rule for one in found if one.rule != "unused-part"] == [rule]

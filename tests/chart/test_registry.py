@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from importlib import metadata
 from typing import Any
 
 import pytest
@@ -23,6 +22,7 @@ from lupin_engine.plugin.contract import (
     Plugin,
     Reader,
 )
+from lupin_engine.plugin.discovery import EntryPoint
 from lupin_engine.plugin.registry import Catalog, build_catalog, load_catalog
 from lupin_engine.plugin.types import COUNT, DURATION, POSE, TEXT, Type
 
@@ -134,7 +134,7 @@ def test_an_entry_point_that_fails_is_told_in_one_line(
     value: str, reason: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """No traceback: whoever installed the plugin can mend it."""
-    point = metadata.EntryPoint("bad", value, registry.GROUP)
-    monkeypatch.setattr(metadata, "entry_points", lambda group: [point])
+    point = EntryPoint("bad", value)
+    monkeypatch.setattr(registry, "entry_points", lambda: [point])
     with pytest.raises(PluginError, match=rf"plugin 'bad' \({value}\) {reason}"):
         load_catalog()

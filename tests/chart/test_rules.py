@@ -10,9 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from lupin_engine.chart.guards import condition_of, constant, exclusive, fact, implies, total
 from lupin_engine.chart.load import LIFECYCLE, check_chart
-from lupin_engine.chart.names import inputs_read, names_read
 from lupin_engine.plugin.registry import Catalog
 
 CHARTS = Path(__file__).parents[1] / "charts"
@@ -75,6 +73,39 @@ RIGHT = {
     states:
       B: {on: {operator.dock: C}}
       C: {on: {operator.dock: {target: B, guard: laps > 2}}}
+  done: {type: final}
+""",
+    "never-wins: what only one state hears gets past those inside": """\
+  A:
+    budget: {after: 1 min, code: late, target: done}
+    invoke: {do: nav.localize, with: {max_variance: 1}, timeout: {after: 5 s, code: late}}
+    on_done: done
+    on_error: done
+    after: {1 h: done}
+    on:
+      input.estop: {target: done, during: estop}
+      operator.skip_current: done
+    initial: B
+    states:
+      B: {on: {"*": C}}
+      C: {on: {nav.*: B, "*": {target: B, guard: laps > 2}}}
+  done: {type: final}
+""",
+    "unknown-input: elements and orders wait for it": """\
+  A:
+    for_each:
+      item: tag
+      in: "${ tags.numeric_order() if input.pose.x > '1 m' else tags.numeric_order() }"
+      key: "${ tag.id if input.pose.x > '1 m' else tag.id }"
+      invoke: {do: bridge.read_tag, with: {tag_id: "${ tag.id }"}, timeout: {after: 5 s, code: late}}
+    after: {1 s: B}
+  B:
+    itinerary: {items: "${ tags.numeric_order() }", order: "${ input.pose.x - target.x }"}
+    on_done: done
+    initial: GOING
+    states:
+      GOING: {after: {1 s: {target: over, do: [itinerary.close: {status: OK}]}}}
+      over: {type: final}
   done: {type: final}
 """,
     "never-wins: both guards are false while the pose is not known": """\
@@ -213,6 +244,153 @@ RIGHT = {
   B: {always: {target: A, guard: in_state('B')}}
   done: {type: final}
 """,
+    "double-close: a way back, or a way in from outside, to where it may be closed": """\
+  A:
+    itinerary: {items: "${ tags.numeric_order() }"}
+    on: {operator.dock: AWAY}
+    on_done: done
+    initial: GOING
+    states:
+      GOING: {after: {1 s: {target: THERE, do: [itinerary.close: {status: OK}]}}}
+      THERE: {after: {1 s: {target: toured, do: [itinerary.close: {status: OK}]}}}
+      toured: {type: final}
+  AWAY: {after: {1 s: A.THERE}}
+  done: {type: final}
+""",
+    "double-close: the end of a walk takes an event before it is heard": """\
+  A:
+    itinerary: {items: "${ tags.numeric_order() }"}
+    on:
+      operator.dock: {target: done, do: [itinerary.close: {status: SKIPPED}]}
+    on_done: done
+    initial: GOING
+    states:
+      GOING: {after: {1 s: {target: toured, do: [itinerary.close: {status: OK}]}}}
+      toured: {type: final}
+  done: {type: final}
+""",
+    "double-close: what never rests hears nothing": """\
+  A:
+    itinerary: {items: "${ tags.numeric_order() }"}
+    on_done: done
+    initial: GOING
+    states:
+      GOING:
+        on:
+          operator.dock: {target: PASSING, do: [itinerary.close: {status: SKIPPED}]}
+        after: {1 s: {target: PASSING, do: [itinerary.close: {status: OK}]}}
+      PASSING:
+        on:
+          operator.skip_current: {target: toured, do: [itinerary.close: {status: SKIPPED}]}
+        always: toured
+      toured: {type: final}
+  done: {type: final}
+""",
+    "double-close: regions, elements and walks inside are not followed": """\
+  A:
+    itinerary: {items: "${ tags.numeric_order() }"}
+    on_done: B
+    initial: GOING
+    states:
+      GOING: {after: {1 s: {target: LEGS, do: [itinerary.close: {status: OK}]}}}
+      LEGS:
+        type: parallel
+        on_done: {target: toured, do: [itinerary.close: {status: OK}]}
+        states: {L: {type: final}, R: {states: {C: {after: {1 s: over}}, over: {type: final}}}}
+      toured: {type: final}
+  B:
+    itinerary: {items: "${ tags.numeric_order() }"}
+    on_done: C
+    initial: GOING
+    states:
+      GOING: {after: {1 s: {target: READING, do: [itinerary.close: {status: OK}]}}}
+      READING:
+        for_each:
+          item: tag
+          in: ${ tags.numeric_order() }
+          key: ${ tag.id }
+          invoke: {do: bridge.read_tag, with: {tag_id: "${ tag.id }"}, timeout: {after: 5 s, code: late}}
+        after: {1 s: {target: toured, do: [itinerary.close: {status: OK}]}}
+      toured: {type: final}
+  C:
+    itinerary: {items: "${ tags.numeric_order() }"}
+    on_done: done
+    initial: GOING
+    states:
+      GOING: {after: {1 s: {target: D, do: [itinerary.close: {status: OK}]}}}
+      D:
+        itinerary: {items: "${ tags.numeric_order() }"}
+        on_done: toured
+        initial: E
+        states:
+          E: {after: {1 s: {target: over, do: [itinerary.close: {status: OK}]}}}
+          over: {type: final}
+      toured: {type: final, entry: [itinerary.close: {status: OK}]}
+  done: {type: final}
+""",
+    "always-loop: leaving, entering and releasing end it": """\
+  A:
+    entry: [set: {laps: "${ laps + 1 }"}]
+    always: {target: B, guard: laps < 3}
+    after: {1 s: C}
+  B: {always: {target: A, guard: laps < 5}, after: {1 s: C}}
+  C:
+    exit: [set: {reason: over}]
+    always: {target: D, guard: reason == ''}
+    after: {1 s: D}
+  D: {always: {target: C, guard: reason != 'over'}, after: {1 s: E}}
+  E:
+    always: {target: F, guard: held(pause), releases: pause}
+    after: {1 s: F}
+  F: {always: {target: E, guard: held(pause)}, after: {1 s: done}}
+  done: {type: final}
+""",
+    "always-loop: a walk goes on, or begins anew": """\
+  A:
+    itinerary: {items: "${ tags.numeric_order() }"}
+    on_done: B
+    initial: GOING
+    states:
+      GOING:
+        always: {target: THERE, guard: target.x > '1 m', do: [itinerary.close: {status: OK}]}
+        after: {1 s: THERE}
+      THERE:
+        always: {target: GOING, guard: target.x > '2 m', do: itinerary.advance}
+        after: {1 s: toured}
+      toured: {type: final}
+  B:
+    itinerary: {items: "${ tags.numeric_order() }"}
+    always: {target: B, guard: itinerary.remaining > 3}
+    on_done: done
+    initial: GOING
+    states:
+      GOING: {after: {1 s: {target: over, do: [itinerary.close: {status: OK}]}}}
+      over: {type: final}
+  done: {type: final}
+""",
+    "always-loop: what comes back is not known": """\
+  A: {always: B.history}
+  B:
+    history: shallow
+    on: {operator.dock: B.D}
+    initial: C
+    states: {C: {always: A}, D: {after: {1 s: done}}}
+  done: {type: final}
+""",
+    "always-loop: the hold that a level engages goes before": """\
+  A: {on: {input.estop: B}, after: {1 s: done}}
+  B: {on: {input.estop: {target: A, during: pause}}, after: {1 s: done}}
+  done: {type: final}
+""",
+    "always-loop: a guard that is never true is told as that, and others are not of one mind": """\
+  A:
+    always: {target: B, guard: laps < 3}
+    after: {1 s: done}
+  B:
+    always: {target: A, guard: laps >= 3}
+    after: {1 s: done}
+  done: {type: final}
+""",
     "double-close: closed only where it is open": """\
   A:
     itinerary: {items: "${ tags.numeric_order() }"}
@@ -301,6 +479,41 @@ RIGHT = {
     states:
       LEFT: {initial: B, states: {B: {after: {1 s: C}}, C: {after: {1 s: B}}}}
       RIGHT: {after: {5 s: A}}
+  done: {type: final}
+""",
+    "unheard-event: raised anywhere, and heard": """\
+  A:
+    entry: [raise: {event: a.entry}]
+    exit: [raise: {event: a.exit}]
+    budget: {after: 1 min, code: late, target: done, do: [raise: {event: a.budget}]}
+    on:
+      operator.dock: {do: [raise: {event: a.on}]}
+    always: {guard: laps < 3, do: [{set: {laps: 5}}, {raise: {event: a.always}}]}
+    after: {1 s: {target: B, do: [raise: {event: a.after}]}}
+  B:
+    invoke: {do: nav.localize, with: {max_variance: 1}, timeout: {after: 5 s, code: late}}
+    on_done: {target: C, do: [raise: {event: b.done}]}
+    on_error: {target: C, do: [raise: {event: b.error}]}
+  C:
+    for_each:
+      item: tag
+      in: ${ tags.numeric_order() }
+      key: ${ tag.id }
+      invoke: {do: bridge.read_tag, with: {tag_id: "${ tag.id }"}, timeout: {after: 5 s, code: late}}
+      on_done: {do: [raise: {event: c.done}]}
+      on_error: {do: [raise: {event: c.error}]}
+    on:
+      a.entry: done
+      a.exit: done
+      a.budget: done
+      a.on: done
+      a.always: done
+      a.after: done
+      b.done: done
+      b.error: done
+      c.done: done
+      c.error: done
+    after: {1 s: done}
   done: {type: final}
 """,
     "unheard-event: heard by name, by its beginning, by anybody": """\
@@ -588,119 +801,3 @@ states:
         f"{tmp_path}/m.yaml:4:36: error: MISSION.M.A.always.guard: the expression is too large; "
         "at most 200 operators and operands [bad-expression]"
     ]
-
-
-# -- conditions -------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    ("first", "second"),
-    [
-        ("x == 'a'", "x == 'b'"),
-        ("x", "not x"),
-        ("x == true", "not x"),
-        ("x < 5", "x >= 5"),
-        ("x < y", "y <= x"),
-        ("x in ('a', 'b')", "x in ['c']"),
-        ("x in ('a', 'b')", "x not in ('a', 'b', 'c')"),
-        ("a and x < 1", "x > 2 and b"),
-        ("x < '5 s'", "x > '1 min'"),
-        ("x > -1", "x < -2"),
-        ("a or b", "not a and not b"),
-        ("0 < x < 5", "x == 7"),
-        ("len(x) == 0", "len(x) > 0"),
-        ("f(x)", "not f(x)"),
-        ("x in y", "x not in y"),
-        ("a", "b and false"),
-    ],
-)
-def test_conditions_that_exclude_each_other(first: str, second: str) -> None:
-    """What is provable by comparing one operand with constants, or with one other operand."""
-    assert exclusive(condition_of(first), condition_of(second))
-    assert exclusive(condition_of(second), condition_of(first))
-
-
-@pytest.mark.parametrize(
-    ("first", "second"),
-    [
-        ("x", "y"),
-        ("x <= 5", "x >= 5"),
-        ("a or b", "not a"),
-        ("x != 'a'", "x != 'b'"),
-        ("x < y", "x < z"),
-        ("x in y", "x in z"),
-        ("x < 5", "y >= 5"),
-        ("x == '60 s'", "x == '1 min'"),
-        ("not an expression", "x"),
-    ],
-)
-def test_conditions_that_may_hold_together(first: str, second: str) -> None:
-    """What is not certain counts as possible."""
-    assert not exclusive(condition_of(first), condition_of(second))
-
-
-def test_conditions_of_which_one_is_always_true() -> None:
-    """Together they leave nothing out."""
-    assert total([condition_of("x < 1"), condition_of("1 <= x and x < 5"), condition_of("x >= 5")])
-    assert not total([condition_of("x < 1"), condition_of("x > 1")])
-    assert total([condition_of("x == 'a'")], fact("x", "a"))
-
-
-def test_conditions_that_follow_from_each_other() -> None:
-    """A narrower one from a wider one."""
-    assert implies(condition_of("x > 5"), condition_of("x > 3"))
-    assert implies(condition_of("x == 'a' and y"), condition_of("x in ('a', 'b')"))
-    assert not implies(condition_of("x > 3"), condition_of("x > 5"))
-
-
-@pytest.mark.parametrize(
-    ("source", "value"),
-    [
-        ("true", True),
-        ("False", False),
-        ("1 > 2", False),
-        ("2 in (1, 2)", True),
-        ("x in []", False),
-        ("x and false", False),
-        ("x or not x", True),
-        ("x > 5 and x < 3", False),
-        ("'a' == 'b'", False),
-        ("x and y", None),
-        ("x == 'true'", None),
-        ("0 < x < 5", None),
-        ("x == 'a' or y == 'a'", None),
-    ],
-)
-def test_conditions_that_depend_on_nothing(source: str, value: bool | None) -> None:
-    """Constants, however they are hidden."""
-    assert constant(source) is value
-
-
-def test_too_many_alternatives_are_taken_to_be_possible() -> None:
-    """The search is bounded: a condition of any size costs milliseconds."""
-    wide = " and ".join(f"(a{n} == 1 or a{n} == 2)" for n in range(30))
-    assert not exclusive(condition_of(wide), condition_of("b == 1 and b == b and c in (1, 2) or d"))
-
-
-@pytest.mark.parametrize(
-    ("source", "read"),
-    [
-        ("input.a > 1 and input.b.low", ("a", "b")),
-        ("known(input.a) and input.a > 1", ()),
-        ("input.a > 1 and known(input.a)", ("a",)),
-        ("not known(input.a) or input.a > 1", ()),
-        ("known(input.a) or input.a > 1", ("a",)),
-        ("input.a if known(input.a) else input.b", ("b",)),
-        ("0 if not known(input.a) else input.a", ()),
-        ("(known(input.a) or known(input.b)) and input.a", ("a",)),
-        ("known(input.a) and x and max(input.a, input.b) > 1", ("b",)),
-    ],
-)
-def test_inputs_that_are_read_without_asking(source: str, read: tuple[str, ...]) -> None:
-    """Asking counts from where it is asked on, on the branch where the answer is yes."""
-    assert inputs_read(source) == read
-
-
-def test_names_that_are_read() -> None:
-    """The first words, functions included."""
-    assert names_read("in_state('A') and input.a > laps") == {"in_state", "input", "laps"}

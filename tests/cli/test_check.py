@@ -18,12 +18,13 @@ from click.testing import CliRunner, Result
 from lupin_engine.chart.findings import RULES
 from lupin_engine.chart.load import LIFECYCLE as LIFECYCLE_FILE
 from lupin_engine.chart.load import check_chart, default_missions_folder
-from lupin_engine.cli.check import check, check_paths, watch_paths
+from lupin_engine.cli.check import check
 from lupin_engine.cli.excerpt import excerpt
 from lupin_engine.cli.findings import Checked, as_text
 from lupin_engine.cli.main import main
 from lupin_engine.cli.sarif import sarif
 from lupin_engine.cli.watch import changes
+from lupin_engine.cli.work.check import check_paths, watch_paths
 from lupin_engine.errors import Diagnostic, Place, Severity
 from lupin_engine.plugin.registry import load_catalog
 
@@ -186,6 +187,28 @@ def test_the_missions_of_this_folder_come_before_the_shipped_ones(folder: Path) 
     assert typed("inspection").output == "1 mission, no errors, no warnings\n"
 
 
+def test_missions_without_a_lifecycle_are_in_the_shipped_one(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """One rule for every verb: by name, by file, by folder, and when nothing is named."""
+    (folder / "lifecycle.yaml").unlink()
+    own = folder / "missions"
+    own.mkdir()
+    (own / "mine.yaml").write_text(RIGHT.replace("mission: M", "mission: Mine"))
+    (folder / "m.yaml").unlink()
+    for arguments in ((), ("mine",), ("Mine",), ("missions",), ("missions/mine.yaml",)):
+        assert typed(*arguments).output == "1 mission, no errors, no warnings\n", arguments
+    (folder / "x.scenario.yaml").write_text("scenario: it ends\nmission: mine\nexpect: {never: [FAULT]}\n")
+    for command in (
+        ["simulate", "mine", "-q"],
+        ["diagram", "mine", "-o", "mine.svg"],
+        ["diagram", "--all", "missions", "-o", "pictures"],
+        ["test", "x.scenario.yaml"],
+        ["new", "other", "--like", "mine"],
+    ):
+        assert main(command) == 0, capsys.readouterr()
+
+
 def test_a_folder_without_missions_is_wrong_usage(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """As for the other verbs; the folder above the missions is named often."""
     (folder / "empty" / "missions").mkdir(parents=True)
@@ -202,6 +225,14 @@ def test_a_folder_without_missions_is_wrong_usage(folder: Path, capsys: pytest.C
         (["inspektion"], "did you mean 'inspection'?"),
         (["--explain", "no-unitt"], "no rule 'no-unitt'; did you mean 'no-unit'?"),
         (["a.scenario.yaml"], "'a.scenario.yaml' is a scenario; scenarios are read by lupin test"),
+        (
+            ["--json", "--sarif", "m.yaml"],
+            "lupin: --json and --sarif are different forms of the same findings; use one of them\n",
+        ),
+        (
+            ["--github", "--watch", "--json"],
+            "lupin: --json and --github are different forms of the same findings; use one of them\n",
+        ),
         (["--watch", "--json", "m.yaml"], "--watch is for people and --json for programs; use one of them"),
         (["--jsn"], "No such option"),
     ],

@@ -10,6 +10,7 @@ import pytest
 from lupin_engine.cli.main import main
 from lupin_engine.launch import health
 from lupin_engine.launch.health import RIHS, WIRE, Finding
+from lupin_engine.plugin.discovery import EntryPoint
 
 TABLE = json.loads((Path(__file__).parents[1] / "msgs" / "wire.json").read_text(encoding="utf-8"))
 
@@ -91,11 +92,9 @@ def test_left_overs_are_told_with_the_way_to_remove_them(
 
 def test_a_refused_plugin_is_told_with_the_reason(monkeypatch: pytest.MonkeyPatch) -> None:
     """The others are still listed."""
-    from importlib.metadata import EntryPoint
-
-    broken = EntryPoint("broken", "lupin_no_such_module:PLUGIN", "lupin.plugins")
-    good = EntryPoint("nav", "lupin_nav.catalog:PLUGIN", "lupin.plugins")
-    monkeypatch.setattr("importlib.metadata.entry_points", lambda group: [broken, good])
+    broken = EntryPoint("broken", "lupin_no_such_module:PLUGIN")
+    good = EntryPoint("nav", "lupin_nav.catalog:PLUGIN")
+    monkeypatch.setattr(health, "entry_points", lambda: [broken, good])
     refused, accepted = health.look_at_plugins()
     assert (refused.topic, refused.found, refused.state) == ("plugin broken", "refused", "problem")
     assert "No module named 'lupin_no_such_module'" in refused.advice
@@ -107,11 +106,11 @@ def test_the_table_ends_with_a_verdict(
 ) -> None:
     """Advice stands under what it is about; notes do not keep anybody from running."""
     fine = [Finding("Python", "3.11"), Finding("memory", "left", "note", "clean it")]
-    monkeypatch.setattr("lupin_engine.cli.doctor.examine", lambda: fine)
+    monkeypatch.setattr("lupin_engine.cli.work.doctor.examine", lambda: fine)
     assert main(["doctor"]) == 0
     lines = [line.strip() for line in capsys.readouterr().out.splitlines()]
     assert lines[-1] == "missions can be run here"
     assert "clean it" in lines
-    monkeypatch.setattr("lupin_engine.cli.doctor.examine", lambda: [Finding("a", "b", "problem", "do")])
+    monkeypatch.setattr("lupin_engine.cli.work.doctor.examine", lambda: [Finding("a", "b", "problem", "do")])
     assert main(["doctor"]) == 1
     assert capsys.readouterr().out.splitlines()[-1] == "1 problem to mend before missions can be run"

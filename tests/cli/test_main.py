@@ -30,6 +30,20 @@ def test_help_imports_nothing_heavy() -> None:
 
 
 @pytest.mark.parametrize("verb", VERBS)
+def test_the_help_of_a_verb_imports_nothing_heavy(verb: str) -> None:
+    """What a verb works with is imported when it works."""
+    program = (
+        f"import sys; from lupin_engine.cli.main import main; code = main([{verb!r}, '--help']); "
+        f"print('HEAVY', code, sorted(set({HEAVY!r}) & set(sys.modules)))"
+    )
+    output = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=True
+    ).stdout
+    assert output.splitlines()[-1] == "HEAVY 0 []"
+    assert output.startswith(f"Usage: lupin {verb} ")
+
+
+@pytest.mark.parametrize("verb", VERBS)
 def test_the_table_says_what_the_verb_says(verb: str) -> None:
     """The one-line help stands in two places, so that the list needs no import."""
     command = lupin.get_command(click.Context(lupin), verb)

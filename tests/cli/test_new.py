@@ -112,10 +112,16 @@ def test_nothing_to_be_like(folder: Path, capsys: pytest.CaptureFixture[str]) ->
     """The text lists those that there are."""
     assert main(["new", "a", "--like", "inspction"]) == 2
     assert capsys.readouterr().err.endswith("did you mean 'inspection'?\n")
+    assert files(folder) == []
+
+
+def test_like_a_mission_that_stands_alone(folder: Path) -> None:
+    """It is in the shipped lifecycle, and so is the copy."""
     (folder / "alone.yaml").write_text("mission: Alone\nstates: {done: {type: final}}\n")
-    assert main(["new", "a", "--like", "alone.yaml"]) == 2
-    assert "no lifecycle.yaml stands beside 'alone.yaml'" in capsys.readouterr().err
-    assert files(folder) == ["alone.yaml"]
+    assert main(["new", "a", "--like", "alone.yaml"]) == 0
+    lifecycle = (folder / "missions" / "lifecycle.yaml").read_text(encoding="utf-8")
+    assert lifecycle == (default_missions_folder() / "lifecycle.yaml").read_text(encoding="utf-8")
+    assert main(["check", "missions"]) == 0
 
 
 def test_a_folder_that_cannot_be_written(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:

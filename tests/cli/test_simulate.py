@@ -10,9 +10,9 @@ from typing import Any
 import pytest
 from click.testing import CliRunner, Result
 
-from lupin_engine.cli import simulate as verb
 from lupin_engine.cli.main import main
 from lupin_engine.cli.simulate import simulate
+from lupin_engine.cli.work import simulate as verb
 from lupin_engine.errors import UsageError
 from lupin_engine.sim.simulation import Run, Script
 from lupin_engine.sim.simulation import simulate as run_script
@@ -160,7 +160,9 @@ def test_until_a_state_that_is_not_entered() -> None:
 def test_scenarios_can_be_stopped_too() -> None:
     """By a state or a time, whatever their own limit is."""
     file = str(SCENARIOS / "three_tags.scenario.yaml")
-    assert "in 2.0 s of virtual time; stopped at the time limit" in typed(file, "--until", "2 s", "-q").output
+    assert (
+        "in 2.0 s of virtual time; stopped where --until says" in typed(file, "--until", "2 s", "-q").output
+    )
     assert "stopped where --until says" in typed(file, "--until", "NAVIGATING", "-q").output
 
 
@@ -185,7 +187,7 @@ def test_a_seed_decides_what_comes_by_chance(tmp_path: Path) -> None:
 def one_tag() -> Run:
     """Simulate one tag."""
     script = Script("InspectionMission", {"tag_sequence": ["1"]})
-    return run_script(shipped.mission("inspection"), shipped.catalog(), script)
+    return run_script(shipped.mission("inspection"), script)
 
 
 def test_a_story_can_take_its_time() -> None:
@@ -202,7 +204,7 @@ def test_a_story_can_take_its_time() -> None:
 def test_speed_is_a_factor(monkeypatch: pytest.MonkeyPatch) -> None:
     """Ten times as fast takes a tenth of the time; none, no time at all."""
     slept: list[float] = []
-    monkeypatch.setattr("lupin_engine.cli.simulate.time.sleep", slept.append)
+    monkeypatch.setattr("lupin_engine.cli.work.simulate.time.sleep", slept.append)
     typed("inspection", "--tags", "1", "--speed", "10")
     assert sum(slept) == pytest.approx(0.67)
     slept.clear()
@@ -216,7 +218,7 @@ def test_ctrl_c_ends_a_story(monkeypatch: pytest.MonkeyPatch) -> None:
     def interrupt(_: float) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("lupin_engine.cli.simulate.time.sleep", interrupt)
+    monkeypatch.setattr("lupin_engine.cli.work.simulate.time.sleep", interrupt)
     result = typed("inspection", "--tags", "1", "--speed", "1")
     assert result.return_value == 130
     assert result.output == "".join(line + "\n" for line in WIDE.splitlines()[:3]) + "\n"

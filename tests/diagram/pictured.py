@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import shutil
-import tempfile
 from functools import cache
-from pathlib import Path
 
 from lupin_engine.chart.load import LIFECYCLE, default_missions_folder, load_chart, mission_files
 from lupin_engine.chart.model import Chart
@@ -15,7 +12,7 @@ from tests.machine.charts import chart as built
 
 SHIPPED = tuple(file.stem for file in mission_files(default_missions_folder()))
 MINI = tuple(file.stem for file in sorted(GOOD.glob("*.yaml")))
-NAMES = (*SHIPPED, "words", "exploration", *MINI, "regions")
+NAMES = (*SHIPPED, "words", *MINI, "regions")
 
 #: Parallel states within each other, with ways out of them, into them and back to themselves.
 REGIONS = {
@@ -54,17 +51,6 @@ def chart(name: str) -> Chart:
         return shipped.mission(name)
     if name == "words":
         return load_chart(WORDS / LIFECYCLE, [WORDS / "words.yaml"], wide_catalog())
-    if name == "exploration":
-        return _exploration()
     if name == "regions":
         return built(REGIONS)
     return load_chart(GOOD.parent / "mini" / LIFECYCLE, [GOOD / f"{name}.yaml"], wide_catalog())
-
-
-def _exploration() -> Chart:
-    """The sketched exploration, which stands in the shipped lifecycle with the shipped part."""
-    with tempfile.TemporaryDirectory() as temporary:
-        folder = Path(temporary)
-        shutil.copytree(default_missions_folder(), folder, dirs_exist_ok=True)
-        mission = Path(shutil.copy(GOOD / "exploration" / "exploration.yaml", folder))
-        return load_chart(folder / LIFECYCLE, [mission], wide_catalog())

@@ -149,7 +149,7 @@ def test_focus_shows_a_state_its_inside_and_its_greyed_neighbours() -> None:
     assert picture.title == "InspectionMission: SCANNING"
     assert picture.initial is None
     assert [(b.title, b.tone, len(b.children)) for b in picture.boxes] == [
-        ("NAVIGATING", Tone.PALE, 0),
+        ("DRIVING", Tone.PALE, 0),
         ("SCANNING", Tone.PLAIN, 3),
         ("PUBLISHING", Tone.PALE, 0),
     ]
@@ -169,12 +169,12 @@ def test_focus_on_what_wraps_the_mission_shows_it() -> None:
 def test_depth_collapses_what_is_deeper() -> None:
     """With how many states that are; their ways begin and end at the box."""
     picture = outline(pictured.chart("inspection"), depth=2)
-    assert box(picture, "INSPECTING").text == ("for each of request.tag_sequence", "… 7 states")
+    assert box(picture, "INSPECTING").text == ("for each of request.tag_sequence", "… 9 states")
     assert box(picture, "PREPARE").more == "… 1 state"
     assert [str(label) for label in arrow(picture, "PREPARE", "FAULT").labels] == ["error"]
     assert all(b.name.count(".") <= 2 for b in picture.every())
     flat = outline(pictured.chart("inspection"), depth=1)
-    assert [b.hidden for b in flat.boxes] == [0, 0, 11, 2, 0, 0]
+    assert [b.hidden for b in flat.boxes] == [0, 0, 13, 2, 0, 0]
     assert not any(b.children for b in flat.every())
 
 

@@ -9,9 +9,10 @@ import pytest
 from click.testing import CliRunner, Result
 
 from lupin_engine.chart.load import default_missions_folder
-from lupin_engine.cli.diagram import FORMATS, diagram
+from lupin_engine.cli.diagram import diagram
 from lupin_engine.cli.main import main
 from lupin_engine.cli.simulate import simulate
+from lupin_engine.diagram.formats import FORMATS
 
 ROOT = Path(__file__).parents[2]
 KEPT = ROOT / "docs" / "diagrams"
@@ -162,6 +163,14 @@ def test_a_large_chart_is_drawn_to_a_readable_depth(
             "'x.txt' says no format: end it in .mmd, .puml, .dot, .scxml, .svg, .png, or add --format",
         ),
         (
+            ("inspection", "-o", "x.png", "--format", "svg"),
+            "'x.png' ends like png but --format says svg: leave --format out, or end the file in .svg",
+        ),
+        (
+            ("inspection", "-o", "x.gv", "--format", "plantuml"),
+            "'x.gv' ends like dot but --format says plantuml: leave --format out, or end the file in .puml",
+        ),
+        (
             ("inspection", "--format", "dot", "--format", "svg"),
             "one file has one format; several are for --all",
         ),
@@ -194,3 +203,30 @@ def test_a_folder_without_missions_is_answered(tmp_path: Path, capfd: pytest.Cap
     """It is probably the wrong one."""
     code, answer = said(capfd, "--all", tmp_path, "-o", tmp_path / "out")
     assert (code, answer) == (2, f"lupin: there are no missions in {str(tmp_path)!r}\n")
+
+
+@pytest.mark.parametrize("ending", ["txt", "svg"])
+def test_a_format_that_is_named_needs_no_ending_of_its_own(tmp_path: Path, ending: str) -> None:
+    """An ending that says nothing, or the same, contradicts nothing."""
+    file = tmp_path / f"x.{ending}"
+    assert invoke("inspection", "--format", "svg", "-o", file).exception is None
+    assert file.read_text(encoding="utf-8").startswith("<svg")
+
+
+def test_a_scenario_names_the_mission_to_draw(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    """It is told what was named, and what can be drawn."""
+    file = tmp_path / "a.scenario.yaml"
+    file.write_text("scenario: it ends\nmission: inspection\nexpect: {never: [FAULT]}\n", encoding="utf-8")
+    mission = default_missions_folder() / "inspection.yaml"
+    told = f"{str(file)!r} is a scenario; for a picture name the mission that it tests: {str(mission)!r}"
+    assert said(capfd, file) == (2, f"lupin: {told}\n")
+
+
+def test_a_folder_without_missions_leaves_nothing_behind(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """The folder for the pictures is made when there is one to put into it."""
+    (tmp_path / "empty").mkdir()
+    answer = said(capfd, "--all", tmp_path / "empty", "-o", tmp_path / "pictures")
+    assert answer == (2, f"lupin: there are no missions in {str(tmp_path / 'empty')!r}\n")
+    assert not (tmp_path / "pictures").exists()

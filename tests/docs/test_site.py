@@ -82,3 +82,10 @@ def test_the_search_knows_the_pages(site: Path) -> None:
     assert index.startswith("var __index = ")
     for word in ("Wait with a deadline", "unreachable-state", "resume_at"):
         assert word in index
+
+
+def test_links_into_the_repository_are_text(site: Path) -> None:
+    """The site does not hold scenarios and tests; that the files are there is asked when it is built."""
+    page = (site / "war-stories.html").read_text(encoding="utf-8")
+    assert "<code>A01_resume_after_dock</code>" in page
+    assert 'href="../tests' not in page

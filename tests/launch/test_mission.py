@@ -53,6 +53,6 @@ def test_every_error_of_a_mission_is_told(tmp_path: Path) -> None:
 def test_a_request_is_checked_with_the_words_of_the_service() -> None:
     """Unknown tags are found before anything is started; known ones pass."""
     loaded = load_missions(["inspection"], CATALOG)
-    check_request(loaded, CATALOG, {}, ["1", "5"], 0)
+    check_request(loaded, {}, ["1", "5"], 0)
     with pytest.raises(UsageError, match=r"^unknown tag '99'; the layout has 29 tags: 1, 2, 3,"):
-        check_request(loaded, CATALOG, {}, ["1", "99"], 0)
+        check_request(loaded, {}, ["1", "99"], 0)

@@ -245,6 +245,7 @@ def _itinerary(given: Any) -> Itinerary:
         order=optional(fields, "order"),
         sweeps=optional(fields, "sweeps"),
         leaves_open=fields.get("leaves_open", False),
+        source=fields.get("source", ""),
     )
 
 
@@ -271,7 +272,7 @@ def chart(
         context: variables and what they start with.
         inputs: fields of `Input` by name; `levels` maps a level to (below, hysteresis), or to a dict.
         missions: by name, with `state` and `request` (field name to fields of `Field`).
-        codes: labels by code, all warnings; `paused` is always there, as information.
+        codes: labels by code, all warnings; `paused` (information) and `crashed` (an error) are always there.
         kind: of the root, when it is not compound.
         invariants: conditions by name; the name is also their source.
     """
@@ -287,7 +288,11 @@ def chart(
         holds={name: _hold(name, fields) for name, fields in (holds or {}).items()},
         context={name: Variable(name, ANY, value(start), PLACE) for name, start in (context or {}).items()},
         inputs={name: _input(name, fields) for name, fields in (inputs or {}).items()},
-        codes={"paused": Code("paused", "paused by the operator", Severity.INFO), **labels},
+        codes={
+            "paused": Code("paused", "paused by the operator", Severity.INFO),
+            "crashed": Code("crashed", "crashed", Severity.ERROR),
+            **labels,
+        },
         invariants={
             name: Invariant(name, expression(that, name), PLACE) for name, that in (invariants or {}).items()
         },

@@ -328,6 +328,24 @@ def test_a_pause_is_no_error() -> None:
     assert bench.machine.view.code == "estop_engaged"
 
 
+def test_in_fault_an_emergency_stop_does_not_hide_what_failed() -> None:
+    """Nothing less severe replaces the reason there, and everything replaces it anywhere else."""
+    on = {"operator.abort": {"target": "FAULT", "code": "crashed"}}
+    bench = held("READY", READY={"on": on}, FAULT={"on": {"operator.reset": "READY"}})
+    press(bench, True)
+    press(bench, False)
+    bench.send("operator.resume")
+    bench.send("operator.abort")
+    assert bench.machine.view.code == "crashed"
+    press(bench, True)
+    assert (bench.machine.view.code, bench.machine.view.held) == ("crashed", ("estop",))
+    press(bench, False)
+    bench.send("operator.resume")
+    bench.send("operator.reset")
+    press(bench, True)
+    assert bench.machine.view.code == "estop_engaged"
+
+
 def test_an_answer_waits_unless_everything_that_may_follow_goes_through_the_hold() -> None:
     """One transition with `during` does not take another one, without it, through an e-stop."""
     read = {

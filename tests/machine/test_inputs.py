@@ -11,7 +11,7 @@ from lupin_engine.machine.step import Step
 from lupin_engine.plugin.types import BOOL, COUNT, NUMBER, POSE, TEXT, list_of
 from tests.machine.charts import Bench, chart, expression, fails
 
-SLOT = {"slot": True, "states": {"M": {"mission": "M"}}}
+SLOT = {"slot": True, "states": {"M": {"mission": "M"}}, "on": {"operator.abort": "READY"}}
 MISSION = {"READY": {"on": {"mission.start": "SLOT"}}, "SLOT": SLOT}
 
 
@@ -174,6 +174,48 @@ def test_what_was_reported_before_the_mission_does_not_count() -> None:
     assert bench.machine.input_value("x", 5.0) is None
     assert bench.observe("x", 3, 5.0).notes == ()
     assert bench.machine.input_value("x", 5.0) == 3
+
+
+def test_of_a_list_what_is_told_again_after_the_mission_began_does_not_count() -> None:
+    """A registry that forgets nothing repeats old finds; what is new, or has changed, is of the mission."""
+    bench = of_mission(type=list_of(TEXT), initial=[])
+    bench.observe("x", ["1 seen 9 times"])  # before there was a mission
+    start(bench)
+    bench.observe("x", ["1 seen 9 times", "2 seen 5 times"])
+    assert bench.machine.input_value("x", 0.0) == ["2 seen 5 times"]
+    bench.send("operator.abort")
+    bench.now = 5.0
+    start(bench)  # the next mission
+    assert bench.machine.input_value("x", 5.0) == []
+    bench.observe("x", ["1 seen 9 times", "2 seen 5 times"])
+    assert bench.machine.input_value("x", 5.0) == []
+    bench.observe("x", ["1 seen 9 times", "2 seen 6 times", "3 seen once"])
+    assert bench.machine.input_value("x", 5.0) == ["2 seen 6 times", "3 seen once"]
+
+
+def test_of_a_list_a_late_report_from_before_the_mission_tells_what_was_there_before() -> None:
+    """The sample of a latched topic may arrive after the start; the next one only repeats it."""
+    bench = of_mission(type=list_of(TEXT), initial=[])
+    bench.now = 5.0
+    start(bench)
+    bench.observe("x", ["a"], 4.0)
+    bench.observe("x", ["a", "b"], 5.5)
+    assert bench.machine.input_value("x", 5.5) == ["b"]
+
+
+def test_what_was_there_before_the_mission_survives_a_crash() -> None:
+    """It stands in the snapshot; what is no list has nothing of the kind."""
+    bench = of_mission(type=list_of(TEXT), initial=[])
+    bench.observe("x", ["a"])
+    start(bench)
+    bench.observe("x", ["a", "b"])
+    bench.restart()
+    bench.observe("x", ["a", "b", "c"])
+    assert bench.machine.input_value("x", 0.0) == ["b", "c"]
+    single = of_mission()
+    start(single)
+    single.observe("x", 1)
+    assert (single.machine.memory.heard, single.machine.memory.before) == ({}, {})
 
 
 def test_a_new_mission_forgets_what_the_last_one_saw() -> None:

@@ -234,6 +234,14 @@ def test_what_leaves_open_is_not_closed_by_close_rest() -> None:
     assert (said(step), bench.machine.view.skipped) == ([], 0)
 
 
+@pytest.mark.parametrize(("rule", "source"), [({"source": "Rounds"}, "Rounds"), ({}, "")])
+def test_an_itinerary_may_name_the_source_of_its_observations(rule: dict[str, str], source: str) -> None:
+    """Of those that are closed one by one and of the rest; else it is the mission, which is none here."""
+    bench = walking(**rule)
+    published = [bench.send("close").commands[0], *bench.send("skip").commands]
+    assert [command.source for command in published if isinstance(command, Publish)] == [source] * 3
+
+
 def test_close_rest_without_an_itinerary_closes_nothing() -> None:
     """An abort before the list was laid out publishes nothing."""
     bench = Bench(

@@ -318,6 +318,28 @@ def test_history_without_a_past_enters_the_parent() -> None:
     assert bench.leaves == ["M.A"]
 
 
+def test_history_without_a_past_enters_what_it_says() -> None:
+    """Its own beginning goes before its parent's; with a past, that counts."""
+    states = {
+        "Z": {"on": {"back": "A.H", "in": "A.D"}},
+        "A": {
+            "states": {
+                "B": {},
+                "C": {},
+                "D": {},
+                "H": {"kind": "history", "depth": 1, "initial": "C"},
+            },
+            "on": {"out": "Z"},
+        },
+    }
+    bench = Bench(chart(states, initial="Z"))
+    bench.send("back")
+    assert bench.leaves == ["A.C"]
+    for event in ("out", "in", "out", "back"):
+        bench.send(event)
+    assert bench.leaves == ["A.D"]
+
+
 def test_deep_history_remembers_every_region() -> None:
     """Deep history of a parallel state restores all of its regions."""
     regions = {

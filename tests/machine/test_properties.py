@@ -41,7 +41,7 @@ class World:
 
     def __init__(self) -> None:
         self.chart: Chart = shipped.mission("inspection")
-        self.machine: Machine = make_machine(self.chart, shipped.catalog(), {"flower_scan_dwell_s": 2.0})
+        self.machine: Machine = make_machine(self.chart, {"flower_scan_dwell_s": 2.0})
         self.now = 0.0
         self.published = 0
         self.attempts: list[str] = []

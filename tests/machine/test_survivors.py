@@ -453,6 +453,14 @@ def test_a_step_shows_what_it_passed() -> None:
     assert bench.send("go").trail == (Moment("B", "inner", ""), Moment("B", "outer", ""), Moment("", "", ""))
 
 
+def test_a_helper_that_is_passed_is_not_shown() -> None:
+    """States are published in upper case; one in lower case only leads on."""
+    states = {"A": {"on": {"go": "choose"}}, "choose": {"always": "B"}, "B": {"on": {"go": "rest"}}, "rest": {}}
+    bench = Bench(chart(states))
+    assert bench.send("go").trail == (Moment("B", "", ""),)
+    assert (bench.send("go").trail, bench.machine.view.lifecycle) == ((), "rest")
+
+
 def test_history_is_asked_anew_also_beside_another_transition() -> None:
     """What a history state stands for may have changed since the same transitions were taken."""
     family = {

@@ -154,6 +154,7 @@ class FakeRos:
         self.remote = FakeService()
         self.timers: list[FakeTimer] = []
         self.subscriptions: dict[str, Callable[[Any], None]] = {}
+        self.profiles: dict[str, Any] = {}
         self.time = 100.0
 
     def now(self) -> float:
@@ -166,6 +167,7 @@ class FakeRos:
 
     def subscribe(self, kind: Any, topic: str, qos: Any, callback: Callable[[Any], None]) -> None:
         self.subscriptions[topic] = callback
+        self.profiles[topic] = qos
 
     def action(self, kind: Any, name: str) -> FakeAction:
         return self.server

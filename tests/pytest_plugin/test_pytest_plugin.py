@@ -105,3 +105,102 @@ def test_workers_tell_what_they_reached() -> None:
         pytest_plugin.pytest_testnodedown(node)
     pytest_plugin.pytest_testnodedown(SimpleNamespace(config=config))
     assert config.stash[pytest_plugin._REACHED] == {Path("inspection.yaml"): {key: 4}}
+
+
+# -- in several processes ---------------------------------------------------------------------------------
+
+#: Tells at the end which processes ran scenarios. Each has the suite of this module, with a note of its own.
+WHO = """\
+import os
+from pathlib import Path
+from lupin_engine.sim import suite
+
+run = suite.Suite.run
+
+def noted(self, file, *rest):
+    with Path("ran.txt").open("a") as notes:
+        notes.write(f"{file.name.partition('.')[0]} {os.getpid()}\\n")
+    return run(self, file, *rest)
+
+suite.Suite.run = noted
+
+def pytest_configure():
+    Path("pytest.txt").write_text(str(os.getpid()))
+"""
+
+
+def who_ran(folder: Path) -> tuple[list[str], bool]:
+    """Return the scenarios that were run, and whether pytest's own process ran any."""
+    notes = [line.split() for line in (folder / "ran.txt").read_text(encoding="utf-8").splitlines()]
+    own = (folder / "pytest.txt").read_text(encoding="utf-8")
+    return sorted(name for name, _ in notes), own in {process for _, process in notes}
+
+
+@pytest.mark.parametrize("jobs", ["1", "2"])
+def test_processes_change_nothing_but_who_runs(tmp_path: Path, jobs: str) -> None:
+    """The order, the outcomes and the coverage are the same; pytest-xdist is not needed for it."""
+    (tmp_path / "conftest.py").write_text(WHO, encoding="utf-8")
+    options = ("-v", "--lupin-jobs", jobs, "--lupin-coverage", "-p", "no:xdist")
+    done = ran(tmp_path, *options, c_holds=HOLDS, a_fails=FAILS, b_broken=HEAD)
+    outcomes = [line.split()[:2] for line in done.stdout.splitlines() if "%]" in line]
+    assert outcomes == [
+        ["a_fails.scenario.yaml::a_fails", "FAILED"],
+        ["b_broken.scenario.yaml::b_broken", "FAILED"],
+        ["c_holds.scenario.yaml::c_holds", "PASSED"],
+    ]
+    assert "final\n    expected: FAULT\n    actual:   DONE\n" in done.stdout
+    assert "inspection: states that were not reached" in done.stdout
+    assert who_ran(tmp_path) == (["a_fails", "b_broken", "c_holds"], jobs == "1")
+
+
+def test_only_what_was_chosen_is_run(tmp_path: Path) -> None:
+    """Processes take what `-k` has left; of one scenario there is nothing to share."""
+    (tmp_path / "conftest.py").write_text(WHO, encoding="utf-8")
+    files = {"left1": HOLDS, "left2": HOLDS, "right": HOLDS}
+    assert "2 passed, 1 deselected" in ran(tmp_path, "-k", "left", "--lupin-jobs", "2", **files).stdout
+    assert who_ran(tmp_path) == (["left1", "left2"], False)
+    (tmp_path / "ran.txt").unlink()
+    assert "1 passed" in ran(tmp_path, "right.scenario.yaml", "--lupin-jobs", "2").stdout
+    assert who_ran(tmp_path) == (["right"], True)
+
+
+def test_few_scenarios_stay_in_pytests_own_process(tmp_path: Path) -> None:
+    """To begin others would take longer than to run these."""
+    (tmp_path / "conftest.py").write_text(WHO, encoding="utf-8")
+    assert "3 passed" in ran(tmp_path, a=HOLDS, b=HOLDS, c=HOLDS).stdout
+    assert who_ran(tmp_path) == (["a", "b", "c"], True)
+
+
+def test_the_first_failure_ends_it(tmp_path: Path) -> None:
+    """With `-x` nobody waits for scenarios that had not begun."""
+    scenarios = {f"s{number:03}": HOLDS for number in range(100)}
+    (tmp_path / "conftest.py").write_text(WHO, encoding="utf-8")
+    done = ran(tmp_path, "-x", "--lupin-jobs", "2", **{**scenarios, "a": FAILS})
+    assert "1 failed" in done.stdout.splitlines()[-1]
+    assert len(who_ran(tmp_path)[0]) < 100
+
+
+def test_a_defect_in_a_process_is_told_as_one(tmp_path: Path) -> None:
+    """With the traceback of the process that it happened in."""
+    (tmp_path / "conftest.py").write_text(
+        "from lupin_engine.sim.suite import Suite\n\ndef broken(*_):\n    raise RuntimeError('a defect')\n\n"
+        "Suite.run = broken\n",
+        encoding="utf-8",
+    )
+    done = ran(tmp_path, "--lupin-jobs", "2", good=HOLDS, better=HOLDS)
+    assert "RuntimeError: a defect" in done.stdout
+    assert "2 failed" in done.stdout.splitlines()[-1]
+
+
+def test_the_workers_of_pytest_xdist_begin_no_others() -> None:
+    """They are the processes that share the scenarios already."""
+    config: Any = SimpleNamespace(
+        stash=pytest.Stash(),
+        workerinput={},
+        option=SimpleNamespace(lupin_seed=0, lupin_seeds=1, lupin_jobs=2, lupin_coverage=False),
+    )
+    items = [pytest_plugin.ScenarioItem.__new__(pytest_plugin.ScenarioItem) for _ in range(2)]
+    for number, item in enumerate(items):
+        item.path = Path(f"{number}.scenario.yaml")
+    session: Any = SimpleNamespace(config=config, items=items)
+    assert pytest_plugin._crew(session) is None

@@ -227,4 +227,4 @@ def test_a_plugin_that_cannot_work_says_so() -> None:
     """A layout file that is not there is the user's to mend, and told before anything runs."""
     given = {"tag_locations_file": "/nowhere/layout.json"}
     with pytest.raises(LupinError, match=r"tag_locations_file .* cannot be used"):
-        make_machine(shipped.mission("inspection"), shipped.catalog(), given)
+        make_machine(shipped.mission("inspection"), given)

@@ -50,7 +50,7 @@ def explore(chart: Chart, *happenings: Happening, reads: Outcome | None = None, 
         Rule("bridge.read_tag", (reads or Outcome(after=1.0, result=READING),)),
     )
     script = Script("ExplorationMission", {"discovery_goal": 2}, rules, happenings, limit=3600.0)
-    return simulate(chart, CATALOG, script, {"monitoring_sweeps": 1, **parameters})
+    return simulate(chart, script, {"monitoring_sweeps": 1, **parameters})
 
 
 def started(run: Run, operation: str) -> list[tuple[float, Any]]:

@@ -241,6 +241,20 @@ def test_what_must_be_so_at_a_moment_is_compared_then(tmp_path: Path, moment: st
     assert rest.startswith(told)
 
 
+def test_an_error_is_compared_with_its_detail_where_one_is_expected(tmp_path: Path) -> None:
+    """By its code alone, or with all of the detail, at a moment and at the end."""
+    dies = "- {at: 1 s, fail: {do: nav.go_to, code: nav_status_6, detail: no path}"
+    text = f"""\
+parameters: {{nav_max_attempts: 1}}
+when:
+  {dies}, expect: {{last_error: "nav_status_6: no path"}}}}
+  - {{at: end, expect: {{last_error: nav_status_6}}}}
+"""
+    ran(tmp_path, text + 'expect: {last_error: "nav_status_6: no path"}\n')
+    (found,) = failures(tmp_path, text + 'expect: {last_error: "nav_status_6: no"}\n')
+    assert found.endswith("| expected: nav_status_6: no | actual:   nav_status_6: no path")
+
+
 def test_a_moment_can_be_any_entry_any_start_or_the_end(tmp_path: Path) -> None:
     """What is looked at every time must be so every time; what happens beside it has happened."""
     ran(

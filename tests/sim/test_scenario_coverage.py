@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import shutil
 from pathlib import Path
 
-from lupin_engine.chart.load import default_missions_folder
 from lupin_engine.sim.coverage import GUARD, OUTCOME, STATE, TRANSITION, Coverage, Key, pieces, reached
 from lupin_engine.sim.coverage_text import coverage_lines
 from lupin_engine.sim.scenario import load_scenario
 from lupin_engine.sim.suite import Result, Suite, add_up
 from tests import shipped
-from tests.chart.test_words import GOOD, wide_catalog
 
 HEAD = 'scenario: a test\nmission: inspection\nrequest: {tag_sequence: ["1"]}\n'
 INSPECTING = "MISSION.InspectionMission.INSPECTING"
@@ -129,34 +126,34 @@ def test_reached_reads_steps(tmp_path: Path) -> None:
     assert kinds == {STATE, TRANSITION, OUTCOME}
 
 
-EXPLORATION = """\
+SEEN = "x: 1.0, y: 0.0, facing: {x: 0, y: 0, z: 0, w: 1}, species: '', species_confidence: 0"
+SEEN += ", anomaly: false, sightings: 1"
+EXPLORATION = f"""\
 scenario: a search
 mission: exploration
-request: {discovery_goal: 2}
-parameters: {monitoring_sweeps: 1}
+request: {{discovery_goal: 2}}
+parameters: {{monitoring_sweeps: 1}}
 mocks:
-  - {do: nav.choose_frontier, then: {after: 1 s, done: {pose: {x: 9.0, y: 0.0, yaw: 0.0}}}}
-  - {do: nav.go_to, then: {after: 10 s}}
-  - {do: bridge.read_tag, then: {after: 1 s, done: {reading: {}}}}
+  - {{do: nav.go_to, then: {{after: 10 s}}}}
+  - {{do: bridge.read_tag, then: {{after: 1 s}}}}
 when:
-  - {on: SEARCH, after: 5 s, value: {tags.discovered: [{id: "7", x: 1.0, y: 0.0}]}}
-  - {on: SEARCH, after: 9 s, value: {tags.discovered: [{id: "7", x: 1.0, y: 0.0}, {id: "3", x: 2.0, y: 0.0}]}}
-expect: {final: DONE}
+  - {{on: SEARCH, after: 0 s, value: {{robot.pose: {{x: 0, y: 0, yaw: 0}}}}}}
+  - {{on: SEARCH, after: 5 s, value: {{tags.discovered: [{{id: "7", {SEEN}}}]}}}}
+  - {{on: SEARCH, after: 9 s, value: {{tags.discovered: [{{id: "7", {SEEN}}}, {{id: "3", {SEEN}}}]}}}}
+expect: {{final: DONE}}
 """
 
 
 def test_operations_of_a_for_each_are_counted_under_their_state(tmp_path: Path) -> None:
     """Their ends and their conditions, whichever element they are for."""
-    shutil.copytree(default_missions_folder(), tmp_path, dirs_exist_ok=True)
-    shutil.copy(GOOD / "exploration" / "exploration.yaml", tmp_path)
     file = tmp_path / "x.scenario.yaml"
     file.write_text(EXPLORATION, encoding="utf-8")
-    suite = Suite(wide_catalog(), counts=True)
+    suite = Suite(shipped.catalog(), counts=True)
     found = suite.run(file)
     assert found.holds, found
     state = "MISSION.ExplorationMission.EXPLORING.SEED_CLIMATE"
     assert found.counts[OUTCOME, state, "bridge.read_tag done"] == 1
     assert found.counts[GUARD, f"{state}.for_each", "true"] > 0
     assert found.counts[GUARD, f"{state}.for_each", "false"] == 0
-    keys = {piece.key for piece in pieces(suite.missions.chart(tmp_path / "exploration.yaml"))}
+    keys = {piece.key for piece in pieces(shipped.mission("exploration"))}
     assert {key for key in found.counts if key[0] in (OUTCOME, GUARD)} <= keys

@@ -101,7 +101,6 @@ def test_the_servers_draw_acceptance_and_cancel_as_well() -> None:
     script = Script("InspectionMission", {"tag_sequence": ["1"]}, rules)
     run = simulate(
         shipped.mission("inspection"),
-        shipped.catalog(),
         script,
         {"nav_timeout_s": 10.0, "nav_max_attempts": 1},
     )
@@ -119,5 +118,5 @@ def test_a_crash_at_any_time_changes_nothing(file: Path) -> None:
     between = [(first + second) / 2 for first, second in pairwise(times)]
     crashes = tuple(Happening(Restart(), time) for time in (*times, *between))
     script = replace(found.script, happenings=(*found.script.happenings, *crashes))
-    again = simulate(found.chart, found.catalog, script, found.parameters)
+    again = simulate(found.chart, script, found.parameters)
     assert records(again) == records(run)

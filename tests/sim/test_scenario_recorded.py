@@ -64,8 +64,8 @@ mocks:
   - {do: nav.go_to, then: [done, {fail: nav_status_6, after: 1 s}, {fail: nav_status_6, after: 1 s}]}
 expect:
   lifecycle: [BOOT, READY, PREPARE, INSPECTING, RETURNING, DONE]
-  passes: [BOOT, READY, LOCALIZING, NAVIGATING, READING, DWELLING, PUBLISHING, NAVIGATING, PUBLISHING,
-      NAVIGATING, READING, DWELLING, PUBLISHING, visited, done, DRIVING_HOME, DONE]
+  passes: [BOOT, READY, LOCALIZING, FOLDING, DRIVING, READING, DWELLING, PUBLISHING, FOLDING, DRIVING,
+      PUBLISHING, FOLDING, DRIVING, READING, DWELLING, PUBLISHING, visited, done, DRIVING_HOME, DONE]
   published: [1 OK, 2 UNREACHABLE nav_status_6, 3 OK]
   counts: {plugins.ready: 1, nav.localize: 1, nav.go_to: 4, bridge.read_tag: 2, nav.dock: 1}
   final: DONE
@@ -129,7 +129,7 @@ def test_of_many_reports_those_count_that_something_followed() -> None:
     text = remade(steps_of(scenario), {})
     found = [line for line in text.splitlines() if "robot.battery" in line]
     assert found == [
-        "  - {on: NAVIGATING, after: 2 s, value: {robot.battery: 0.1}}",
+        "  - {on: DRIVING, after: 2 s, value: {robot.battery: 0.1}}",
         "  - {on: DRIVING_HOME, after: 0.2 s, value: {robot.battery: 0.08}}",
     ]
 

@@ -27,9 +27,9 @@ _PROMPT = re.compile(r"^\d+\.\d s [A-Z_ ]*(?:\[[a-z, ]*\])?> (.*)$")
 
 def session(script: Script | None = None, width: int = 120) -> Session:
     """Return a session over the inspection mission."""
-    chart, catalog = shipped.mission("inspection"), shipped.catalog()
+    chart = shipped.mission("inspection")
     script = script or Script("InspectionMission", starts=False)
-    return Session(chart, catalog, script, make_world(chart, catalog, {}), read_value, width)
+    return Session(chart, script, make_world(chart, {}), read_value, width)
 
 
 def plain(rows: list[Row]) -> list[str]:

@@ -20,7 +20,7 @@ from tests import shipped
 def inspection(*tags: str, **more: object) -> Run:
     """Simulate an inspection of `tags`."""
     script = Script("InspectionMission", {"tag_sequence": list(tags)}, **more)  # type: ignore[arg-type]
-    return simulate(shipped.mission("inspection"), shipped.catalog(), script)
+    return simulate(shipped.mission("inspection"), script)
 
 
 def eventful() -> Run:

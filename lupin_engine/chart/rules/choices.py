@@ -16,7 +16,7 @@ from lupin_engine.chart.guards import (
     possible,
     total,
 )
-from lupin_engine.chart.model import Constant, Expression, Kind, State, Transition
+from lupin_engine.chart.model import Constant, Expression, Invoke, Kind, State, Transition
 from lupin_engine.chart.rules.index import (
     OF_ONE_STATE,
     Index,
@@ -252,7 +252,8 @@ def unhandled_outcome(index: Index) -> Iterator[Diagnostic]:
         if work.state.invoke is work.invoke:
             yield from _without_answer(work.state)
     for state in index.answering:
-        for event in ("done", "error"):
+        # Where nothing is invoked nothing fails, and answering that is told as such.
+        for event in ("done",) if state.invoke is None else ("done", "error"):
             group = [t for t in state.transitions if t.event == event]
             if group and not any(map(always_taken, group)):
                 yield from _without_rest(index, state, event, group)
@@ -280,7 +281,7 @@ def _without_rest(
     guards = [condition_of(t.guard.source) for t in group if t.guard is not None]
     sure = _sure_conditions(index, group)
     hint = f"let the last of '{told(event)}' have no guard"
-    codes = _codes(state) if event == "error" else []
+    codes = _codes(state.invoke) if event == "error" and state.invoke is not None else []
     lost = [code for code in codes if not any(possible(fact("error.code", code), g) for g in guards)]
     if lost:
         problem = f"nothing says what follows when {what} has failed with {_or(lost)}"
@@ -293,11 +294,8 @@ def _without_rest(
         yield warning(group[0].place, "unhandled-outcome", state.name, problem, hint)
 
 
-def _codes(state: State) -> list[str]:
-    """Return the codes that a state's operation can fail with."""
-    invoke = state.invoke
-    if invoke is None:
-        return []
+def _codes(invoke: Invoke) -> list[str]:
+    """Return the codes that an operation can fail with."""
     own = [invoke.timeout_code] if invoke.timeout_code is not None else []
     return [*dict.fromkeys([code.name for code in invoke.operation.codes] + own)]
 

@@ -42,17 +42,15 @@ class Work:
 class Index:
     """What the rules look at."""
 
-    def __init__(self, composed: Composed, mistaken: Iterable[Place] = (), whole: bool = False) -> None:
+    def __init__(self, composed: Composed, mistaken: Iterable[Place]) -> None:
         """Look through a chart.
 
         Args:
             composed: the chart, perhaps with holes.
             mistaken: where errors were found before.
-            whole: whether all missions of the lifecycle are loaded.
         """
         self.composed = composed
         self.mistaken = {(place.file, place.line) for place in mistaken}
-        self.whole = whole
         self.chart = composed.chart
         self.states = tuple(composed.chart.states.values())
         #: Every state's own name and its ancestors', innermost first.
@@ -115,13 +113,9 @@ class Index:
         return [state.initial] if state.initial is not None else []
 
     def entered(self, name: str) -> Iterator[str]:
-        """Yield a state and all that is entered with it when nothing else is said; history: its parent."""
-        state = self.chart.states[name]
-        if state.kind is Kind.HISTORY:
-            yield from self.entered(state.parent or "")
-            return
+        """Yield a state and all that is entered with it when nothing else is said."""
         yield name
-        for child in self.begun(state):
+        for child in self.begun(self.chart.states[name]):
             yield from self.entered(child)
 
     def domain(self, transition: Transition, target: str) -> str:

@@ -8,6 +8,7 @@ that its own actions do makes a guard false.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from itertools import pairwise
 
 from lupin_engine.chart.guards import TRUE, Condition, constant, negate, possible
 from lupin_engine.chart.model import ActionCall, Kind, Transition
@@ -102,7 +103,7 @@ class _Loops:
         changed: set[str] = set()
         conditions: list[Condition] = []
         read: set[str] = set()
-        for name, following in zip(circle, [*circle[1:], circle[0]], strict=True):
+        for name, following in pairwise([*circle, circle[0]]):
             transition = self.by_id[name]
             changed |= self._changed(transition)
             asked = self._before[name, following]

@@ -63,7 +63,7 @@ def unused_code(index: Index) -> Iterator[Diagnostic]:
 
 def _own(index: Index, family: str) -> list[tuple[str, Place]]:
     """Return what must be used by what is loaded; the lifecycle's may be meant for other missions."""
-    lifecycle = "" if index.whole else index.chart.files[0]
+    lifecycle = index.chart.files[0]
     return [(name, place) for name, place in _declared(index, family) if place.file != lifecycle]
 
 

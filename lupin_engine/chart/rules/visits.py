@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from itertools import takewhile
 
 from lupin_engine.chart.guards import Condition, fact, negate, possible
 from lupin_engine.chart.model import ActionCall, Kind, State, Transition
@@ -30,19 +31,18 @@ def visits(index: Index) -> Iterator[Diagnostic]:
             inside = list(_below(index, walker))
             followed = not any(_is_not_followed(state) for state in inside if state is not walker)
             refused = list(_Walk(index, walker, inside).refused()) if followed else []
-            yield from refused or _never_closed(walker, inside)
+            yield from refused or _never_closed(index, walker)
 
 
-def _never_closed(walker: State, inside: Iterable[State]) -> Iterator[Diagnostic]:
+def _never_closed(index: Index, walker: State) -> Iterator[Diagnostic]:
     """Find the going on of a walk that closes no visit anywhere, wherever the visits may come from."""
-    calls = [call for state in inside for call in _calls(state)]
+    calls = [call for state in _below(index, walker, stop_at_walks=True) for call in _calls(state)]
     if any(call.action.name.startswith("itinerary.close") for call in calls):
         return
     for call in calls:
-        if call.action.name == "itinerary.advance":
-            problem = f"no visit is ever closed in {local(walker.name)!r}, so this would be refused"
-            hint = "close each before: 'itinerary.close: {status: ...}'"
-            yield Diagnostic(call.action.place, "open-visit", call.path, problem, hint)
+        problem = f"no visit is ever closed in {local(walker.name)!r}, so this would be refused"
+        hint = "close each before: 'itinerary.close: {status: ...}'"
+        yield Diagnostic(call.action.place, "open-visit", call.path, problem, hint)
 
 
 def _calls(state: State) -> Iterator[_Call]:
@@ -53,10 +53,12 @@ def _calls(state: State) -> Iterator[_Call]:
         yield from _walking(f"{transition.id}.do", transition.actions)
 
 
-def _below(index: Index, state: State) -> Iterator[State]:
+def _below(index: Index, state: State, stop_at_walks: bool = False) -> Iterator[State]:
+    """Yield a state and those inside it; a walk inside has its own visits."""
     yield state
-    for name in state.children:
-        yield from _below(index, index.chart.states[name])
+    for child in (index.chart.states[name] for name in state.children):
+        if not (stop_at_walks and child.itinerary is not None):
+            yield from _below(index, child, stop_at_walks)
 
 
 def _is_not_followed(state: State) -> bool:
@@ -154,11 +156,10 @@ class _Walk:
     def _step(self, transition: Transition) -> _Step:
         """Return what a transition does, from wherever inside its source it is taken."""
         when = [condition(transition)] if _asks(transition) else []
-        for other in self._inside[transition.source].transitions:
-            if other is transition:
-                break
-            if other.event == transition.event and _asks(other):
-                when.append(negate(condition(other)))
+        own = self._inside[transition.source].transitions
+        before = takewhile(lambda other: other is not transition, own)
+        asked = [other for other in before if other.event == transition.event and _asks(other)]
+        when += [negate(condition(other)) for other in asked]
         calls = list(_walking(f"{transition.id}.do", transition.actions))
         if transition.target is None:
             return _Step(transition, tuple(when), tuple(calls), ())
@@ -243,14 +244,11 @@ class _Walk:
         return ((leaf, visit) for leaf in self._index.entered(name) if leaf in self._at)
 
     def _resumed(self, history: State) -> Iterator[tuple[str, Visit]]:
-        """Yield what is entered when the past comes back: states at its depth, or innermost ones above."""
-        base, depth = len(self._index.lineage[history.parent or ""]), history.depth
-        for state in self._inside.values():
-            level = len(self._index.lineage[state.name]) - base
-            if depth is not None and (level == depth or (state is self._walker and level > depth)):
-                yield from self._resumed_at(state)
-            elif state.name in self._at and (depth is None or level < depth):
-                yield state.name, _EITHER
+        """Yield what is entered when the past comes back: all as it was, or what the walk itself says."""
+        if history.depth is None:
+            yield from ((leaf, _EITHER) for leaf in self._at)
+        else:
+            yield from self._resumed_at(self._walker)
 
     def _resumed_at(self, state: State) -> Iterator[tuple[str, Visit]]:
         """Yield where a state goes on that comes back: what `resume_at` says, else where it begins."""

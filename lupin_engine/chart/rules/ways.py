@@ -241,8 +241,8 @@ class _Ways:
             self._ends.add(name)
         if state.children:
             # Once a mission has begun, its own states are looked at.
-            begun = [] if state.slot else [name, *map(self._entering, self._index.begun(state))]
-            self._leads[f"{name}+"] = begun
+            begun = [] if state.slot else self._index.begun(state)
+            self._leads[f"{name}+"] = [*map(self._entering, begun)]
         self._leads[name] = ways
 
     def _entering(self, name: str) -> str:

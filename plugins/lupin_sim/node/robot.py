@@ -1,4 +1,4 @@
-"""The node `lupin_sim`: the topics and the action of the real robot, over the simulated one.
+"""The simulated robot as a node: where it is, what it senses, and where it drives.
 
 A heartbeat of 5 Hz tells everybody where the robot is; only while a goal is under way does a faster timer
 move it. No callback waits for anything.
@@ -29,7 +29,10 @@ from lupin_engine.middleware.node import Qos, RosNode, ServedGoal, Timer
 from lupin_engine.plugin.contract import Parameter
 from lupin_engine.plugin.types import BOOL, COUNT, NUMBER, POSE, TEXT, number_in
 from lupin_sim.faults import Fault, Faults
-from lupin_sim.floor import Floor, load_tables
+from lupin_sim.floor import Floor
+from lupin_sim.layout import load_layout
+from lupin_sim.node import senses
+from lupin_sim.node.senses import Senses
 from lupin_sim.robot import Pose, Robot
 
 #: Seconds between two heartbeats (e-stop, transforms), and heartbeats between two battery messages.
@@ -40,6 +43,10 @@ POSE_PERIOD_S = 0.5
 #: Seconds between two movements, and movements between two feedbacks.
 MOVE_S = 0.05
 MOVES_PER_FEEDBACK = 2
+#: Metres between two looks around while driving; a fast robot looks more often, not less carefully. After a
+#: standstill of so many seconds (a clock that jumps) the looks in between are left out.
+LOOK_M = 0.1
+LOOKS_WITHIN_S = 1.0
 
 #: Variance of x, y (m²) and yaw (rad²) of a localized and of a lost robot, and its growth between two poses.
 VARIANCE, LOST_VARIANCE, LOSING = 0.01, 4.0, 4.0
@@ -63,6 +70,7 @@ PARAMETERS = {
     "drain_per_s": Parameter(NUMBER, 0.0, "charge that the battery loses in a second", minimum=0.0),
     "fault": Parameter(TEXT, Fault.NONE.value, f"what goes wrong: {_FAULT_NAMES}"),
     "fault_count": Parameter(COUNT, 0, "goals that the fault hits; 0: until it is changed. Set it first"),
+    **senses.PARAMETERS,
 }
 
 
@@ -72,7 +80,8 @@ class SimNode:
     def __init__(self, ros: RosNode) -> None:
         self._ros = ros
         values = ros.parameters()
-        self._floor = Floor(load_tables(values["tag_locations_file"]))
+        layout = load_layout(values["tag_locations_file"])
+        self._floor = Floor(layout.tables)
         self._robot = Robot(Pose(**values["start_pose"]), ros.elapsed(), values["speed"])
         self._believed = self._robot.pose
         self._variance = VARIANCE
@@ -87,7 +96,10 @@ class SimNode:
         self._moves = 0
         self._beats = 0
         self._next_pose = ros.elapsed()
+        self._next_look = ros.elapsed()
         self._connect()
+        self._senses = Senses(ros, layout, values)
+        self._senses.look(self._robot.pose)
         reason = self._change({name: values[name] for name in LIVE})
         if reason is not None:
             raise LupinError(reason)
@@ -186,6 +198,7 @@ class SimNode:
             # As Nav2 does: the new goal wins, the old one is aborted.
             self._goal.abort(NavigateToPose.Result(error_msg="preempted by a new goal"))
         self._goal, self._goal_began = served, self._ros.elapsed()
+        self._next_look = self._goal_began
         target = served.request.pose.pose
         here = self._robot.pose
         path = self._floor.path((here.x, here.y), (target.position.x, target.position.y))
@@ -199,6 +212,7 @@ class SimNode:
             self._moving = self._ros.timer(MOVE_S, self._move)
 
     def _move(self) -> None:
+        self._look_on_the_way()
         self._robot.advance(self._ros.elapsed())
         self._moves += 1
         if self._goal is None:
@@ -211,6 +225,14 @@ class SimNode:
             self._publish_transforms()
             if self._moves % MOVES_PER_FEEDBACK == 0:
                 self._goal.feedback(self._feedback())
+
+    def _look_on_the_way(self) -> None:
+        now = self._ros.elapsed()
+        self._next_look = max(self._next_look, now - LOOKS_WITHIN_S)
+        while self._next_look <= now:
+            self._robot.advance(self._next_look)
+            self._senses.look(self._robot.pose)
+            self._next_look += LOOK_M / self._robot.speed
 
     def _cancel(self, served: ServedGoal) -> None:
         if served is self._goal:
@@ -226,7 +248,10 @@ class SimNode:
             self._moving = None
         self._robot.halt()
         self._faults.goal_ended()
-        self._settle()  # the pose goes out before the result, so whoever waits for the result knows it
+        # Pose and map go out before the result, so whoever waits for the result knows them.
+        self._settle()
+        self._senses.look(self._robot.pose)
+        self._senses.tell_map()
         end = {"succeeded": served.succeed, "aborted": served.abort, "canceled": served.cancel}[how]
         end(NavigateToPose.Result(error_code=code, error_msg=message))
 
@@ -244,6 +269,7 @@ class SimNode:
         self._robot.advance(self._ros.elapsed())
         self._publish_estop()
         if self._moving is None:
+            self._senses.look(self._robot.pose)
             self._publish_transforms()
         if self._ros.elapsed() >= self._next_pose:
             self._lose_or_find_the_way()

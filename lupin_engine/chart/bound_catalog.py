@@ -1,0 +1,128 @@
+"""What a folder of missions can use: the installed plugins, and the bindings in the folder `bindings` there.
+
+All bindings of a folder count, whether a mission uses them or not, like plugins that are installed. As with
+missions, files are looked at every time and understood once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+
+from lupin_engine.chart.binding_file import KIND, BindingNode
+from lupin_engine.chart.bindings import Binding, read_binding
+from lupin_engine.chart.documents import is_kind, validate
+from lupin_engine.chart.findings import Findings
+from lupin_engine.chart.source import parse_bytes, read_bytes
+from lupin_engine.errors import Diagnostic, PluginError
+from lupin_engine.plugin.registry import Catalog, build_catalog
+
+#: The folder of the bindings, beside the missions.
+BINDINGS = "bindings"
+
+MAX_FILES = 64
+MAX_CATALOGS = 32
+
+
+@dataclass(frozen=True, eq=False)
+class BoundCatalog:
+    """A catalog with the bindings in it. The same files with the same catalog are the same one."""
+
+    catalog: Catalog
+    bindings: Mapping[str, Binding]
+    found: tuple[Diagnostic, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class _File:
+    """What one file comes to: nothing when it has not even the shape of a binding."""
+
+    binding: Binding | None
+    found: tuple[Diagnostic, ...]
+
+
+class _Same:
+    """A catalog as a key: equal to itself only, for to compare two would take as long as to load a chart."""
+
+    def __init__(self, catalog: Catalog) -> None:
+        self.catalog = catalog
+
+    def __hash__(self) -> int:
+        return id(self.catalog)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Same) and self.catalog is other.catalog
+
+
+def forget() -> None:
+    """Forget what was read before."""
+    _file.cache_clear()
+    _join.cache_clear()
+
+
+def binding_files(folder: Path) -> list[Path]:
+    """Return the bindings of a folder of missions, sorted by name."""
+    return sorted((folder / BINDINGS).glob("*.yaml"))
+
+
+def bound_catalog(
+    folders: Iterable[Path], catalog: Catalog, texts: Mapping[Path, bytes], findings: Findings
+) -> BoundCatalog | None:
+    """Return what missions of these folders can use; None when a binding cannot even be read.
+
+    `texts` are read in place of what is saved in their files.
+    """
+    key, files = _Same(catalog), []
+    for path in _paths({folder.resolve(): folder for folder in folders}.values(), texts):
+        raw = texts[path] if path in texts else read_bytes(path, findings)
+        file = None if raw is None else _file(str(path), path.stem, raw, key)
+        if file is not None:
+            findings.extend(file.found)
+        if file is None or file.binding is None:
+            return None
+        files.append(file)
+    bound = _join(tuple(files), key)
+    findings.extend(bound.found)
+    return bound
+
+
+def _paths(folders: Iterable[Path], texts: Iterable[Path]) -> Iterable[Path]:
+    """Return the bindings of some folders, saved or not."""
+    inside = list(folders)
+    edited = (path for path in texts if path.parent in [folder / BINDINGS for folder in inside])
+    return dict.fromkeys([*(path for folder in inside for path in binding_files(folder)), *sorted(edited)])
+
+
+@lru_cache(maxsize=MAX_FILES)
+def _file(name: str, stem: str, raw: bytes, key: _Same) -> _File:
+    findings = Findings()
+    parsed = parse_bytes(raw, name, findings)
+    node = None
+    if parsed is not None and is_kind(parsed, KIND, findings):
+        node = validate(parsed, BindingNode, findings)
+    if node is None:
+        return _File(None, findings.all)
+    if node.binding != stem:
+        problem = f"the binding calls itself {node.binding!r}, its file {stem!r}"
+        findings.add(node.at("binding"), "bad-name", "binding", problem, f"write 'binding: {stem}'")
+    return _File(read_binding(node, key.catalog.known_types, findings), findings.all)
+
+
+@lru_cache(maxsize=MAX_CATALOGS)
+def _join(files: tuple[_File, ...], key: _Same) -> BoundCatalog:
+    """Join what the bindings offer to the catalog; those that contradict it are told and left out."""
+    catalog, bindings, findings = key.catalog, dict[str, Binding](), Findings()
+    for file in files:
+        binding = file.binding
+        assert binding is not None
+        try:
+            catalog = build_catalog([*catalog.plugins.values(), binding.plugin])
+        except PluginError as problem:
+            reason = str(problem).partition(": ")[2]
+            place = binding.node.at("binding")
+            findings.add(place, "conflicting-definition", "binding", reason, "rename one of them")
+        else:
+            bindings[binding.name] = binding
+    return BoundCatalog(catalog, bindings, findings.all)

@@ -1,0 +1,160 @@
+"""What `lupin check` does."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from pathlib import Path
+
+import click
+
+from lupin_engine.chart.load import (
+    LIFECYCLE,
+    PARTS,
+    check_chart,
+    find_mission,
+    lifecycle_in,
+    lifecycle_of,
+    mission_files,
+)
+from lupin_engine.chart.source import head
+from lupin_engine.cli.findings import FORMS, Checked, as_text, counted, wants_colour
+from lupin_engine.errors import Diagnostic, LupinError, Severity, UsageError
+from lupin_engine.launch.mission import LOCAL, folders
+from lupin_engine.plugin.registry import Catalog, load_catalog
+from lupin_engine.sim import SUFFIX
+
+
+def work(paths: tuple[str, ...], forms: Sequence[str], strict: bool, watch: bool, explain: str | None) -> int:
+    """Do what the options of `lupin check` say, and return the exit code."""
+    if explain is not None:
+        from lupin_engine.cli.rules import rule_text
+
+        click.echo(rule_text(explain), color=wants_colour())
+        return 0
+    if len(forms) > 1:
+        named = " and ".join(f"--{form}" for form in forms)
+        raise UsageError(f"{named} are different forms of the same findings; use one of them")
+    if watch and forms:
+        raise UsageError(f"--watch is for people and --{forms[0]} for programs; use one of them")
+    if watch:
+        return watch_paths(paths, strict)
+    return check_paths(paths, forms[0] if forms else "text", strict)
+
+
+def check_paths(paths: Sequence[str | Path], form: str = "text", strict: bool = False) -> int:
+    """Check what `paths` name, print the findings and return the exit code.
+
+    Raises:
+        UsageError: a path does not exist.
+        PluginError: the installed plugins cannot be used.
+    """
+    checked = run_check(paths, load_catalog())
+    text = FORMS[form](checked)
+    if text:
+        click.echo(text, color=wants_colour())
+    return checked.exit_code(strict)
+
+
+def watch_paths(
+    paths: Sequence[str | Path],
+    strict: bool = False,
+    wait: Callable[[], None] | None = None,
+    clock: Callable[[], str] = lambda: time.strftime("%H:%M:%S"),
+) -> int:
+    """Check what `paths` name whenever one of its files changes, until Ctrl-C.
+
+    Args:
+        wait: called between two looks at the files; default: a short sleep.
+        clock: tells the time that is shown.
+
+    Returns:
+        The exit code of the last check.
+
+    Raises:
+        UsageError: a path does not exist when this begins; later that is a line like others.
+    """
+    from lupin_engine.cli.watch import PAUSE_S, changes
+
+    catalog = load_catalog()
+    code, first = 0, True
+    try:
+        for _ in changes(lambda: _watched(paths), wait or (lambda: time.sleep(PAUSE_S))):
+            try:
+                checked = run_check(paths, catalog)
+                text, code = as_text(checked), checked.exit_code(strict)
+            except LupinError as problem:
+                if first:
+                    raise
+                text, code = str(problem), problem.exit_code
+            first = False
+            click.clear()
+            click.echo(
+                f"{text}\n{clock()}  watching {counted(len(set(_watched(paths))), 'file')}; Ctrl-C ends"
+            )
+    except KeyboardInterrupt:
+        click.echo()
+    return code
+
+
+# -- what is checked --------------------------------------------------------------------------------------
+
+
+def run_check(paths: Sequence[str | Path], catalog: Catalog) -> Checked:
+    """Check what `paths` name; what is meant twice is checked once. Errors as for `check_paths`."""
+    groups: dict[Path, dict[Path, None]] = {}
+    for path in paths or folders()[:1]:
+        lifecycle, missions = _meant_by(str(path))
+        groups.setdefault(lifecycle, {}).update(dict.fromkeys(missions))
+    found = {
+        d: None
+        for root, files in groups.items()
+        for d in check_chart(root, list(files), catalog)[1]
+        if not _is_elsewhere(d, root, files)
+    }
+    return Checked(sum(map(len, groups.values())), tuple(found))
+
+
+def _is_elsewhere(diagnostic: Diagnostic, lifecycle: Path, missions: Iterable[Path]) -> bool:
+    """Say whether this warns of a lifecycle that was only lent to a mission which stands alone."""
+    lent = all(mission.parent != lifecycle.parent for mission in missions)
+    return lent and diagnostic.severity < Severity.ERROR and diagnostic.place.file == str(lifecycle)
+
+
+def _meant_by(name: str) -> tuple[Path, list[Path]]:
+    """Return the lifecycle and the missions to check for a path or a mission's name."""
+    path = Path(name)
+    if path.name.endswith(SUFFIX):
+        raise UsageError(f"{name!r} is a scenario; scenarios are read by lupin test")
+    if path.is_dir():
+        missions = mission_files(path)
+        if not missions and not (path / LIFECYCLE).is_file():
+            inside = path / LOCAL
+            hint = f"; did you mean {str(inside)!r}?" if inside.is_dir() else ""
+            raise UsageError(f"there are no missions in {name!r}{hint}")
+        return lifecycle_in(path), missions
+    if not path.is_file():
+        mission = find_mission(name, folders())
+        return lifecycle_of(mission), [mission]
+    kind = (head(path) or ("", ""))[0]
+    if path.name == LIFECYCLE or kind == "lifecycle":
+        return path, mission_files(path.parent)
+    if kind == "part" and path.parent.name == PARTS:
+        folder = path.parent.parent
+        return lifecycle_in(folder), mission_files(folder)
+    if kind == "part":
+        raise UsageError(f"the part {name!r} does not stand in a folder {PARTS!r} beside missions")
+    return lifecycle_of(path), [path]
+
+
+def _watched(paths: Sequence[str | Path]) -> Iterator[Path]:
+    """Yield every file that may have to do with what `paths` name."""
+    for path in paths or folders()[:1]:
+        named = Path(path)
+        if not named.is_dir() and not named.suffix:
+            named = find_mission(str(path), folders())
+        folder = named if named.is_dir() else named.parent
+        if folder.name == PARTS:
+            folder = folder.parent
+        yield from folder.glob("*.yaml")
+        yield from folder.glob(f"{PARTS}/*.yaml")

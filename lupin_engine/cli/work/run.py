@@ -1,0 +1,81 @@
+"""What `lupin run` does."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rich.console import Console
+
+from lupin_engine.cli.bring_up import Wanted, session_settings
+from lupin_engine.cli.observers import JsonObserver, LiveObserver, PlainObserver, SavingPicture
+from lupin_engine.cli.options import PATIENCE_S
+from lupin_engine.cli.settings import read_settings
+from lupin_engine.cli.terminal import quiet_terminal
+from lupin_engine.errors import LupinError, Severity
+from lupin_engine.launch.interrupts import Interrupted, Interrupts
+from lupin_engine.launch.mission import Loaded, check_request, load_missions
+from lupin_engine.launch.story import INTERRUPTED, NOT_DONE
+from lupin_engine.plugin.registry import Catalog, load_catalog
+
+if TYPE_CHECKING:
+    from lupin_engine.launch.session import Session
+
+
+def work(
+    mission: str,
+    tags: tuple[str, ...],
+    goal: int,
+    patience: float | None,
+    as_json: bool,
+    save_svg: Path | None,
+    **wanted: Any,
+) -> int:
+    """Do what the options of `lupin run` say, and return the exit code."""
+    catalog = load_catalog()
+    loaded = load_missions([mission], catalog)
+    shared = Wanted(**wanted)
+    values = read_settings("--set", shared.settings, loaded.chart.parameters)
+    check_request(loaded, values, tags, goal)
+    if patience is None and (as_json or not sys.stdout.isatty()):
+        patience = PATIENCE_S
+    settings = session_settings(shared, loaded, catalog, values, patience)
+    observer = _observer(as_json, save_svg, loaded)
+    from lupin_engine.launch.session import Session  # needs rclpy
+
+    with quiet_terminal(), Interrupts() as interrupts, Session(settings, observer, interrupts) as session:
+        code = _carry_out(session, observer, loaded, catalog, tags, goal)
+    observer.close(session.story, code)
+    return code
+
+
+def _carry_out(
+    session: Session, observer: Any, loaded: Loaded, catalog: Catalog, tags: tuple[str, ...], goal: int
+) -> int:
+    """Run the mission; whatever goes wrong, it is told here and the mission is aborted."""
+    try:
+        session.bring_up(loaded.chart.plugins, catalog)
+        story = session.start(loaded.names[0], tags, goal)
+        session.follow(story)
+        return story.verdict
+    except Interrupted:
+        code = INTERRUPTED
+    except LupinError as problem:
+        observer.note(str(problem), Severity.ERROR)
+        code = NOT_DONE
+    if session.story is not None and not session.story.ended:
+        session.abort(session.story)
+    return code
+
+
+def _observer(as_json: bool, save_svg: Path | None, loaded: Loaded) -> Any:
+    observer: Any
+    console = Console(highlight=False)
+    if as_json:
+        observer = JsonObserver()
+    elif console.is_terminal and not console.is_dumb_terminal:
+        observer = LiveObserver(console, loaded.chart)
+    else:
+        observer = PlainObserver()
+    return SavingPicture(observer, loaded.chart, save_svg) if save_svg else observer

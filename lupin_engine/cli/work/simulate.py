@@ -1,0 +1,303 @@
+"""What `lupin simulate` does."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import time
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import click
+from rich.console import Console
+from rich.text import Text
+
+from lupin_engine.chart.model import Chart
+from lupin_engine.cli.colours import styled
+from lupin_engine.cli.options import PNG, TERMINAL
+from lupin_engine.cli.settings import read_settings, read_value
+from lupin_engine.cli.view import readings_table
+from lupin_engine.errors import UsageError, nearest
+from lupin_engine.launch.mission import load_missions
+from lupin_engine.launch.story import ALL_VISITED, INTERRUPTED, NOT_DONE, SOME_MISSED, STATUSES, Reading
+from lupin_engine.machine.environment import World
+from lupin_engine.machine.memory import Visit
+from lupin_engine.plugin.registry import load_catalog
+from lupin_engine.runtime.record import command_record, step_record, view_record
+from lupin_engine.runtime.setup import make_world
+from lupin_engine.sim.scenario import is_scenario, load_scenario
+from lupin_engine.sim.simulation import LIMIT, Run, Script, is_named
+from lupin_engine.sim.simulation import simulate as run_script
+from lupin_engine.sim.story import columns_for, laid_out, tell
+from lupin_engine.sim.summary import Attempted, Summary, summarise
+from lupin_engine.sim.timeline import Timeline, timeline
+from lupin_engine.sim.timeline_rows import lasting
+
+WORDS = dict(zip(STATUSES, ("visited", "unreachable", "failed", "skipped"), strict=True))
+#: How wide the output is where there is no terminal, in cells.
+WIDTH = 120
+
+
+def work(
+    mission: str,
+    tags: tuple[str, ...],
+    goal: int,
+    settings: tuple[str, ...],
+    until: float | str | None,
+    seed: int | None,
+    speed: float,
+    picture: str | None,
+    interactive: bool,
+    as_json: bool,
+    quiet: bool,
+) -> int:
+    """Do what the options of `lupin simulate` say, and return the exit code."""
+    if interactive and (as_json or quiet or speed or picture or until is not None):
+        raise UsageError("--interactive goes with --tags, --goal, --set and --seed only")
+    subject = _subject(mission, tags, goal, settings)
+    if seed is not None:
+        subject = replace(subject, script=replace(subject.script, seed=seed))
+    if interactive:
+        return _interact(subject)
+    began = time.perf_counter()
+    run = subject.run(until)
+    wall = time.perf_counter() - began
+    lanes = timeline(run)
+    if picture not in (None, TERMINAL):
+        _draw(lanes, Path(picture or ""))
+    if as_json:
+        click.echo(json.dumps(record(run, lanes, subject.script.seed), default=str))
+        return verdict(run)
+    console = make_console()
+    try:
+        if not quiet:
+            tell_story(run, console, _pacing(speed))
+    except KeyboardInterrupt:
+        console.print()
+        return INTERRUPTED
+    if picture == TERMINAL:
+        show_timeline(lanes, console)
+    show_outcome(run, lanes, wall, console)
+    return verdict(run)
+
+
+# -- what is simulated ------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Subject:
+    """What is to be simulated: a mission as it is requested, or a scenario."""
+
+    chart: Chart
+    script: Script
+    world: World
+
+    def run(self, until: float | str | None) -> Run:
+        """Simulate it, at most until then; errors as for `simulation.simulate`."""
+        script = self.script
+        if isinstance(until, str):
+            _check_state(self.chart, until)
+            script = replace(script, stop_at=until)
+        elif until is not None:
+            script = replace(script, limit=until)
+        run = run_script(self.chart, script, world=self.world)
+        # Who names a time is not cut off by it.
+        asked = run.cut_off and until is not None
+        return replace(run, cut_off=False, stopped=True) if asked and not isinstance(until, str) else run
+
+
+def _subject(mission: str, tags: tuple[str, ...], goal: int, settings: tuple[str, ...]) -> Subject:
+    catalog = load_catalog()
+    if is_scenario(mission):
+        if tags or goal or settings:
+            raise UsageError(
+                "a scenario names its own request and parameters; --tags, --goal and --set are for missions"
+            )
+        scenario = load_scenario(mission, catalog)
+        world = make_world(scenario.chart, scenario.parameters)
+        return Subject(scenario.chart, scenario.script, world)
+    loaded = load_missions([mission], catalog)
+    given = read_settings("--set", settings, loaded.chart.parameters)
+    request: dict[str, Any] = {"tag_sequence": list(tags), "discovery_goal": goal}
+    script = Script(loaded.names[0], request, limit=LIMIT)
+    return Subject(loaded.chart, script, make_world(loaded.chart, given))
+
+
+def _check_state(chart: Chart, name: str) -> None:
+    names = [state for state in chart.states if state]
+    if not any(is_named(state, name) for state in names):
+        local = {state.rpartition(".")[2] for state in names}
+        raise UsageError(f"--until: no state {name!r}; {nearest(name, local)}")
+
+
+def _interact(subject: Subject) -> int:
+    from lupin_engine.cli.interactive import interact
+    from lupin_engine.sim.session import Session
+
+    # Of a mission the start is the first thing that one does; a scenario does as it says.
+    script = subject.script if subject.script.happenings else replace(subject.script, starts=False)
+    console = make_console()
+    session = Session(subject.chart, script, subject.world, read_value, console.width)
+    return interact(session, console)
+
+
+# -- how it is told ---------------------------------------------------------------------------------------
+
+
+def make_console() -> Console:
+    """Return the console: as wide as the terminal, or as is good to read in a file."""
+    return Console(highlight=False, width=shutil.get_terminal_size((WIDTH, 24)).columns)
+
+
+def _pacing(speed: float) -> Callable[[float], None]:
+    """Return what waits for so many seconds of virtual time to go by."""
+    return (lambda seconds: time.sleep(seconds / speed)) if speed else (lambda seconds: None)
+
+
+def tell_story(run: Run, console: Console, wait: Callable[[float], None]) -> None:
+    """Print what happened, line by line; `wait` lets the time pass that is between two of them."""
+    lines = list(tell(run.chart, run.steps))
+    columns = columns_for(lines, console.width)
+    now = 0.0
+    for line in lines:
+        if line.time > now:
+            wait(line.time - now)
+            now = line.time
+        for row in laid_out(line, columns):
+            console.print(styled(row), soft_wrap=True)
+    console.print()
+
+
+def show_timeline(lanes: Timeline, console: Console) -> None:
+    """Draw the timeline in the terminal."""
+    from lupin_engine.sim.timeline_text import ASCII, UNICODE, text
+
+    for row in text(lanes, console.width, ASCII if console.options.ascii_only else UNICODE):
+        console.print(styled(row), soft_wrap=True)
+    console.print()
+
+
+def show_outcome(run: Run, lanes: Timeline, wall: float, console: Console) -> None:
+    """Print the table of visits, the figures and the last line."""
+    closed = [_reading(visit) for visit in run.visits if visit.status]
+    if closed:
+        console.print(readings_table(closed))
+    for name, text in figures(summarise(run, lanes), wall):
+        indented = Text(f"{name:<12}", "bold") + Text(text)
+        console.print(indented, soft_wrap=True)
+    console.print(last_line(run), soft_wrap=True)
+
+
+def figures(found: Summary, wall: float) -> list[tuple[str, str]]:
+    """Return the figures of a run, each with its label; what was none of is left out."""
+    rows = [
+        ("states", _times(found.states)),
+        ("phases", _times(found.phases)),
+        ("operations", ", ".join(_attempted(one) for one in found.operations)),
+        ("holds", _times(found.held)),
+        ("refused", str(found.refused) if found.refused else ""),
+        ("dropped", f"{found.dropped} late results" if found.dropped else ""),
+        ("computed", f"in {wall:.2f} s"),
+    ]
+    return [(name, text) for name, text in rows if text]
+
+
+def _times(times: Mapping[str, float]) -> str:
+    return ", ".join(f"{name} {lasting(seconds)}" for name, seconds in times.items())
+
+
+def _attempted(one: Attempted) -> str:
+    outcomes = [f"{count} {outcome}" for outcome, count in one.outcomes.items() if outcome != "done"]
+    retries = [f"{one.retries} {'retry' if one.retries == 1 else 'retries'}"] if one.retries else []
+    details = ", ".join(outcomes + retries)
+    return f"{one.operation} {one.attempts}" + (f" ({details})" if details else "")
+
+
+def _reading(visit: Visit) -> Reading:
+    sensors = (visit.reading or {}).get("readings", ()) if isinstance(visit.reading, Mapping) else ()
+    values = {str(sensor["name"]): float(sensor["value"]) for sensor in sensors}
+    return Reading(visit.target, visit.status, visit.detail or visit.code, values)
+
+
+def verdict(run: Run) -> int:
+    """Return the exit code: all visited or stopped where wanted, some missed, or not done."""
+    if run.stopped:
+        return ALL_VISITED
+    if not run.ended:
+        return NOT_DONE
+    return ALL_VISITED if all(visit.status == "OK" for visit in run.visits) else SOME_MISSED
+
+
+def last_line(run: Run) -> Text:
+    """Return how it ended, how many of each, how long it took."""
+    code = verdict(run)
+    text = Text(run.view.lifecycle or "not started", ("bold green", "bold yellow", "bold red")[code])
+    counts = {status: sum(1 for visit in run.visits if visit.status == status) for status in STATUSES}
+    counted = ", ".join(f"{count} {WORDS[status]}" for status, count in counts.items() if count)
+    text.append(f": {counted or 'nothing visited'} of {len(run.visits)} targets", "not bold")
+    text.append(f" in {run.seconds:.1f} s of virtual time", "not bold")
+    for remark in _remarks(run, code):
+        text.append(f"; {remark}", "not bold yellow")
+    return text
+
+
+def _remarks(run: Run, code: int) -> Iterable[str]:
+    """Yield why it ended like that."""
+    if run.cut_off:
+        yield "stopped at the time limit"
+    elif run.stopped:
+        yield "stopped where --until says"
+    elif code == NOT_DONE and run.view.paused:
+        yield "it waits for an operator"
+    for step in run.refused[-1:]:
+        if step.refusal:
+            yield step.refusal.text
+    if run.view.code and code:
+        yield f"last: {run.view.code}" + (f" ({run.view.detail})" if run.view.detail else "")
+
+
+# -- for programs -----------------------------------------------------------------------------------------
+
+
+def record(run: Run, lanes: Timeline, seed: int) -> dict[str, Any]:
+    """Return a run as JSON data."""
+    return {
+        "mission": run.view.mission,
+        "seconds": run.seconds,
+        "seed": seed,
+        "parameters": dict(run.parameters),
+        "cut_off": run.cut_off,
+        "stopped": run.stopped,
+        "exit_code": verdict(run),
+        "lifecycles": list(run.lifecycles),
+        "summary": asdict(summarise(run, lanes)),
+        "view": view_record(run.view),
+        "context": dict(run.context),
+        "visits": [asdict(visit) for visit in run.visits],
+        "published": [{"time": at, **command_record(publish)} for at, publish in run.published],
+        "held": [{"time": at, "held": list(held)} for at, held in run.held],
+        "broken": [{"time": step.time, "invariant": name} for step, name in run.broken],
+        "never_happened": [str(happening.effect) for happening in run.unfired],
+        "steps": [step_record(step) for step in run.steps],
+        "timeline": _lanes(lanes),
+    }
+
+
+def _lanes(lanes: Timeline) -> dict[str, Any]:
+    found = asdict(lanes)
+    return {name: found[name] for name in found if name not in ("title", "seconds")}
+
+
+def _draw(lanes: Timeline, file: Path) -> None:
+    """Write the timeline as a picture."""
+    from lupin_engine.diagram.png import png
+    from lupin_engine.sim.timeline_svg import svg
+
+    text = svg(lanes)
+    content = png(text) if file.suffix == PNG else text.encode()
+    try:
+        file.write_bytes(content)
+    except OSError as problem:
+        raise UsageError(f"cannot write {str(file)!r}: {problem.strerror}") from problem

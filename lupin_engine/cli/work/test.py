@@ -1,0 +1,207 @@
+"""What `lupin test` does."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+import click
+
+from lupin_engine.errors import UsageError
+from lupin_engine.plugin.registry import Catalog, load_catalog
+from lupin_engine.sim import SUFFIX
+from lupin_engine.sim import failure as told
+from lupin_engine.sim.coverage import STATE, TRANSITION, Coverage
+from lupin_engine.sim.coverage_text import coverage_lines
+from lupin_engine.sim.failure import shown
+from lupin_engine.sim.junit import junit
+from lupin_engine.sim.scenario import Missions, is_scenario, scenario_files
+from lupin_engine.sim.suite import Result, add_up, run_all
+
+#: Where scenarios are looked for when none is named, nearest first.
+_PLACES = (Path("scenarios"), Path("tests/scenarios"))
+
+_STYLES: dict[str, dict[str, Any]] = {
+    told.HEAD: {"bold": True},
+    told.EXPECTED: {"fg": "green"},
+    told.ACTUAL: {"fg": "red"},
+    told.CARET: {"fg": "yellow"},
+    told.CHART: {"fg": "cyan"},
+    told.STORY: {"dim": True},
+    told.MARKED: {"bold": True},
+}
+
+
+def work(
+    paths: tuple[Path, ...],
+    words: tuple[str, ...],
+    jobs: int,
+    seed: int,
+    seeds: int,
+    junit_file: Path | None,
+    covers: bool,
+    min_coverage: float | None,
+    drawing: Path | None,
+    as_json: bool,
+    quiet: bool,
+    recording: Path | None,
+    output: Path | None,
+) -> int:
+    """Do what the options of `lupin test` say, and return the exit code."""
+    catalog = load_catalog()
+    if recording is not None or output is not None:
+        return _make_scenario(recording, output, paths, catalog)
+    files = _chosen(paths, words)
+    if drawing is not None and drawing.suffix != ".svg":
+        raise UsageError(f"{str(drawing)!r} must end in .svg")
+    counts = covers or min_coverage is not None or drawing is not None
+    results = []
+    for result in run_all(catalog, files, range(seed, seed + seeds), jobs, counts):
+        results.append(result)
+        if not as_json:
+            _show(result, quiet)
+    coverage = add_up(results, Missions(catalog)) if counts else None
+    if coverage is not None and drawing is not None:
+        _draw(coverage, drawing)
+    if junit_file is not None:
+        _write(junit_file, junit(results))
+    if as_json:
+        click.echo(json.dumps(_record(results, coverage), default=str))
+    else:
+        _sum_up(results, coverage)
+    enough = coverage is None or min_coverage is None or coverage.percent >= min_coverage
+    if not enough and not as_json:
+        click.echo(f"less than {min_coverage:g} % was reached")
+    return 0 if enough and all(result.holds for result in results) else 1
+
+
+def _chosen(paths: Sequence[Path], words: Sequence[str]) -> list[Path]:
+    """Return the files to run; UsageError when there are none."""
+    files = scenario_files(paths or _default())
+    chosen = [file for file in files if all(word in str(file) for word in words)]
+    if not chosen:
+        raise UsageError(f"none of {len(files)} scenarios has {' and '.join(map(repr, words))} in its path")
+    return chosen
+
+
+def _default() -> Iterable[Path]:
+    for place in _PLACES:
+        if place.is_dir():
+            return [place]
+    raise UsageError(f"name scenario files or a folder; neither {_PLACES[0]} nor {_PLACES[1]} is here")
+
+
+def _make_scenario(
+    recording: Path | None, output: Path | None, paths: Sequence[Path], catalog: Catalog
+) -> int:
+    """Make a scenario of a recorded run; nothing is written over."""
+    from lupin_engine.sim.recorded import read_recording, scenario_text
+
+    if recording is None or output is None or paths:
+        raise UsageError("write 'lupin test --record RUN.json -o NAME.scenario.yaml'")
+    if not is_scenario(output.name):
+        raise UsageError(f"{str(output)!r} must end in {SUFFIX}")
+    if output.exists():
+        raise UsageError(f"{str(output)!r} exists; remove it, or choose another name")
+    recorded = read_recording(_text(recording), str(recording))
+    promise = f"{recorded.mission} as it was recorded in {recording.name}"
+    _write(output, scenario_text(recorded, promise, output, Missions(catalog)))
+    click.echo(f"wrote {output}")
+    return 0
+
+
+def _text(file: Path) -> str:
+    try:
+        return file.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as problem:
+        raise UsageError(f"cannot read {str(file)!r}: {problem}") from None
+
+
+def _draw(coverage: Coverage, file: Path) -> None:
+    """Draw every mission that was tested, coloured by what its scenarios reached."""
+    from lupin_engine.diagram.outline import outline
+    from lupin_engine.diagram.svg import svg
+    from lupin_engine.diagram.trace import Counts, coloured
+
+    for mission, (chart, reached) in coverage.charts.items():
+        states = {name: count for (kind, name, _), count in reached.items() if kind == STATE}
+        ways = {name: count for (kind, name, _), count in reached.items() if kind == TRANSITION}
+        picture = coloured(outline(chart), Counts(states, ways, "reached by scenarios; pale: never"))
+        alone = len(coverage.charts) == 1
+        _write(file if alone else file.with_name(f"{file.stem}-{mission.stem}.svg"), svg(picture))
+
+
+def _write(file: Path, text: str) -> None:
+    try:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_text(text, encoding="utf-8")
+    except OSError as problem:
+        raise UsageError(f"cannot write {str(file)!r}: {problem.strerror}") from None
+
+
+def _show(result: Result, quiet: bool) -> None:
+    """Tell how a scenario went; one that cannot be read is one that fails."""
+    if result.problem:
+        click.echo(f"{click.style('ERROR', fg='red')} {result.file}\n{result.problem}")
+    elif result.failures or not quiet:
+        word = click.style("FAIL ", fg="red") if result.failures else click.style("ok   ", fg="green")
+        click.echo(f"{word} {result.name}: {result.promise} ({_how(result)})")
+    for kind, line in told.report(result.failures):
+        click.echo(click.style(line, **_STYLES.get(kind, {})))
+
+
+def _how(result: Result) -> str:
+    """Return the virtual time, and the seed where there was something to draw."""
+    lasted = f"{result.seconds:.1f} s"
+    if result.seed is None:
+        return lasted
+    if result.failures:
+        return f"{lasted}, with --seed {result.seed}"
+    return f"{lasted}, {result.runs} seeds" if result.runs > 1 else f"{lasted}, seed {result.seed}"
+
+
+def _sum_up(results: Sequence[Result], coverage: Coverage | None) -> None:
+    if coverage is not None:
+        click.echo("\n".join(("", *coverage_lines(coverage), "")))
+    failed = sum(1 for result in results if not result.holds)
+    count = f"{len(results)} scenario{'s' if len(results) != 1 else ''}"
+    click.echo(f"{failed} of {count} failed" if failed else f"{count}: all hold")
+
+
+def _record(results: Sequence[Result], coverage: Coverage | None) -> dict[str, Any]:
+    """Return the results as JSON data."""
+    record: dict[str, Any] = {
+        "scenarios": [_result_record(result) for result in results],
+        "failed": sum(1 for result in results if not result.holds),
+    }
+    if coverage is not None:
+        record["coverage"] = coverage.record()
+    return record
+
+
+def _result_record(result: Result) -> dict[str, Any]:
+    failures = [
+        {
+            "place": shown(failure.place),
+            "what": failure.what,
+            "expected": failure.expected,
+            "actual": failure.actual,
+            "concerned": [{"place": shown(place), "what": what} for what, place in failure.concerned],
+            "story": list(failure.story),
+        }
+        for failure in result.failures
+    ]
+    return {
+        "file": str(result.file),
+        "name": result.name,
+        "promise": result.promise,
+        "holds": result.holds,
+        "problem": result.problem,
+        "seconds": result.seconds,
+        "took": round(result.took, 6),
+        "seed": result.seed,
+        "runs": result.runs,
+        "failures": failures,
+    }

@@ -1,0 +1,63 @@
+"""What `lupin up` does."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import click
+
+from lupin_engine.cli import view
+from lupin_engine.cli.bring_up import Wanted, session_settings
+from lupin_engine.cli.observers import PlainObserver
+from lupin_engine.cli.settings import read_settings
+from lupin_engine.errors import LupinError, Severity
+from lupin_engine.launch.environment import current_domain
+from lupin_engine.launch.interrupts import Interrupted, Interrupts
+from lupin_engine.launch.mission import Loaded, load_missions
+from lupin_engine.launch.story import NOT_DONE
+from lupin_engine.plugin.registry import load_catalog
+
+
+def work(missions: tuple[str, ...], **wanted: Any) -> int:
+    """Do what the options of `lupin up` say, and return the exit code."""
+    catalog = load_catalog()
+    loaded = load_missions(missions, catalog)
+    shared = Wanted(**wanted)
+    values = read_settings("--set", shared.settings, loaded.chart.parameters)
+    settings = session_settings(shared, loaded, catalog, values)
+    from lupin_engine.launch.session import Session  # needs rclpy
+
+    observer = PlainObserver()
+    with Interrupts() as interrupts, Session(settings, observer, interrupts) as session:
+        try:
+            session.bring_up(loaded.chart.plugins, catalog)
+            click.echo("\n".join(served(loaded, str(current_domain()))))
+            session.watch(_StateLines())
+        except Interrupted:
+            return 0  # the way to end it
+        except LupinError as problem:
+            observer.note(str(problem), Severity.ERROR)
+    return NOT_DONE
+
+
+class _StateLines:
+    """Writes a line when the published state is another one."""
+
+    def __init__(self) -> None:
+        self._last: tuple[Any, ...] = ()
+
+    def __call__(self, state: Mapping[str, Any]) -> None:
+        if state and (key := view.changed_key(state)) != self._last:
+            self._last = key
+            click.echo(view.plain_state(state))
+
+
+def served(loaded: Loaded, domain: str) -> list[str]:
+    """Return what to tell an operator: the missions, and how each is started."""
+    lines = [f"ready in ROS domain {domain}; start a mission from the HMI, or with"]
+    for name, file in zip(loaded.names, loaded.files, strict=True):
+        request = f'"{{mission_type: {name}}}"'
+        lines.append(f"  lupin run {file.stem} --domain {domain}")
+        lines.append(f"  ros2 service call /mission/start lupin_msgs/srv/StartMission {request}")
+    return [*lines, "Ctrl-C stops everything"]

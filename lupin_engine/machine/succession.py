@@ -1,0 +1,84 @@
+"""A machine of another chart that goes on where one is idle: for missions that are loaded anew meanwhile.
+
+Idle is a machine whose configuration would let a mission start, and which has no operation under way. What is
+not about a mission goes on as it was: the states, holds, what is known of the world with its hysteresis, the
+variables, the code reported last, the counters of the last mission. What the other chart does not have any
+more is forgotten, what it has more begins as it would at the start.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TypeVar
+
+from lupin_engine.chart.model import Chart
+from lupin_engine.machine.environment import World
+from lupin_engine.machine.machine import Machine
+from lupin_engine.machine.memory import Memory, Timer
+from lupin_engine.machine.plan import planner_of
+from lupin_engine.machine.snapshot import restore, snapshot
+
+_T = TypeVar("_T")
+
+START = "mission.start"
+
+
+def is_idle(machine: Machine) -> bool:
+    """Tell whether nothing runs that another chart would have to know of."""
+    chart, memory = machine.chart, machine.memory
+    if memory.attempts or memory.invocations or any(chart.states[s].mission for s in memory.configuration):
+        return False
+    planner = planner_of(chart)
+    offered = planner.row(memory.configuration).candidates(planner.structure, START)
+    return any(rule.target is not None for rules in offered for rule in rules)
+
+
+def successor(machine: Machine, world: World) -> Machine:
+    """Return a machine of another chart that goes on from an idle one; `Machine.go_on` is its first step.
+
+    Raises:
+        SnapshotError: the other chart has no such state, or no such hold that is engaged.
+    """
+    memory = restore(machine.chart, machine.snapshot())
+    _forget(memory, machine.chart, world.chart)
+    return Machine(world, restore(world.chart, snapshot(world.chart, memory)))
+
+
+def _forget(memory: Memory, before: Chart, chart: Chart) -> None:
+    """Forget what another chart does not have, as far as it is not what the machine rests on."""
+    inputs, variables = before.inputs, before.context
+    same_inputs = {n: i for n, i in chart.inputs.items() if n in inputs and inputs[n].value == i.value}
+    same_variables = {
+        n: v for n, v in chart.context.items() if n in variables and variables[n].type == v.type
+    }
+    if memory.mission not in chart.missions:
+        memory.mission = memory.mission_id = ""
+    memory.history.clear()
+    memory.budgets.clear()
+    memory.handled.clear()
+    walking = {name for name, state in chart.states.items() if state.itinerary}
+    memory.walks = _kept(memory.walks, dict.fromkeys(walking))
+    memory.context = _kept(memory.context, same_variables)
+    heard = {name: found for name, found in memory.inputs.items() if found.reported}
+    memory.inputs = _kept(heard, same_inputs)
+    memory.heard = _kept(memory.heard, same_inputs)
+    memory.before = _kept(memory.before, same_inputs)
+    levels = {f"input.{i.name}.{level.name}": level for i in chart.inputs.values() for level in i.levels}
+    memory.levels = _kept(memory.levels, levels)
+    memory.broken[:] = [name for name in memory.broken if name in chart.invariants]
+    memory.timers[:] = [timer for timer in memory.timers if _is_timer_of(chart, timer)]
+    memory.frozen[:] = [timer for timer in memory.frozen if _is_timer_of(chart, timer)]
+    memory.waiting_actions[:] = [
+        waiting for waiting in memory.waiting_actions if waiting[1].partition(".")[0] in chart.plugins
+    ]
+
+
+def _kept(found: dict[str, _T], known: Mapping[str, object]) -> dict[str, _T]:
+    return {name: value for name, value in found.items() if name in known}
+
+
+def _is_timer_of(chart: Chart, timer: Timer) -> bool:
+    """Tell whether a deadline is one of the chart's; those of live values are set anew."""
+    _, _, kind, (owner, event) = timer
+    state = chart.states.get(owner)
+    return kind == "after" and state is not None and any(event == own.event for own in state.timers)

@@ -1,0 +1,75 @@
+"""The folder of the missions that the node offers: what stands in it is what can be started.
+
+Files are looked at again and again, and understood only when they have changed (see `chart.load`), so a look
+costs a fraction of a millisecond. A change that has errors is told once and otherwise changes nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from lupin_engine.chart.bindings import check_definition
+from lupin_engine.chart.findings import Findings
+from lupin_engine.chart.load import (
+    default_missions_folder,
+    find_mission,
+    lifecycle_in,
+    load_chart,
+    mission_files,
+)
+from lupin_engine.chart.model import Chart
+from lupin_engine.errors import ChartError, LupinError
+from lupin_engine.middleware.definitions import service_types
+from lupin_engine.plugin.registry import Catalog
+
+#: How often the folder is looked at while no mission runs, in seconds.
+LOOK_PERIOD = 1.0
+
+
+class MissionsFolder:
+    """The missions that the node's parameters name: some, or all of a folder."""
+
+    def __init__(self, given: Mapping[str, Any], catalog: Catalog) -> None:
+        """`given` are the node's parameters `missions` and `missions_path`."""
+        self._path = Path(given.get("missions_path") or default_missions_folder())
+        self._names = list(given.get("missions") or [])
+        self._catalog = catalog
+        self._refused: Chart | None = None
+        #: What is wrong with the files as they are now; empty when they can be used.
+        self.problem = ""
+
+    def load(self) -> Chart:
+        """Return the chart of the missions as they are now; of unchanged files the same one.
+
+        Raises:
+            LupinError: a mission does not exist or has errors, or a service is not what a binding says of it.
+        """
+        files = [find_mission(name, [self._path]) for name in self._names] or mission_files(self._path)
+        if not files:
+            where = "say where they are with -p missions_path:=FOLDER"
+            raise LupinError(f"no missions in {self._path}; {where}")
+        chart = load_chart(lifecycle_in(self._path), files, self._catalog)
+        findings = Findings()
+        for binding in chart.bindings.values():
+            check_definition(binding, service_types, findings)
+        if findings.errors:
+            raise ChartError(findings.errors)
+        return chart
+
+    def changed(self, current: Chart) -> Chart | None:
+        """Return the chart of files that were changed; None when nothing has, or what has cannot be used."""
+        try:
+            chart = self.load()
+        except LupinError as problem:
+            self.problem = str(problem)
+            return None
+        if chart is self._refused:
+            return None
+        self.problem, self._refused = "", None
+        return None if chart is current else chart
+
+    def refuse(self, chart: Chart, reason: str) -> None:
+        """Note that a chart cannot be used here, so that it is not tried again and again."""
+        self._refused, self.problem = chart, reason

@@ -1,0 +1,236 @@
+"""Where to drive to see more: the frontiers of an occupancy grid, and the best of them. Pure, without ROS.
+
+A frontier cell is free and has an unknown cell to its left, right, top or bottom. Frontier cells that touch,
+corners included, are one frontier. The best is large and near: of the frontiers with enough cells the one
+with the highest `cells / (1 + distance)`, and of equal ones the first, row by row from the grid's origin.
+
+Occupancy is as in nav_msgs/OccupancyGrid: -1 unknown, 0 free to 100 occupied, row by row, x running fastest.
+Lengths are metres and angles radians in the frame of the map; the grid may be turned in it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+UNKNOWN = -1
+
+#: A clearance that exceeds a whole number of cells by less than this part of a cell is that number: the
+#: resolution of a message is a float32, and 0.3 m are 15 cells of 0.02 m, not 16.
+_WHOLE_CELLS = 1e-5
+
+Cells = NDArray[np.int8]
+Mask = NDArray[np.bool_]
+Indices = NDArray[np.intp]
+Numbers = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Grid:
+    """An occupancy grid: `cells[row, column]`, metres a cell, and where the corner of cell (0, 0) lies."""
+
+    cells: Cells
+    resolution: float
+    x: float = 0.0
+    y: float = 0.0
+    yaw: float = 0.0
+
+    def places(self, rows: Indices, columns: Indices) -> tuple[Numbers, Numbers]:
+        """Return the centres of cells: origin + R(yaw) · (index + 0.5) · resolution."""
+        right = (columns.astype(np.float64) + 0.5) * self.resolution
+        up = (rows.astype(np.float64) + 0.5) * self.resolution
+        if self.yaw == 0.0:
+            return self.x + right, self.y + up
+        cosine, sine = math.cos(self.yaw), math.sin(self.yaw)
+        return self.x + cosine * right - sine * up, self.y + sine * right + cosine * up
+
+
+@dataclass(frozen=True)
+class Thresholds:
+    """What counts as free, as solid, as wide enough and as large enough.
+
+    Cells from `occupied` on are solid, and those between `free` and `occupied` are neither: the search only
+    counts them, because a map full of them has no frontiers and looks as if it should. Solid to the clearance
+    is what reaches `clearance_occupied`, which may be stricter. `radius_cells` of 0 or more stands in for
+    `clearance` (m).
+    """
+
+    free: int = 20
+    occupied: int = 65
+    min_cells: int = 6
+    clearance: float = 0.35
+    radius_cells: int = -1
+    clearance_occupied: int = 65
+
+    def radius(self, resolution: float) -> int:
+        """Return the clearance in cells: ceil(clearance / resolution)."""
+        if self.radius_cells >= 0:
+            return self.radius_cells
+        return math.ceil(self.clearance / resolution - _WHOLE_CELLS)
+
+
+@dataclass(frozen=True)
+class Frontier:
+    """The chosen frontier: its cell nearest to the middle (m), its size, how many could be chosen from."""
+
+    x: float
+    y: float
+    cells: int
+    clusters: int
+
+
+@dataclass(frozen=True)
+class Survey:
+    """The best frontier, if any, and what else the grid has: cells that are known, that are neither free nor
+    solid, that are frontier without clearance, and frontiers that are too small.
+    """
+
+    frontier: Frontier | None
+    known: int
+    undecided: int
+    cramped: int
+    small: int
+
+
+def make_grid(
+    data: ArrayLike, width: int, height: int, resolution: float, origin: Sequence[float] = (0.0, 0.0)
+) -> Grid | None:
+    """Return the grid of row-major `data`; None when size, resolution or origin (x, y[, yaw]) are none."""
+    if width <= 0 or height <= 0 or not (math.isfinite(resolution) and resolution > 0.0):
+        return None
+    flat = np.asarray(data, dtype=np.int8).reshape(-1)
+    if flat.size < width * height or not all(map(math.isfinite, origin)):
+        return None
+    return Grid(flat[: width * height].reshape(height, width), float(resolution), *map(float, origin))
+
+
+def survey(
+    grid: Grid, robot: tuple[float, float] | None = None, thresholds: Thresholds | None = None
+) -> Survey:
+    """Look for the best frontier; without the place of the robot (m) size alone decides."""
+    limits = thresholds or Thresholds()
+    rows, columns = np.nonzero(_frontier_cells(grid.cells, limits.free))
+    solid = grid.cells >= limits.clearance_occupied
+    clear = ~_near(solid, rows, columns, limits.radius(grid.resolution))
+    cramped = int(rows.size - np.count_nonzero(clear))
+    rows, columns = rows[clear], columns[clear]
+    labels, sizes = _clusters(rows, columns, grid.cells.shape)
+    large = sizes >= limits.min_cells
+    return Survey(
+        frontier=_best(grid, rows, columns, labels, sizes, large, robot),
+        known=int(np.count_nonzero(grid.cells != UNKNOWN)),
+        undecided=int(np.count_nonzero((grid.cells > limits.free) & (grid.cells < limits.occupied))),
+        cramped=cramped,
+        small=int(np.count_nonzero(~large)),
+    )
+
+
+def choose(
+    data: ArrayLike,
+    width: int,
+    height: int,
+    resolution: float,
+    origin: Sequence[float] = (0.0, 0.0),
+    robot: tuple[float, float] | None = None,
+    thresholds: Thresholds | None = None,
+) -> Frontier | None:
+    """Return the best frontier of row-major `data`; None when there is none, or no grid."""
+    grid = make_grid(data, width, height, resolution, origin)
+    return None if grid is None else survey(grid, robot, thresholds).frontier
+
+
+def _frontier_cells(cells: Cells, free: int) -> Mask:
+    unknown = cells == UNKNOWN
+    beside = np.zeros_like(unknown)
+    beside[1:] |= unknown[:-1]
+    beside[:-1] |= unknown[1:]
+    beside[:, 1:] |= unknown[:, :-1]
+    beside[:, :-1] |= unknown[:, 1:]
+    found: Mask = beside & (cells >= 0) & (cells <= free)
+    return found
+
+
+def _near(solid: Mask, rows: Indices, columns: Indices, radius: int) -> Mask:
+    """Say for each cell whether the square of 2·radius + 1 cells around it has a solid one.
+
+    What lies outside the grid is not solid. `sums[r, c]` counts the solid cells above and left of (r, c), so
+    that a square of any size costs four look-ups.
+    """
+    height, width = solid.shape
+    sums = np.zeros((height + 1, width + 1), dtype=np.int64)
+    np.cumsum(np.cumsum(solid, axis=0, dtype=np.int64), axis=1, out=sums[1:, 1:])
+    top, bottom = np.maximum(rows - radius, 0), np.minimum(rows + radius + 1, height)
+    left, right = np.maximum(columns - radius, 0), np.minimum(columns + radius + 1, width)
+    count = sums[bottom, right] - sums[top, right] - sums[bottom, left] + sums[top, left]
+    near: Mask = count > 0
+    return near
+
+
+def _clusters(rows: Indices, columns: Indices, shape: tuple[int, ...]) -> tuple[Indices, Indices]:
+    """Return the cluster of each cell, and the size of each cluster; numbered as they come row by row."""
+    count = rows.size
+    one, other = _touching(rows, columns, shape)
+    # Each cell takes the lowest number that it can reach: over a touching cell, or from the cell whose number
+    # it has. The second halves the way each time, so a long frontier takes few rounds.
+    lowest = np.arange(count)
+    while True:
+        before = lowest.copy()
+        least = np.minimum(lowest[one], lowest[other])
+        np.minimum.at(lowest, before[one], least)
+        np.minimum.at(lowest, before[other], least)
+        lowest = lowest[lowest]
+        if np.array_equal(before, lowest):
+            break
+    _, labels, sizes = np.unique(lowest, return_inverse=True, return_counts=True)
+    return labels.reshape(-1), sizes
+
+
+def _touching(rows: Indices, columns: Indices, shape: tuple[int, ...]) -> tuple[Indices, Indices]:
+    """Return the pairs of cells that touch, each once, as two arrays of numbers of cells."""
+    # A border of one saves all looks at the edges; -1 is no cell.
+    numbers = np.full((shape[0] + 2, shape[1] + 2), -1, dtype=np.intp)
+    numbers[rows + 1, columns + 1] = np.arange(rows.size)
+    beside = [
+        numbers[rows + 1 + down, columns + 1 + right] for down, right in ((0, 1), (1, -1), (1, 0), (1, 1))
+    ]
+    other = np.concatenate(beside)
+    one = np.tile(np.arange(rows.size), len(beside))
+    touches = other >= 0
+    return one[touches], other[touches]
+
+
+def _best(
+    grid: Grid,
+    rows: Indices,
+    columns: Indices,
+    labels: Indices,
+    sizes: Indices,
+    large: Mask,
+    robot: tuple[float, float] | None,
+) -> Frontier | None:
+    candidates = np.flatnonzero(large)
+    if candidates.size == 0:
+        return None
+    chosen = _representatives(rows, columns, labels, sizes)[candidates]
+    xs, ys = grid.places(rows[chosen], columns[chosen])
+    scores: Any = sizes[candidates].astype(np.float64)
+    if robot is not None:
+        scores /= 1.0 + np.hypot(xs - robot[0], ys - robot[1])
+    best = int(np.argmax(scores))
+    return Frontier(float(xs[best]), float(ys[best]), int(sizes[candidates[best]]), int(candidates.size))
+
+
+def _representatives(rows: Indices, columns: Indices, labels: Indices, sizes: Indices) -> Indices:
+    """Return for each cluster its cell nearest to the centroid, and of equal ones the first row by row."""
+    # Distances times the size of the cluster are whole numbers, so that equal ones are equal.
+    off_row = rows * sizes[labels] - np.bincount(labels, rows)[labels]
+    off_column = columns * sizes[labels] - np.bincount(labels, columns)[labels]
+    by_cluster = np.lexsort((off_row**2 + off_column**2, labels))  # stable: equals stay in their order
+    first = np.concatenate(([0], np.cumsum(sizes)[:-1]))
+    nearest: Indices = by_cluster[first]
+    return nearest

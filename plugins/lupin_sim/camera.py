@@ -1,0 +1,136 @@
+"""Which tags the robot's camera sees: near enough, in the field of view, not from behind or through a table.
+
+Metres and radians in frame `map`. Heights play no part: tags hang on the sides of tables at about the
+camera's own height.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lupin_sim.layout import LENGTH, WIDTH, Layout, Table, Tag
+from lupin_sim.robot import Pose
+
+Numbers = NDArray[np.float64]
+
+#: Width of a plate: a tag so near to the corner of its table may hang on either side.
+PLATE_M = 0.16
+#: Of several sides a tag hangs where there is most room at this distance before it.
+VIEWING_M = 0.5
+#: How far before its table a plate hangs.
+_BEFORE_M = 0.01
+#: The most oblique view, from the plate's normal, under which its code can still be read.
+MOST_OBLIQUE = math.radians(75.0)
+
+
+@dataclass(frozen=True)
+class Plate:
+    """A tag's plate: its place as in the layout, the heading of its normal, and where its face is seen."""
+
+    id: str
+    x: float
+    y: float
+    yaw: float
+    face: tuple[float, float]
+
+
+class Camera:
+    """The camera on the robot: looks ahead over `field` radians, as far as `reach` metres."""
+
+    def __init__(self, layout: Layout, reach: float, field: float) -> None:
+        self.plates = plates_of(layout)
+        self._reach, self._half = reach, field / 2.0
+        self._faces = np.array([plate.face for plate in self.plates], dtype=float).reshape(-1, 2)
+        self._yaws = np.array([plate.yaw for plate in self.plates], dtype=float)
+        self._low = np.array([(t.x0, t.y0) for t in layout.tables], dtype=float).reshape(-1, 2)
+        self._high = np.array([(t.x1, t.y1) for t in layout.tables], dtype=float).reshape(-1, 2)
+
+    def sees(self, pose: Pose) -> list[Plate]:
+        """Return the plates that are seen from `pose`."""
+        eye = np.array((pose.x, pose.y))
+        off = self._faces - eye
+        bearing = np.arctan2(off[:, 1], off[:, 0])
+        seen = np.hypot(off[:, 0], off[:, 1]) <= self._reach
+        seen &= np.abs(_angle(bearing - pose.yaw)) <= self._half
+        seen &= np.abs(_angle(bearing + math.pi - self._yaws)) <= MOST_OBLIQUE
+        candidates = np.flatnonzero(seen)
+        hidden = self._hidden(eye, off[candidates])
+        return [self.plates[index] for index in candidates[~hidden]]
+
+    def _hidden(self, eye: Numbers, off: Numbers) -> NDArray[np.bool_]:
+        """Say for each line from `eye` along `off` whether it passes a table.
+
+        A line is inside a table while it is between its sides in x and in y: `enter` and `leave` are the
+        shares of the line where that begins and ends.
+        """
+        with np.errstate(divide="ignore", invalid="ignore"):
+            one = (self._low - eye) / off[:, None, :]
+            other = (self._high - eye) / off[:, None, :]
+        enter = np.fmax(np.fmin(one, other).max(axis=2), 0.0)
+        leave = np.fmin(np.fmax(one, other).min(axis=2), 1.0)
+        hidden: NDArray[np.bool_] = np.any(enter < leave, axis=1)
+        return hidden
+
+
+def plates_of(layout: Layout) -> tuple[Plate, ...]:
+    """Return how the tags hang: on the side of their table that they are at, and never behind a wall."""
+    return tuple(_plate(tag, layout) for tag in layout.tags)
+
+
+def _plate(tag: Tag, layout: Layout) -> Plate:
+    if not layout.tables:
+        # It stands alone and looks at the middle of the floor.
+        yaw = math.atan2(LENGTH / 2 - tag.y, WIDTH / 2 - tag.x)
+        return Plate(tag.id, tag.x, tag.y, yaw, (tag.x, tag.y))
+    table = min(layout.tables, key=lambda table: table.distance(tag.x, tag.y))
+    sides = _sides(table, tag)
+    nearest = min(side.distance for side in sides)
+    at_hand = [side for side in sides if side.distance <= max(PLATE_M, nearest)]
+    side = max(at_hand, key=lambda side: layout.clearance(*side.before(tag, VIEWING_M)))
+    ahead = max(0.0, side.inside) + _BEFORE_M
+    return Plate(tag.id, tag.x, tag.y, side.yaw, side.before(tag, ahead))
+
+
+@dataclass(frozen=True)
+class _Side:
+    """A side of a table as seen by a tag: its outward normal, and how far inside of it the tag is (m)."""
+
+    yaw: float
+    inside: float
+
+    @property
+    def distance(self) -> float:
+        return abs(self.inside)
+
+    def before(self, tag: Tag, distance: float) -> tuple[float, float]:
+        return tag.x + distance * math.cos(self.yaw), tag.y + distance * math.sin(self.yaw)
+
+
+def _sides(table: Table, tag: Tag) -> Sequence[_Side]:
+    return (
+        _Side(0.0, table.x1 - tag.x),
+        _Side(math.pi / 2, table.y1 - tag.y),
+        _Side(math.pi, tag.x - table.x0),
+        _Side(-math.pi / 2, tag.y - table.y0),
+    )
+
+
+def facing(yaw: float) -> tuple[float, float, float, float]:
+    """Return the shortest rotation (x, y, z, w) that turns +Z to the horizontal heading `yaw`.
+
+    Its w is never 0, which would mean that nobody has filled it in. How a plate is turned about its own
+    normal is not simulated.
+    """
+    half = math.sqrt(0.5)
+    return -half * math.sin(yaw), half * math.cos(yaw), 0.0, half
+
+
+def _angle(difference: Any) -> Any:
+    """Return angles within -pi ... pi."""
+    return (difference + math.pi) % math.tau - math.pi
