@@ -17,7 +17,7 @@ from types import MappingProxyType
 from typing import Any
 
 from lupin_engine.chart.load import LIFECYCLE, default_missions_folder, load_chart
-from lupin_engine.chart.model import REQUESTS, Chart
+from lupin_engine.chart.model import Chart
 from lupin_engine.machine.environment import World
 from lupin_engine.machine.event import Act, Cancel, Command, Publish, Report, Start
 from lupin_engine.machine.machine import Machine
@@ -39,21 +39,31 @@ LOST, BACK = Tell(MISSING, ["action server navigate_to_pose"]), Tell(MISSING, []
 START = Ask("mission.start")
 PAUSE, ABORT, DOCK, SKIP = (Ask(f"operator.{name}") for name in ("pause", "abort", "dock", "skip_current"))
 
-#: What can happen: the table's title -> the effect.
-EVENTS: Mapping[str, Effect] = MappingProxyType(
+#: What can happen, by section of the page: the table's title -> the effect.
+SECTIONS: Mapping[str, Mapping[str, Effect]] = MappingProxyType(
     {
-        **{
-            name.partition(".")[2]: Ask(name)
-            for name in ("mission.start", "operator.pause", "operator.resume")
+        "Requests": {
+            "start": START,
+            "pause": PAUSE,
+            "resume": Ask("operator.resume"),
+            "abort": ABORT,
+            "skip_current": SKIP,
+            "dock": DOCK,
+            "reset": Ask("operator.reset"),
         },
-        **{name.partition(".")[2]: Ask(name) for name in REQUESTS if name != "mission.start"},
-        "e-stop pressed": STOP,
-        "e-stop released": LET_GO,
-        "battery low": EMPTY,
-        "battery recovered": CHARGED,
-        "dependency lost": LOST,
-        "dependency back": BACK,
+        "What the world does": {
+            "e-stop pressed": STOP,
+            "e-stop released": LET_GO,
+            "battery low": EMPTY,
+            "battery recovered": CHARGED,
+            "dependency lost": LOST,
+            "dependency back": BACK,
+        },
     }
+)
+#: The same without the sections.
+EVENTS: Mapping[str, Effect] = MappingProxyType(
+    {title: effect for events in SECTIONS.values() for title, effect in events.items()}
 )
 #: In which ways a mission can be held: the column's title -> what brings it about, and what is held then.
 COLUMNS: Mapping[str, tuple[tuple[Effect, ...], tuple[str, ...]]] = MappingProxyType(
@@ -164,13 +174,15 @@ def _at_the_dock(*then: str | Effect) -> Situation:
     return Situation((*GO, NAVIGATING, *then), (_never("nav.go_to"),))
 
 
-_HOME = "RETURNING · driving home · "
+_HOME = "RETURNING · home · "
 #: Every row of the tables, in their order.
 SITUATIONS: Mapping[str, Situation] = MappingProxyType(
     {
         "BOOT": Situation((LOST,)),
         READY_ROW: Situation((READY_ROW,)),
         "READY · battery low": Situation((READY_ROW, EMPTY)),
+        # Only what is held stays there.
+        "READY · dependencies": Situation((READY_ROW,), when_held=(LOST,)),
         "PREPARE": Situation((*GO, "PREPARE"), (_never("nav.localize"), _never("nav.dock"))),
         "EXPLORING · choosing": Situation((*GO, "EXPLORING · choosing"), DRIVES, EXPLORATION),
         "EXPLORING · driving": Situation((*GO, "EXPLORING · driving"), DRIVES, EXPLORATION),
@@ -186,6 +198,7 @@ SITUATIONS: Mapping[str, Situation] = MappingProxyType(
         "RETURNING · docked · battery low": _at_the_dock(EMPTY, "RETURNING · docked · battery low"),
         "DONE · charged": _on_the_way(ABORT, ABORT),
         "DONE · battery low": _on_the_way(ABORT, ABORT, EMPTY),
+        "DONE · dependencies": _on_the_way(ABORT, ABORT, LOST),
         "FAULT · failed": Situation((*GO, "FAULT · failed"), (_never("nav.localize"),)),
         "FAULT · dependencies": Situation((LOST, "FAULT · dependencies")),
     }
@@ -201,7 +214,8 @@ def row_of(machine: Machine, now: float) -> str:
     charge = "battery low" if battery["low"] else "charged"
     inner = view.configuration[-1].rpartition(".")[2]
     if view.lifecycle in ("READY", "DONE"):
-        return f"{view.lifecycle}{SEPARATOR}{charge}"
+        lacks = machine.input_value("missing", now)
+        return f"{view.lifecycle}{SEPARATOR}{'dependencies' if lacks else charge}"
     if view.lifecycle == "FAULT":
         return (
             "FAULT · dependencies" if any(a.operation == READY for a in view.attempts) else "FAULT · failed"
@@ -361,10 +375,12 @@ def tables(cells: Mapping[Place, str]) -> Iterator[str]:
         groups.setdefault(line, []).append(row)
     yield from ("## What can be held", "", *_heading())
     yield from (_line(rows, line) for line, rows in groups.items())
-    for event in EVENTS:
-        yield from ("", f"### {event}", "", *_heading())
-        by_row = {row: tuple(cells.get((event, row, column)) for column in COLUMNS) for row in SITUATIONS}
-        yield from (_line(rows, line) for rows, line in _merged(by_row))
+    for section, events in SECTIONS.items():
+        yield from ("", f"## {section}")
+        for event in events:
+            by_row = {row: tuple(cells.get((event, row, column)) for column in COLUMNS) for row in SITUATIONS}
+            yield from ("", f"### {event}", "", *_heading())
+            yield from (_line(rows, line) for rows, line in _merged(by_row))
 
 
 def _heading() -> tuple[str, str]:

@@ -21,14 +21,15 @@ from typing import Annotated, Any
 from pydantic import WithJsonSchema
 from pydantic.fields import FieldInfo
 
+from lupin_engine.chart import binding_file
 from lupin_engine.chart.actions import BUILTIN_ACTIONS
+from lupin_engine.chart.binding_file import BindingNode
 from lupin_engine.chart.declare import REQUESTS
 from lupin_engine.chart.documents import (
     KINDS,
     ActionNode,
     Bound,
     Condition,
-    FileNode,
     Node,
     StateNode,
     TransitionNode,
@@ -42,6 +43,7 @@ ROOT = Path(__file__).resolve().parents[1]
 CHARTS = ROOT / "tests" / "charts"
 BROKEN = CHARTS / "broken"
 EXAMPLES = ROOT / "docs" / "examples"
+BINDING = ROOT / "docs" / "tutorial" / "photo_arm.yaml"
 
 #: More lines of one rule than this say nothing new.
 MAX_LINES = 6
@@ -138,7 +140,8 @@ LANGUAGE_HEAD = """\
 A mission is a statechart in YAML. There are three kinds of file, told apart by their first key: a *lifecycle*
 is what all missions share (starting up, pausing, driving home), a *mission* is what a robot is asked to do
 and stands in the lifecycle's slot, a *part* is a piece that missions use. `lifecycle.yaml` stands beside the
-missions, the parts in the folder `parts` there. The shipped ones in `missions/` are the best introduction;
+missions, the parts in the folder `parts` there. What a mission can do comes from plugins; a service that no plugin
+calls is connected by a [binding](#bindings), a fourth kind of file. The shipped ones in `missions/` are the best introduction;
 this page is for looking things up. What `lupin check` says about a file is explained in [rules.md](rules.md).
 
 ## How a chart runs
@@ -229,6 +232,21 @@ ACTION_TEXTS: Mapping[str, str] = {
     "report.summary": "publish what became of every target",
     "publish.reading": "publish a reading that belongs to no visit",
 }
+BINDINGS_HEAD = """\
+## Bindings
+
+A service that somebody offers over ROS becomes an operation by a file in the folder `bindings` beside the
+missions: no Python, and every mission of the folder can invoke it as `BINDING.OPERATION`. All that `lupin check`,
+the simulation and your editor need to know stands in it. Where the service's package is installed, `lupin check`
+holds the file against the definition of the service, and the orchestrator does so whenever it loads the file.
+
+`with` is what is sent: fields of the request, with the arguments of the operation by their names. `done_when`,
+`result` and `detail` are about the answer, `response`. Fields carry no units: a duration is sent in seconds, a
+length in metres, an angle in radians. An attempt that does not end well ends in the one `code`, with a detail that
+says why: `detail` where the server said no, and where nobody answered or is there, just that.
+
+The [tutorial](tutorial-new-mission.md) builds a mission with one.
+"""
 EVENTS: tuple[tuple[str, str], ...] = (
     (
         ", ".join(f"`{name}`" for name in REQUESTS),
@@ -257,6 +275,18 @@ def language() -> Iterator[str]:
     yield from _table(("event", "what it is"), EVENTS)
     yield from _expressions()
     yield from _types()
+    yield from ("", *BINDINGS_HEAD.splitlines(), "")
+    yield from _block("yaml", BINDING.read_text(encoding="utf-8"))
+    for model in binding_models():
+        yield from _head(model, binding_models())
+        yield from _keys(model, binding_file.KIND)
+
+
+def binding_models() -> list[type[Node]]:
+    """Return the models of a binding that no mission has."""
+    found: list[type[Node]] = []
+    _collect(BindingNode, found)
+    return [model for model in found if model not in models()]
 
 
 def models() -> list[type[Node]]:
@@ -296,26 +326,32 @@ def _title(model: type[Node]) -> str:
 
 
 def _model(model: type[Node]) -> Iterator[str]:
+    yield from _head(model, models())
+    yield from _block("yaml", (EXAMPLES / f"{snake(model)}.yaml").read_text(encoding="utf-8"))
+    yield ""
+    yield from _keys(model, next((word for word, kind in KINDS.items() if kind is model), ""))
+
+
+def _head(model: type[Node], holders: Iterable[type[Node]]) -> Iterator[str]:
     yield from ("", f"### {_title(model)}", "")
     yield (model.__doc__ or "").strip()
-    places = _places_of(model)
+    places = _places_of(model, holders)
     if places:
         yield f"Stands under {places}."
     yield ""
-    yield from _block("yaml", (EXAMPLES / f"{snake(model)}.yaml").read_text(encoding="utf-8"))
-    yield ""
-    own = list(model.model_fields)
-    if issubclass(model, FileNode):  # what gives the file its kind and name stands first, as in a file
-        first = next(word for word, kind in KINDS.items() if kind is model)
-        own.sort(key=lambda name: name != first)
+
+
+def _keys(model: type[Node], first: str) -> Iterator[str]:
+    """Yield the table of keys; what gives the file its kind and name stands first, as in a file."""
+    own = sorted(model.model_fields, key=lambda name: name != first)
     rows = (_row(model.model_fields[name], name) for name in own)
     yield from _table(("key", "shape", "when not written", "meaning"), rows)
 
 
-def _places_of(model: type[Node]) -> str:
+def _places_of(model: type[Node], holders: Iterable[type[Node]]) -> str:
     """Return the keys that a model stands under, with what they belong to."""
     found: dict[str, list[str]] = {}
-    for holder in models():
+    for holder in holders:
         for name, field in holder.model_fields.items():
             if model in _models_in(field.annotation):
                 found.setdefault(f"`{field.alias or name}`", []).append(_title(holder).lower())

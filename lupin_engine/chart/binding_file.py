@@ -9,11 +9,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from types import MappingProxyType
-from typing import ClassVar, Literal
+from typing import Any, ClassVar, Literal
 
 from pydantic import Field
 
-from lupin_engine.chart.documents import CodeNode, Condition, Names, Node, Written
+from lupin_engine.chart.documents import CodeNode, Condition, Names, Node, Written, show, wrong_shape
 
 #: The key that makes a file a binding.
 KIND = "binding"
@@ -31,6 +31,13 @@ class ArgumentNode(Node):
 
 class ServiceNode(Node):
     """The service that an operation calls, once for each attempt."""
+
+    @classmethod
+    def _long_form(cls, data: Any) -> Any:
+        if isinstance(data, str):
+            text = f"expected a mapping, got {show(data)}; write {{name: {data}, type: PACKAGE/srv/NAME}}"
+            raise wrong_shape(text)
+        return data
 
     name: str = Field(description="name of the service, such as /camera/take_photo")
     type: str = Field(description="its type as PACKAGE/srv/NAME, such as std_srvs/srv/Trigger")

@@ -323,8 +323,9 @@ class _Meaning:
 
     @property
     def _answered(self) -> Scope:
-        reason = "it is handed over by 'with'; the answer is 'response'"
-        absent = dict.fromkeys([*sorted(ROOTS), *self.scope.names], ("unknown-name", reason))
+        handed, seen = "it is handed over by 'with'; the answer is 'response'", "only the answer is seen here"
+        absent = dict.fromkeys(sorted(ROOTS), ("unknown-name", f"{seen}, 'response'"))
+        absent |= dict.fromkeys(self.scope.names, ("unknown-name", handed))
         return Scope({RESPONSE: self.response or ANY}, absent=absent)
 
     def done_when(self) -> Expression | None:
@@ -401,6 +402,8 @@ def check_definition(binding: Binding, definitions: Definitions, findings: Findi
     """Read a binding again with the types of its services, and tell what does not fit them."""
     for name, node in binding.node.operations.items():
         place, path = node.service.at("type"), f"operations.{name}"
+        if not _INTERFACE.fullmatch(node.service.type):
+            continue  # that has been told
         try:
             definition = definitions(node.service.type)
         except LookupError as error:

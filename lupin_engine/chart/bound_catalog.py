@@ -10,14 +10,16 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from lupin_engine.chart.binding_file import KIND, BindingNode
-from lupin_engine.chart.bindings import Binding, read_binding
 from lupin_engine.chart.documents import is_kind, validate
 from lupin_engine.chart.findings import Findings
 from lupin_engine.chart.source import parse_bytes, read_bytes
-from lupin_engine.errors import Diagnostic, PluginError
+from lupin_engine.errors import Diagnostic, PluginError, Severity
 from lupin_engine.plugin.registry import Catalog, build_catalog
+
+if TYPE_CHECKING:
+    from lupin_engine.chart.bindings import Binding
 
 #: The folder of the bindings, beside the missions.
 BINDINGS = "bindings"
@@ -41,6 +43,9 @@ class _File:
 
     binding: Binding | None
     found: tuple[Diagnostic, ...]
+
+
+_UNREAD = _File(None, ())
 
 
 class _Same:
@@ -70,22 +75,18 @@ def binding_files(folder: Path) -> list[Path]:
 def bound_catalog(
     folders: Iterable[Path], catalog: Catalog, texts: Mapping[Path, bytes], findings: Findings
 ) -> BoundCatalog | None:
-    """Return what missions of these folders can use; None when a binding cannot even be read.
+    """Return what missions of these folders can use; None when a binding cannot be used at all.
 
     `texts` are read in place of what is saved in their files.
     """
     key, files = _Same(catalog), []
     for path in _paths({folder.resolve(): folder for folder in folders}.values(), texts):
         raw = texts[path] if path in texts else read_bytes(path, findings)
-        file = None if raw is None else _file(str(path), path.stem, raw, key)
-        if file is not None:
-            findings.extend(file.found)
-        if file is None or file.binding is None:
-            return None
-        files.append(file)
-    bound = _join(tuple(files), key)
+        files.append(_UNREAD if raw is None else _file(str(path), path.stem, raw, key))
+        findings.extend(files[-1].found)
+    bound = _join(tuple(file for file in files if file.binding is not None), key)
     findings.extend(bound.found)
-    return bound
+    return bound if len(bound.bindings) == len(files) else None
 
 
 def _paths(folders: Iterable[Path], texts: Iterable[Path]) -> Iterable[Path]:
@@ -97,6 +98,10 @@ def _paths(folders: Iterable[Path], texts: Iterable[Path]) -> Iterable[Path]:
 
 @lru_cache(maxsize=MAX_FILES)
 def _file(name: str, stem: str, raw: bytes, key: _Same) -> _File:
+    # Most folders have no bindings, and nearly all that a check takes are imports.
+    from lupin_engine.chart.binding_file import KIND, BindingNode
+    from lupin_engine.chart.bindings import read_binding
+
     findings = Findings()
     parsed = parse_bytes(raw, name, findings)
     node = None
@@ -113,16 +118,35 @@ def _file(name: str, stem: str, raw: bytes, key: _Same) -> _File:
 @lru_cache(maxsize=MAX_CATALOGS)
 def _join(files: tuple[_File, ...], key: _Same) -> BoundCatalog:
     """Join what the bindings offer to the catalog; those that contradict it are told and left out."""
-    catalog, bindings, findings = key.catalog, dict[str, Binding](), Findings()
+    bindings: dict[str, Binding] = {}
+    catalog, findings = key.catalog, Findings()
     for file in files:
         binding = file.binding
         assert binding is not None
+        if _contradicts(binding, catalog, findings):
+            continue
         try:
             catalog = build_catalog([*catalog.plugins.values(), binding.plugin])
         except PluginError as problem:
+            if any(found.severity is Severity.ERROR for found in file.found):
+                continue  # what is wrong with it has been told
             reason = str(problem).partition(": ")[2]
             place = binding.node.at("binding")
-            findings.add(place, "conflicting-definition", "binding", reason, "rename one of them")
+            findings.add(place, "conflicting-definition", "binding", reason, "choose another name")
         else:
             bindings[binding.name] = binding
     return BoundCatalog(catalog, bindings, findings.all)
+
+
+def _contradicts(binding: Binding, catalog: Catalog, findings: Findings) -> bool:
+    """Tell whether a code means something else in a plugin: there is one `last_error` for all."""
+    codes = {code.name: code for operation in binding.plugin.operations.values() for code in operation.codes}
+    others = {name for name, code in codes.items() if catalog.codes.get(name, code) != code}
+    for name in sorted(others):
+        known = catalog.codes[name]
+        meant = f"{known.label!r}, severity {known.severity.name.lower()}"
+        problem = f"the code {name!r} is declared differently by a plugin: {meant}"
+        place = binding.node.key_at("codes", name)
+        hint = "make both the same, or rename yours"
+        findings.add(place, "conflicting-definition", f"codes.{name}", problem, hint)
+    return bool(others)

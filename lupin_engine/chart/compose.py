@@ -184,7 +184,7 @@ class _Composer:
 
     def _all_events(self) -> dict[str, None]:
         """Return the events that can arrive, as the keys of a mapping: they are looked up for every `on`."""
-        raised = {name for draft in self._forest.drafts.values() for name in raised_events(_actions(draft))}
+        raised = set(raised_events(chain.from_iterable(map(_actions, self._forest.drafts.values()))))
         levels = level_events(self._declared.inputs)
         return dict.fromkeys([*REQUESTS, *levels, *self._catalog.events, *sorted(raised)])
 
@@ -772,14 +772,23 @@ def _calls(state: State) -> Iterator[ActionCall]:
 
 def _actions(draft: Draft) -> Iterator[ActionNode]:
     """Yield every action that a state's text writes."""
-    holder: Any = draft.node or draft.file
-    yield from getattr(holder, "entry", ())
-    yield from getattr(holder, "exit", ())
-    handlers = [getattr(holder, "on", {}).values(), getattr(holder, "after", {}).values()]
-    lists = [getattr(holder, key, ()) for key in ("on_done", "on_error", "always")]
-    for node in chain(*lists, *chain(*handlers)):
+    node, file = draft.node, draft.file
+    if node is None:
+        if isinstance(file, MissionNode):
+            yield from (*file.entry, *file.exit)
+        if isinstance(file, (LifecycleNode, MissionNode)):
+            yield from _done_by(chain(*file.on.values()))
+        return
+    yield from (*node.entry, *node.exit)
+    yield from _done_by(chain(node.on_done, node.on_error, node.always, *node.on.values()))
+    yield from _done_by(chain(*node.after.values()))
+    if node.budget is not None:
+        yield from node.budget.do
+    if node.for_each is not None:
+        for ending in (node.for_each.on_done, node.for_each.on_error):
+            yield from ending.do if ending is not None else ()
+
+
+def _done_by(nodes: Iterable[TransitionNode]) -> Iterator[ActionNode]:
+    for node in nodes:
         yield from node.do
-    budget, for_each = getattr(holder, "budget", None), getattr(holder, "for_each", None)
-    for ending in (budget, for_each and for_each.on_done, for_each and for_each.on_error):
-        if ending:
-            yield from ending.do

@@ -22,7 +22,7 @@ from lupin_engine.chart.documents import (
 )
 from lupin_engine.chart.expressions import BUILTIN_CALLS, ROOTS, WORDS, Scope, Usage
 from lupin_engine.chart.findings import Findings
-from lupin_engine.chart.model import REQUESTS, Constant, Field, Hold, Input, Level, Variable
+from lupin_engine.chart.model import CARRIED, REQUESTS, Constant, Field, Hold, Input, Level, Variable
 from lupin_engine.chart.quantities import describe, is_number
 from lupin_engine.chart.values import read_constant, read_guard, read_key, read_value
 from lupin_engine.errors import Place, Severity, nearest
@@ -253,6 +253,8 @@ class Declarer:
             self._level(node, key, level, value.type, scope, path) for key, level in node.levels.items()
         ]
         kept = tuple(level for level in levels if level is not None)
+        low = value.type.minimum if low is None else low
+        high = value.type.maximum if high is None else high
         of_mission = node.since is not None
         return Input(name, node.value, value.type, place, freshness, initial, kept, low, high, of_mission)
 
@@ -385,6 +387,7 @@ class Declarer:
         default = None
         if node.default is not None:
             default = read_value(node.default, node.at("default"), kind, scope, findings, f"{path}.default")
+        self._can_be_given(name, node, kind, place, path)
         if node.not_empty is not None:
             at = node.at("not_empty")
             if kind.kind != "list":
@@ -392,6 +395,17 @@ class Declarer:
             elif node.not_empty not in codes:
                 findings.unknown(at, "undeclared-code", path, "code", node.not_empty, codes)
         return Field(name, kind, place, default, node.not_empty, self._bound(node, "min", kind, path))
+
+    def _can_be_given(self, name: str, node: RequestFieldNode, kind: Type, place: Place, path: str) -> None:
+        """Refuse a field that no start can fill: a mission with it could never begin."""
+        carried = CARRIED.get(name)
+        if carried is None and node.default is None:
+            problem = f"no start carries {name!r} ({' and '.join(CARRIED)} are all), so it needs a default"
+            self._findings.add(place, "missing-key", path, problem, "write 'default: ...'")
+        elif carried is not None and kind.kind != carried:
+            article = "a list" if carried == "list" else "a whole number"
+            problem = f"a start carries {name!r} as {article}, this is {describe(kind)}"
+            self._findings.add(node.at("type"), "wrong-type", path, problem, "choose another name")
 
 
 def input_type(found: Input) -> Type:

@@ -130,7 +130,8 @@ def _by_name(description: str, alias: str | None = None) -> Any:
     return Field(default_factory=dict, alias=alias, description=description)
 
 
-def _wrong_shape(text: str) -> PydanticCustomError:
+def wrong_shape(text: str) -> PydanticCustomError:
+    """Return what a model raises when a mapping is no mapping of its own; `text` is problem and hint."""
     return PydanticCustomError("wrong-shape", "{text}", {"text": text})
 
 
@@ -161,11 +162,11 @@ class ActionNode(Node):
         if isinstance(data, str):
             return {"name": data}
         if not isinstance(data, Map) or len(data) != 1:
-            raise _wrong_shape("expected an action: a name, or a mapping of one name to its arguments")
+            raise wrong_shape("expected an action: a name, or a mapping of one name to its arguments")
         ((name, arguments),) = data.items()
         data.model = None
         if arguments is not None and not isinstance(arguments, Map):
-            raise _wrong_shape(f"expected the arguments of {name} as a mapping, got {show(arguments)}")
+            raise wrong_shape(f"expected the arguments of {name} as a mapping, got {show(arguments)}")
         return {"name": name, "arguments": arguments}
 
 
@@ -202,7 +203,7 @@ class TransitionNode(Node):
             return {"target": data}
         if not isinstance(data, Map):
             wanted = "expected a state to go to, or a mapping such as {target: STATE, do: ACTION}"
-            raise _wrong_shape(f"{wanted}, got {show(data)}; name the state")
+            raise wrong_shape(f"{wanted}, got {show(data)}; name the state")
         return data
 
 
@@ -222,7 +223,7 @@ class LimitNode(Node):
     @classmethod
     def _long_form(cls, data: Any) -> Any:
         if not isinstance(data, Map):
-            raise _wrong_shape(f"expected {{after: DURATION, code: CODE}} or never, got {show(data)}")
+            raise wrong_shape(f"expected {{after: DURATION, code: CODE}} or never, got {show(data)}")
         return data
 
     after: Written = Field(description="longest time for one attempt, a duration")
@@ -255,7 +256,7 @@ class InvokeNode(Node):
     @classmethod
     def _long_form(cls, data: Any) -> Any:
         if isinstance(data, str):
-            raise _wrong_shape(f"expected a mapping, got {show(data)}; write {{do: {data}, timeout: ...}}")
+            raise wrong_shape(f"expected a mapping, got {show(data)}; write {{do: {data}, timeout: ...}}")
         return data
 
     do: str = Field(description="operation, as PLUGIN.OPERATION")
@@ -288,7 +289,7 @@ class ElementEndNode(Node):
     @classmethod
     def _long_form(cls, data: Any) -> Any:
         if not isinstance(data, Map):
-            raise _wrong_shape(f"expected {{do: [ACTION, ...]}}, got {show(data)}; {_ENDS_HERE}")
+            raise wrong_shape(f"expected {{do: [ACTION, ...]}}, got {show(data)}; {_ENDS_HERE}")
         return data
 
 
@@ -319,7 +320,7 @@ class BudgetNode(Node):
     def _long_form(cls, data: Any) -> Any:
         if not isinstance(data, Map):
             wanted = "{after: DURATION, code: CODE, target: STATE}"
-            raise _wrong_shape(f"expected {wanted}, got {show(data)}")
+            raise wrong_shape(f"expected {wanted}, got {show(data)}")
         return data
 
 
@@ -354,9 +355,7 @@ class StateNode(Node):
     entry: Actions = _many("actions on entering")
     exit: Actions = _many("actions on leaving")
     invoke: InvokeNode | None = Field(None, description="operation that lives as long as this state")
-    on_done: Transitions = Field(
-        [], description="when the operation has succeeded, or a final child is reached"
-    )
+    on_done: Transitions = _many("when the operation has succeeded, or a final child is reached")
     on_error: Transitions = _many("when the operation has failed for good")
     on: dict[str, Transitions] = _by_name("by event: what it does")
     always: Transitions = _many("without an event: taken as soon as the guard is true")
@@ -468,7 +467,7 @@ class InvariantNode(Node):
     @classmethod
     def _long_form(cls, data: Any) -> Any:
         if data is None or isinstance(data, list):
-            raise _wrong_shape(f"expected a condition, got {show(data)}; write 'NAME: CONDITION'")
+            raise wrong_shape(f"expected a condition, got {show(data)}; write 'NAME: CONDITION'")
         return data if isinstance(data, Map) else {"that": data}
 
 
@@ -666,12 +665,10 @@ def keys_of(model: type[Node]) -> tuple[str, ...]:
 
 _SHAPES: Mapping[str, str] = {
     "model_type": "a mapping",
-    "model_attributes_type": "a mapping",
     "dict_type": "a mapping",
     "list_type": "a list",
     "string_type": "text",
     "bool_type": "true or false",
-    "int_type": "a whole number",
 }
 
 
@@ -734,4 +731,5 @@ __all__ = [
     "read_document",
     "show",
     "validate",
+    "wrong_shape",
 ]

@@ -25,6 +25,7 @@ import re
 import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cache
 from typing import Any, NamedTuple
 
 from lupin_engine.chart import quantities as q
@@ -190,7 +191,8 @@ def compile_expression(
         checked = _Checked(typed.type, _later(typed), parts)
         if not checker.warned:
             scope._compiled[key] = checked
-    place = fragment.text.at(fragment.offset + _indent(fragment.source))
+    indent = 0 if source is fragment.source else _indent(fragment.source)
+    place = fragment.text.at(fragment.offset + indent)
     return Expression(source, place, checked.type, checked.evaluate, checked.parts)
 
 
@@ -243,6 +245,7 @@ def _to_function(code: str) -> Callable[[Environment], Any]:
     return function
 
 
+@cache
 def _environment(key: str) -> str:
     return f"env[{key!r}]"
 
@@ -388,6 +391,8 @@ class _Checker:
         return len(self._source.encode()[:octets].decode(errors="ignore"))
 
     def _text_of(self, node: ast.expr) -> str:
+        if self._source.isascii():
+            return self._source[node.col_offset : node.end_col_offset]
         return self._source[self._offset(node) : self._characters(node.end_col_offset or 0)]
 
     def _mismatch(self, node: ast.expr, wanted: Type, got: Type) -> None:
@@ -576,9 +581,10 @@ class _Checker:
         if sign is None:
             return self._refuse(node, type(node.op).__name__)
         left, right = self._pair(node.left, node.right)
-        wrong = [(n, t) for n, t in ((node.left, left.type), (node.right, right.type)) if not q.is_number(t)]
-        if wrong:
-            return left if self._failed and wrong[0][1].kind == "any" else self._no_number(*wrong[0])
+        for operand, typed in ((node.left, left), (node.right, right)):
+            if not q.is_number(typed.type):
+                told = self._failed and typed.type.kind == "any"
+                return left if told else self._no_number(operand, typed.type)
         kind = q.arithmetic(sign, left.type, right.type)
         if kind is None:
             problem = f"cannot compute {q.describe(left.type)} {sign} {q.describe(right.type)}"
@@ -590,7 +596,9 @@ class _Checker:
     def _pair(self, left: ast.expr, right: ast.expr) -> tuple[Typed, Typed]:
         """Check two operands that meet; a text that is a quantity becomes a number beside one with a unit."""
         first, second = self._visit(left), self._visit(right)
-        return _as_quantity(first, second.type), _as_quantity(second, first.type)
+        if "text" in (first.type.kind, second.type.kind):
+            return _as_quantity(first, second.type), _as_quantity(second, first.type)
+        return first, second
 
     def _compare(self, node: ast.Compare) -> Typed:
         left = node.left

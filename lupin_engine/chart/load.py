@@ -49,6 +49,9 @@ PARTS = "parts"
 MAX_DOCUMENTS = 64
 MAX_CHARTS = 32
 
+#: After so many new objects, some ten charts of a thousand states, garbage is looked for among them.
+MAX_UNSEEN = 1_000_000
+
 #: After so many findings nobody reads on, and each costs time: names are compared with all that are allowed.
 MAX_FINDINGS = 1000
 
@@ -125,19 +128,44 @@ def forget() -> None:
     bound_catalogs.forget()
 
 
-@contextlib.contextmanager
-def _without_collector() -> Iterator[None]:
-    """Keep Python from looking for garbage meanwhile: loading makes much that stays, and nothing in circles.
+class _Collector:
+    """Keeps Python from looking for garbage among what was just loaded: nearly all of it stays.
 
-    For a thousand states its looks take as long as a third of the loading.
+    For a thousand states its looks would take as long as a third of the loading, most of it soon afterwards.
     """
-    collects = gc.isenabled()
-    gc.disable()
-    try:
-        yield
-    finally:
-        if collects:
-            gc.enable()
+
+    def __init__(self) -> None:
+        self._unseen = 0
+
+    @contextlib.contextmanager
+    def paused(self) -> Iterator[None]:
+        """Look for no garbage meanwhile, nor afterwards at all that was made."""
+        collects = gc.isenabled()
+        gc.disable()
+        try:
+            yield
+        finally:
+            if collects:
+                self._let_age()
+                gc.enable()
+
+    def _let_age(self) -> None:
+        """Let everything count as old, which is rarely looked at.
+
+        Python does not count what comes there this way, so now and then all is looked through.
+        """
+        if gc.get_freeze_count() > 0:
+            return  # somebody keeps things frozen, and they would be thawed with ours
+        self._unseen += gc.get_count()[0]
+        if self._unseen > MAX_UNSEEN:
+            self._unseen = 0
+            gc.collect()
+        else:
+            gc.freeze()
+            gc.unfreeze()
+
+
+_collector = _Collector()
 
 
 def load_chart(lifecycle: Path, missions: Sequence[Path], catalog: Catalog) -> Chart:
@@ -161,7 +189,7 @@ def check_chart(
     return (None if wrong or inspection.composed is None else inspection.composed.chart), inspection.found
 
 
-@_without_collector()
+@_collector.paused()
 def inspect_chart(
     lifecycle: Path, missions: Sequence[Path], catalog: Catalog, texts: Mapping[Path, bytes] = SAVED
 ) -> Inspection:

@@ -34,6 +34,8 @@ else:
 
 #: What an operator may ask for at any time, as `operator.NAME`; the other request is `mission.start`.
 OPERATOR_REQUESTS = ("abort", "dock", "pause", "reset", "resume", "skip_current")
+#: What a start can carry for the mission, with the kind of its type; other fields of a request have defaults.
+CARRIED: Mapping[str, str] = {"tag_sequence": "list", "discovery_goal": "integer"}
 REQUESTS = ("mission.start", *(f"operator.{name}" for name in OPERATOR_REQUESTS))
 
 #: What an expression sees: the records param, request, input, event, error, target and itinerary; `item`

@@ -507,14 +507,13 @@ class _Builder:
         return key
 
     def _check_key(self, event: Any, start: Mark) -> None:
-        """Look at a key that is not just a word."""
+        """Look at a key that is not just a word: with an anchor it may be, and is remembered by it."""
         if type(event) is not ScalarEvent:
             self._refuse(start, "wrong-yaml", "a key must be a plain word")
         self._check_count(start)
         if event.tag is not None:
             self._refuse(start, "wrong-yaml", f"the tag {event.tag!r} is not allowed", "write the plain key")
-        if event.anchor is not None:
-            self._anchors[event.anchor] = (self._text_of(event, start), 1)
+        self._anchors[event.anchor or ""] = (self._text_of(event, start), 1)
 
     def _scalar(self, event: Any, start: Mark) -> Any:
         value: str = event.value

@@ -43,6 +43,9 @@ VERBS: Mapping[str, str] = MappingProxyType(
 #: Else pydantic looks through every installed package for plugins of its own.
 os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
 
+#: How often the collector of garbage looks: Python's own figure, times 15.
+COLLECTOR = (10_000, 10, 10)
+
 DEFECT = 70
 INTERRUPTED = 130
 READER_GONE = 141
@@ -78,7 +81,10 @@ class Verbs(click.Group):
 
 
 def _imported(name: str) -> ModuleType:
-    """Import a module; nothing is collected meanwhile, a tenth of a cold start: what modules make stays."""
+    """Import a module; nothing is collected meanwhile, a tenth of a cold start: what modules make stays.
+
+    Nor is it worth much afterwards: most verbs are done before there is garbage to speak of.
+    """
     if name in sys.modules:
         return sys.modules[name]
     gc.disable()
@@ -86,6 +92,7 @@ def _imported(name: str) -> ModuleType:
         return importlib.import_module(name)
     finally:
         gc.freeze()
+        gc.set_threshold(*COLLECTOR)
         gc.enable()
 
 

@@ -15,7 +15,9 @@ import click
     "--write", "folder", type=click.Path(file_okay=False, path_type=Path), help="Write all of them there."
 )
 def schema(**given: Any) -> int:
-    """Print the JSON Schema of a KIND of file: lifecycle, mission, part, scenario, or lupin for all of them.
+    """Print the JSON Schema of a KIND of file.
+
+    KIND is lifecycle, mission, part, binding, scenario, or lupin for all of them.
 
     Editors complete and check YAML with it. With --catalog it lists the operations, actions, events and live
     values of the plugins that are installed here.

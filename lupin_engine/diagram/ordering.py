@@ -68,24 +68,33 @@ class _Order:
         grid.layers[layer] = sorted(order, key=lambda n: not grid.slots[n].heading)
 
     def _swap(self) -> None:
-        """Swap neighbours wherever that saves crossings."""
+        """Swap neighbours wherever that saves crossings, which can only be those of their own lines."""
         for layer, row in enumerate(self._grid.layers):
             if self._fixed(layer):
                 continue
+            lines = self._lines(layer)
             for i in range(len(row) - 1):
-                if self._grid.slots[row[i]].heading:
+                left, right = row[i], row[i + 1]
+                if self._grid.slots[left].heading:
                     continue
-                before = self._around(layer)
-                row[i], row[i + 1] = row[i + 1], row[i]
-                if self._around(layer) >= before:
-                    row[i], row[i + 1] = row[i + 1], row[i]
+                if _crossing(lines[right], lines[left]) < _crossing(lines[left], lines[right]):
+                    row[i], row[i + 1] = right, left
+
+    def _lines(self, layer: int) -> dict[int, _Lines]:
+        """Return the lines of each slot, upwards and downwards: its share, and the place of the other end."""
+        grid = self._grid
+        found: dict[int, _Lines] = {n: ([], []) for n in grid.layers[layer]}
+        for down in (False, True):
+            if layer == (grid.last if down else 0):
+                continue
+            place = {n: i for i, n in enumerate(grid.layers[layer + 1 if down else layer - 1])}
+            for piece in grid.below[layer if down else layer - 1]:
+                mine, other = piece.ends[not down], piece.ends[down]
+                found[mine][down].append((piece.shares[not down], place[other] + piece.shares[down]))
+        return found
 
     def _crossings(self) -> int:
         return sum(self._crossings_below(layer) for layer in range(self._grid.last))
-
-    def _around(self, layer: int) -> int:
-        above = self._crossings_below(layer - 1) if layer else 0
-        return above + (self._crossings_below(layer) if layer < self._grid.last else 0)
 
     def _crossings_below(self, layer: int) -> int:
         upper = {n: i for i, n in enumerate(self._grid.layers[layer])}
@@ -97,3 +106,17 @@ class _Order:
         return sum(
             (a < c and b > d) or (a > c and b < d) for i, (a, b) in enumerate(ends) for c, d in ends[i + 1 :]
         )
+
+
+#: The lines of a slot upwards, and those downwards: share of the slot, and place of the other end.
+_Lines = tuple[list[tuple[float, float]], list[tuple[float, float]]]
+
+
+def _crossing(left: _Lines, right: _Lines) -> int:
+    """Return how often lines of two neighbours cross, the one standing left of the other."""
+    return sum(
+        (a < c + 1 and b > d) or (a > c + 1 and b < d)
+        for mine, others in zip(left, right, strict=True)
+        for a, b in mine
+        for c, d in others
+    )

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator, Mapping
-from xml.sax.saxutils import escape, quoteattr
 
 from lupin_engine.chart.model import (
     ActionCall,
@@ -24,6 +23,7 @@ from lupin_engine.chart.model import (
     UnknownInput,
     Value,
 )
+from lupin_engine.diagram.markup import escape, quoted
 from lupin_engine.diagram.outline import find_state
 from lupin_engine.diagram.picture import Box, Picture, Role
 from lupin_engine.errors import UsageError
@@ -200,7 +200,7 @@ def _attributes(**given: str | None) -> str:
 
 
 def _all_attributes(given: Mapping[str, str | None]) -> str:
-    return "".join(f" {name}={quoteattr(value)}" for name, value in given.items() if value)
+    return "".join(f" {name}={quoted(value)}" for name, value in given.items() if value)
 
 
 def _element(

@@ -7,7 +7,7 @@ layers of a picture their ranks and the boxes in the layers their places.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 #: Exchanges after which a result is good enough; pictures of missions need some dozens.
@@ -35,13 +35,18 @@ def solve(count: int, ropes: Iterable[Rope]) -> list[int]:
 class _Network:
     def __init__(self, count: int, ropes: list[Rope]) -> None:
         self._ropes = [*ropes, *self._ties(count, ropes)]
-        self._at: list[list[int]] = [[] for _ in range(count)]
+        # What is asked for again and again, in lists: a picture asks a million times.
+        self._tails = [rope.tail for rope in self._ropes]
+        self._heads = [rope.head for rope in self._ropes]
+        self._lengths = [rope.length for rope in self._ropes]
+        #: The ropes at each thing, each with the thing at its other end.
+        self._at: list[list[tuple[int, int]]] = [[] for _ in range(count)]
         for index, rope in enumerate(self._ropes):
-            self._at[rope.tail].append(index)
-            self._at[rope.head].append(index)
+            self._at[rope.tail].append((index, rope.head))
+            self._at[rope.head].append((index, rope.tail))
         self._rank = self._first(count)
         self._in_tree = [False] * len(self._ropes)
-        #: The tree hangs from thing 0: each one's rope towards it, and the span of numbers below it.
+        #: The tree hangs from thing 0: each one's rope towards it, its number, and the last number below it.
         self._up = [-1] * count
         self._low = [0] * count
         self._high = [0] * count
@@ -74,13 +79,12 @@ class _Network:
         rank = [0] * count
         while ready:
             thing = ready.popleft()
-            for index in self._at[thing]:
-                rope = self._ropes[index]
-                if rope.tail == thing:
-                    rank[rope.head] = max(rank[rope.head], rank[thing] + rope.length)
-                    waits[rope.head] -= 1
-                    if not waits[rope.head]:
-                        ready.append(rope.head)
+            for index, head in self._at[thing]:
+                if self._tails[index] == thing:
+                    rank[head] = max(rank[head], rank[thing] + self._lengths[index])
+                    waits[head] -= 1
+                    if not waits[head]:
+                        ready.append(head)
         return rank
 
     def solve(self) -> list[int]:
@@ -97,34 +101,31 @@ class _Network:
         return [rank - least for rank in self._rank]
 
     def _slack(self, index: int) -> int:
-        rope = self._ropes[index]
-        return self._rank[rope.head] - self._rank[rope.tail] - rope.length
+        return self._rank[self._heads[index]] - self._rank[self._tails[index]] - self._lengths[index]
 
     # -- a first tree of tight ropes --------------------------------------------------------------------
 
     def _grow_tree(self) -> None:
         inside = [False] * len(self._rank)
         reached = self._reach(0, inside)
+        outside: Sequence[int] = range(len(self._ropes))
         while len(reached) < len(self._rank):
-            index = min(
-                (i for i, rope in enumerate(self._ropes) if inside[rope.tail] != inside[rope.head]),
-                key=lambda i: (self._slack(i), i),
-            )
-            shift = self._slack(index) if inside[self._ropes[index].tail] else -self._slack(index)
+            outside = [i for i in outside if not (inside[self._tails[i]] and inside[self._heads[i]])]
+            leading_out = (i for i in outside if inside[self._tails[i]] or inside[self._heads[i]])
+            index = min(leading_out, key=self._slack)
+            tail, head = self._tails[index], self._heads[index]
+            shift = self._slack(index) if inside[tail] else -self._slack(index)
             for thing in reached:
                 self._rank[thing] += shift
-            rope = self._ropes[index]
             self._in_tree[index] = True
-            reached += self._reach(rope.head if inside[rope.tail] else rope.tail, inside)
+            reached += self._reach(head if inside[tail] else tail, inside)
 
     def _reach(self, first: int, inside: list[bool]) -> list[int]:
         """Take what tight ropes lead to into the tree."""
         inside[first] = True
         reached = [first]
         for thing in reached:
-            for index in self._at[thing]:
-                rope = self._ropes[index]
-                other = rope.head if rope.tail == thing else rope.tail
+            for index, other in self._at[thing]:
                 if not inside[other] and not self._slack(index):
                     inside[other] = self._in_tree[index] = True
                     reached.append(other)
@@ -132,37 +133,39 @@ class _Network:
 
     def _hang(self) -> None:
         """Number the tree from thing 0, and work out what cutting each of its ropes would save."""
-        order: list[int] = []
-        self._number(0, -1, 1, order)
-        for thing in order:
+        for thing in reversed(self._number(0, -1, 0)):
             if self._up[thing] >= 0:
                 self._cut[self._up[thing]] = self._cut_value(thing)
 
-    def _number(self, root: int, up: int, low: int, order: list[int]) -> None:
-        """Number a branch, those below before those above, from `low` on."""
-        self._up[root], self._low[root] = up, low
-        number = low
-        stack = [(root, iter(self._at[root]))]
-        while stack:
-            thing, ropes = stack[-1]
-            for index in ropes:
-                if self._in_tree[index] and index != self._up[thing]:
-                    rope = self._ropes[index]
-                    other = rope.head if rope.tail == thing else rope.tail
-                    self._up[other], self._low[other] = index, number
-                    stack.append((other, iter(self._at[other])))
-                    break
-            else:
-                stack.pop()
-                self._high[thing] = number
-                number += 1
-                order.append(thing)
+    def _number(self, root: int, up: int, low: int) -> list[int]:
+        """Number a branch, those above before those below, from `low` on; return it in that order."""
+        self._up[root] = up
+        order: list[int] = []
+        waiting = [root]
+        while waiting:
+            thing = waiting.pop()
+            self._low[thing] = self._high[thing] = low + len(order)
+            order.append(thing)
+            above = self._up[thing]
+            for index, other in self._at[thing]:
+                if self._in_tree[index] and index != above:
+                    self._up[other] = index
+                    waiting.append(other)
+        for thing in reversed(order[1:]):
+            over = self._over(thing)
+            self._high[over] = max(self._high[over], self._high[thing])
+        return order
+
+    def _over(self, thing: int) -> int:
+        """Return what a thing of the tree hangs from."""
+        index = self._up[thing]
+        return self._heads[index] if self._tails[index] == thing else self._tails[index]
 
     def _cut_value(self, thing: int) -> int:
         """Return what lengthening the rope above a thing would cost; all below it are worked out."""
         above = self._ropes[self._up[thing]]
         total = above.weight
-        for index in self._at[thing]:
+        for index, _ in self._at[thing]:
             if index == self._up[thing]:
                 continue
             rope = self._ropes[index]
@@ -185,29 +188,28 @@ class _Network:
         return None
 
     def _below(self, thing: int, root: int) -> bool:
-        return self._low[root] <= self._high[thing] <= self._high[root]
+        return self._low[root] <= self._low[thing] <= self._high[root]
 
     def _entering(self, leaving: int) -> int:
         """Return the tightest rope that joins the two halves the other way round."""
-        rope = self._ropes[leaving]
-        root = rope.tail if self._up[rope.tail] == leaving else rope.head
-        outward = root == rope.tail
-        best, least = -1, 0
-        for index, other in enumerate(self._ropes):
-            if self._in_tree[index]:
-                continue
-            tail, head = self._below(other.tail, root), self._below(other.head, root)
-            if tail != head and head == outward:
-                slack = self._slack(index)
-                if best < 0 or slack < least:
-                    best, least = index, slack
-        assert best >= 0, "a rope that is better longer, and may be as long as it likes"
-        return best
+        tail = self._tails[leaving]
+        root = tail if self._up[tail] == leaving else self._heads[leaving]
+        outward = root == tail
+        low, high = self._low[root], self._high[root]
+        below = [low <= number <= high for number in self._low]
+        ends = zip(self._tails, self._heads, self._in_tree, strict=True)
+        joining = (
+            index
+            for index, (tail, head, in_tree) in enumerate(ends)
+            if below[head] is outward and below[tail] is not outward and not in_tree
+        )
+        # There is one: a rope that is better longer, and could be as long as it likes, would cost nothing.
+        return min(joining, key=self._slack)
 
     def _exchange(self, leaving: int, entering: int) -> None:
-        rope, slack = self._ropes[leaving], self._slack(entering)
-        root = rope.tail if self._up[rope.tail] == leaving else rope.head
-        tail, head = self._ropes[entering].tail, self._ropes[entering].head
+        slack, tail = self._slack(entering), self._tails[leaving]
+        root = tail if self._up[tail] == leaving else self._heads[leaving]
+        tail, head = self._tails[entering], self._heads[entering]
         shift = -slack if self._below(head, root) else slack
         if shift:
             for thing in range(len(self._rank)):
@@ -218,13 +220,12 @@ class _Network:
         self._climb(head, tail, -saved)
         self._cut[leaving], self._cut[entering] = 0, -saved
         self._in_tree[leaving], self._in_tree[entering] = False, True
-        self._number(meeting, self._up[meeting], self._low[meeting], [])
+        self._number(meeting, self._up[meeting], self._low[meeting])
 
     def _climb(self, thing: int, other: int, saved: int) -> int:
         """Correct the cuts from a thing up to what it has above it in common with another; return that."""
         while not self._below(other, thing):
             index = self._up[thing]
-            rope = self._ropes[index]
-            self._cut[index] += saved if rope.tail == thing else -saved
-            thing = rope.head if rope.tail == thing else rope.tail
+            self._cut[index] += saved if self._tails[index] == thing else -saved
+            thing = self._over(thing)
         return thing

@@ -9,11 +9,11 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from xml.sax.saxutils import escape, quoteattr
 
 from lupin_engine.chart.model import Kind
 from lupin_engine.diagram.layout import Block, Layout, Link, Rect, lay_out
 from lupin_engine.diagram.level import Point
+from lupin_engine.diagram.markup import escape, quoted
 from lupin_engine.diagram.metrics import text_width
 from lupin_engine.diagram.picture import Arrow, Box, Cause, Line, Picture, Role, Tone, times
 
@@ -232,7 +232,7 @@ class _Drawing:
 
     def _box(self, box: Box, level: int, region: bool = False) -> Iterator[str]:
         opacity = {Tone.PALE: ' opacity="0.5"', Tone.NEVER: ' opacity="0.5"'}.get(box.tone, "")
-        yield f"<g data-state={quoteattr(box.name)}>"
+        yield f"<g data-state={quoted(box.name)}>"
         yield f"<g{opacity}>" if opacity else "<g>"
         rect = self.layout.rects[box.name]
         if box.kind is Kind.HISTORY:
@@ -326,7 +326,7 @@ class _Drawing:
             return
         arrow = next(a for a in self._picture.arrows if a.source == a.target == box.name)
         right, y = rect.x + rect.width, rect.y + rect.height // 2
-        yield f"<g data-transition={quoteattr(_ids(arrow))}{_faint(arrow)}>"
+        yield f"<g data-transition={quoted(_ids(arrow))}{_faint(arrow)}>"
         corners = [(right, y - 8), (right + 15, y - 8), (right + 15, y + 8), (right, y + 8)]
         yield from _line(corners, _colour(arrow), _weight(arrow))
         for number, text in enumerate(texts):
@@ -335,7 +335,7 @@ class _Drawing:
 
     def _arrow(self, index: int) -> Iterator[str]:
         arrow = self._arrows[index]
-        yield f"<g data-transition={quoteattr(_ids(arrow))}{_faint(arrow)}>"
+        yield f"<g data-transition={quoted(_ids(arrow))}{_faint(arrow)}>"
         yield from _line(self.layout.lines[index], _colour(arrow), _weight(arrow))
         place = self.layout.labels[index]
         if place is not None:

@@ -14,9 +14,7 @@ from pathlib import Path
 from lupin_engine.chart.actions import BUILTIN_ACTIONS, STATUSES
 from lupin_engine.chart.declare import REQUESTS, level_events
 from lupin_engine.chart.documents import (
-    KINDS,
     ActionNode,
-    FileNode,
     InvokeNode,
     Node,
     PartNode,
@@ -27,7 +25,7 @@ from lupin_engine.chart.expressions import BUILTIN_CALLS, Scope
 from lupin_engine.chart.load import PARTS
 from lupin_engine.editor import docs
 from lupin_engine.editor.folder import Folder
-from lupin_engine.editor.grammar import Meaning, Shape, Spot, fields_of, shapes_of, spot_at
+from lupin_engine.editor.grammar import FILES, Meaning, Shape, Spot, fields_of, shapes_of, spot_at
 from lupin_engine.editor.mentions import Piece, expression_in, owner_of, pieces, value_meaning
 from lupin_engine.editor.model import Model, states_of, type_of
 from lupin_engine.editor.scan import Cursor, Role, Scan, Steps
@@ -96,7 +94,7 @@ def _offers(cursor: Cursor, found: Iterable[Offer]) -> Offers:
 
 
 def _heads(scan: Scan) -> Iterator[Offer]:
-    for word, model in KINDS.items():
+    for word, model in FILES.items():
         if scan.key_token((word,)) is None:
             doc = " ".join((model.__doc__ or "").split())
             yield Offer(word, Sort.KEY, doc, docs.key(word, fields_of(model)[word]), f"{word}: ")
@@ -106,7 +104,7 @@ class _Completion:
     """One question, with what the answers look at."""
 
     def __init__(
-        self, folder: Folder, path: Path, scan: Scan, root: type[FileNode], cursor: Cursor, offset: int
+        self, folder: Folder, path: Path, scan: Scan, root: type[Node], cursor: Cursor, offset: int
     ) -> None:
         self._folder = folder
         self._path = path

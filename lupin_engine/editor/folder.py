@@ -10,7 +10,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
-from lupin_engine.chart.documents import FileNode, LifecycleNode, MissionNode, PartNode
+from lupin_engine.chart.binding_file import BindingNode
+from lupin_engine.chart.bound_catalog import BINDINGS, binding_files
+from lupin_engine.chart.documents import LifecycleNode, MissionNode, Node, PartNode
 from lupin_engine.chart.load import LIFECYCLE, PARTS, Inspection, inspect_chart, mission_files
 from lupin_engine.editor.grammar import kind_of
 from lupin_engine.editor.model import Model
@@ -22,11 +24,14 @@ Found = tuple[Diagnostic, ...]
 
 
 class Folder:
-    """A folder with a lifecycle, missions, and parts in `parts/`."""
+    """A folder with a lifecycle, missions, parts in `parts/` and bindings in `bindings/`.
+
+    `catalog` is what its missions can use, as it could be read last.
+    """
 
     def __init__(self, path: Path, catalog: Catalog) -> None:
         self.path = path
-        self.catalog = catalog
+        self.catalog = self._installed = catalog
         self.model: Model | None = None
         self._open: dict[Path, str] = {}
         self._readable: dict[Path, bytes] = {}
@@ -76,7 +81,7 @@ class Folder:
         """Return what stands where in a file."""
         return scan(self.text(path))
 
-    def kind(self, path: Path) -> type[FileNode] | None:
+    def kind(self, path: Path) -> type[Node] | None:
         """Return what a file is: by what it says, else by where it stands; None when it is none of ours."""
         if path.suffixes != [".yaml"] or self.scan(path).key_token(("scenario",)) is not None:
             return None  # a scenario names its mission, too
@@ -85,6 +90,8 @@ class Folder:
             return said
         if path == self.lifecycle:
             return LifecycleNode
+        if path.parent == self.path / BINDINGS:
+            return BindingNode
         if not self.lifecycle.is_file():
             return None
         return PartNode if path.parent != self.path else MissionNode
@@ -96,9 +103,10 @@ class Folder:
         return sorted(path for path in ours if path not in self._open or self.kind(path) is MissionNode)
 
     def files(self) -> list[Path]:
-        """Return all files: lifecycle, missions, parts."""
+        """Return all files: lifecycle, missions, parts, bindings."""
         parts = {*(self.path / PARTS).glob("*.yaml"), *(p for p in self._open if p.parent.name == PARTS)}
-        return [self.lifecycle, *self.missions(), *sorted(parts)]
+        bindings = {*binding_files(self.path), *(p for p in self._open if p.parent.name == BINDINGS)}
+        return [self.lifecycle, *self.missions(), *sorted(parts), *sorted(bindings)]
 
     # -- checking ------------------------------------------------------------------------------------------
 
@@ -110,7 +118,7 @@ class Folder:
         current = self.text(path).encode()
         missions = [path] if kind is MissionNode else self.missions()
         inspection = self._inspect(missions, {**self._texts(), path: current})
-        if path in inspection.documents:
+        if path in inspection.documents or (kind is BindingNode and inspection.bound is not None):
             self._readable[path] = current
         return tuple(d for d in inspection.found if d.place.file == str(path))
 
@@ -130,6 +138,8 @@ class Folder:
         first = self._inspect(missions, texts)
         readable = [path for path in missions if path in first.documents]
         inspection = first if readable == missions else self._inspect(readable, texts)
+        if inspection.bound is not None:
+            self.catalog = inspection.bound.catalog
         if inspection.composed is not None:
             self.model = Model(inspection, inspection.composed, self.catalog)
         self._changed = False
@@ -148,7 +158,7 @@ class Folder:
         return {path: self._readable.get(path, text.encode()) for path, text in self._open.items()}
 
     def _inspect(self, missions: Iterable[Path], texts: Mapping[Path, bytes]) -> Inspection:
-        return inspect_chart(self.lifecycle, list(missions), self.catalog, texts)
+        return inspect_chart(self.lifecycle, list(missions), self._installed, texts)
 
 
 def _by_file(found: Iterable[Diagnostic]) -> dict[Path, Found]:
@@ -160,4 +170,4 @@ def _by_file(found: Iterable[Diagnostic]) -> dict[Path, Found]:
 
 def folder_of(path: Path) -> Path:
     """Return the folder of the missions that a file belongs to."""
-    return path.parent.parent if path.parent.name == PARTS else path.parent
+    return path.parent.parent if path.parent.name in (PARTS, BINDINGS) else path.parent

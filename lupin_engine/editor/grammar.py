@@ -16,6 +16,8 @@ from typing import Any
 
 from pydantic.fields import FieldInfo
 
+from lupin_engine.chart import binding_file
+from lupin_engine.chart.binding_file import ArgumentNode, BindingNode, BoundOperationNode, ResultNode
 from lupin_engine.chart.documents import (
     KINDS,
     ActionNode,
@@ -79,6 +81,9 @@ class Meaning(enum.Enum):
     ANYWHERE = "anywhere"  #: a state, by the end of its full name: in_state
 
 
+#: What a file is, by the key that says so.
+FILES: Mapping[str, type[Node]] = {**KINDS, binding_file.KIND: BindingNode}
+
 #: What the value of a key stands for, or each element of its list. What is not here is data or free text.
 MEANINGS: Mapping[tuple[type[Node], str], Meaning] = {
     (TransitionNode, "target"): Meaning.STATE,
@@ -123,6 +128,10 @@ MEANINGS: Mapping[tuple[type[Node], str], Meaning] = {
     (MissionNode, "mission"): Meaning.FILE,
     (PartNode, "part"): Meaning.PART,
     (ActionNode, "name"): Meaning.ACTION,
+    (BindingNode, "binding"): Meaning.FILE,
+    (ArgumentNode, "type"): Meaning.TYPE,
+    (ResultNode, "type"): Meaning.TYPE,
+    (BoundOperationNode, "code"): Meaning.CODE,
 }
 #: What the keys stand for in a mapping of names.
 NAMES: Mapping[str, Meaning] = {
@@ -250,10 +259,10 @@ def _joined(shapes: Sequence[Shape]) -> Shape:
     return found
 
 
-def kind_of(found: Scan) -> type[FileNode] | None:
+def kind_of(found: Scan) -> type[Node] | None:
     """Return what a file is, by the key that says so."""
     words = {token.text for token in found.keys(())}
-    return next((model for word, model in KINDS.items() if word in words), None)
+    return next((model for word, model in FILES.items() if word in words), None)
 
 
 def spot_at(root: type[Node], path: Steps) -> Spot | None:
@@ -285,6 +294,7 @@ def _below(spot: Spot, step: str | int, mapping: Steps) -> Spot | None:
 
 __all__ = [
     "DECLARING",
+    "FILES",
     "MEANINGS",
     "NAMES",
     "SHORT",

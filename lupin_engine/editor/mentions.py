@@ -9,7 +9,7 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from lupin_engine.chart.documents import ActionNode, FileNode, InvokeNode, Node, StateNode
+from lupin_engine.chart.documents import ActionNode, InvokeNode, Node, StateNode
 from lupin_engine.chart.expressions import BUILTIN_CALLS, ROOTS, WORDS
 from lupin_engine.editor.grammar import DECLARING, Meaning, Spot, spot_at
 from lupin_engine.editor.scan import Role, Scan, Steps, Token
@@ -85,13 +85,13 @@ def pieces(expression: str, offset: int = 0) -> list[Piece]:
     return found
 
 
-def mentions_in(scan: Scan, root: type[FileNode]) -> Iterator[Mention]:
+def mentions_in(scan: Scan, root: type[Node]) -> Iterator[Mention]:
     """Yield everything that a file mentions."""
     for token in scan.tokens:
         yield from mentions_of(scan, root, token)
 
 
-def mention_at(scan: Scan, root: type[FileNode], offset: int) -> Mention | None:
+def mention_at(scan: Scan, root: type[Node], offset: int) -> Mention | None:
     """Return the innermost name that an offset lies in, or right behind."""
     token = scan.token_at(offset)
     found = list(mentions_of(scan, root, token)) if token else []
@@ -99,7 +99,7 @@ def mention_at(scan: Scan, root: type[FileNode], offset: int) -> Mention | None:
     return min(inside, key=lambda mention: (mention.end - mention.start, -mention.start), default=None)
 
 
-def mentions_of(scan: Scan, root: type[FileNode], token: Token) -> Iterator[Mention]:
+def mentions_of(scan: Scan, root: type[Node], token: Token) -> Iterator[Mention]:
     """Yield what a key or value mentions."""
     if token.role is Role.KEY:
         spot = spot_at(root, token.path[:-1])

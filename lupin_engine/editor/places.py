@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 
+from lupin_engine.chart.bound_catalog import binding_files
 from lupin_engine.chart.load import PARTS
 from lupin_engine.chart.model import Kind
 from lupin_engine.chart.tree import Draft
@@ -123,11 +124,29 @@ def _key(folder: Folder, file: Path, steps: Steps) -> list[Spanned]:
     return [Spanned(file, token.inner, token.inner + len(token.text))] if token else []
 
 
+def _in_binding(folder: Folder, meaning: Meaning, mention: Mention) -> list[Spanned]:
+    """Return where a binding declares what a mission uses."""
+    plugin, _, local = (mention.of if meaning is Meaning.ARGUMENT else mention.name).partition(".")
+    steps: dict[Meaning, Steps] = {
+        Meaning.OPERATION: ("operations", local),
+        Meaning.ARGUMENT: ("operations", local, "arguments", mention.name),
+        Meaning.CODE: ("codes", mention.name),
+    }
+    if meaning not in steps:
+        return []
+    files = binding_files(folder.path)
+    places = (_key(folder, f, steps[meaning]) for f in files if meaning is Meaning.CODE or f.stem == plugin)
+    return next(filter(None, places), [])
+
+
 # -- in plugins ----------------------------------------------------------------------------------------------
 
 
 def _in_plugin(folder: Folder, meaning: Meaning, mention: Mention) -> list[Spanned]:
     catalog = folder.catalog
+    bound = _in_binding(folder, meaning, mention)
+    if bound:
+        return bound
     if meaning is Meaning.CODE:
         return [place for plugin in catalog.plugins for place in _code(plugin, mention.name)][:1]
     if meaning is Meaning.ARGUMENT:

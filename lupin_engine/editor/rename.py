@@ -13,7 +13,7 @@ from pathlib import Path
 
 from lupin_engine.chart.compose import Composed
 from lupin_engine.chart.declare import NAME
-from lupin_engine.chart.documents import FileNode
+from lupin_engine.chart.documents import Node
 from lupin_engine.chart.model import Kind
 from lupin_engine.chart.rules.index import FAULT
 from lupin_engine.chart.tree import Draft
@@ -149,7 +149,7 @@ def _asked(folder: Folder, changed: Mapping[Path, str]) -> Iterator[tuple[str, s
             yield from ((whole, whole) for whole in _names(folder.scan(file), root))
 
 
-def _names(found: Scan, root: type[FileNode]) -> list[str]:
+def _names(found: Scan, root: type[Node]) -> list[str]:
     mentions = mentions_in(found, root)
     return [each.whole for each in mentions if each.meaning is Meaning.ANYWHERE and each.index == 0]
 

@@ -18,8 +18,8 @@ from pydantic import BaseModel
 
 from lupin_engine.chart.actions import BUILTIN_ACTIONS, STATUSES
 from lupin_engine.chart.declare import REQUESTS
-from lupin_engine.chart.documents import KINDS
 from lupin_engine.editor import docs
+from lupin_engine.editor.grammar import FILES
 from lupin_engine.editor.snippets import EXAMPLES, SNIPPETS, Snippet
 from lupin_engine.plugin.contract import Argument
 from lupin_engine.plugin.registry import Catalog
@@ -44,7 +44,7 @@ _SCALARS = ["string", "number", "boolean"]
 
 def kinds(further: Mapping[str, type[BaseModel]] | None = None) -> dict[str, type[BaseModel]]:
     """Return the kinds of files, by the key that says so; a scenario names its mission, so it comes first."""
-    return {**(further or {}), **KINDS}
+    return {**(further or {}), **FILES}
 
 
 def schema(
@@ -92,7 +92,7 @@ def any_kind(schemas: Mapping[str, Schema]) -> Schema:
     for kind, found in reversed(list(schemas.items())):
         definitions[kind] = {k: v for k, v in found.items() if k not in ("$schema", "definitions")}
         chosen = {"if": {"required": [kind]}, "then": {"$ref": f"#/definitions/{kind}"}, "else": chosen}
-    title = {"title": "Lupin file", "description": "A lifecycle, a mission, a part or a scenario."}
+    title = {"title": "Lupin file", "description": "A lifecycle, a mission, a part, a binding or a scenario."}
     return {"$schema": DIALECT, **title, "type": "object", **chosen, "definitions": definitions}
 
 
@@ -230,7 +230,7 @@ def _add_names(made: Schema, definitions: dict[str, Schema], catalog: Catalog) -
     if "Input" in owners:
         values = {n: docs.live_value(n, value) for n, value in catalog.values.items()}
         owners["Input"]["properties"]["value"].update(_named(values))
-    for name in ("Parameter", "Variable", "RequestField"):
+    for name in ("Parameter", "Variable", "RequestField", "Argument", "Result"):
         if name in owners:
             owners[name]["properties"]["type"].update(_types(catalog))
     if "Parameter" in owners:

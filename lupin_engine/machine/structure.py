@@ -80,7 +80,7 @@ def build_machine(chart: Chart) -> ChartMachine:
 def _add_children(chart: Chart, above: ChartState) -> None:
     """Add the states inside a state.
 
-    Not by `add_states`, which walks through the whole tree for each of them to tell models that are not there.
+    Not by `add_states`, which walks through the whole tree to tell models that are not there.
     """
     for child in _proper_children(chart, above.rule):
         inner = ChartState(child, _library_initial(chart, child))
@@ -339,7 +339,7 @@ class _Entry:
             self.back.update(self._structure.lineage(state))
 
     def _anew(self, target: State, domain: str) -> tuple[str, ...]:
-        """Return the target, or for a history state without memory what it says, else its parent begins with."""
+        """Return the target; for a history without memory what it says, else what its parent begins with."""
         if target.kind is not Kind.HISTORY:
             return (target.name,)
         if target.initial is not None:

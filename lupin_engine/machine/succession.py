@@ -1,9 +1,10 @@
 """A machine of another chart that goes on where one is idle: for missions that are loaded anew meanwhile.
 
-Idle is a machine whose configuration would let a mission start, and which has no operation under way. What is
-not about a mission goes on as it was: the states, holds, what is known of the world with its hysteresis, the
-variables, the code reported last, the counters of the last mission. What the other chart does not have any
-more is forgotten, what it has more begins as it would at the start.
+A machine is idle where a mission could start, and while nothing is under way but the engine's own operations
+(a robot that waits for its servers may get other missions). What is not about a mission goes on as it was: the
+states, holds, what is known of the world with its hysteresis, the variables, the code reported last, the
+counters of the last mission. What the other chart does not have any more is forgotten, what it has more begins
+as it would at the start.
 """
 
 from __future__ import annotations
@@ -14,9 +15,10 @@ from typing import TypeVar
 from lupin_engine.chart.model import Chart
 from lupin_engine.machine.environment import World
 from lupin_engine.machine.machine import Machine
-from lupin_engine.machine.memory import Memory, Timer
+from lupin_engine.machine.memory import Memory, Phase, Timer
 from lupin_engine.machine.plan import planner_of
 from lupin_engine.machine.snapshot import restore, snapshot
+from lupin_engine.plugin.builtin import BUILTIN
 
 _T = TypeVar("_T")
 
@@ -26,11 +28,14 @@ START = "mission.start"
 def is_idle(machine: Machine) -> bool:
     """Tell whether nothing runs that another chart would have to know of."""
     chart, memory = machine.chart, machine.memory
-    if memory.attempts or memory.invocations or any(chart.states[s].mission for s in memory.configuration):
+    if any(chart.states[name].mission for name in memory.configuration):
         return False
+    running = [a.operation for a in memory.attempts.values() if a.phase is not Phase.LOST]
+    if running:
+        return all(name.partition(".")[0] == BUILTIN for name in running)
     planner = planner_of(chart)
     offered = planner.row(memory.configuration).candidates(planner.structure, START)
-    return any(rule.target is not None for rules in offered for rule in rules)
+    return not memory.invocations and any(rule.target is not None for rules in offered for rule in rules)
 
 
 def successor(machine: Machine, world: World) -> Machine:
@@ -78,7 +83,8 @@ def _kept(found: dict[str, _T], known: Mapping[str, object]) -> dict[str, _T]:
 
 
 def _is_timer_of(chart: Chart, timer: Timer) -> bool:
-    """Tell whether a deadline is one of the chart's; those of live values are set anew."""
+    """Tell whether a deadline goes on; those of live values are set anew."""
     _, _, kind, (owner, event) = timer
-    state = chart.states.get(owner)
-    return kind == "after" and state is not None and any(event == own.event for own in state.timers)
+    if kind != "after":
+        return kind != "fresh"
+    return owner in chart.states and any(event == own.event for own in chart.states[owner].timers)

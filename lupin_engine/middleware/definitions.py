@@ -55,10 +55,15 @@ def service_types(name: str) -> ServiceTypes:
     return ServiceTypes(_record(f"{name}_Request"), _record(f"{name}_Response"))
 
 
-def is_installed(name: str) -> bool:
-    """Tell whether there is a package with services that an interface's name begins with."""
+def installed_types(name: str) -> ServiceTypes | None:
+    """Return the same, or None where the package is not installed; LookupError of a package without it."""
     package, kind, _ = name.split("/")
-    return package in _packages(kind)
+    return service_types(name) if package in _packages(kind) else None
+
+
+def knows_services() -> bool:
+    """Tell whether any services are installed here: on a computer without ROS there are none."""
+    return next(installed("srv"), None) is not None
 
 
 def _packages(kind: str) -> dict[str, list[str]]:

@@ -17,7 +17,8 @@ Each work-around lives here, in `actions`, in `parameters` or in `peers`, for th
 * posting wakes the executor: nothing else makes it look for work of other threads;
 * timers run on the monotonic clock (on ROS time with `use_sim_time`): a stepped wall clock moves no deadline;
 * types of parameters said, integers taken for doubles (`parameters`): rclpy refuses `60` for a double;
-* type hashes compared with the peers' (`peers`): a mismatch is otherwise silent.
+* type hashes compared with the peers' (`peers`): a mismatch is otherwise silent;
+* servers counted (`peers`): two of one name are otherwise both obeyed.
 """
 
 from __future__ import annotations
@@ -57,7 +58,12 @@ from structlog.typing import EventDict, FilteringBoundLogger
 from lupin_engine.errors import LupinError, UsageError, nearest
 from lupin_engine.middleware import parameters as ros_parameters
 from lupin_engine.middleware.actions import ActionCaller, ActionHost, Goal, ServedGoal
-from lupin_engine.middleware.peers import action_channels, peer_mismatches, service_channels
+from lupin_engine.middleware.peers import (
+    action_channels,
+    peer_mismatches,
+    rival_servers,
+    service_channels,
+)
 from lupin_engine.middleware.qos import Qos
 from lupin_engine.plugin.contract import Parameter
 
@@ -76,7 +82,7 @@ __all__ = [
     "peer_mismatches",
 ]
 
-#: Seconds after the start, and between, two comparisons of type hashes with the peers'.
+#: Seconds after the start, and between, two looks at the peers.
 FIRST_PEER_CHECK = 1.0
 PEER_CHECK_PERIOD = 5.0
 
@@ -245,7 +251,8 @@ class RosNode:
         self._closables: list[ActionCaller | ActionHost] = []
         self._channels: dict[str, None] = {}
         self._failures: deque[float] = deque(maxlen=MAX_FAILURES_PER_SECOND)
-        self._told_mismatches: frozenset[str] = frozenset()
+        self._told_findings: frozenset[str] = frozenset()
+        self._seen_rivals: frozenset[str] = frozenset()
         self._specs = dict(parameters(self._given()) if callable(parameters) else parameters)
         self._parameter_callbacks: list[Callable[[Mapping[str, Any]], str | None]] = []
         self._declare_parameters()
@@ -478,10 +485,11 @@ class RosNode:
         self._channels.update(dict.fromkeys(channels))
 
     def _check_peers(self) -> None:
-        found = frozenset(peer_mismatches(self))
-        for mismatch in sorted(found - self._told_mismatches):
-            self.log.error(mismatch)
-        self._told_mismatches = found
+        rivals = frozenset(rival_servers(self))
+        found = frozenset(peer_mismatches(self)) | (rivals & self._seen_rivals)
+        for finding in sorted(found - self._told_findings):
+            self.log.error(finding)
+        self._told_findings, self._seen_rivals = found, rivals
 
     # --- running ----------------------------------------------------------------------------------------
 

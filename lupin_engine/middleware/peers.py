@@ -1,7 +1,8 @@
-"""Peers that were built from other interface definitions: found by the type hashes that DDS announces.
+"""Peers that do not get on with this node, found by what DDS announces of them.
 
 Two processes with different definitions of a message match each other; one direction then delivers nothing,
-the other truncated objects, and nobody warns. The announced hashes are the only sign.
+the other truncated objects, and nobody warns. The announced type hashes are the only sign. Two servers of one
+service both carry out every request, and the caller hears one of them: here the second answerer is the sign.
 """
 
 from __future__ import annotations
@@ -13,6 +14,8 @@ from lupin_engine.middleware.host import Host
 
 #: What rmw says for the node of an endpoint that has not been discovered itself.
 _NAMELESS = "_NODE_NAME_UNKNOWN_"
+#: What an action's server tells of its goals.
+_STATUS = "/_action/status"
 
 
 def service_channels(name: str) -> list[str]:
@@ -39,6 +42,34 @@ def peer_mismatches(ros: Host) -> list[str]:
     """
     me = (ros.node.get_name(), ros.node.get_namespace())
     return [finding for channel in ros.channels() for finding in _channel_findings(ros.node, channel, me)]
+
+
+def rival_servers(ros: Host) -> list[str]:
+    """Name the services and actions of this node that somebody else offers as well.
+
+    A node that died without a word is seen for some seconds more: believe what is found twice.
+    """
+    me = (ros.node.get_name(), ros.node.get_namespace())
+    return [finding for channel in ros.channels() for finding in _rivals(ros.node, channel, me)]
+
+
+def _rivals(node: Any, channel: str, me: tuple[str, str]) -> Iterator[str]:
+    name = _served(channel)
+    found = node.get_publishers_info_by_topic(channel, no_mangle=True) if name else []
+    answering = [endpoint for endpoint in found if endpoint.node_name != _NAMELESS]
+    strangers = list(_others(answering, me))
+    if len(strangers) == len(answering) or len(answering) < 2:
+        return
+    who = ", ".join(sorted({_node_name(peer) for peer in strangers})) or "another node of this name"
+    yield f"{name} is also offered by {who}: every request is carried out by both; stop one of them"
+
+
+def _served(channel: str) -> str:
+    """Return the service or action of which only the servers publish this channel; '' for other channels."""
+    kind, name = channel[:2], channel[2:]
+    if kind == "rr" and "/_action/" not in name:
+        return name.removesuffix("Reply")
+    return name.removesuffix(_STATUS) if kind == "rt" and name.endswith(_STATUS) else ""
 
 
 def _channel_findings(node: Any, channel: str, me: tuple[str, str]) -> Iterator[str]:
@@ -73,12 +104,15 @@ def _announces(endpoint: Any) -> tuple[str, str]:
 
 
 def _told(channel: str, mine: Any, peer: Any) -> str:
-    node = f"{peer.node_namespace.rstrip('/')}/{peer.node_name}"
     return (
-        f"{_ros_name(channel)}: node {node} uses another definition: "
+        f"{_ros_name(channel)}: node {_node_name(peer)} uses another definition: "
         f"here {_type_name(mine)} {mine.topic_type_hash}, there {_type_name(peer)} {peer.topic_type_hash}; "
         "build both sides from the same interface packages"
     )
+
+
+def _node_name(peer: Any) -> str:
+    return f"{peer.node_namespace.rstrip('/')}/{peer.node_name}"
 
 
 def _ros_name(channel: str) -> str:

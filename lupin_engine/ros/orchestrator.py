@@ -152,8 +152,7 @@ class Orchestrator:
             "tag_sequence": list(request.tag_sequence),
             "discovery_goal": request.discovery_goal,
         }
-        if request.mission_type not in self._chart.missions:
-            self._look()
+        self._look()  # what is started is what the files say now
         step = self._ask(Event("mission.start", data))
         response.accepted = bool(step.accepted)
         response.mission_id = mission_id if step.accepted else ""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Mapping
+from dataclasses import replace
 from types import MappingProxyType
 from typing import Any
 
@@ -326,7 +327,8 @@ class ScriptReader:
         inputs = self._words.chart.inputs.values()
         known = {spec.value: spec.value for spec in inputs} | {spec.name: spec.value for spec in inputs}
         if self._words.known(node.key_at("value", name), "value", name, known, "when.value"):
-            kind = self._words.catalog.values[known[name]].type
+            # A world that reports nonsense is what some scenarios are about.
+            kind = replace(self._words.catalog.values[known[name]].type, minimum=None, maximum=None)
             place = node.value_at("value", name)
             yield Tell(known[name], self._words.value(place, f"when.value.{name}", value, kind))
 

@@ -236,12 +236,15 @@ class Stage:
     # -- what the world does ------------------------------------------------------------------------------
 
     def tell(self, value: str, is_now: Any) -> None:
-        """Report a live value; when it says that nothing is missing any more, who waits for that is told."""
+        """Report a live value. Who waits for what is missing hears of that, or that all is there."""
         self.outlet.value(value, is_now, self._now())
-        if value == MISSING:
-            self._missing = list(is_now)
-            waiting = [attempt for attempt, found in self._running.items() if found.operation == READY]
-            for attempt in waiting if not self._missing else ():
+        if value != MISSING:
+            return
+        self._missing = list(is_now)
+        for attempt in [name for name, found in self._running.items() if found.operation == READY]:
+            if self._missing:
+                self.outlet.progress(attempt, ", ".join(self._missing))
+            else:
                 self._end(attempt, self._running[attempt].outcome)
 
     def end_current(self, operation: str, outcome: Outcome) -> bool:
@@ -285,8 +288,9 @@ class Stage:
         running.accepted = True
         outcome = running.outcome
         self.outlet.accepted(attempt)
-        if outcome.progress:
-            self.outlet.progress(attempt, outcome.progress)
+        told = ", ".join(self._missing) if running.operation == READY else ""
+        if outcome.progress or told:
+            self.outlet.progress(attempt, outcome.progress or told)
         if not outcome.never:
             after = self._operation(running).mock.after if outcome.after is None else outcome.after
             self._later(after, lambda: self._end(attempt, outcome))

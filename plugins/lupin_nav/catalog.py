@@ -38,6 +38,9 @@ QUATERNION = Type("record", "quaternion", fields=dict.fromkeys("xyzw", NUMBER))
 #: A tag that was seen on the way: where its plate is, and the rotation whose +Z axis is the plate's normal.
 SEEN_TAG = Type("record", "seen_tag", fields={"x": LENGTH, "y": LENGTH, "facing": QUATERNION})
 
+#: How full a battery is.
+CHARGE = Type("number", "number", minimum=0.0, maximum=1.0)
+
 UNKNOWN_TAG = Code("unknown_tag", "unknown tag")
 
 #: An end that ROS has no name for is told as status 0 (UNKNOWN), so three statuses are all a goal can end in
@@ -153,7 +156,7 @@ VALUES: Mapping[str, LiveValue] = {
     # still is right. Whether its publisher still lives is looked at by localize and go_to instead.
     "robot.pose": LiveValue("where the robot is, in frame `map`; unknown before the first pose", POSE),
     # No freshness: a simulation may have no battery at all, and is full then.
-    "robot.battery": LiveValue("charge of the battery, 0 to 1", NUMBER, initial=1.0),
+    "robot.battery": LiveValue("charge of the battery", CHARGE, initial=1.0),
     # No freshness: the emergency stop stays as it was last told, and nothing publishes it in simulation.
     "robot.estop": LiveValue("whether the emergency stop is engaged", BOOL, initial=False),
 }

@@ -52,6 +52,13 @@ def test_every_key_is_described(model: type[Node]) -> None:
 
 
 @pytest.mark.parametrize("model", all_models(), ids=lambda model: model.__name__)
+def test_a_summary_may_be_left_out(model: type[Node]) -> None:
+    """Then it is empty, and nothing is shown."""
+    summary = model.model_fields.get("summary")
+    assert summary is None or summary.default == ""
+
+
+@pytest.mark.parametrize("model", all_models(), ids=lambda model: model.__name__)
 def test_what_stands_elsewhere_is_no_key_here(model: type[Node]) -> None:
     """Else the explanation would never be told."""
     assert not set(model.ELSEWHERE) & set(keys_of(model))
@@ -258,3 +265,35 @@ def test_a_file_is_known_by_its_kind_and_name(kind: str, title: str) -> None:
     node = read_document(raw, KINDS[kind], findings)
     assert node is not None
     assert (node.name, node.title) == ("x", title)
+
+
+def test_editors_know_what_an_expression_may_stand_for() -> None:
+    """A value may be text or what it is, a condition text or yes-or-no, a bound text or a number."""
+    known = MissionNode.model_json_schema(by_alias=True)["$defs"]
+
+    def key(model: str, name: str) -> Any:
+        found = dict(known[model]["properties"][name])
+        return {word: found[word] for word in found if word not in ("description", "title", "default")}
+
+    assert key("VariableNode", "default") == {"type": ["string", "number", "boolean", "array", "object"]}
+    assert key("TransitionNode", "guard") == {"type": ["string", "boolean"]}
+    assert key("ParameterNode", "min") == {"type": ["string", "number"]}
+    assert key("StateNode", "entry") == {
+        "type": "array",
+        "items": {"type": ["string", "object"], "maxProperties": 1},
+    }
+    assert key("RetryNode", "unless") == {
+        "anyOf": [{"type": "string"}, {"type": "array", "items": {"type": "string"}}]
+    }
+
+
+def test_a_file_of_another_kind_is_told_as_that() -> None:
+    """By the key that says what it is."""
+    for kind in ("lifecycle", "part", "binding"):
+        assert told(f"{kind}: x\nstates: {{}}\n") == [
+            f"1:1: error: expected a mission, but this is a {kind}; begin with 'mission: NAME' [wrong-shape]"
+        ]
+    assert told("states: {}\n") == [
+        "1:1: error: expected a mission, but the file does not say what it is; "
+        "begin with 'mission: NAME' [wrong-shape]"
+    ]

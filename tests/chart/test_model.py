@@ -102,3 +102,36 @@ def test_a_chart_of_one_mission_begins_with_it(chart: Chart) -> None:
     assert (slot.initial, slot.children, slot.label) == ("MISSION.M", ("MISSION.M",), "")
     assert (both.initial, both.children) == (None, ("MISSION.M.D.E", "MISSION.M.D.F"))
     assert [chart.states[f"MISSION.M.{name}"].label for name in ("A", "A.B", "D.E")] == ["A", "A", "D"]
+
+
+@pytest.mark.parametrize(
+    ("states", "plugins"),
+    [
+        ("A: {after: {1 s: done}}", ()),
+        ("A: {entry: [{arm.preset: {name: x}}], after: {1 s: done}}", ("arm",)),
+        ("A: {exit: [{arm.preset: {name: x}}], after: {1 s: done}}", ("arm",)),
+        ("A: {after: {1 s: {target: done, do: [{arm.preset: {name: x}}]}}}", ("arm",)),
+        (
+            "A: {for_each: {item: x, in: [], key: '${ x }', invoke: {do: nav.localize, "
+            "with: {max_variance: 1}, timeout: {after: 1 s, code: late}}, "
+            "on_error: {do: [{arm.preset: {name: x}}]}}, after: {1 s: done}}",
+            ("arm", "nav"),
+        ),
+        ("A: {after: {1 s: {target: done, guard: len(tags.numeric_order()) > 1}, 2 s: done}}", ()),
+        (
+            "A: {after: {1 s: {target: done, guard: home_pose(param.dock_pose).x > '1 m'}, 2 s: done}}",
+            ("nav",),
+        ),
+        ("A: {after: {1 s: {target: done, guard: param.dock_pose.x > '1 m'}, 2 s: done}}", ("nav",)),
+        ("A: {on: {nav.blocked: done}, after: {1 s: done}}", ("nav",)),
+    ],
+)
+def test_a_plugin_is_needed_by_whatever_is_used_of_it(
+    states: str, plugins: tuple[str, ...], tmp_path: Path, catalog: Catalog
+) -> None:
+    """Functions, parameters, types, values, events, operations, actions; the lifecycle needs the bridge."""
+    text = f"mission: M\nstates:\n  {states}\n  done: {{type: final}}\n"
+    (tmp_path / "m.yaml").write_text(text, encoding="utf-8")
+    chart = load_chart(CHARTS / "mini" / LIFECYCLE, [tmp_path / "m.yaml"], catalog)
+    assert set(chart.plugins) == {"bridge", *plugins}
+    assert list(chart.plugins) == sorted(chart.plugins)

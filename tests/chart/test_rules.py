@@ -184,6 +184,45 @@ RIGHT = {
   B: {{after: {{1 s: done}}}}
   done: {{type: final}}
 """,
+    "unhandled-outcome: all codes between them, whatever the others ask": f"""\
+  A:
+    invoke: {DOCK}
+    on_done: done
+    on_error:
+      - {{target: B, guard: error.code == 'nav_rejected'}}
+      - {{target: done, guard: "error.code in ['late', 'amcl_drift_var', 'nav_status_5']"}}
+      - {{target: done, guard: error.code == 'nav_status_6' and laps > 2}}
+      - {{target: done, guard: error.code == 'nav_status_6' and laps <= 2}}
+  B: {{after: {{1 s: done}}}}
+  done: {{type: final}}
+""",
+    "unhandled-outcome: an operation that cannot fail, one that never ends in time": """\
+  A:
+    invoke: {do: nav.localize, with: {max_variance: 1}, timeout: never}
+    on_done: done
+  done: {type: final}
+""",
+    "both-can-win: the same effect, written twice": """\
+  A:
+    on:
+      operator.dock:
+        - {target: done, guard: laps > 2, do: [set: {laps: "${ laps + 1 }"}]}
+        - {target: done, guard: reason == 'late', do: [set: {laps: "${ laps + 1 }"}]}
+  done: {type: final}
+""",
+    "never-wins: two of three guards leave something over": """\
+  A:
+    on:
+      operator.dock:
+        - {target: done, guard: laps < 2}
+        - {target: B, guard: laps > 3}
+        - {target: A, guard: laps == 2}
+      operator.skip_current:
+        - {target: done, guard: laps < 2}
+        - {target: B, guard: laps >= 2}
+  B: {after: {1 s: done}}
+  done: {type: final}
+""",
     "unhandled-outcome: one of the guards is true": f"""\
   A:
     invoke: {LOOK}
@@ -527,6 +566,28 @@ RIGHT = {
       door.opened: B
       lamp.*: done
   B: {on: {"*": done}}
+  done: {type: final}
+""",
+    "unreachable-state: what is entered with it, anew or again": """\
+  A:
+    history: shallow
+    resume_at: {target: C}
+    initial: B
+    states:
+      B: {on: {operator.dock: W}}
+      C: {initial: D, states: {D: {after: {1 s: E}}, E: {after: {1 s: B}}}}
+  W: {on: {operator.resume: A.history, operator.skip_current: P.L.F}}
+  P:
+    type: parallel
+    states:
+      L: {initial: G, states: {F: {after: {1 s: G}}, G: {after: {1 s: F}}}}
+      R: {initial: H, states: {H: {after: {1 s: I}}, I: {on: {operator.dock: Q.back}}}}
+  Q:
+    initial: J
+    states:
+      back: {type: history, initial: K}
+      J: {after: {1 s: done}}
+      K: {initial: L, states: {L: {after: {1 s: J}}}}
   done: {type: final}
 """,
     "unreachable-state: by history, by a budget, by coming back, as a region": """\

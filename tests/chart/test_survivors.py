@@ -233,7 +233,36 @@ def told(text: str, folder: Path, catalog: Catalog) -> list[str]:
         ("held(name='pause')", "arguments are given by position [bad-expression]"),
         ("_x == 1", "unknown name '_x': no name begins with an underscore [unknown-name]"),
         ("held()", "held takes one argument, got 0 [missing-argument]"),
-        ("lambda: 1", "a lambda is not allowed in an expression [bad-expression]"),
+        ("min() > 1", "min takes a list of numbers, or several numbers [missing-argument]"),
+        ("max(n) > 1", "max of one value needs a list [wrong-type]"),
+        *(
+            (source, f"{what} is not allowed in an expression [bad-expression]")
+            for source, what in (
+                ("lambda: n", "a lambda"),
+                ("[x for x in (1,)] == []", "a comprehension"),
+                ("{x for x in (1,)} == 1", "a comprehension"),
+                ("{x: x for x in (1,)} == 1", "a comprehension"),
+                ("all(x for x in (1,))", "a comprehension"),
+                ("(n := 1) == 1", "':='"),
+                ("f'{n}' == ''", "a formatted text"),
+                ("{'a': n} == 1", "a mapping"),
+                ("{n} == 1", "a set"),
+                ("(await n) == 1", "await"),
+                ("(yield) == 1", "yield"),
+                ("(yield from n) == 1", "yield"),
+                ("max(*[n]) == 1", "'*'"),
+                ("n ** 2 == 1", "'**'"),
+                ("n << 2 == 1", "'<<'"),
+                ("n >> 2 == 1", "'>>'"),
+                ("n ^ 2", "'^'"),
+                ("n @ 2", "'@'"),
+                ("+n == 1", "a unary '+'"),
+            )
+        ),
+        ("n | 2", "'|' is not allowed in an expression; write 'or' [bad-expression]"),
+        ("n & 2", "'&' is not allowed in an expression; write 'and' [bad-expression]"),
+        ("~n == 1", "'~' is not allowed in an expression; write 'not' [bad-expression]"),
+        ("n is 1", "'is' is not allowed in an expression; write '==' [bad-expression]"),
     ],
 )
 def test_what_is_no_expression_is_told(guard: str, problem: str, tmp_path: Path, catalog: Catalog) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
 
 import pytest
@@ -101,9 +102,12 @@ def test_the_ending_of_the_file_decides_the_format(wanted: str, tmp_path: Path) 
 
 def test_a_folder_of_missions_becomes_a_folder_of_pictures(tmp_path: Path) -> None:
     """In every format that is asked for, with a page that shows them."""
-    out = tmp_path / "new" / "folder"
+    folder, out = tmp_path / "missions", tmp_path / "new" / "folder"
+    shutil.copytree(default_missions_folder(), folder)
+    for other in set(folder.glob("*.yaml")) - {folder / "inspection.yaml", folder / "lifecycle.yaml"}:
+        other.unlink()
     formats = [word for wanted in FORMATS for word in ("--format", wanted)]
-    assert invoke("--all", default_missions_folder(), *formats, "-o", out).exception is None
+    assert invoke("--all", folder, *formats, "-o", out).exception is None
     names = [f"inspection{ending}" for ending in FORMATS.values()]
     assert sorted(file.name for file in out.iterdir()) == sorted(["index.md", *names])
     assert (out / "index.md").read_text(encoding="utf-8") == (

@@ -1,4 +1,4 @@
-"""The shipped missions, copied where tests may change them."""
+"""Missions that are edited here only, copied where tests may change them: places depend on them."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ from pathlib import Path
 
 import pytest
 
-from lupin_engine.chart.load import default_missions_folder
 from lupin_engine.editor.folder import Folder
 from lupin_engine.plugin.registry import Catalog, load_catalog
 
@@ -22,13 +21,7 @@ def catalog() -> Catalog:
 @pytest.fixture
 def missions(tmp_path: Path) -> Path:
     """A folder with the lifecycle, the inspection and its part."""
-    target = tmp_path / "missions"
-    target.mkdir()
-    shipped = default_missions_folder()
-    (target / "parts").mkdir()
-    for name in ("lifecycle.yaml", "inspection.yaml", "parts/visit_targets.yaml"):
-        shutil.copy(shipped / name, target / name)
-    return target
+    return shutil.copytree(Path(__file__).with_name("missions"), tmp_path / "missions")
 
 
 @pytest.fixture

@@ -17,7 +17,8 @@ TRANSITION = ["target", "guard", "do", "refuse", "during", "releases", "code", "
 ROOT_STATES = ["BOOT", "READY", "MISSION", "RETURNING", "DONE", "FAULT"]
 MISSION_STATES = ["PREPARE", "INSPECTING", "done"]
 PARAMETERS = ["localization_covariance_threshold", "localization_timeout_s", "dependency_timeout_s"]
-OPERATIONS = ["plugins.ready", "bridge.read_tag", "nav.localize", "nav.go_to", "nav.dock"]
+OPERATIONS = ["plugins.ready", "bridge.read_tag", "nav.localize", "nav.go_to", "nav.choose_frontier"]
+OPERATIONS += ["nav.dock"]
 REQUESTS = ["mission.start", "operator.abort", "operator.dock", "operator.pause", "operator.reset"]
 REQUESTS += ["operator.resume", "operator.skip_current"]
 CODES = ["already_paused", "paused_by_operator", "not_running"]
@@ -59,7 +60,7 @@ CASES = {
         ["summary", "type", "depth", "initial", "states", "entry", "exit", "on_error", "on"], 20,
     ),
     "keys of a file": (INSPECTION, "initial: PREPARE", "|", ["inputs", "context", "invariants"], 0),
-    "operations": (INSPECTION, "do: nav.localize", "do: na|", OPERATIONS, 6),
+    "operations": (INSPECTION, "do: nav.localize", "do: na|", OPERATIONS, 7),
     "arguments of an operation": (INSPECTION, "with: {max_variance:", "with: {|", ["max_variance"], 1),
     "arguments that are left": (PART, "{pose: ", "{|, pose: ", [], 0),
     "limits": (INSPECTION, "{after: \"${ param.localization_timeout_s }\"", "{|", ["after"], 1),
@@ -103,7 +104,7 @@ CASES = {
     "types": (LIFECYCLE, "type: duration, default: 60 s", "type: |, default: 60 s", ["bool", "text"], 0),
     "types of elements": (INSPECTION, "type: list of tag", "type: list of |", ["bool", "text"], 0),
     "live values": (
-        LIFECYCLE, "value: robot.estop", "value: |", ["robot.pose", "robot.battery", "robot.estop"], 3,
+        LIFECYCLE, "value: robot.estop", "value: |", ["plugins.missing", "robot.pose", "robot.battery", "robot.estop"], 0,
     ),
     "parameters, the nearest first": (
         INSPECTION, "${ param.localization_timeout_s }", "${ param.|",
@@ -161,7 +162,7 @@ def test_a_new_file_begins_with_what_it_is(folder: Folder) -> None:
     path = folder.path / "new.yaml"
     folder.put(path, "")
     found = complete(folder, path, 0)
-    assert [offer.insert for offer in found.found] == ["lifecycle: ", "mission: ", "part: "]
+    assert [offer.insert for offer in found.found] == ["lifecycle: ", "mission: ", "part: ", "binding: "]
 
 
 def test_a_scenario_is_left_to_the_schema(folder: Folder) -> None:

@@ -143,7 +143,7 @@ CASES = {
     "an input": (
         LIFECYCLE,
         "guard: input.bat|tery.low",
-        ["input.battery: number", "charge of the battery, 0 to 1", "Levels: `low`."],
+        ["input.battery: number", "charge of the battery", "Levels: `low`."],
         "lifecycle.yaml: battery:",
     ),
     "a level, as an event": (
@@ -185,7 +185,7 @@ CASES = {
         INSPECTION,
         "list of t|ag",
         ["type tag {id: text, x: length, y: length}"],
-        f'{NAV}: types={{"tag": TAG}},',
+        f'{NAV}: types={{"tag": TAG, "quaternion": QUATERNION, "seen_tag": SEEN_TAG}},',
     ),
     "a request": (
         PART,

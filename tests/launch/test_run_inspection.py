@@ -55,11 +55,30 @@ def test_the_output_for_people_ends_with_the_readings(lupin: Start) -> None:
     assert row.split()[:4] == ["20", "OK", "·", "·"]  # tag 20 has no co2 and no light
 
 
-def test_an_interrupt_stops_the_robot_and_everything_else(lupin: Start) -> None:
-    """Ctrl-C: the mission is aborted, the goal ends, the rest counts as skipped, exit code 130."""
-    run = lupin(*THREE, "--json")
+def test_an_interrupt_brings_the_robot_home_and_ends_everything_else(lupin: Start) -> None:
+    """Ctrl-C: the mission is aborted, the rest counts as skipped, the robot drives home, exit code 130."""
+    run = lupin(*THREE, "--speed", "4", "--json")
     run.until_line('"current_target": "5"')
     run.process.send_signal(signal.SIGINT)
+    assert run.end() == 130, run.output
+    (result,) = run.records("result")
+    assert result["lifecycle"] == "DONE"
+    assert [r["status"] for r in result["readings"]] == ["OK", "SKIPPED", "SKIPPED"]
+    last = run.records("step")[-1]["step"]
+    assert (last["event"], last["taken"]) == ("attempt.done", ["RETURNING.DRIVING_HOME.on_done.1"])
+    assert run.processes() == {}
+
+
+@pytest.mark.parametrize("signals", [(signal.SIGTERM,), (signal.SIGINT, signal.SIGINT)])
+def test_without_time_to_come_home_the_robot_stops_where_it_is(
+    lupin: Start, signals: tuple[signal.Signals, ...]
+) -> None:
+    """A service that is stopped, or Ctrl-C a second time: the goal is cancelled and its end awaited."""
+    run = lupin(*THREE, "--json")
+    run.until_line('"current_target": "5"')
+    for number in signals:
+        run.process.send_signal(number)
+        run.until_line('"lifecycle_state": "RETURNING"')
     assert run.end() == 130, run.output
     (result,) = run.records("result")
     assert result["lifecycle"] == "DONE"

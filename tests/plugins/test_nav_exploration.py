@@ -1,4 +1,4 @@
-"""The operation choose_frontier: what it waits for, what it says meanwhile, what it chooses; without a network."""
+"""What choose_frontier waits for, what it says meanwhile, and what it chooses; without a network."""
 
 from __future__ import annotations
 

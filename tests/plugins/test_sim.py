@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from pathlib import Path
 
@@ -10,7 +9,8 @@ import pytest
 
 from lupin_engine.errors import LupinError
 from lupin_sim.faults import Fault, Faults
-from lupin_sim.floor import ROBOT_RADIUS, Floor, Point, Table, load_tables, tables_of
+from lupin_sim.floor import ROBOT_RADIUS, Floor, Point
+from lupin_sim.layout import Layout, Table, Tag, layout_of, load_layout
 from lupin_sim.robot import TURN_RATE, Pose, Robot
 
 WALL = Table(1.0, 0.0, 1.2, 6.0)
@@ -18,12 +18,6 @@ WALL = Table(1.0, 0.0, 1.2, 6.0)
 
 def length(start: Point, path: list[Point]) -> float:
     return sum(math.dist(a, b) for a, b in zip([start, *path], path, strict=False))
-
-
-def clearance(table: Table, point: Point) -> float:
-    dx = max(table.x0 - point[0], 0.0, point[0] - table.x1)
-    dy = max(table.y0 - point[1], 0.0, point[1] - table.y1)
-    return math.hypot(dx, dy)
 
 
 # --- floor
@@ -45,7 +39,7 @@ def test_a_path_goes_around_a_table_and_keeps_clear_of_it() -> None:
         for a, b in zip(corners, path, strict=False)
         for i in range(51)
     ]
-    assert min(clearance(WALL, point) for point in between) > ROBOT_RADIUS - 0.02
+    assert min(WALL.distance(*point) for point in between) > ROBOT_RADIUS - 0.02
 
 
 def test_the_same_request_gives_the_same_path() -> None:
@@ -56,7 +50,7 @@ def test_a_goal_too_near_a_table_is_moved_aside_by_little() -> None:
     path = Floor([WALL]).path((0.5, 1.0), (0.95, 3.0))
     assert path is not None
     assert math.dist(path[-1], (0.95, 3.0)) <= 0.25
-    assert clearance(WALL, path[-1]) >= ROBOT_RADIUS - 1e-6
+    assert WALL.distance(*path[-1]) >= ROBOT_RADIUS - 1e-6
 
 
 @pytest.mark.parametrize("goal", [(-1.0, 1.0), (2.0, 9.0), (1.5, 1.5)])
@@ -76,8 +70,9 @@ def test_a_robot_that_stands_too_near_a_table_gets_away() -> None:
 
 def test_every_tag_of_the_real_layout_can_be_approached() -> None:
     pytest.importorskip("greenhouse_sim", reason="mdp-greenhouse is not installed here")
-    tables = load_tables()
-    assert len(tables) == 10
+    layout = load_layout()
+    tables = layout.tables
+    assert (len(tables), len(layout.tags)) == (10, 29)
     floor = Floor(tables)
     assert floor.is_free(0.5, 0.5)
     for table in tables:
@@ -86,13 +81,26 @@ def test_every_tag_of_the_real_layout_can_be_approached() -> None:
 
 
 def test_layouts_without_tables_and_broken_ones(tmp_path: Path) -> None:
-    assert tables_of({"1": {"x": 0.0, "y": 0.0, "sensors": []}}) == ()
-    file = tmp_path / "layout.json"
-    file.write_text(json.dumps({"tables": {"T": {"x0": 1}}}))
-    with pytest.raises(LupinError, match=r"layout\.json cannot be used"):
-        load_tables(str(file))
+    bare = layout_of({"1": {"x": 0.5, "y": 2, "sensors": []}})
+    assert bare == Layout((), (Tag("1", 0.5, 2.0),))
+    for number, wrong in enumerate(
+        ('{"tags": {}, "tables": {"T": {"x0": 1}}}', '{"1": {"x": 1}}', "[]", "{")
+    ):
+        file = tmp_path / f"layout{number}.json"
+        file.write_text(wrong)
+        with pytest.raises(LupinError, match=rf"layout{number}\.json cannot be used"):
+            load_layout(str(file))
     with pytest.raises(LupinError, match="nowhere"):
-        load_tables("nowhere.json")
+        load_layout("nowhere.json")
+
+
+def test_clearance_is_the_way_to_the_nearest_table_or_wall() -> None:
+    layout = Layout((Table(1.0, 1.0, 2.0, 2.0),))
+    assert layout.clearance(2.5, 1.5) == 0.5
+    assert layout.clearance(2.3, 2.4) == pytest.approx(0.5)
+    assert layout.clearance(1.5, 1.5) == 0.0
+    assert layout.clearance(3.9, 5.0) == pytest.approx(0.1)
+    assert layout.clearance(2.0, -0.5) == -0.5
 
 
 # --- robot

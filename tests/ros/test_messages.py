@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import pytest
 
@@ -15,7 +16,7 @@ from lupin_engine.machine.event import Publish
 from lupin_engine.machine.view import View
 from lupin_engine.plugin.contract import Code
 from lupin_engine.ros import messages
-from lupin_msgs.msg import Observation
+from lupin_msgs.msg import MissionState, Observation
 
 CODES = {
     "battery_low": Code("battery_low", "battery low", Severity.WARN),
@@ -50,12 +51,15 @@ VIEW = View(
 )
 
 
+HERE = messages.to_pose({"x": 1.0, "y": 2.0, "yaw": 0.0})
+
+
 def published(status: str = "OK", **changes: object) -> Publish:
     return Publish("InspectionMission", "lupin-1", "5", status, **changes)  # type: ignore[arg-type]
 
 
 def test_an_ok_observation_carries_its_reading_and_pose() -> None:
-    message = messages.observation(published(reading=READING), {"x": 1.0, "y": 2.0, "yaw": 0.0}, Time(sec=7))
+    message = messages.observation(published(reading=READING), HERE, Time(sec=7))
     assert (message.status, message.status_detail) == (Observation.STATUS_OK, "")
     assert message.tag_reading.tag_id == "5"
     assert [(r.name, r.value) for r in message.tag_reading.readings] == [
@@ -73,7 +77,7 @@ def test_an_ok_observation_carries_its_reading_and_pose() -> None:
 
 def test_a_failed_observation_carries_its_tag_and_reason_but_no_reading_and_no_pose() -> None:
     failed = published("UNREACHABLE", code="nav_status_6", detail="aborted")
-    message = messages.observation(failed, {"x": 1.0, "y": 2.0, "yaw": 0.0}, Time())
+    message = messages.observation(failed, HERE, Time())
     assert (message.status, message.status_detail) == (Observation.STATUS_UNREACHABLE, "aborted")
     assert (message.tag_reading.tag_id, list(message.tag_reading.readings)) == ("5", [])
     assert message.tag_pose_in_map.orientation.w == 0.0
@@ -93,6 +97,82 @@ def test_a_true_half_turn_is_never_taken_for_never_observed(yaw: float) -> None:
     pose = messages.to_pose({"x": 0.0, "y": 0.0, "yaw": yaw})
     assert pose.orientation.w != 0.0
     assert math.hypot(pose.orientation.z, pose.orientation.w) == pytest.approx(1.0)
+
+
+# --- where a target is
+
+HALF = math.sqrt(0.5)
+SEEN = {"id": "5", "x": 3.0, "y": 4.0, "facing": {"x": 0.0, "y": HALF, "z": 0.0, "w": HALF}}
+ROBOT = {"x": 1.0, "y": 2.0, "yaw": 0.0}
+
+
+def test_a_target_that_was_seen_is_where_it_was_seen_turned_as_its_plate() -> None:
+    pose = messages.place_of("5", [{**SEEN, "id": "4"}, SEEN], ROBOT)
+    assert pose is not None
+    assert (pose.position.x, pose.position.y) == (3.0, 4.0)
+    q = pose.orientation
+    assert (q.x, q.y, q.z, q.w) == (0.0, HALF, 0.0, HALF)
+
+
+def test_one_that_was_not_is_where_the_robot_stands_before_it_if_anybody_knows() -> None:
+    pose = messages.place_of("6", [SEEN], ROBOT)
+    assert pose is not None
+    assert (pose.position.x, pose.position.y) == (1.0, 2.0)
+    assert messages.place_of("6", [SEEN], None) is None
+
+
+@pytest.mark.parametrize(
+    ("facing", "w"),
+    [
+        ({"x": 0.0, "y": 0.0, "z": 0.0, "w": 0.0}, 1.0),  # nobody filled it in
+        ({"x": 0.0, "y": 1.0, "z": 0.0, "w": 0.0}, messages.SMALLEST_W),  # a true half turn
+    ],
+)
+def test_a_place_that_is_known_never_looks_unpopulated(facing: dict[str, float], w: float) -> None:
+    assert messages.plate_pose({**SEEN, "facing": facing}).orientation.w == w
+
+
+# --- the state
+
+
+def state(view: View, discovered: int, goal: int) -> MissionState:
+    inputs = messages.Inputs(estop=False, battery=1.0, battery_low=False, discovered=discovered)
+    return messages.mission_state(view, inputs, CODES, {"discovery_goal": goal}, Time(), None)
+
+
+def counters(message: MissionState) -> tuple[int, ...]:
+    return (
+        message.targets_total,
+        message.targets_completed,
+        message.targets_failed,
+        message.targets_unreachable,
+        message.targets_skipped,
+    )
+
+
+SEARCHING = replace(VIEW, mission="ExplorationMission", total=0, completed=0, failed=0, unreachable=0)
+
+
+def test_a_search_counts_the_tags_that_it_found() -> None:
+    message = state(SEARCHING, discovered=3, goal=5)
+    assert (message.tags_discovered, message.discovery_goal) == (3, 5)
+    assert counters(message) == (5, 3, 0, 0, 0)
+
+
+def test_with_a_list_of_targets_its_visits_count_and_the_discovery_is_told_beside() -> None:
+    message = state(replace(VIEW, total=5, completed=2), discovered=6, goal=5)
+    assert (message.tags_discovered, message.discovery_goal) == (6, 5)
+    assert counters(message) == (5, 2, 1, 1, 0)
+
+
+def test_without_a_goal_there_is_no_discovery() -> None:
+    message = state(VIEW, discovered=6, goal=0)
+    assert (message.tags_discovered, message.discovery_goal) == (0, 0)
+
+
+def test_a_robot_that_monitors_for_weeks_stays_at_the_highest_count() -> None:
+    message = state(replace(VIEW, total=5, completed=70_000), discovered=70_000, goal=5)
+    assert (message.targets_completed, message.tags_discovered) == (65_535, 65_535)
 
 
 def test_the_state_has_label_severity_and_counts_of_the_view() -> None:

@@ -26,6 +26,7 @@ from std_srvs.srv import Trigger
 
 from lupin_engine.errors import LupinError, UsageError
 from lupin_engine.middleware.node import ActionCaller, Failure, Qos, RosNode, ServedGoal, peer_mismatches
+from lupin_engine.middleware.peers import rival_servers
 from lupin_engine.plugin.contract import Parameter
 from lupin_engine.plugin.types import DURATION, INTEGER, POSE, TEXT, list_of
 from tests.ros.helpers import spin_for, spin_until
@@ -532,6 +533,43 @@ def test_a_peer_with_another_hash_is_found_for_services_too() -> None:
     kind = "std_srvs/srv/Trigger_Request"
     assert finding.startswith("request of /ask: node /you uses another definition")
     assert f"here {kind} RIHS01_aa, there {kind} RIHS01_bb" in finding
+
+
+@pytest.mark.parametrize(
+    ("name", "told"), [("twin", "another node of this name"), ("other", "/other")], ids=["twin", "stranger"]
+)
+def test_a_second_server_of_a_service_is_named_when_it_was_seen_twice(
+    make_node: MakeNode, capfd: pytest.CaptureFixture[str], name: str, told: str
+) -> None:
+    """Both would carry out every request. Who only calls has no rivals."""
+    here, there, caller = make_node("twin"), make_node(name), make_node("caller")
+    here.serve(Trigger, "/ask", ok)
+    caller.service(Trigger, "/ask")
+    spin_until([here, caller], lambda: here.node.count_clients("/ask") == 1)
+    assert rival_servers(here) == []
+    there.serve(Trigger, "/ask", ok)
+    spin_until([here, there, caller], lambda: rival_servers(here))
+    finding = f"/ask is also offered by {told}: every request is carried out by both; stop one of them"
+    assert rival_servers(here) == [finding]
+    assert rival_servers(caller) == []
+    here._check_peers()
+    assert capfd.readouterr().err.count("is also offered by") == 0
+    here._check_peers()
+    here._check_peers()
+    assert capfd.readouterr().err.count(finding) == 1
+
+
+def test_a_second_server_of_an_action_is_named(make_node: MakeNode) -> None:
+    """A simulated base beside the real one."""
+    here, there = make_node("here"), make_node("there")
+    for node in (here, there):
+        node.serve_action(
+            NavigateToPose, "/drive", admit=lambda _: True, started=lambda _: None, cancelled=lambda _: None
+        )
+    spin_until([here, there], lambda: rival_servers(here))
+    assert rival_servers(here) == [
+        "/drive is also offered by /there: every request is carried out by both; stop one of them"
+    ]
 
 
 # --- discovery --------------------------------------------------------------------------------------------

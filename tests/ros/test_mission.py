@@ -175,7 +175,7 @@ def test_an_e_stop_stops_the_mission_until_somebody_resumes(world: World, operat
 
 
 def test_without_a_robot_boot_ends_in_fault_naming_the_server(world: World, operator: Operator) -> None:
-    """What is missing is named; when it is there, reset recovers."""
+    """What is missing is named; when it is there, nobody has to reset."""
     world.start("greenhouse_bridge")
     world.start("mission_orchestrator", dependency_timeout_s=2.0)
     operator.in_state("FAULT")
@@ -186,10 +186,23 @@ def test_without_a_robot_boot_ends_in_fault_naming_the_server(world: World, oper
         "start refused: the orchestrator is in FAULT; reset it first"
     )
     world.start("lupin_sim", speed=10.0)
-    operator.until(lambda: operator.ros.node.count_publishers("/amcl_pose") == 1, "the robot")
-    assert operator.ask("reset").success
     operator.in_state("READY")
     assert operator.state.last_error == ""
+
+
+def test_a_robot_that_goes_is_waited_for(world: World, operator: Operator) -> None:
+    """READY means that a mission can begin; with the robot it comes back by itself."""
+    world.start_all()
+    operator.in_state("READY")
+    world.processes["lupin_sim"].kill()
+    world.processes["lupin_sim"].wait(10.0)
+    operator.in_state("BOOT")
+    assert operator.start("1").error_message == "start refused: the robot is still starting up"
+    world.start("lupin_sim", speed=10.0)
+    operator.in_state("READY")
+    assert operator.start("1").accepted
+    operator.in_state("DONE")
+    assert outcomes(operator) == [("1", OK)]
 
 
 def test_a_bridge_that_dies_costs_readings_not_the_mission(world: World, operator: Operator) -> None:
@@ -271,9 +284,9 @@ def test_a_mission_file_with_errors_ends_the_node_with_all_of_them(world: World,
     output = world.log("mission_orchestrator").read_text()
     found = [line.removeprefix(f"{missions}/") for line in output.splitlines()]
     assert found == [
-        "inspection.yaml:23:9: error: states.PREPARE.states.LOCALIZING: unknown key 'fase'; "
+        "inspection.yaml:25:9: error: states.PREPARE.states.LOCALIZING: unknown key 'fase'; "
         "did you mean 'phase'? [unknown-key]",
-        "inspection.yaml:28:18: error: MISSION.InspectionMission.PREPARE.LOCALIZING.on_done: "
+        "inspection.yaml:30:18: error: MISSION.InspectionMission.PREPARE.LOCALIZING.on_done: "
         "no state is called 'INSPEKTING' here; did you mean 'INSPECTING'? [unknown-state]",
     ]
 

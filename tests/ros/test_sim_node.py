@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from itertools import pairwise
 from typing import Any
 
 import pytest
@@ -13,6 +14,7 @@ pytest.importorskip("greenhouse_sim", reason="mdp-greenhouse is not installed he
 
 from geometry_msgs.msg import PoseWithCovarianceStamped
 from nav2_msgs.action import NavigateToPose
+from nav_msgs.msg import OccupancyGrid
 from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 from rcl_interfaces.srv import SetParameters
 from sensor_msgs.msg import BatteryState
@@ -21,7 +23,10 @@ from tf2_msgs.msg import TFMessage
 
 from lupin_engine.errors import LupinError
 from lupin_engine.middleware.node import Goal, Qos, RosNode
+from lupin_msgs.msg import DiscoveredTags, MissionState
+from lupin_nav.approach import approach_discovered
 from lupin_sim.node import PARAMETERS, SimNode
+from lupin_sim.robot import Pose
 from tests.ros.helpers import spin_until
 
 pytestmark = pytest.mark.ros
@@ -243,3 +248,119 @@ def test_bad_settings_are_refused(make_node: MakeNode) -> None:
     assert "read at the start" in scene.set(tag_locations_file="x")[0].reason
     with pytest.raises(LupinError, match="fault: expected one of"):
         SimNode(make_node("other", ["--ros-args", "-p", "fault:=explode"], PARAMETERS))
+
+
+# --- what the robot senses
+
+FEED = "/perception/discovered_tags"
+
+
+class Sensed(Scene):
+    """The same, with ears for the map and the tags, and a mission that a test tells of."""
+
+    def __init__(self, make_node: MakeNode, *arguments: str) -> None:
+        super().__init__(make_node, *arguments)
+        self.maps: list[Any] = []
+        self.lists: list[Any] = []
+        self.observer.subscribe(OccupancyGrid, "/map", Qos.LATCHED, self.maps.append)
+        self.observer.subscribe(DiscoveredTags, FEED, Qos.LATCHED, self.lists.append)
+        self.states = self.observer.publisher(MissionState, "/mission/state", Qos.LATCHED)
+        self.until(lambda: self.states.get_subscription_count() == 1)
+
+    def mission(self, mission_id: str, lifecycle: str) -> None:
+        self.states.publish(MissionState(mission_id=mission_id, lifecycle_state=lifecycle))
+
+    def two_more_lists(self) -> None:
+        seen = len(self.lists)
+        self.until(lambda: len(self.lists) >= seen + 2)
+
+    def known(self) -> int:
+        """How many cells of the last map are known."""
+        return sum(1 for value in self.maps[-1].data if value != -1) if self.maps else 0
+
+    def tags(self) -> dict[str, int]:
+        """The tags of the last list, each with its sightings."""
+        return {tag.tag_id: tag.sightings for tag in self.lists[-1].tags} if self.lists else {}
+
+
+def test_the_map_is_latched_and_grows_as_the_robot_drives(make_node: MakeNode) -> None:
+    scene = Sensed(make_node)
+    scene.until(lambda: scene.maps)
+    first = scene.maps[0]
+    assert (first.header.frame_id, first.info.resolution) == ("map", pytest.approx(0.05))
+    assert (first.info.width, first.info.height, len(first.data)) == (82, 162, 82 * 162)
+    corner = first.info.origin.position
+    assert (corner.x, corner.y, first.info.origin.orientation.w) == (-0.05, -0.05, 1.0)
+    assert set(first.data) == {-1, 0, 100}
+    before = scene.known()
+    assert scene.end_of(scene.drive(0.6, 7.5)) == 4
+    scene.until(lambda: scene.known() > 3 * before, "the left aisle is known")
+    late = make_node("late")
+    heard: list[Any] = []
+    late.subscribe(OccupancyGrid, "/map", Qos.LATCHED, heard.append)
+    spin_until([scene.robot, late], lambda: heard)
+    assert len(heard[-1].data) == len(first.data)
+
+
+def test_a_map_without_news_is_not_sent_again(make_node: MakeNode) -> None:
+    scene = Sensed(make_node)
+    scene.until(lambda: scene.maps)
+    seen = len(scene.maps)
+    scene.two_more_lists()
+    assert len(scene.maps) == seen
+
+
+def test_tags_in_view_are_discovered_with_their_place_and_facing(make_node: MakeNode) -> None:
+    # In front of tag 19, which hangs on the left end of its table.
+    scene = Sensed(make_node, "-p", "start_pose:=[0.9, 0.6, 0.0]")
+    scene.mission("m1", "EXPLORING")
+    scene.until(lambda: scene.tags().get("19", 0) >= 3, "tag 19 seen three times")
+    (tag,) = scene.lists[-1].tags
+    pose = tag.pose_in_map
+    assert (pose.position.x, pose.position.y) == (1.5, 0.6)
+    assert pose.orientation.w != 0.0
+    stand = approach_discovered(
+        (1.5, 0.6), (pose.orientation.x, pose.orientation.y, pose.orientation.z, pose.orientation.w), 0.5, 0.0
+    )
+    assert (stand.x, stand.y) == pytest.approx((1.0, 0.6))
+    sightings = scene.tags()["19"]
+    scene.until(lambda: scene.tags()["19"] > sightings, "sightings grow")
+
+
+def test_a_fast_robot_looks_around_as_often_on_its_way_as_a_slow_one(
+    make_node: MakeNode, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scene = Sensed(make_node)
+    looks: list[Pose] = []
+    monkeypatch.setattr(scene.node._senses, "look", looks.append)
+    assert scene.end_of(scene.drive(0.5, 7.5)) == 4
+    gaps = [math.dist((a.x, a.y), (b.x, b.y)) for a, b in pairwise(looks)]
+    assert looks[-1].y == 7.5
+    assert max(gaps) < 0.11
+
+
+def test_a_new_mission_begins_with_no_tags_and_no_map(make_node: MakeNode) -> None:
+    """War stories A17 and A41: what an earlier mission found never looks like a find of this one."""
+    scene = Sensed(make_node, "-p", "start_pose:=[0.9, 0.6, 0.0]")
+    scene.mission("m1", "EXPLORING")
+    scene.until(lambda: "19" in scene.tags())
+    assert scene.end_of(scene.drive(0.5, 7.5)) == 4
+    scene.until(lambda: scene.known() > 3000)
+    scene.mission("m1", "DONE")
+    scene.until(lambda: not scene.node._senses._sightings._active)
+    scene.two_more_lists()
+    tags, old = scene.tags(), scene.lists[-1].header.stamp
+    scene.two_more_lists()
+    assert scene.tags() == tags
+    assert scene.lists[-1].header.stamp == old, "an old list stays old"
+    scene.mission("m2", "PREPARE")
+    scene.until(lambda: scene.tags() == {}, "the tags are forgotten")
+    stamp = scene.lists[-1].header.stamp
+    assert (stamp.sec, stamp.nanosec) > (old.sec, old.nanosec)
+    scene.until(lambda: scene.known() < 3000, "the map begins anew, from where the robot stands")
+
+
+def test_where_an_aggregator_is_the_feed_is_switched_off(make_node: MakeNode) -> None:
+    scene = Sensed(make_node, "-p", "feed_tags:=false")
+    scene.until(lambda: scene.maps)
+    assert scene.observer.node.count_publishers(FEED) == 0

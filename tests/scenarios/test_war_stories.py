@@ -1,4 +1,4 @@
-"""Each scenario of a war story fails on a design with the old flaw: here the flaws are put back, one at a time.
+"""Each scenario of a war story fails on a design with the old flaw: here the flaws are put back, one by one.
 
 A flaw is an edit of a copy of the shipped missions, or a piece of the engine that is replaced by what the old
 design did. A scenario that holds all the same would not have found the story.
@@ -7,7 +7,7 @@ design did. A scenario that holds all the same would not have found the story.
 from __future__ import annotations
 
 import shutil
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
@@ -20,9 +20,15 @@ import yaml
 
 from lupin_engine.chart.load import default_missions_folder
 from lupin_engine.machine import operations
+from lupin_engine.machine.event import Publish, Start
+from lupin_engine.machine.memory import Phase, Visit
 from lupin_engine.machine.operations import Operations
 from lupin_engine.machine.timers import Timers
+from lupin_engine.machine.values import Values
+from lupin_engine.machine.walks import Walks
+from lupin_engine.plugin.contract import OnHold
 from lupin_engine.plugin.registry import Catalog
+from lupin_engine.plugin.types import NUMBER
 from lupin_engine.runtime.engine import EngineOutlet
 from lupin_engine.sim import SUFFIX
 from lupin_engine.sim.scenario import Missions, Scenario, load_scenario
@@ -33,6 +39,8 @@ from tests import shipped
 STORIES = Path(__file__).parent / "war_stories"
 LIFECYCLE, INSPECTION, EXPLORATION = "lifecycle.yaml", "inspection.yaml", "exploration.yaml"
 VISIT = "parts/visit_targets.yaml"
+#: A design with a flaw may go round in circles; this is enough to see it, in seconds of virtual time.
+LIMIT = 7200.0
 
 
 class Loader(yaml.SafeLoader):
@@ -151,6 +159,99 @@ def tables_are_air(patch: pytest.MonkeyPatch) -> None:
     patch.setattr(Tables, "inside", lambda self, points: np.zeros(len(points), dtype=bool))
 
 
+def late_accepts_are_kept(patch: pytest.MonkeyPatch) -> None:
+    """A goal that is accepted after its cancel is driven to."""
+    report = Operations._report_unwanted
+
+    def keep(self: Operations, kind: str, attempt: Any, turn: Any) -> None:
+        before = len(turn.commands)
+        report(self, kind, attempt, turn)
+        del turn.commands[before:]
+
+    patch.setattr(Operations, "_report_unwanted", keep)
+
+
+def confirmed_cancels_free_nothing(patch: pytest.MonkeyPatch) -> None:
+    """Only the watchdog lets the next drive begin."""
+    report = Operations._report_unwanted
+
+    def wait(self: Operations, kind: str, attempt: Any, turn: Any) -> None:
+        if kind != "cancelled":
+            report(self, kind, attempt, turn)
+
+    patch.setattr(Operations, "_report_unwanted", wait)
+
+
+def results_are_answered_by_a_new_goal(patch: pytest.MonkeyPatch) -> None:
+    """A goal that nobody wants any more is sent again when it fails."""
+    report = Operations._report_unwanted
+
+    def send_again(self: Operations, kind: str, attempt: Any, turn: Any) -> None:
+        if kind == "failed":
+            turn.commands.append(Start(attempt.id, attempt.operation, attempt.arguments))
+        else:
+            report(self, kind, attempt, turn)
+
+    patch.setattr(Operations, "_report_unwanted", send_again)
+
+
+def answers_go_to_whoever_waits(patch: pytest.MonkeyPatch) -> None:
+    """A late answer is booked on what is asked just then."""
+    report = Operations._report_unwanted
+
+    def book(self: Operations, kind: str, attempt: Any, turn: Any) -> None:
+        asked = [found for found in self._core.memory.attempts.values() if found.phase is Phase.ACCEPTED]
+        if kind == "done" and asked:
+            self._end_current(kind, asked[0], {"result": {}}, turn)
+        else:
+            report(self, kind, attempt, turn)
+
+    patch.setattr(Operations, "_report_unwanted", book)
+
+
+def holds_keep_no_answer(patch: pytest.MonkeyPatch) -> None:
+    """Answers are processed while stopped."""
+    patch.setattr(Operations, "_may_pass", lambda self, attempt, kind: True)
+
+
+def failures_name_no_target(patch: pytest.MonkeyPatch) -> None:
+    """Only a reading is published with the id of its tag."""
+
+    def publish(self: Walks, visit: Visit, turn: Any, source: str = "") -> None:
+        target = visit.target if visit.status == "OK" else ""
+        told = (target, visit.status, visit.code, visit.detail, visit.reading)
+        turn.commands.append(Publish(source, self._core.memory.mission_id, *told))
+
+    patch.setattr(Walks, "publish", publish)
+
+
+def old_finds_count_again(patch: pytest.MonkeyPatch) -> None:
+    """Whatever is reported in a mission is of that mission."""
+    patch.setattr(Values, "_news", lambda self, spec, value: value)
+
+
+def aborted_is_called_canceled(patch: pytest.MonkeyPatch) -> None:
+    """Two ends of a goal have one code."""
+    failed = EngineOutlet.failed
+
+    def confuse(self: EngineOutlet, attempt: str, code: str, detail: str = "") -> None:
+        failed(self, attempt, code.replace("nav_status_6", "nav_status_5"), detail)
+
+    patch.setattr(EngineOutlet, "failed", confuse)
+
+
+def the_dock_goal_is_sent_while_stopped(catalog: Catalog) -> Catalog:
+    """A hold does not keep the drive home."""
+    dock = replace(catalog.operations["nav.dock"], on_hold=OnHold.FINISH)
+    return replace(catalog, operations=MappingProxyType({**catalog.operations, "nav.dock": dock}))
+
+
+def any_number_is_a_charge(catalog: Catalog) -> Catalog:
+    """Nobody says between which numbers a charge lies."""
+    battery = replace(catalog.values["robot.battery"], type=NUMBER)
+    return replace(catalog, values=MappingProxyType({**catalog.values, "robot.battery": battery}))
+
+
 def nobody_owns_the_base(catalog: Catalog) -> Catalog:
     """The drive home does not say that it moves the base."""
     dock = replace(catalog.operations["nav.dock"], uses=())
@@ -161,6 +262,7 @@ def nobody_owns_the_base(catalog: Catalog) -> Catalog:
 
 DOCKED, HOME = "RETURNING.DOCKED", "RETURNING.DRIVING_HOME"
 TO_DONE = [{"target": "DONE"}]
+BACK_ONCE = {"target": "MISSION.history", "guard": "reason == 'abort'", "do": {"set": {"reason": "done"}}}
 
 FLAWS: dict[str, Flaw] = {
     "01_abort_while_localizing": on("MISSION", "operator.abort", {"target": "FAULT", "during": "estop"}),
@@ -184,8 +286,13 @@ FLAWS: dict[str, Flaw] = {
     "13_drive_home_never_ends": edit(
         LIFECYCLE, *_path(HOME), "invoke", "timeout", "after", to="${ 100 * param.dock_timeout_s }"
     ),
-    # The old timer sent the robot to its tag from wherever the mission was by then.
-    "14_abort_while_folding": edit(LIFECYCLE, *_path(HOME), "after", to={"100 ms": "MISSION.history"}),
+    # The old timer led back into the mission from wherever it was by then.
+    "14_abort_while_folding": edit(
+        LIFECYCLE,
+        *_path(HOME),
+        "after",
+        to={"100 ms": BACK_ONCE},
+    ),
     "15_start_while_booting": on("BOOT", "mission.start", {"target": "MISSION"}),
     "16_one_sweep_nearest_first": edit(EXPLORATION, *_path("MONITORING"), "itinerary", "order", to=None),
     "16_sweeps_until_told_otherwise": edit(
@@ -196,18 +303,9 @@ FLAWS: dict[str, Flaw] = {
         EXPLORATION, *_path("EXPLORING.SEARCH.BLOCKED"), "after", to={"100 ms": "CHOOSING"}
     ),
     "19_goal_inside_the_next_table": Flaw(patch=tables_are_air),
-    "20_charge_out_of_range": edit(LIFECYCLE, "inputs", "battery", "max", to=None),
+    "20_charge_out_of_range": Flaw(catalog=any_number_is_a_charge),
     "21_home_is_the_start": edit(
-        LIFECYCLE,
-        *_path("READY"),
-        "on",
-        "mission.start",
-        1,
-        "do",
-        0,
-        "set",
-        "home",
-        to="${ param.dock_pose }",
+        LIFECYCLE, *_path("READY"), "on", "mission.start", -1, "do", "set", "home", to="${ param.dock_pose }"
     ),
     "22_search_finds_nothing": Flaw(patch=servers_say_nothing),
     "24_drifted_while_exploring": edit(EXPLORATION, *_path("MONITORING"), "with", "max_variance", to=0.25),
@@ -237,6 +335,105 @@ FLAWS: dict[str, Flaw] = {
 }
 
 
+# -- the same for what was found by reading ---------------------------------------------------------------
+
+
+def stays_paused(*divert: str | int) -> Flaw:
+    """Return the flaw that a divert of the lifecycle leaves the pause engaged."""
+    path = (*_path("MISSION"), "on", *divert)
+    return Flaw((Edit(LIFECYCLE, (*path, "releases"), None), Edit(LIFECYCLE, (*path, "during"), STOPS)))
+
+
+def patient(state: str) -> Flaw:
+    """Return the flaw that a search goes on without frontiers."""
+    path = (*_path(state), "invoke", "timeout", "after")
+    return edit(EXPLORATION, *path, to="${ 100 * param.frontier_timeout_s }")
+
+
+STOPS = ["pause", "estop"]
+CHOOSING = "EXPLORING.SEARCH.CHOOSING"
+FAILED_DOCK: tuple[str | int, ...] = (*_path(HOME), "on_error", 0, "guard")
+#: A hold that a low battery engages wherever the robot is.
+LOW_PAUSES = {
+    "engage": "input.battery.low",
+    "release": ["operator.resume"],
+    "release_guard": "not input.battery.low",
+    "code": "battery_low",
+}
+
+FLAWS |= {
+    # The flag that asked for the return was not cleared on the way.
+    "A01_resume_after_dock": Flaw(
+        (
+            Edit(LIFECYCLE, (*_path(DOCKED), "on", "operator.resume"), [{"target": "MISSION.history"}]),
+            Edit(VISIT, (*_path("PUBLISHING"), "always", 0, "guard"), "reason == 'done'"),
+        )
+    ),
+    "A02_exploration_times_out_mid_leg": Flaw(patch=confirmed_cancels_free_nothing),
+    "A02_skip_last_while_driving": Flaw(patch=confirmed_cancels_free_nothing),
+    "A03_divert_while_exploring": Flaw(patch=confirmed_cancels_free_nothing),
+    "A04_accepted_after_estop": Flaw(patch=late_accepts_are_kept),
+    "A04_accepted_after_pause": Flaw(patch=late_accepts_are_kept),
+    "A05_server_keeps_cancelling": edit(
+        LIFECYCLE, *_path(HOME), "invoke", "retry", "attempts", to="${ 50 + param.dock_retry_max }"
+    ),
+    "A05_stopped_on_the_way_home": Flaw(catalog=the_dock_goal_is_sent_while_stopped),
+    "A06_start_while_stopped": edit(LIFECYCLE, "holds", "estop", "release_guard", to=None),
+    "A07_battery_low_while_paused": stays_paused("input.battery.low"),
+    "A07_dock_while_paused": stays_paused("operator.dock", 1),
+    "A08_estop_on_the_way_to_the_dock": on(HOME, "operator.resume", {"target": "MISSION.history"}),
+    "A09_exploration_clock_goes_on": on(DOCKED, "operator.resume", {"target": "MISSION"}),
+    "A09_sweep_goes_on": on(DOCKED, "operator.resume", {"target": "MISSION"}),
+    "A10_reset_with_an_empty_battery": on("READY", "mission.start", {"target": "MISSION"}),
+    "A11_reset_looks_again": edit(LIFECYCLE, *_path("FAULT"), "on", "operator.reset", "target", to="READY"),
+    "A12_pause_stops_the_clock_of_exploring": Flaw(patch=timers_run_through_holds),
+    "A12_pause_stops_the_clocks": Flaw(patch=timers_run_through_holds),
+    # Closing the visit again, as the old skip did, is refused when the chart is loaded.
+    "A13_skip_while_dwelling": edit(
+        VISIT,
+        *_path("SCANNING.DWELLING"),
+        "on",
+        "operator.skip_current",
+        to={"target": "PUBLISHING", "during": "pause"},
+    ),
+    "A14_late_answer": Flaw(patch=answers_go_to_whoever_waits),
+    "A15_dock_goal_refused": edit(LIFECYCLE, *_path(HOME), "on_error", to=TO_DONE),
+    "A16_every_outcome_names_its_tag": Flaw(patch=failures_name_no_target),
+    "A17_second_exploration": Flaw(patch=old_finds_count_again),
+    "A18_flickering_battery": edit(
+        LIFECYCLE, "inputs", "battery", "levels", "low", "hysteresis", to="${ 0 * param.battery_hysteresis }"
+    ),
+    "A19_dead_localizer": edit(INSPECTION, *_path("PREPARE.LOCALIZING"), "on_error", to="INSPECTING"),
+    "A20_low_battery_at_rest": edit(LIFECYCLE, "holds", "low", to=LOW_PAUSES),
+    "A21_nothing_left_to_explore": patient(CHOOSING),
+    "A21_what_was_found_is_watched": patient(CHOOSING),
+    "A22_send_fails": edit(EXPLORATION, *_path("EXPLORING.SEARCH.BLOCKED"), "after", to={"60 s": "CHOOSING"}),
+    "A23_rejecting_server": edit(VISIT, *_path("NAVIGATING.DRIVING"), "invoke", "retry", "backoff", to="0 s"),
+    "A24_skip_where_it_means_nothing": edit(
+        VISIT,
+        *_path("PUBLISHING"),
+        "on",
+        "operator.skip_current",
+        to={"target": "PUBLISHING", "during": "pause"},
+    ),
+    "A34_result_after_the_end": Flaw(patch=results_are_answered_by_a_new_goal),
+    "A35_divert_and_result_at_once": edit(
+        LIFECYCLE, *_path("MISSION"), "on", "input.battery.low", "guard", to="not in_state('SCANNING')"
+    ),
+    "A36_abort_while_paused": stays_paused("operator.abort"),
+    "A38_battery_recovers_on_the_way": edit(LIFECYCLE, *FAILED_DOCK, to="input.battery.low"),
+    "A39_manual_dock_fails": edit(LIFECYCLE, *FAILED_DOCK, to="reason == 'battery'"),
+    "A40_status_by_name": Flaw(patch=aborted_is_called_canceled),
+    "A41_snapshot_older_than_the_mission": edit(EXPLORATION, "inputs", "discovered", "since", to=None),
+    "A42_answers_wait": Flaw(patch=holds_keep_no_answer),
+}
+
+
+def test_every_scenario_has_its_flaw() -> None:
+    """One without has not been seen to fail."""
+    assert sorted(FLAWS) == sorted(file.name.removesuffix(SUFFIX) for file in STORIES.glob(f"*{SUFFIX}"))
+
+
 @cache
 def fine(name: str) -> bool:
     """Say whether a scenario holds as things are."""
@@ -245,9 +442,9 @@ def fine(name: str) -> bool:
 
 
 @pytest.fixture
-def missions(tmp_path: Path) -> Iterator[Path]:
+def missions(tmp_path: Path) -> Path:
     """A copy of the missions, which the scenario beside it is about."""
-    yield Path(shutil.copytree(default_missions_folder(), tmp_path / "missions"))
+    return Path(shutil.copytree(default_missions_folder(), tmp_path / "missions"))
 
 
 def with_flaw(name: str, flaw: Flaw, missions: Path) -> Scenario:
@@ -256,7 +453,8 @@ def with_flaw(name: str, flaw: Flaw, missions: Path) -> Scenario:
         one.make(missions)
     catalog = flaw.catalog(shipped.catalog())
     file = shutil.copy(STORIES / f"{name}{SUFFIX}", missions.parent)
-    return load_scenario(file, catalog, Missions(catalog))
+    scenario = load_scenario(file, catalog, Missions(catalog))
+    return replace(scenario, script=replace(scenario.script, limit=min(scenario.script.limit, LIMIT)))
 
 
 def breaks(scenario: Scenario) -> list[str]:

@@ -262,7 +262,7 @@ def test_a_moment_can_be_any_entry_any_start_or_the_end(tmp_path: Path) -> None:
         """\
 when:
   - {on: INSPECTING, expect: {state: NAVIGATING, target: "1", running: [nav.go_to]}}
-  - {start_of: nav.go_to, nth: every, after: 1 s, expect: {phase: NAVIGATING, variables: {reason: ""}}}
+  - {start_of: nav.go_to, nth: every, after: 1 s, expect: {phase: NAVIGATING, variables: {reason: done}}}
   - {start_of: bridge.read_tag, request: operator.pause, expect: {held: [pause], paused: true}}
   - {at: 10 s, request: operator.resume, expect: {held: []}}
   - {at: end, expect: {lifecycle: DONE, running: [], not_state: [MISSION], variables: {reason: done}}}
@@ -317,7 +317,7 @@ def test_a_failure_shows_both_files_and_what_happened_around_it(tmp_path: Path) 
     ]
     assert lines[5].startswith("  missions/parts/visit_targets.yaml:")
     assert lines[5].endswith("on.operator.skip_current.0")
-    assert "guard: itinerary.open" in lines[6]
+    assert "target: PUBLISHING" in lines[6]
     marked = [line for line in lines if line.startswith("    >")]
     assert ["operator.skip_current accepted" in line for line in marked] == [True]
     assert "publish 1 SKIPPED" in marked[0]

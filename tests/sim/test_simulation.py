@@ -59,6 +59,39 @@ def test_what_never_happened_is_told() -> None:
     assert inspection("1", happenings=(never,)).unfired == (never,)
 
 
+NAV, BRIDGE = "action server navigate_to_pose", "service get_tag_reading"
+
+
+def missing(*changes: tuple[float, list[str]]) -> tuple[Happening, ...]:
+    """Tell what the plugins wait for, from these times on."""
+    return tuple(Happening(Tell("plugins.missing", names), at) for at, names in changes)
+
+
+@pytest.mark.parametrize("rule", [(), (Rule("plugins.ready", (Outcome(never=True),)),)])
+def test_nobody_is_ready_while_something_is_missing(rule: tuple[Rule, ...]) -> None:
+    """The wait ends when the list is told to be empty, and not before, whatever its mock says."""
+    happenings = missing((0.0, [NAV]), (1.0, [NAV, BRIDGE]), (20.0, []))
+    run = inspection("1", rules=rule, happenings=happenings)
+    assert [step.time for step in run.steps if "READY" in step.entered] == [20.0]
+    assert run.ended
+
+
+def test_the_detail_of_a_wait_in_vain_is_what_was_missing_last() -> None:
+    """As the node tells it."""
+    run = inspection("1", happenings=missing((0.0, [NAV]), (1.0, [NAV, BRIDGE])))
+    assert (run.view.lifecycle, run.view.code, run.view.detail) == (
+        "FAULT",
+        "dependency_timeout",
+        f"{NAV}, {BRIDGE}",
+    )
+
+
+def test_a_wait_that_begins_while_something_is_missing_says_so() -> None:
+    """What was told before is told again to who begins to wait."""
+    run = inspection("1", starts=False, happenings=missing((5.0, [NAV])))
+    assert (run.lifecycles, run.view.detail) == (("BOOT", "READY", "BOOT", "FAULT"), NAV)
+
+
 def test_rules_are_tried_in_order() -> None:
     """The first rule that covers an attempt and is not spent decides; then the plugin's mock."""
     rules = (
@@ -89,10 +122,13 @@ def test_rules_are_tried_in_order() -> None:
         ({"a": 1}, {"b": 1}, False),
         ({"a": 1}, {"a": {"x": 1}}, False),
         ({"a": [1, 2]}, {"a": [1]}, False),
+        ({"a": 0.1 + 0.2}, {"a": 0.3}, True),
+        ({"a": 2.4113515}, {"a": 2.41135}, True),
+        ({"a": 2.4113515}, {"a": 2.411}, False),
     ],
 )
 def test_arguments_need_only_contain_what_is_named(whole: object, part: object, expected: bool) -> None:
-    """Records are compared by the fields that the script names, everything else as a whole."""
+    """Records by the fields that the script names, computed numbers to six digits, all else as a whole."""
     assert contains(whole, part) is expected
 
 

@@ -61,11 +61,15 @@ def waits_for_the_world(index: Index) -> Iterator[Diagnostic]:
     events = [call.action.arguments["event"] for call in index.calls if call.action.name == "raise"]
     raised = {str(event.value) for event in events if isinstance(event, Constant)}
     for state in index.states:
+        if not state.mission or state.kind is not Kind.ATOMIC or _does_something(index, state):
+            continue
         around = [index.chart.states[name] for name in index.lineage[state.name]]
         inner = [one for one in around if one.mission]
-        if not inner or state.kind is not Kind.ATOMIC or any(_does_something(index, one) for one in inner):
+        if any(_does_something(index, one) for one in inner[1:]):
             continue
-        leading = [t for one in inner for t in one.transitions if t.target is not None]
+        ways = [t for one in inner for t in one.transitions if t.target is not None]
+        # Nothing is invoked here, so an end can only be that of a state inside, and this is not final.
+        leading = [t for t in ways if t.event not in ("done", "error")]
         if leading and all(_comes_from_the_world(t.event, raised) for t in leading):
             problem = f"nothing ends the wait for {leading[0].event} should it never come"
             hint = "add 'after: {DURATION: STATE}'"
@@ -83,7 +87,7 @@ def _does_something(index: Index, state: State) -> bool:
 def _comes_from_the_world(event: str, raised: set[str]) -> bool:
     """Tell whether nobody in the chart and no operator makes an event."""
     first = event.partition(".")[0]
-    return event not in raised and first not in ("", "*", "operator", "mission", "done", "error")
+    return event not in raised and first not in ("", "*", "operator", "mission")
 
 
 def _has_way_out(index: Index, state: State, without: Iterable[str] = ()) -> bool:
@@ -125,24 +129,30 @@ def _reached(index: Index) -> set[str]:
     states = index.chart.states
     active: set[str] = set()
     begun: set[str] = set()
-    waiting = [("", True), *((name, True) for name in (FAULT,) if name in states)]
+    waiting = ["", FAULT] if FAULT in states else [""]
     while waiting:
-        name, begins = waiting.pop()
-        state = states[name]
-        if begins and name not in begun:
-            begun.add(name)
-            waiting += [(child, True) for child in index.begun(state)]
-        if name not in active:
+        entered = waiting.pop()
+        if entered in begun:
+            continue
+        begun.add(entered)
+        waiting += index.begun(states[entered])
+        for name in index.lineage[entered]:
+            if name in active:
+                break
             active.add(name)
-            waiting += [(t.target, True) for t in state.transitions if t.target is not None]
-            waiting += [(t.target, True) for t in state.resume_at if t.target is not None]
-            if state.kind is Kind.PARALLEL:
-                waiting += [(region.name, True) for region in index.regions(state)]
-            if state.kind is Kind.HISTORY and state.initial is not None:
-                waiting.append((state.initial, True))
-            if state.parent is not None:
-                waiting.append((state.parent, state.kind is Kind.HISTORY))
+            waiting += _leads_to(index, states[name])
     return active
+
+
+def _leads_to(index: Index, state: State) -> Iterator[str]:
+    """Yield what is entered from a state, or together with it whatever it begins with."""
+    for transition in (*state.transitions, *state.resume_at):
+        if transition.target is not None:
+            yield transition.target
+    if state.kind is Kind.PARALLEL:
+        yield from (region.name for region in index.regions(state))
+    if state.kind is Kind.HISTORY:
+        yield from (name for name in (state.initial, state.parent) if name is not None)
 
 
 # -- dead-end ---------------------------------------------------------------------------------------------
@@ -150,15 +160,12 @@ def _reached(index: Index) -> set[str]:
 
 def dead_end(index: Index) -> Iterator[Diagnostic]:
     """Find states from which no way leads to an end: one that cannot be left, or several in a circle."""
-    states, stuck = index.chart.states, _Ways(index).stuck()
-    if not any(name in states and states[name].kind is Kind.ATOMIC for name in stuck):
-        return
-    reached = _reached(index)
-    for part in components(stuck):
-        own = set(part)
-        leads_on = any(after not in own for node in part for after in stuck[node])
+    states, ways = index.chart.states, _Ways(index)
+    last = [part for part in components(ways.leads) if not ways.leads_on(part)]
+    reached = _reached(index) if last else set()
+    for part in last:
         rest = [states[name] for name in part if name in reached and states[name].kind is Kind.ATOMIC]
-        if rest and not leads_on:
+        if rest:
             rest.sort(key=lambda state: state.place)
             yield from _told_dead_end(index, rest)
 
@@ -197,28 +204,19 @@ class _Ways:
         self._slot = index.slot.name if index.slot else None
         self._ends: set[str] = set()
         self._handler: dict[str, str | None] = {}
-        self._leads: dict[str, list[str]] = {}
+        self.leads: dict[str, list[str]] = {}
         for state in index.states:
             if state.parent in self._ends:
                 self._ends.add(state.name)
             else:
                 self._add(state)
 
-    def stuck(self) -> dict[str, list[str]]:
-        """Return the nodes from which no end can be reached, with what they lead to."""
-        before: dict[str, list[str]] = {}
-        for node, ways in self._leads.items():
-            for way in ways:
-                before.setdefault(way, []).append(node)
-        alive: set[str] = set()
-        waiting = [name for name in before if name.rstrip("+") in self._ends]
-        waiting += [*self._ends, f"{self._slot}+"]
-        while waiting:
-            node = waiting.pop()
-            if node not in alive:
-                alive.add(node)
-                waiting.extend(before.get(node, ()))
-        return {node: ways for node, ways in self._leads.items() if node not in alive}
+    def leads_on(self, part: Sequence[str]) -> bool:
+        """Tell whether states that lead to each other hold an end, or lead to something else."""
+        own = set(part)
+        return not own.isdisjoint(self._ends) or any(
+            after not in own for node in part for after in self.leads[node]
+        )
 
     def _add(self, state: State) -> None:
         name = state.name
@@ -242,17 +240,17 @@ class _Ways:
         if state.children:
             # Once a mission has begun, its own states are looked at.
             begun = [] if state.slot else self._index.begun(state)
-            self._leads[f"{name}+"] = [*map(self._entering, begun)]
-        self._leads[name] = ways
+            self.leads[f"{name}+"] = [*map(self._entering, begun)]
+        self.leads[name] = ways
 
     def _entering(self, name: str) -> str:
         """Return the node of entering a state; of a history, that of all that it may stand for."""
         state = self._states[name]
         if state.kind is not Kind.HISTORY:
             return f"{name}+" if state.children else name
-        if f"{name}+" not in self._leads:
+        if f"{name}+" not in self.leads:
             parent = self._states[state.parent or ""]
-            self._leads[f"{name}+"] = [self._entering(child.name) for child in self._index.regions(parent)]
+            self.leads[f"{name}+"] = [self._entering(child.name) for child in self._index.regions(parent)]
         return f"{name}+"
 
     def _after_end(self, final: State) -> list[str]:

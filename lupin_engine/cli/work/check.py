@@ -8,11 +8,14 @@ from pathlib import Path
 
 import click
 
+from lupin_engine.chart.bound_catalog import BINDINGS, BoundCatalog, bound_catalog
+from lupin_engine.chart.findings import Findings
 from lupin_engine.chart.load import (
     LIFECYCLE,
     PARTS,
-    check_chart,
+    SAVED,
     find_mission,
+    inspect_chart,
     lifecycle_in,
     lifecycle_of,
     mission_files,
@@ -23,6 +26,9 @@ from lupin_engine.errors import Diagnostic, LupinError, Severity, UsageError
 from lupin_engine.launch.mission import LOCAL, folders
 from lupin_engine.plugin.registry import Catalog, load_catalog
 from lupin_engine.sim import SUFFIX
+
+#: Kinds of files that stand in a folder beside the missions, with its name.
+_INSIDE = {"part": PARTS, "binding": BINDINGS}
 
 
 def work(paths: tuple[str, ...], forms: Sequence[str], strict: bool, watch: bool, explain: str | None) -> int:
@@ -106,13 +112,32 @@ def run_check(paths: Sequence[str | Path], catalog: Catalog) -> Checked:
     for path in paths or folders()[:1]:
         lifecycle, missions = _meant_by(str(path))
         groups.setdefault(lifecycle, {}).update(dict.fromkeys(missions))
-    found = {
-        d: None
-        for root, files in groups.items()
-        for d in check_chart(root, list(files), catalog)[1]
-        if not _is_elsewhere(d, root, files)
-    }
+    found: dict[Diagnostic, None] = {}
+    for root, files in groups.items():
+        inspection = inspect_chart(root, list(files), catalog)
+        told = (d for d in inspection.found if not _is_elsewhere(d, root, files))
+        found.update(dict.fromkeys([*told, *_misfits(inspection.bound)]))
+    # A folder may have bindings before it has missions.
+    folders_of_bindings = {Path(path).parent.parent for path in paths if Path(path).parent.name == BINDINGS}
+    for folder in folders_of_bindings:
+        findings = Findings()
+        bound = bound_catalog([folder], catalog, SAVED, findings)
+        found.update(dict.fromkeys([*findings.all, *_misfits(bound)]))
     return Checked(sum(map(len, groups.values())), tuple(found))
+
+
+def _misfits(bound: BoundCatalog | None) -> tuple[Diagnostic, ...]:
+    """Return where bindings do not fit the services that are installed here."""
+    bindings = bound.bindings.values() if bound is not None else ()
+    if not bindings:
+        return ()
+    from lupin_engine.chart.bindings import check_definition
+    from lupin_engine.middleware.definitions import installed_types, knows_services
+
+    findings = Findings()
+    for binding in bindings if knows_services() else ():
+        check_definition(binding, installed_types, findings)
+    return findings.all
 
 
 def _is_elsewhere(diagnostic: Diagnostic, lifecycle: Path, missions: Iterable[Path]) -> bool:
@@ -139,11 +164,11 @@ def _meant_by(name: str) -> tuple[Path, list[Path]]:
     kind = (head(path) or ("", ""))[0]
     if path.name == LIFECYCLE or kind == "lifecycle":
         return path, mission_files(path.parent)
-    if kind == "part" and path.parent.name == PARTS:
+    if kind in _INSIDE and path.parent.name == _INSIDE[kind]:
         folder = path.parent.parent
         return lifecycle_in(folder), mission_files(folder)
-    if kind == "part":
-        raise UsageError(f"the part {name!r} does not stand in a folder {PARTS!r} beside missions")
+    if kind in _INSIDE:
+        raise UsageError(f"the {kind} {name!r} does not stand in a folder {_INSIDE[kind]!r} beside missions")
     return lifecycle_of(path), [path]
 
 
@@ -154,7 +179,8 @@ def _watched(paths: Sequence[str | Path]) -> Iterator[Path]:
         if not named.is_dir() and not named.suffix:
             named = find_mission(str(path), folders())
         folder = named if named.is_dir() else named.parent
-        if folder.name == PARTS:
+        if folder.name in _INSIDE.values():
             folder = folder.parent
         yield from folder.glob("*.yaml")
-        yield from folder.glob(f"{PARTS}/*.yaml")
+        for inside in _INSIDE.values():
+            yield from folder.glob(f"{inside}/*.yaml")

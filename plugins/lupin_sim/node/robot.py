@@ -133,7 +133,7 @@ class SimNode:
             return f"fault: expected one of {_FAULT_NAMES}, got {values['fault']!r}"
         if self._correcting_fault:
             return None  # no new wish: the parameter is being told what is so
-        self._robot.advance(self._ros.elapsed())
+        self._advance()
         self._robot.speed = values.get("speed", self._robot.speed)
         self._robot.charge = values.get("battery", self._robot.charge)
         self._robot.drain_per_s = values.get("drain_per_s", self._robot.drain_per_s)
@@ -166,7 +166,7 @@ class SimNode:
     def _on_hmi_estop(self, message: Bool) -> None:
         if message.data != self._estop_hmi:
             self._estop_hmi = message.data
-            self._robot.advance(self._ros.elapsed())
+            self._advance()
             self._settle()
 
     @property
@@ -193,7 +193,7 @@ class SimNode:
         return fault is not Fault.REJECT
 
     def _start(self, served: ServedGoal) -> None:
-        self._robot.advance(self._ros.elapsed())
+        self._advance()
         if self._goal is not None:
             # As Nav2 does: the new goal wins, the old one is aborted.
             self._goal.abort(NavigateToPose.Result(error_msg="preempted by a new goal"))
@@ -212,8 +212,7 @@ class SimNode:
             self._moving = self._ros.timer(MOVE_S, self._move)
 
     def _move(self) -> None:
-        self._look_on_the_way()
-        self._robot.advance(self._ros.elapsed())
+        self._advance()
         self._moves += 1
         if self._goal is None:
             return
@@ -226,13 +225,15 @@ class SimNode:
             if self._moves % MOVES_PER_FEEDBACK == 0:
                 self._goal.feedback(self._feedback())
 
-    def _look_on_the_way(self) -> None:
+    def _advance(self) -> None:
+        """Let the robot drive until now, and look around on the way."""
         now = self._ros.elapsed()
         self._next_look = max(self._next_look, now - LOOKS_WITHIN_S)
-        while self._next_look <= now:
+        while self._goal is not None and self._next_look <= now:
             self._robot.advance(self._next_look)
             self._senses.look(self._robot.pose)
             self._next_look += LOOK_M / self._robot.speed
+        self._robot.advance(now)
 
     def _cancel(self, served: ServedGoal) -> None:
         if served is self._goal:
@@ -266,7 +267,7 @@ class SimNode:
     # --- what everybody is told ---------------------------------------------------------------------------
 
     def _beat(self) -> None:
-        self._robot.advance(self._ros.elapsed())
+        self._advance()
         self._publish_estop()
         if self._moving is None:
             self._senses.look(self._robot.pose)

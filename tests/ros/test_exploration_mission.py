@@ -1,0 +1,172 @@
+"""The exploration mission over real ROS 2: what is read, published and counted, tag by tag."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("rclpy", reason="ROS 2 is not installed here")
+pytest.importorskip("greenhouse_sim", reason="mdp-greenhouse is not installed here")
+
+from geometry_msgs.msg import PoseWithCovarianceStamped
+
+from lupin_engine.middleware.node import Qos
+from lupin_msgs.msg import DiscoveredTag, DiscoveredTags, Observation
+from lupin_msgs.srv import StartMission
+from lupin_sim.camera import facing, plates_of
+from lupin_sim.layout import load_layout
+from tests.ros.world import Operator, World
+
+pytestmark = [pytest.mark.ros, pytest.mark.timeout(180)]
+
+SEEDED, WATCHED = "ExplorationMission", "MonitoringMission"
+
+
+@pytest.fixture
+def world(ros_domain: int, tmp_path: Path) -> Iterator[World]:
+    """Nodes on a domain of their own; the test fails if one does not end when asked."""
+    world = World(tmp_path)
+    yield world
+    assert world.stop() == []
+
+
+@pytest.fixture
+def operator(ros_domain: int) -> Iterator[Operator]:
+    """An operator on the same domain."""
+    operator = Operator()
+    yield operator
+    operator.ros.close()
+
+
+def explore(operator: Operator, goal: int) -> str:
+    """Start the mission and return its id."""
+    operator.until(
+        lambda: operator.states and operator.state.lifecycle_state in ("READY", "DONE"), "READY or DONE"
+    )
+    request = StartMission.Request(mission_type=SEEDED, discovery_goal=goal)
+    answer = operator.call(StartMission, "/mission/start", request)
+    assert answer.accepted, answer.error_message
+    return str(answer.mission_id)
+
+
+def tags(operator: Operator, source: str) -> list[str]:
+    return [o.tag_reading.tag_id for o in operator.observations if o.source == source]
+
+
+def test_tags_are_read_when_they_are_seen_and_again_when_they_are_visited(
+    world: World, operator: Operator
+) -> None:
+    """Each once as a seed and once in the sweep, where its plate is; the published mission stays the same."""
+    world.start_all(speed=4.0, monitoring_sweeps=1)
+    mission_id = explore(operator, 4)
+    operator.in_state("DONE")
+    visited = tags(operator, WATCHED)
+    assert len(visited) == len(set(visited)) == operator.state.targets_total >= 4
+    assert max(Counter(tags(operator, SEEDED)).values()) == 1
+    plates = {plate.id: plate for plate in plates_of(load_layout())}
+    for observation in operator.observations:
+        assert (observation.status, observation.status_detail) == (Observation.STATUS_OK, "")
+        assert (observation.kind, observation.mission_id) == (Observation.KIND_TAG_READING, mission_id)
+        plate, pose = plates[observation.tag_reading.tag_id], observation.tag_pose_in_map
+        assert (pose.position.x, pose.position.y) == (plate.x, plate.y)
+        q = pose.orientation
+        assert (q.x, q.y, q.z, q.w) == pytest.approx(facing(plate.yaw))
+    assert {s.mission_type for s in operator.states if s.mission_id} == {SEEDED}
+
+
+def test_a_second_search_begins_with_nothing(world: World, operator: Operator) -> None:
+    """War stories A17 and A41: what the first one found is not there at once in the second."""
+    world.start_all(monitoring_sweeps=1, seed_climate_on_discovery=False)
+    explore(operator, 3)
+    operator.in_state("DONE")
+    second = explore(operator, 3)
+    operator.until(lambda: operator.state.mission_id == second, "the second mission")
+    operator.in_state("DONE")
+    states = [s for s in operator.states if s.mission_id == second]
+    searching = [s for s in states if s.lifecycle_state == "EXPLORING"]
+    assert searching, "it had to search again"
+    assert searching[0].tags_discovered == 0
+    assert len(tags(operator, WATCHED)) >= 6
+
+
+def test_a_latched_list_of_an_earlier_day_counts_for_nothing(world: World, operator: Operator) -> None:
+    """A41: a registry that was never restarted tells its old finds to whoever subscribes."""
+    feed = operator.ros.publisher(DiscoveredTags, "/perception/discovered_tags", Qos.LATCHED)
+    plates = plates_of(load_layout())[:3]
+    old = DiscoveredTags()
+    old.header.stamp = operator.ros.stamp()
+    for plate in plates:
+        old.tags.append(_tag(plate.id, plate.x, plate.y))
+    feed.publish(old)
+    world.start("greenhouse_bridge")
+    world.start("lupin_sim", speed=10.0, feed_tags=False)
+    world.start("mission_orchestrator", exploration_timeout_s=2.0)
+    mission_id = explore(operator, 3)
+    operator.in_state("DONE")
+    mine = [s for s in operator.states if s.mission_id == mission_id]
+    assert {s.tags_discovered for s in mine} == {0}
+    assert operator.state.last_error == "exploration_timeout"
+    assert operator.observations == []
+
+
+def _tag(name: str, x: float, y: float) -> DiscoveredTag:
+    tag = DiscoveredTag(tag_id=name, sightings=9)
+    tag.pose_in_map.position.x, tag.pose_in_map.position.y = x, y
+    tag.pose_in_map.orientation.w = 1.0
+    return tag
+
+
+def test_without_a_map_the_search_ends_and_says_what_was_missing(world: World, operator: Operator) -> None:
+    """War story 22: not only that it took too long."""
+    world.start("greenhouse_bridge")
+    world.start("lupin_sim", start_pose="[0.5, 0.5, 3.0]")  # with no tag in view
+    world.start("mission_orchestrator", map_topic="/nowhere", frontier_timeout_s=1.0)
+    explore(operator, 3)
+    operator.in_state("DONE")
+    assert operator.state.last_error == "no_frontiers: no /nowhere received"
+    assert (operator.state.targets_total, operator.state.targets_completed) == (3, 0)
+    assert "MONITORING" not in {s.lifecycle_state for s in operator.states}
+
+
+def test_docking_while_it_searches_and_resuming_searches_on(world: World, operator: Operator) -> None:
+    """The map that was seen stays known, and so do the tags: it is one mission."""
+    world.start_all(speed=4.0, monitoring_sweeps=1)
+    mission_id = explore(operator, 4)
+    operator.until(lambda: operator.state.tags_discovered >= 1, "the first tag")
+    assert operator.ask("dock").success
+    operator.until(lambda: operator.state.lifecycle_state == "RETURNING" and operator.state.paused, "docked")
+    found = operator.state.tags_discovered
+    assert found >= 1
+    assert operator.ask("resume").success
+    operator.in_state("EXPLORING")
+    assert operator.state.tags_discovered >= found
+    operator.in_state("DONE")
+    assert operator.state.mission_id == mission_id
+    assert len(set(tags(operator, WATCHED))) >= 4
+
+
+def test_a_pause_on_the_way_to_a_frontier_stops_the_robot(world: World, operator: Operator) -> None:
+    """Nothing new is chosen, driven to or found while it is held."""
+    world.start_all(speed=1.0, monitoring_sweeps=1)
+    explore(operator, 4)
+    operator.in_state("EXPLORING")
+    assert operator.ask("pause").success
+    operator.until(lambda: operator.state.paused, "paused")
+    poses: list[PoseWithCovarianceStamped] = []
+    operator.ros.subscribe(PoseWithCovarianceStamped, "/amcl_pose", Qos.LATCHED, poses.append)
+    operator.until(lambda: len(poses) >= 3, "three poses")
+    places = {_place(pose) for pose in poses[1:]}
+    assert len(places) == 1
+    assert operator.ask("resume").success
+    operator.until(lambda: not operator.state.paused, "resumed")
+    (place,) = places
+    operator.until(lambda: _place(poses[-1]) != place, "the robot drives on")
+    assert operator.ask("abort").success
+    operator.in_state("DONE")
+
+
+def _place(message: PoseWithCovarianceStamped) -> tuple[float, float]:
+    return message.pose.pose.position.x, message.pose.pose.position.y
