@@ -40,6 +40,7 @@ BOOKS: Mapping[str, tuple[Path, ...]] = MappingProxyType(
     {
         "guide": (DOCS / "guide" / "index.md", *sorted((DOCS / "guide").glob("[0-9]*.md"))),
         "cookbook": (DOCS / "cookbook.md",),
+        "tutorial": (DOCS / "tutorial-new-mission.md",),
     }
 )
 

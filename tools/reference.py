@@ -43,7 +43,7 @@ ROOT = Path(__file__).resolve().parents[1]
 CHARTS = ROOT / "tests" / "charts"
 BROKEN = CHARTS / "broken"
 EXAMPLES = ROOT / "docs" / "examples"
-BINDING = ROOT / "docs" / "tutorial" / "photo_arm.yaml"
+BINDING = ROOT / "docs" / "tutorial" / "bindings" / "photo_arm.yaml"
 
 #: More lines of one rule than this say nothing new.
 MAX_LINES = 6
@@ -140,9 +140,10 @@ LANGUAGE_HEAD = """\
 A mission is a statechart in YAML. There are three kinds of file, told apart by their first key: a *lifecycle*
 is what all missions share (starting up, pausing, driving home), a *mission* is what a robot is asked to do
 and stands in the lifecycle's slot, a *part* is a piece that missions use. `lifecycle.yaml` stands beside the
-missions, the parts in the folder `parts` there. What a mission can do comes from plugins; a service that no plugin
-calls is connected by a [binding](#bindings), a fourth kind of file. The shipped ones in `missions/` are the best introduction;
-this page is for looking things up. What `lupin check` says about a file is explained in [rules.md](rules.md).
+missions, the parts in the folder `parts` there. What a mission can do comes from plugins; a service that no
+plugin calls is connected by a [binding](#bindings), a fourth kind of file. The shipped ones in `missions/`
+are the best introduction; this page is for looking things up. What `lupin check` says about a file is
+explained in [rules.md](rules.md).
 
 ## How a chart runs
 
@@ -236,14 +237,16 @@ BINDINGS_HEAD = """\
 ## Bindings
 
 A service that somebody offers over ROS becomes an operation by a file in the folder `bindings` beside the
-missions: no Python, and every mission of the folder can invoke it as `BINDING.OPERATION`. All that `lupin check`,
-the simulation and your editor need to know stands in it. Where the service's package is installed, `lupin check`
-holds the file against the definition of the service, and the orchestrator does so whenever it loads the file.
+missions: no Python, and every mission of the folder can invoke it as `BINDING.OPERATION`. All that `lupin
+check`, the simulation and your editor need to know stands in it. Where the service's package is installed,
+`lupin check` holds the file against the definition of the service, and the orchestrator does so whenever it
+loads the file.
 
-`with` is what is sent: fields of the request, with the arguments of the operation by their names. `done_when`,
-`result` and `detail` are about the answer, `response`. Fields carry no units: a duration is sent in seconds, a
-length in metres, an angle in radians. An attempt that does not end well ends in the one `code`, with a detail that
-says why: `detail` where the server said no, and where nobody answered or is there, just that.
+`with` is what is sent: fields of the request, with the arguments of the operation by their names.
+`done_when`, `result` and `detail` are about the answer, `response`. Fields carry no units: a duration is
+sent in seconds, a length in metres, an angle in radians. An attempt that does not end well ends in the one
+`code`, with a detail that says why: `detail` where the server said no, and where nobody answered or is
+there, just that.
 
 The [tutorial](tutorial-new-mission.md) builds a mission with one.
 """

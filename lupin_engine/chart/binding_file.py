@@ -42,7 +42,8 @@ class ServiceNode(Node):
     name: str = Field(description="name of the service, such as /camera/take_photo")
     type: str = Field(description="its type as PACKAGE/srv/NAME, such as std_srvs/srv/Trigger")
     deadline: Written = Field(
-        None, description="longest wait for an answer where the mission sets no shorter one, a duration"
+        None,
+        description="longest wait for an answer where the mission sets no shorter one, a duration; else 60 s",
     )
 
 
@@ -50,7 +51,7 @@ class ResultNode(Node):
     """A field of what an operation comes to; missions read it as event.NAME."""
 
     type: str = Field(description="such as text, count, duration")
-    from_: Written = Field(alias="from", description="value, from `response` and the arguments")
+    from_: Written = Field(alias="from", description="value, from `response`")
 
 
 class BoundMockNode(Node):

@@ -34,6 +34,9 @@ _INTERFACE = re.compile(r"[a-z][a-z0-9_]*/srv/[A-Z][A-Za-z0-9]*")
 #: What an argument cannot be called, because expressions read it by its bare name.
 _TAKEN = ROOTS.union(BUILTIN_CALLS, WORDS, {RESPONSE})
 
+#: What is told of a number where there must be no digits behind the point.
+_DIGITS = ("a whole number", "one with digits")
+
 #: Fields of a request by name; a field that is a message itself is a mapping of its fields.
 Fields = Mapping[str, "Value | Fields"]
 
@@ -374,8 +377,14 @@ class _Meaning:
             return read_constant(raw, place, kind, self.findings, path)
         found = read_value(raw, place, ANY, scope, self.findings, path)
         if isinstance(found, Expression) and not q.accepts(_bare(kind), _bare(found.type)):
-            problem = f"expected {q.describe(kind)}, but {found.source!r} is {q.describe(found.type)}"
-            self.findings.add(found.place, "wrong-type", path, problem)
+            whole = kind.kind == "integer" and found.type.kind == "number"
+            wanted, got = (
+                ("a whole number", "one with digits") if whole else map(q.describe, (kind, found.type))
+            )
+            problem, hint = f"expected {wanted}, but {found.source!r} is {got}", ""
+            if whole and scope.names.keys() == {RESPONSE}:
+                hint = "write 'type: number'"
+            self.findings.add(found.place, "wrong-type", path, problem, hint)
             return None
         return found
 

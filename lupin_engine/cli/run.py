@@ -37,8 +37,8 @@ def run(**given: Any) -> int:
     """Run a mission over ROS 2 and watch it.
 
     MISSION is the name of a mission (inspection, InspectionMission) or a file. What is missing of its nodes
-    is started; what runs already is used and left alone. Ctrl-C aborts the mission, stops the robot and ends
-    everything that was started; a second one forces.
+    is started; what runs already is used and left alone. Ctrl-C aborts the mission, lets the robot drive home
+    and ends everything that was started; a second one stops the robot on the way, a third one forces.
 
     Exit code: 0 all targets visited, 1 some missed, 2 fault or not started, 130 interrupted.
     """

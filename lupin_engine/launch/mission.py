@@ -72,7 +72,8 @@ def check_request(loaded: Loaded, given: Mapping[str, Any], tags: Sequence[str],
     """Ask the first mission whether it would take a request, as far as that needs no robot.
 
     Raises:
-        UsageError: it would not; the text is the one that the service would answer.
+        UsageError: it would not, and the text is the one that the service would answer; or it has no field
+            for what is given, which the service would ignore.
         LupinError: a parameter leads nowhere (for example: a layout file that is absent).
     """
     # Drawing and checking need no machine, and it takes longer to import than they take.
@@ -81,6 +82,13 @@ def check_request(loaded: Loaded, given: Mapping[str, Any], tags: Sequence[str],
     from lupin_engine.machine.request import read_request
     from lupin_engine.runtime.setup import make_world
 
+    fields = loaded.chart.missions[loaded.names[0]].request
+    for option, field, value in (("--tags", "tag_sequence", tags), ("--goal", "discovery_goal", goal)):
+        if value and field not in fields:
+            raise UsageError(
+                f"{loaded.names[0]} has no use for {option}: its request has no {field}; "
+                f"it has {', '.join(fields) or 'no fields'}"
+            )
     world = make_world(loaded.chart, given)
     data = {"mission_type": loaded.names[0], "tag_sequence": list(tags), "discovery_goal": goal}
     _, refusal = read_request(world, data, Surroundings(world, Memory()).at("", 0.0))

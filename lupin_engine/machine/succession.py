@@ -1,10 +1,10 @@
 """A machine of another chart that goes on where one is idle: for missions that are loaded anew meanwhile.
 
-A machine is idle where a mission could start, and while nothing is under way but the engine's own operations
-(a robot that waits for its servers may get other missions). What is not about a mission goes on as it was: the
-states, holds, what is known of the world with its hysteresis, the variables, the code reported last, the
-counters of the last mission. What the other chart does not have any more is forgotten, what it has more begins
-as it would at the start.
+A machine is idle where a mission could start, and while nothing is under way but the engine's own
+operations (a robot that waits for its servers may get other missions). What is not about a mission goes on
+as it was: the states, holds, what is known of the world with its hysteresis, the variables, the code
+reported last, the counters of the last mission. What the other chart does not have any more is forgotten,
+what it has more begins as it would at the start.
 """
 
 from __future__ import annotations

@@ -8,12 +8,13 @@ from __future__ import annotations
 
 import functools
 import importlib
+import re
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 from lupin_engine.errors import LupinError, nearest
 from lupin_engine.middleware.type_hashes import installed, local_fields
-from lupin_engine.plugin.types import ANY, BOOL, NUMBER, TEXT, Type, list_of
+from lupin_engine.plugin.types import ANY, BOOL, NUMBER, TEXT, Type, convert, list_of
 
 #: What an interface without any field has in its place.
 _FILLER = "structure_needs_at_least_one_member"
@@ -28,6 +29,8 @@ _BOOLEAN = 15
 _NUMBERS = frozenset({10, 11, 12})
 _TEXTS = frozenset({17, 18, 19, 20, 21, 22})
 _LISTS_FROM = 48
+#: How the length of an array is declared that has always the same.
+_FIXED = re.compile(r"\[(\d+)\]$")
 
 
 class ServiceTypes(NamedTuple):
@@ -114,7 +117,8 @@ def fill(message: Any, data: Mapping[str, Any], kind: Type) -> Any:
     """Write plain data into a message of a type; what is not named stays as it is.
 
     Raises:
-        ValueError: a value does not fit its field, for example a number that is too large.
+        ValueError: a value does not fit its field, for example a number that is too large. The messages
+            themselves do not look, and what they then send is garbage.
     """
     for name, value in data.items():
         wanted = kind.fields[name]
@@ -123,20 +127,19 @@ def fill(message: Any, data: Mapping[str, Any], kind: Type) -> Any:
             continue
         try:
             setattr(message, name, _carried(message, name, value, wanted))
-        except (AssertionError, TypeError, OverflowError) as problem:
-            raise ValueError(f"{kind}: {name} cannot be {value!r}") from problem
+        except ValueError as problem:
+            raise ValueError(f"{kind}.{name}: {problem}") from problem
     return message
 
 
 def _carried(message: Any, name: str, value: Any, wanted: Type) -> Any:
-    if wanted.kind == "number":
-        return float(value)
-    if wanted.item is not None and wanted.item.kind == "number":
-        return [float(element) for element in value]
+    declared = type(message).get_fields_and_field_types()[name]
+    length = _FIXED.search(declared)
+    if length is not None and len(value) != int(length[1]):
+        raise ValueError(f"expected {declared}, got {len(value)} elements")
     if wanted.item is not None and wanted.item.kind == "record":
-        element = type(message).get_fields_and_field_types()[name]
-        return [fill(_element(element), each, wanted.item) for each in value]
-    return value
+        return [fill(_element(declared), each, wanted.item) for each in value]
+    return convert(value, wanted)
 
 
 def _element(listed: str) -> Any:

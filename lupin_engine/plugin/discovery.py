@@ -1,8 +1,8 @@
 """Finding installed plugins: the entry points of one group, read from what the installers left on the path.
 
-`importlib.metadata` would read and parse the entry points of every installed package: much of the time that
-a check may take. Here a file is parsed only when it names the group. The rules are the same: folders
-are looked at in the order of `sys.path`, and of packages with one name the first counts.
+`importlib.metadata` would read and parse the entry points of every installed package, at every start
+(docs/performance.md). Here a file is parsed only when it names the group. The rules are the same: folders are
+looked at in the order of `sys.path`, and of packages with one name the first counts.
 """
 
 from __future__ import annotations

@@ -116,6 +116,7 @@ class Orchestrator:
         self._missions = ros.publisher(String, "~/missions", Qos.LATCHED)
         self._offered = ""
         self._published: tuple[object, ...] = ()
+        self._noted: dict[str, tuple[str, ...]] = {}
         self._started: Time | None = None
         self._deadline: tuple[float, Timer] | None = None
         drivers.update(_clients(ros, chart, chart.plugins, self._outlet, machine.world.parameters))
@@ -248,7 +249,7 @@ class Orchestrator:
             self._started = self._ros.stamp()
         # Live values come all the time. The reports of attempts are told even when they change nothing: who
         # watches sees what is waited for, and when the last goal has ended.
-        if step.event.name == "value" and not (step.changed or step.notes):
+        if step.event.name == "value" and not step.changed and not self._is_news(step):
             self._publish_if_changed(self._machine.view)
             return
         view = self._machine.view
@@ -263,6 +264,13 @@ class Orchestrator:
         self._log(step)
         record = {"time": self._clock.now(), "step": step_record(step), "view": view_record(view)}
         self._steps.publish(String(data=json.dumps(record, default=str)))
+
+    def _is_news(self, step: Step) -> bool:
+        """Say whether there is something to note about a value that was not noted the last time."""
+        name, notes = str(step.event.data["name"]), tuple(step.notes)
+        known = self._noted.get(name, ())
+        self._noted[name] = notes
+        return notes not in ((), known)
 
     def _observe(self, published: Publish) -> None:
         now = self._clock.now()

@@ -77,7 +77,9 @@ class NavClient:
         ros.subscribe(BatteryState, parameters["battery_topic"], Qos.EVENT, self._on_battery)
         ros.subscribe(Bool, parameters["estop_topic"], Qos.EVENT, self._on_estop)
         self._timer: Timer | None = None
-        self._explorer = Explorer(outlet, parameters, self._believed_place)
+        self._map_topic = ros.node.resolve_topic_name(parameters["map_topic"])
+        resolved = {"map_topic": self._map_topic, "amcl_pose_topic": self._pose_topic}
+        self._explorer = Explorer(outlet, {**parameters, **resolved}, self._believed_place)
         self._explores = False
         self._searching: Timer | None = None
         if parameters["map_yaml_path"]:
@@ -209,13 +211,13 @@ class NavClient:
         if self._explores:
             return
         self._explores = True
-        ros, topic = self._ros, self._ros.node.resolve_topic_name(self._parameters["map_topic"])
-        ros.subscribe(OccupancyGrid, topic, Qos.LATCHED, partial(self._on_map, topic))
+        ros = self._ros
+        ros.subscribe(OccupancyGrid, self._map_topic, Qos.LATCHED, self._on_map)
         ros.subscribe(TFMessage, "/tf", Qos.TRANSFORMS, self._explorer.take_transforms)
         ros.subscribe(TFMessage, "/tf_static", Qos.STATIC_TRANSFORMS, self._explorer.take_transforms)
 
-    def _on_map(self, topic: str, message: OccupancyGrid) -> None:
-        if self._is_in_map(message.header.frame_id, topic):
+    def _on_map(self, message: OccupancyGrid) -> None:
+        if self._is_in_map(message.header.frame_id, self._map_topic):
             self._explorer.take_map(message)
 
     def _believed_place(self) -> Planar | None:

@@ -14,7 +14,11 @@ Record = Mapping[str, Any]
 
 
 def records(message: Any) -> tuple[list[Record], list[str]]:
-    """Return the tags that have a place, each id once and as it was told last, and the ids of the others."""
+    """Return the tags that have a place, and the ids of the others.
+
+    Each id comes once, as it was told last, and numeric ids come first and by number, so that whoever has no
+    other order does not visit 15 before 3.
+    """
     placed: dict[str, Record] = {}
     others: dict[str, None] = {}
     for tag in message.tags:
@@ -22,7 +26,12 @@ def records(message: Any) -> tuple[list[Record], list[str]]:
             placed[tag.tag_id] = _record(tag)
         else:
             others[tag.tag_id] = None
-    return list(placed.values()), list(others)
+    return [placed[name] for name in sorted(placed, key=_numeric_key)], list(others)
+
+
+def _numeric_key(tag_id: str) -> tuple[bool, int, str]:
+    number = int(tag_id) if tag_id.isascii() and tag_id.isdecimal() else None
+    return number is None, number or 0, tag_id
 
 
 def _is_placed(pose: Any) -> bool:

@@ -695,13 +695,14 @@ def test_an_error_that_nobody_handles_leads_to_fault(tmp_path: Path, catalog: Ca
     assert found == ()
 
 
-def test_the_shipped_part_needs_its_guard(tmp_path: Path, catalog: Catalog) -> None:
-    """An operator may skip a target that was just read: without its guard the visit would be closed twice."""
+def test_the_shipped_part_needs_its_refusal(tmp_path: Path, catalog: Catalog) -> None:
+    """An operator may skip a target that was just read: were it not refused, it would be closed twice."""
     shutil.copytree(MISSIONS, tmp_path, dirs_exist_ok=True)
     part = tmp_path / "parts" / "visit_targets.yaml"
     text = part.read_text(encoding="utf-8")
-    guard = next(line for line in text.split("\n") if line.lstrip().startswith("guard: itinerary.open"))
-    part.write_text(text.replace(f"{guard}\n", ""), encoding="utf-8")
+    refusal = "        on:\n          operator.skip_current: {refuse: already_closed}\n"
+    assert text.count(refusal) == 1
+    part.write_text(text.replace(refusal, ""), encoding="utf-8")
     _, found = check_chart(tmp_path / LIFECYCLE, [tmp_path / "inspection.yaml"], catalog)
     assert [(d.rule, d.problem) for d in found] == [
         ("double-close", "the visit is closed already in 'DWELLING', so this would be refused")

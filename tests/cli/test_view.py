@@ -15,7 +15,8 @@ from lupin_engine.plugin.registry import load_catalog
 from tests.launch.messages import MISSION_ID, observation, state, step
 
 MISSION = "MISSION.InspectionMission"
-NAVIGATING = ("", "MISSION", MISSION, f"{MISSION}.INSPECTING", f"{MISSION}.INSPECTING.NAVIGATING")
+INSPECTING = f"{MISSION}.INSPECTING"
+DRIVING = ("", "MISSION", MISSION, INSPECTING, f"{INSPECTING}.NAVIGATING", f"{INSPECTING}.NAVIGATING.DRIVING")
 
 
 @pytest.fixture(scope="module")
@@ -31,7 +32,7 @@ def story() -> Story:
     story.take(*state(current_target="1", targets_completed=0), at=100.0)
     story.take(*observation("1", {"temperature": 21.5, "co2": 412.0}), at=103.0)
     story.take(*state(), at=103.0)
-    story.take(*step([("nav.go_to", 2, 165.0)], NAVIGATING, time=105.0), at=105.0)
+    story.take(*step([("nav.go_to", 2, 165.0)], DRIVING, time=105.0), at=105.0)
     return story
 
 
@@ -47,14 +48,16 @@ def drawn(thing: object, width: int = 100, encoding: str = "utf-8") -> str:
 
 def test_the_tree_shows_the_outer_states_and_opens_the_active_path(chart: Chart) -> None:
     """The slot is left out; helper end states and history as well."""
-    lines = [("  " * line.depth + line.name, line.role) for line in view.tree_lines(chart, NAVIGATING)]
+    lines = [("  " * line.depth + line.name, line.role) for line in view.tree_lines(chart, DRIVING)]
     assert lines == [
         ("BOOT", "idle"),
         ("READY", "idle"),
         ("InspectionMission", "path"),
         ("  PREPARE", "idle"),
         ("  INSPECTING", "path"),
-        ("    NAVIGATING", "active"),
+        ("    NAVIGATING", "path"),
+        ("      FOLDING", "idle"),
+        ("      DRIVING", "active"),
         ("    SCANNING", "idle"),
         ("    PUBLISHING", "idle"),
         ("RETURNING", "idle"),
@@ -68,7 +71,7 @@ def test_the_picture_tells_where_the_mission_stands(story: Story, chart: Chart) 
     text = drawn(view.picture(story, chart, 117.0))
     for part in (
         "InspectionMission lupin-1  INSPECTING · NAVIGATING  00:17.0",
-        "● NAVIGATING",
+        "● DRIVING",
         "tag 5",
         "1/3 targets",
         "✔ 1 visited",
@@ -103,7 +106,7 @@ def test_the_picture_keeps_its_size(story: Story, chart: Chart, width: int) -> N
 def test_a_terminal_without_unicode_gets_ascii(story: Story, chart: Chart) -> None:
     """Over a serial line as well."""
     text = drawn(view.picture(story, chart, 117.0), encoding="ascii")
-    assert "* NAVIGATING" in text
+    assert "* DRIVING" in text
     assert "+ 1 visited" in text
 
 
@@ -137,6 +140,35 @@ def test_a_state_is_one_plain_line() -> None:
     assert view.plain_state(state()[1]) == "INSPECTING NAVIGATING  tag 5  1/3"
     done = state(lifecycle_state="DONE", mission_phase="", current_target="", targets_completed=3)
     assert view.plain_state(done[1]) == "DONE  3/3"
+
+
+def searching(**fields: object) -> tuple[str, dict[str, object]]:
+    """The state of a mission that searches for five tags and has found two."""
+    found = {"targets_total": 5, "targets_completed": 2, "discovery_goal": 5, "tags_discovered": 2}
+    return state(
+        **{"lifecycle_state": "EXPLORING", "mission_phase": "", "current_target": "", **found, **fields}
+    )
+
+
+def test_a_search_shows_the_tags_found(chart: Chart) -> None:
+    """Its counters are of the search: nothing has been visited yet."""
+    story = Story(MISSION_ID, 100.0)
+    story.take(*searching(), at=100.0)
+    assert "2/5 tags found" in drawn(view.picture(story, chart, 101.0))
+    assert view.plain_state(searching()[1], searching=True) == "EXPLORING  2/5 tags found"
+    story.take(*searching(lifecycle_state="DONE"), at=110.0)
+    assert view.summary(story, 140.0).plain == "DONE: 2 of 5 tags found in 10.0 s"
+
+
+def test_what_was_found_and_visited_is_told_together(chart: Chart) -> None:
+    """Two sweeps over what was found: more visits than targets."""
+    story = Story(MISSION_ID, 100.0)
+    found = searching(
+        lifecycle_state="DONE", current_target="7", tags_discovered=5, targets_total=5, targets_completed=10
+    )
+    story.take(*found, at=110.0)
+    assert view.summary(story, 110.0).plain == ("DONE: 5 of 5 tags found, 10 visited of 5 targets in 10.0 s")
+    assert "10 visits to 5 targets" in drawn(view.picture(story, chart, 110.0))
 
 
 def test_durations() -> None:

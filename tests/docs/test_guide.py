@@ -19,6 +19,7 @@ from lupin_engine.cli.work.new import MISSION, SCENARIO
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
 STEPS = DOCS / "guide" / "steps"
+TUTORIAL = DOCS / "tutorial"
 
 
 def load_tool() -> ModuleType:
@@ -82,7 +83,9 @@ def test_every_recipe_has_scenarios_that_hold() -> None:
     assert len(recipes) == 11
 
 
-@pytest.mark.parametrize("folder", [STEPS, DOCS / "cookbook"], ids=["guide", "cookbook"])
+@pytest.mark.parametrize(
+    "folder", [STEPS, DOCS / "cookbook", TUTORIAL], ids=["guide", "cookbook", "tutorial"]
+)
 def test_no_file_is_left_over(folder: Path) -> None:
     """A file that no page shows is never tried."""
     shown = {

@@ -56,3 +56,37 @@ def test_a_request_is_checked_with_the_words_of_the_service() -> None:
     check_request(loaded, {}, ["1", "5"], 0)
     with pytest.raises(UsageError, match=r"^unknown tag '99'; the layout has 29 tags: 1, 2, 3,"):
         check_request(loaded, {}, ["1", "99"], 0)
+
+
+@pytest.mark.parametrize(
+    ("mission", "tags", "goal", "refusal"),
+    [
+        (
+            "inspection",
+            (),
+            5,
+            "InspectionMission has no use for --goal: its request has no discovery_goal; it has tag_sequence",
+        ),
+        (
+            "exploration",
+            ("1",),
+            5,
+            "ExplorationMission has no use for --tags: its request has no tag_sequence; "
+            "it has discovery_goal",
+        ),
+    ],
+)
+def test_what_a_mission_cannot_be_asked_for_is_refused(
+    mission: str, tags: tuple[str, ...], goal: int, refusal: str
+) -> None:
+    """The service would ignore it; somebody who types it means something by it."""
+    with pytest.raises(UsageError) as found:
+        check_request(load_missions([mission], CATALOG), {}, tags, goal)
+    assert str(found.value) == refusal
+
+
+def test_a_goal_is_a_request_of_the_exploration() -> None:
+    """It is taken as it is, and 0 stands for the mission's own."""
+    loaded = load_missions(["exploration"], CATALOG)
+    check_request(loaded, {}, [], 5)
+    check_request(loaded, {}, [], 0)

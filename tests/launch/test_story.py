@@ -100,6 +100,57 @@ def test_a_goal_is_under_way_until_its_server_says_so() -> None:
     assert not story.busy
 
 
+def searching(found: int, lifecycle: str = "EXPLORING", **fields: Any) -> tuple[str, dict[str, Any]]:
+    """The state of a search for three tags."""
+    numbers = {"targets_total": 3, "targets_completed": found, "discovery_goal": 3, "tags_discovered": found}
+    return state(lifecycle_state=lifecycle, mission_phase="", current_target="", **{**numbers, **fields})
+
+
+def test_a_search_tells_where_it_drives_and_what_it_finds() -> None:
+    """The frontier from the result of its choice; the tags as they become more."""
+    start = {"command": "start", "attempt": "a1", "operation": "nav.choose_frontier"}
+    chosen = step([], event="attempt.done", attempt="a1")
+    chosen[1]["step"]["data"]["result"] = {"pose": {"x": 1.0, "y": 2.5, "yaw": 0.0}}
+    story = told(step([], commands=[start]), chosen, searching(0), searching(1), searching(1), searching(3))
+    assert texts(story) == [
+        (1.0, "nav.choose_frontier: x 1.00 m, y 2.50 m"),
+        (3.0, "1/3 tags found"),
+        (5.0, "3/3 tags found"),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("found", "visited", "targets", "verdict"),
+    [(3, 3, 3, 0), (3, 6, 3, 0), (2, 2, 2, 1), (3, 2, 3, 1), (0, 0, 0, 1), (3, 3, 0, 1)],
+)
+def test_a_search_is_done_when_its_goal_was_found_and_everything_visited(
+    found: int, visited: int, targets: int, verdict: int
+) -> None:
+    """Without any target there was no visit, whatever the counters of the search say."""
+    walked = step([])
+    walked[1]["view"]["total"] = targets
+    end = searching(found, "DONE", targets_completed=visited, targets_total=targets or 3)
+    assert told(walked, end).verdict == verdict
+
+
+def test_all_is_told_when_every_published_outcome_has_come() -> None:
+    """Also of a second sweep, and of readings that are no visit: the steps tell what was published."""
+    publish = {"command": "publish"}
+    story = told(step([], commands=[publish, publish]), observation("1"))
+    assert not story.all_told
+    story.take(*observation("1"), at=105.0)
+    assert story.all_told
+    assert list(story.readings) == ["1"]
+    story.take(*state(targets_total=1, targets_completed=3), at=106.0)
+    assert not story.all_told
+
+
+def test_the_newest_reading_of_a_tag_is_the_last() -> None:
+    """A tag that is read again is news again."""
+    story = told(observation("1"), observation("2"), observation("1", status=2, detail="scan_timeout"))
+    assert [(r.tag, r.status) for r in story.readings.values()] == [("2", "OK"), ("1", "SCAN_FAILED")]
+
+
 def test_the_clock_stops_at_the_end() -> None:
     """The summary tells how long the mission took, not how long stopping took."""
     story = told(state(), state(lifecycle_state="DONE"))

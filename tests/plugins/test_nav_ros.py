@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
@@ -10,10 +11,12 @@ import pytest
 
 pytest.importorskip("rclpy", reason="ROS 2 is not installed here")
 
-from geometry_msgs.msg import PoseWithCovarianceStamped
+from geometry_msgs.msg import PoseWithCovarianceStamped, TransformStamped
 from nav2_msgs.action import NavigateToPose
+from nav_msgs.msg import OccupancyGrid
 from sensor_msgs.msg import BatteryState
 from std_msgs.msg import Bool
+from tf2_msgs.msg import TFMessage
 
 from lupin_engine.middleware.node import Qos, RosNode, ServedGoal
 from lupin_nav.catalog import PLUGIN
@@ -251,3 +254,50 @@ def test_battery_and_emergency_stop_arrive(make_node: MakeNode) -> None:
     rig.until(heard, "battery and emergency stop")
     assert rig.outlet.of("robot.battery")[0] == pytest.approx(0.35)
     assert rig.outlet.of("robot.estop")[0] is True
+
+
+# --- exploring
+
+
+def half_known() -> OccupancyGrid:
+    """40 x 40 cells of 10 cm: the left half is free, the right one unknown."""
+    message = OccupancyGrid()
+    message.header.frame_id = "map"
+    message.info.width = message.info.height = 40
+    message.info.resolution = 0.1
+    message.info.origin.orientation.w = 1.0
+    message.data.extend(([0] * 20 + [-1] * 20) * 40)
+    return message
+
+
+def link(parent: str, child: str, x: float) -> TransformStamped:
+    stamped = TransformStamped(child_frame_id=child)
+    stamped.header.frame_id = parent
+    stamped.transform.translation.x, stamped.transform.rotation.w = x, 1.0
+    return stamped
+
+
+def test_a_search_hears_the_map_and_the_transforms_that_were_told_before_it_began(
+    make_node: MakeNode,
+) -> None:
+    rig = Rig(make_node("ours"))
+    slam = make_node("slam")
+    rig.others.append(slam)
+    slam.publisher(OccupancyGrid, "/map", Qos.LATCHED).publish(half_known())
+    static = slam.publisher(TFMessage, "/tf_static", Qos.STATIC_TRANSFORMS)
+    static.publish(TFMessage(transforms=[link("map", "odom", 1.0)]))
+    moving = slam.publisher(TFMessage, "/tf", Qos.TRANSFORMS)
+    rig.client.start("a1", "choose_frontier", {})
+    rig.until(lambda: moving.get_subscription_count() == 1)
+    moving.publish(TFMessage(transforms=[link("odom", "base_link", 0.5)]))
+    pose = rig.until_reported("done")[2]["pose"]
+    assert (pose["x"], pose["y"]) == pytest.approx((1.95, 1.95))
+    assert pose["yaw"] == pytest.approx(math.atan2(1.95, 0.45))
+
+
+def test_a_search_without_a_map_names_its_topic_and_can_be_cancelled(make_node: MakeNode) -> None:
+    rig = Rig(make_node("ours"), changed={"map_topic": "hall"})
+    rig.client.start("a1", "choose_frontier", {})
+    assert rig.until_reported("progress")[2] == "no /hall received"
+    rig.client.cancel("a1")
+    assert rig.outlet.kinds("a1") == ["accepted", "cancelled"]

@@ -166,6 +166,12 @@ def test_of_one_id_told_twice_the_last_counts() -> None:
     assert [(known["id"], known["x"]) for known in seen] == [("7", 3.0), ("8", 1.0)]
 
 
+def test_numbers_come_in_their_order_and_names_after_them() -> None:
+    _, outlet = hear(told(*map(tag, ("15", "b", "3", "18", "a", "2"))))
+    (seen,) = outlet.of("tags.discovered")
+    assert [known["id"] for known in seen] == ["2", "3", "15", "18", "a", "b"]
+
+
 def test_tags_in_another_frame_are_ignored_and_warned_about_once() -> None:
     ros, outlet = hear(told(tag("7"), frame="odom"), told(tag("7"), frame="odom"))
     assert outlet.values == []

@@ -90,6 +90,8 @@ def test_a_second_search_begins_with_nothing(world: World, operator: Operator) -
     assert searching, "it had to search again"
     assert searching[0].tags_discovered == 0
     assert len(tags(operator, WATCHED)) >= 6
+    log = world.log("mission_orchestrator").read_text()
+    assert log.count("from before the mission") <= 3, "what is told twice a second is noted once"
 
 
 def test_a_latched_list_of_an_earlier_day_counts_for_nothing(world: World, operator: Operator) -> None:

@@ -124,7 +124,7 @@ def put(source: Path, folder: Path, *changes: Change) -> Path:
 
 def drop_patrol(missions: Path, *changes: Change, binding: tuple[Change, ...] = ()) -> Path:
     """Do what the tutorial ends with; return the file of the binding."""
-    bound = put(TUTORIAL / "photo_arm.yaml", missions / "bindings", *binding)
+    bound = put(TUTORIAL / "bindings" / "photo_arm.yaml", missions / "bindings", *binding)
     put(TUTORIAL / "patrol.yaml", missions, *changes)
     return bound
 

@@ -63,7 +63,7 @@ def test_every_state_and_transition_is_reached(name: str, kind: str) -> None:
 
 
 @pytest.mark.parametrize("kind", [OUTCOME, GUARD])
-@pytest.mark.parametrize("name", ["inspection", "lifecycle"])
+@pytest.mark.parametrize("name", [*MISSIONS, "lifecycle"])
 def test_every_end_and_branch_is_reached(name: str, kind: str) -> None:
     """Every operation ends in every way that it can, and every guard is true once and false once."""
     check(name, kind)

@@ -113,7 +113,7 @@ def test_a_robots_record_will_do() -> None:
     text = scenario_text(read_recording("\n".join(lines), "run.jsonl"), "as recorded", MADE, MISSIONS)
     made = load_scenario_text(text, MADE, MISSIONS)
     assert made.failures(made.run()) == []
-    assert text.count("robot.pose") == 1, "the pose at the start is where home is"
+    assert text.count("robot.pose") == 5, "at the start, where home is, and after each drive"
     assert "robot.battery" not in text, "it was never low"
     assert "start: never" in text
     assert '{on: READY, after: 8.027 s, request: {mission.start: {tag_sequence: ["1", "2"]}}}' in text

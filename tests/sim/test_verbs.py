@@ -28,7 +28,7 @@ def typed(verb: Any, *arguments: str) -> Result:
 def test_simulate_tells_a_story_and_its_sum() -> None:
     """Steps, then a table of targets, then one line; 0 when all were visited."""
     result = typed(simulate, "inspection", "--tags", "1,2", "--set", "flower_scan_dwell_s=2 s")
-    assert "PREPARE.LOCALIZING            mission.start accepted" in result.output
+    assert "PREPARE.LOCALIZING             mission.start accepted" in result.output
     assert "publish 2 OK" in result.output
     assert result.output.splitlines()[-1] == "DONE: 2 visited of 2 targets in 13.9 s of virtual time"
     assert result.return_value == 0

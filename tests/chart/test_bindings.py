@@ -1,0 +1,234 @@
+"""Bindings: a plugin that is a file, known without ROS, and held against definitions where there are any."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from lupin_engine.chart import binding_file
+from lupin_engine.chart.binding_file import BindingNode
+from lupin_engine.chart.bindings import Binding, check_definition
+from lupin_engine.chart.documents import Node, validate
+from lupin_engine.chart.findings import Findings
+from lupin_engine.chart.load import LIFECYCLE, check_chart, inspect_chart, load_chart
+from lupin_engine.chart.source import read
+from lupin_engine.plugin.contract import OnHold
+from lupin_engine.plugin.registry import Catalog
+from lupin_engine.plugin.types import BOOL, COUNT, LENGTH, NUMBER, POSE, TEXT, Type, list_of
+from lupin_engine.sim.simulation import Script, simulate
+from tests.chart.test_words import key, keys_said
+
+BOUND = Path(__file__).parents[1] / "charts" / "good" / "bound"
+FIELD = "lupin_msgs/srv/GetField"
+
+REQUEST = Type(
+    "record",
+    f"{FIELD}.Request",
+    fields={"sensor_type": TEXT, **dict.fromkeys(("resolution", "bbox_min_x", "bbox_max_x"), NUMBER)},
+)
+RESPONSE = Type(
+    "record",
+    f"{FIELD}.Response",
+    fields={"ok": BOOL, "error_message": TEXT, "values": list_of(NUMBER), "width": COUNT},
+)
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """A folder with the binding that says everything, and a mission that uses it."""
+    shutil.copytree(BOUND, tmp_path / "missions")
+    return tmp_path / "missions"
+
+
+@pytest.fixture
+def survey(catalog: Catalog) -> Binding:
+    """The binding that says everything."""
+    chart = load_chart(BOUND / LIFECYCLE, [BOUND / "survey_mission.yaml"], catalog)
+    return chart.bindings["survey"]
+
+
+def test_a_good_binding_is_without_a_word(catalog: Catalog) -> None:
+    """Neither an error nor a warning, for the file and the mission that uses it."""
+    chart, found = check_chart(BOUND / LIFECYCLE, [BOUND / "survey_mission.yaml"], catalog)
+    assert found == ()
+    assert chart is not None
+    assert chart.plugins == ("bridge", "survey")  # the lifecycle reads the state of the robot from there
+    assert "survey" not in catalog.plugins
+    assert chart.catalog.operations["survey.ask"].doc == "Ask for the field around a place."
+
+
+def test_every_word_of_a_binding_is_said() -> None:
+    """A word that no good binding says is a word that nobody has seen loading."""
+    findings = Findings()
+    raw = read(BOUND / "bindings" / "survey.yaml", findings)
+    assert raw is not None
+    said = keys_said(validate(raw, BindingNode, findings))
+    models: list[type[Node]] = [getattr(binding_file, n) for n in binding_file.__all__ if n != "KIND"]
+    assert {key(model, name) for model in models for name in model.model_fields} - said == set()
+
+
+def test_missions_see_it_like_any_plugin(survey: Binding) -> None:
+    """Arguments with types and defaults, result, code, what it uses, what a hold does, the mock."""
+    operation = survey.plugin.operations["ask"]
+    assert {name: str(argument.type) for name, argument in operation.arguments.items()} == {
+        "sensor": "text",
+        "place": "pose",
+        "reach": "length",
+    }
+    assert operation.arguments["reach"].default == 2.0
+    assert {name: str(kind) for name, kind in operation.result.items()} == {
+        "values": "list of number",
+        "first": "number",
+        "cells": "count",
+    }
+    assert [(code.name, code.label, int(code.severity)) for code in operation.codes] == [
+        ("no_field", "there is no field", 2)
+    ]
+    assert (operation.uses, operation.on_hold) == (("base", "arm"), OnHold.CANCEL)
+    assert (operation.mock.after, operation.mock.result) == (0.5, {"values": [1.5], "first": 1.5, "cells": 1})
+    assert survey.calls["ask"].deadline == 120.0
+
+
+def test_what_is_sent_is_computed_from_the_arguments(survey: Binding) -> None:
+    """Units are gone: metres on the wire."""
+    place = {"x": 10.0, "y": 0.0, "yaw": 0.0}
+    sent = survey.calls["ask"].sent({"sensor": "co2", "place": place, "reach": 2.0})
+    assert sent == {"sensor_type": "co2", "resolution": 0.5, "bbox_min_x": 8.0, "bbox_max_x": 12.0}
+
+
+def test_what_an_answer_means(survey: Binding) -> None:
+    """Done with the result, or not with the detail."""
+    call = survey.calls["ask"]
+    good = call.outcome({"ok": True, "values": [2.5, 3.0], "width": 2, "error_message": ""})
+    assert good.result == {"values": [2.5, 3.0], "first": 2.5, "cells": 2}
+    bad = call.outcome({"ok": False, "values": [], "width": 0, "error_message": "no such sensor"})
+    assert (bad.result, bad.detail) == (None, "no such sensor")
+    with pytest.raises(ValueError, match="expected count of at least 0, got -1"):
+        call.outcome({"ok": True, "values": [1.0], "width": -1, "error_message": ""})
+
+
+def test_it_is_simulated(catalog: Catalog) -> None:
+    """By the mock in the file."""
+    chart = load_chart(BOUND / LIFECYCLE, [BOUND / "survey_mission.yaml"], catalog)
+    run = simulate(chart, Script("Survey", {}))
+    ended = [step for step in run.steps if step.event.name == "attempt.done"]
+    assert [(step.time, step.event.data["result"]["first"]) for step in ended] == [(0.5, 1.5)]
+
+
+def test_the_same_files_are_the_same_chart(folder: Path, catalog: Catalog) -> None:
+    """So looking for changes costs next to nothing; a binding that changed makes another one."""
+    mission = [folder / "survey_mission.yaml"]
+    first = load_chart(folder / LIFECYCLE, mission, catalog)
+    assert load_chart(folder / LIFECYCLE, mission, catalog) is first
+    binding = folder / "bindings" / "survey.yaml"
+    binding.write_text(binding.read_text(encoding="utf-8").replace("500 ms", "700 ms"), encoding="utf-8")
+    second = load_chart(folder / LIFECYCLE, mission, catalog)
+    assert second is not first
+    assert second.bindings["survey"] is not first.bindings["survey"]
+    assert second.catalog.operations["survey.ask"].mock.after == pytest.approx(0.7)
+
+
+def test_a_text_that_is_edited_is_read_in_place_of_its_file(folder: Path, catalog: Catalog) -> None:
+    """An editor asks about what is on the screen, also of a file that was never saved."""
+    new = folder / "bindings" / "lamp.yaml"
+    text = b"binding: lamp\nsummary: A lamp.\noperations: {}\n"
+    mission = [folder / "survey_mission.yaml"]
+    inspection = inspect_chart(folder / LIFECYCLE, mission, catalog, {new: text})
+    assert inspection.bound is not None
+    assert list(inspection.bound.bindings) == ["survey", "lamp"]
+
+
+# -- held against a definition -----------------------------------------------------------------------------
+
+
+def misfits(binding: Binding, request: Type = REQUEST, response: Type = RESPONSE) -> list[str]:
+    """What does not fit a definition, as `place: problem`, without the folder."""
+    findings = Findings()
+    check_definition(binding, lambda _: (request, response), findings)
+    return [str(found).replace(f"{BOUND}/", "") for found in findings.all]
+
+
+def test_a_binding_that_fits(survey: Binding) -> None:
+    """Nothing is said."""
+    assert misfits(survey) == []
+
+
+def test_fields_that_are_not_there(survey: Binding) -> None:
+    """Each at its place in the file, with the nearest one."""
+    fewer = replace(REQUEST, fields={"sensor": TEXT, "resolution": NUMBER, "min_x": NUMBER, "max_x": NUMBER})
+    other = replace(RESPONSE, fields={**RESPONSE.fields, "ok": TEXT, "width": NUMBER})
+    assert misfits(survey, fewer, other) == [
+        "bindings/survey.yaml:15:7: error: operations.ask.with: lupin_msgs/srv/GetField.Request has no field "
+        "'sensor_type'; did you mean 'sensor'? [unknown-argument]",
+        "bindings/survey.yaml:17:7: error: operations.ask.with: lupin_msgs/srv/GetField.Request has no field "
+        "'bbox_min_x'; did you mean 'min_x'? [unknown-argument]",
+        "bindings/survey.yaml:18:7: error: operations.ask.with: lupin_msgs/srv/GetField.Request has no field "
+        "'bbox_max_x'; did you mean 'max_x'? [unknown-argument]",
+        "bindings/survey.yaml:19:16: error: operations.ask.done_when: expected bool, "
+        "but 'response.ok' is text [wrong-type]",
+        "bindings/survey.yaml:23:38: error: operations.ask.result.cells: expected a whole number, but "
+        "'response.width' is one with digits; write 'type: number' [wrong-type]",
+    ]
+
+
+def test_types_that_do_not_fit(survey: Binding) -> None:
+    """A text is no number; units do not count, for the wire has none."""
+    narrow = {**REQUEST.fields, "sensor_type": NUMBER, "bbox_min_x": LENGTH, "resolution": TEXT}
+    told = misfits(survey, replace(REQUEST, fields=narrow))
+    assert told == [
+        "bindings/survey.yaml:15:23: error: operations.ask.with.sensor_type: expected a plain number, but "
+        "'sensor' is text [wrong-type]",
+        "bindings/survey.yaml:16:19: error: operations.ask.with.resolution: expected text, got 0.5; "
+        "quote it: '0.5' [wrong-type]",
+    ]
+
+
+def test_messages_in_messages(folder: Path, catalog: Catalog) -> None:
+    """A field that is a message itself is a mapping of its fields, as deep as it goes."""
+    binding = folder / "bindings" / "survey.yaml"
+    text = binding.read_text(encoding="utf-8")
+    nested = 'resolution: {middle: {x: "${ place.x }", z: 0.5}}'
+    binding.write_text(text.replace("resolution: 0.5", nested), encoding="utf-8")
+    chart = load_chart(folder / LIFECYCLE, [folder / "survey_mission.yaml"], catalog)
+    place = {"x": 10.0, "y": 0.0, "yaw": 0.0}
+    sent = chart.bindings["survey"].calls["ask"].sent({"sensor": "co2", "place": place, "reach": 2.0})
+    assert sent["resolution"] == {"middle": {"x": 10.0, "z": 0.5}}
+    area = Type("record", "Area", fields={"middle": POSE})
+    told = misfits(chart.bindings["survey"], replace(REQUEST, fields={**REQUEST.fields, "resolution": area}))
+    assert [line.partition("error: ")[2] for line in told] == [
+        "operations.ask.with.resolution.middle: pose has no field 'z'; "
+        "allowed: 'x', 'y', 'yaw' [unknown-argument]"
+    ]
+
+
+def refuse(_: str) -> tuple[Type, Type]:
+    """Know no type."""
+    raise LookupError("lupin_msgs has no service 'GetField'; did you mean 'GetFields'?")
+
+
+@pytest.mark.parametrize(
+    ("definitions", "told"),
+    [
+        (
+            refuse,
+            "error: operations.ask.service: lupin_msgs has no service 'GetField'; did you mean 'GetFields'? "
+            "[unknown-type]",
+        ),
+        (
+            lambda _: None,
+            "warning: operations.ask.service: nobody has looked whether this fits lupin_msgs/srv/GetField, "
+            "which is not installed here; check it where it is [unknown-type]",
+        ),
+    ],
+)
+def test_a_type_that_is_not_there(
+    survey: Binding, definitions: Callable[[str], tuple[Type, Type] | None], told: str
+) -> None:
+    """An error where it should be; where nothing of its package is, only a warning."""
+    findings = Findings()
+    check_definition(survey, definitions, findings)
+    assert [str(found).partition(" ")[2] for found in findings.all] == [told]
