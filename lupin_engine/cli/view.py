@@ -216,7 +216,7 @@ def _details(story: Story, now: float, symbols: Symbols) -> RenderableType:
 
 def _progress(story: Story) -> RenderableType:
     if story.searching:
-        return _measure(story.found, story.goal, "green", f"{story.found}/{story.goal} tags found")
+        return _measure(story.found, story.goal, "green", story.finds)
     return _measure(story.closed, story.total, "green", f"{_share(story.closed, story.total)} targets")
 
 
@@ -350,13 +350,12 @@ def summary(story: Story, now: float) -> Text:
 
 
 def _outcome(story: Story) -> str:
-    found = f"{story.found} of {story.goal} tags found" if story.goal else ""
     if story.searching:
-        return found
+        return story.finds
     counted = ((story.count(status), WORDS[status]) for status in STATUSES)
     counts = ", ".join(f"{count} {word}" for count, word in counted if count)
     visited = f"{counts or 'none visited'} of {story.total} targets"
-    return f"{found}, {visited}" if found else visited
+    return f"{story.finds}, {visited}" if story.goal else visited
 
 
 # -- lines ----------------------------------------------------------------------------------------------

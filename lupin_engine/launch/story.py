@@ -158,6 +158,13 @@ class Story:
         return int(self.state.get("tags_discovered", 0))
 
     @property
+    def finds(self) -> str:
+        """The tags discovered in words: of the goal, or beyond it."""
+        return (
+            f"{self.found}/{self.goal} tags found" if self.found <= self.goal else f"{self.found} tags found"
+        )
+
+    @property
     def searching(self) -> bool:
         """Whether there is no list of targets yet: the published counters then tell of the search."""
         return self.goal > 0 and not self.view.get("total") and not self.state.get("current_target")
@@ -202,7 +209,7 @@ class Story:
             told = str(new.get("last_event", ""))
             self.note(at, Severity(new.get("last_event_severity", 0)), _event_text(new))
         if self.found > int(before.get("tags_discovered", 0)):
-            self.note(at, Severity.INFO, f"{self.found}/{self.goal} tags found")
+            self.note(at, Severity.INFO, self.finds)
         for flag, on, off in (
             ("estop_engaged", "e-stop engaged", "e-stop released"),
             ("paused", "paused", "resumed"),

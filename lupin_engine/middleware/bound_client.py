@@ -128,7 +128,7 @@ def _operation(ros: RosNode, call: Bound) -> ServiceOperation:
     )
 
 
-def _outcome(call: Bound, answer: Any | Failure) -> Done | Failed:
+def _outcome(call: Bound, _: Mapping[str, Any], answer: Any | Failure) -> Done | Failed:
     if isinstance(answer, Failure):
         return Failed(call.code, answer.detail)
     try:

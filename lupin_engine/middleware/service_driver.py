@@ -32,14 +32,14 @@ class Failed:
 
 @dataclass(frozen=True)
 class ServiceOperation:
-    """How an operation becomes a call: its request from the arguments, its outcome from the answer.
+    """How an operation becomes a call: its request from the arguments, its outcome from them and the answer.
 
     `deadline` is when the call counts as lost, in seconds.
     """
 
     service: ServiceCaller
     request: Callable[[Mapping[str, Any]], Any]
-    outcome: Callable[[Any | Failure], Done | Failed]
+    outcome: Callable[[Mapping[str, Any], Any | Failure], Done | Failed]
     deadline: float = CALL_DEADLINE_S
 
 
@@ -65,12 +65,14 @@ class ServiceDriver:
         wanted = self._operations[operation]
         request = wanted.request(arguments)
         self._outlet.accepted(attempt)  # a service has no word for it: what was sent is taken
-        answered = partial(self._answered, attempt, wanted)
+        answered = partial(self._answered, attempt, wanted, arguments)
         self._calls[attempt] = wanted.service.call(request, wanted.deadline, answered)
 
-    def _answered(self, attempt: str, operation: ServiceOperation, answer: Any | Failure) -> None:
+    def _answered(
+        self, attempt: str, operation: ServiceOperation, arguments: Mapping[str, Any], answer: Any | Failure
+    ) -> None:
         del self._calls[attempt]
-        outcome = operation.outcome(answer)
+        outcome = operation.outcome(arguments, answer)
         if isinstance(outcome, Done):
             self._outlet.done(attempt, outcome.result)
         else:

@@ -57,19 +57,32 @@ OWN_PARAMETERS: Mapping[str, Parameter] = {
 
 
 class NodeClock:
-    """The loop's clock: ROS time with `use_sim_time`, else monotonic: a stepped wall clock is harmless."""
+    """The loop's clock: ROS time with `use_sim_time`, else monotonic: a stepped wall clock is harmless.
+
+    Simulated time that jumps back goes on from here: what is due in a second stays due in a second. So does
+    time that is heard of for the first time: nobody has waited since 1970.
+    """
 
     def __init__(self, ros: RosNode) -> None:
         self._ros = ros
         self._simulated = bool(ros.node.get_clock().ros_time_is_active)
+        self._seen = 0.0  # simulated time when it was read last; 0 is what ROS says before it knows
+        self._behind = 0.0  # what has to be added to it
 
     def now(self) -> float:
         """Return seconds of an origin of its own."""
-        return self._ros.now() if self._simulated else time.monotonic()
+        return self._continued() if self._simulated else time.monotonic()
 
     def from_ros(self, stamp: float) -> float:
         """Return seconds of the node's clock as a moment of this clock."""
-        return stamp if self._simulated else self.now() - (self._ros.now() - stamp)
+        return self.now() - (self._ros.now() - stamp)
+
+    def _continued(self) -> float:
+        read = self._ros.now()
+        if read < self._seen or not self._seen:
+            self._behind += self._seen - read
+        self._seen = read
+        return read + self._behind
 
 
 class Outlet(EngineOutlet):

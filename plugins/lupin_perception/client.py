@@ -67,7 +67,7 @@ def _request(arguments: Mapping[str, Any]) -> ConfirmTag.Request:
     return ConfirmTag.Request(expected_tag_id=arguments["tag_id"])
 
 
-def _outcome(answer: ConfirmTag.Response | Failure) -> Done | Failed:
+def _outcome(_: Mapping[str, Any], answer: ConfirmTag.Response | Failure) -> Done | Failed:
     if isinstance(answer, Failure):
         return Failed("confirm_failed", f"{answer.code}: {answer.detail}")
     if answer.detected:

@@ -125,3 +125,17 @@ def test_a_chart_has_a_largest_number_of_states(
         "a.yaml:6:3: error: more than 9 states, parts counted as often as they are used [too-large]",
         "parts/p.yaml:4:3: error: more than 9 states, parts counted as often as they are used [too-large]",
     ]
+
+
+def test_a_part_remembers_as_a_mission_does(tmp_path: Path, catalog: Catalog) -> None:
+    """Each use has a history of its own, which is no event's doing."""
+    part = """\
+part: p
+initial: A
+states:
+  A: {history: deep, on: {operator.dock: B}, states: {C: {after: {1 s: over}}}}
+  B: {after: {1 s: A.history}}
+  over: {type: final}
+"""
+    mission = "mission: M\ninitial: X\nstates:\n  X: {use: p, on_done: done}\n  done: {type: final}\n"
+    assert told(tmp_path, catalog, mission, p=part) == []

@@ -233,6 +233,12 @@ def told(text: str, folder: Path, catalog: Catalog) -> list[str]:
         ("held(name='pause')", "arguments are given by position [bad-expression]"),
         ("_x == 1", "unknown name '_x': no name begins with an underscore [unknown-name]"),
         ("held()", "held takes one argument, got 0 [missing-argument]"),
+        ("n in reason", "expected text, but 'n' is a plain number [wrong-type]"),
+        (
+            "n in n",
+            "expected a list after 'in', but 'n' is a plain number [wrong-type]",
+        ),
+        ("n in ['a']", "'n' is a plain number and cannot be in list of text [wrong-type]"),
         ("min() > 1", "min takes a list of numbers, or several numbers [missing-argument]"),
         ("max(n) > 1", "max of one value needs a list [wrong-type]"),
         *(

@@ -157,7 +157,7 @@ def test_a_search_shows_the_tags_found(chart: Chart) -> None:
     assert "2/5 tags found" in drawn(view.picture(story, chart, 101.0))
     assert view.plain_state(searching()[1], searching=True) == "EXPLORING  2/5 tags found"
     story.take(*searching(lifecycle_state="DONE"), at=110.0)
-    assert view.summary(story, 140.0).plain == "DONE: 2 of 5 tags found in 10.0 s"
+    assert view.summary(story, 140.0).plain == "DONE: 2/5 tags found in 10.0 s"
 
 
 def test_what_was_found_and_visited_is_told_together(chart: Chart) -> None:
@@ -167,7 +167,7 @@ def test_what_was_found_and_visited_is_told_together(chart: Chart) -> None:
         lifecycle_state="DONE", current_target="7", tags_discovered=5, targets_total=5, targets_completed=10
     )
     story.take(*found, at=110.0)
-    assert view.summary(story, 110.0).plain == ("DONE: 5 of 5 tags found, 10 visited of 5 targets in 10.0 s")
+    assert view.summary(story, 110.0).plain == ("DONE: 5/5 tags found, 10 visited of 5 targets in 10.0 s")
     assert "10 visits to 5 targets" in drawn(view.picture(story, chart, 110.0))
 
 

@@ -53,7 +53,11 @@ def loaded(name: str) -> Any:
     that decide without an event are written in: one that fails is tried again there for ever.
     """
     timeless = re.sub(r"<send [^>]*delay[^>]*/>", "", text(name))
-    return load(re.sub(r'<transition cond="[^"]*"', '<transition cond="False"', timeless), format="scxml", trusted=True)
+    return load(
+        re.sub(r'<transition cond="[^"]*"', '<transition cond="False"', timeless),
+        format="scxml",
+        trusted=True,
+    )
 
 
 def names(states: Iterable[Any]) -> Iterator[str]:

@@ -11,7 +11,8 @@ from lupin_engine.chart.load import default_missions_folder
 from lupin_engine.editor.completion import complete
 from lupin_engine.editor.folder import Folder, folder_of
 from lupin_engine.editor.hover import hover
-from lupin_engine.editor.navigation import definition
+from lupin_engine.editor.navigation import mention_under
+from lupin_engine.editor.places import definition
 from lupin_engine.plugin.registry import load_catalog
 
 TUTORIAL = Path(__file__).parents[2] / "docs" / "tutorial"
@@ -24,3 +25,66 @@ def folder(tmp_path: Path) -> Folder:
     shutil.copy(TUTORIAL / "patrol.yaml", tmp_path)
     shutil.copy(default_missions_folder() / "lifecycle.yaml", tmp_path)
     return Folder(tmp_path, load_catalog())
+
+
+def at(folder: Folder, name: str, mark: str) -> tuple[Path, int]:
+    """Return a file and an offset in it: where `|` stands in `mark`."""
+    path = folder.path / name
+    before, _, after = mark.partition("|")
+    assert folder.text(path).count(before + after) == 1
+    return path, folder.text(path).index(before + after) + len(before)
+
+
+def test_a_binding_has_findings_of_its_own(folder: Folder) -> None:
+    """While it is written, at its own places."""
+    path = folder.path / "bindings" / "photo_arm.yaml"
+    assert folder_of(path) == folder.path
+    folder.put(path, folder.text(path).replace("${ pose }", "${ poze }"))
+    (found,) = folder.check(path)
+    assert (found.place.line, found.problem, found.hint) == (
+        13,
+        "unknown name 'poze'",
+        "did you mean 'pose'?",
+    )
+
+
+def test_missions_see_what_is_written_in_it(folder: Folder) -> None:
+    """An operation that was added a moment ago, and is not saved, is offered."""
+    path = folder.path / "bindings" / "photo_arm.yaml"
+    text = folder.text(path)
+    folder.put(path, text + text[text.index("  move:") :].replace("  move:", "  stow:"))
+    mission, offset = at(folder, "patrol.yaml", "with: {max_variance: 0.25|}")
+    folder.put(mission, folder.text(mission).replace("do: nav.localize", "do: "))
+    folder.refresh()
+    mission, offset = at(folder, "patrol.yaml", "      do: |\n")
+    offered = [offer.label for offer in complete(folder, mission, offset).found]
+    assert {"photo_arm.move", "photo_arm.stow", "nav.localize"} <= set(offered)
+
+
+def test_keys_of_a_binding_are_offered(folder: Folder) -> None:
+    """With what they mean."""
+    path = folder.path / "bindings" / "photo_arm.yaml"
+    folder.put(path, folder.text(path) + "    \n")
+    offered = {offer.label for offer in complete(folder, path, len(folder.text(path)) - 1).found}
+    assert offered == {"result"}
+
+
+@pytest.mark.parametrize(
+    ("mark", "told", "line"),
+    [
+        ("do: photo_arm.mo|ve\n          with: {pose: home}", "Bring the arm into a pose", 8),
+        ("with: {po|se: home}", "name of the pose", 11),
+    ],
+)
+def test_a_mission_is_told_what_it_uses(folder: Folder, mark: str, told: str, line: int) -> None:
+    """On hovering, and by leading to the file."""
+    folder.refresh()
+    path, offset = at(folder, "patrol.yaml", mark)
+    shown = hover(folder, path, offset)
+    assert shown is not None
+    assert told in shown.text
+    mention = mention_under(folder, path, offset)
+    assert mention is not None
+    (place,) = definition(folder, path, mention)
+    assert place.file.name == "photo_arm.yaml"
+    assert place.file.read_text(encoding="utf-8").count("\n", 0, place.start) + 1 == line

@@ -8,10 +8,10 @@ import pytest
 
 from lupin_engine.chart.actions import BUILTIN_ACTIONS
 from lupin_engine.chart.declare import REQUESTS
-from lupin_engine.chart.documents import KINDS, Node
+from lupin_engine.chart.documents import Node
 from lupin_engine.chart.expressions import BUILTIN_CALLS, ROOTS
 from lupin_engine.editor import docs
-from lupin_engine.editor.grammar import MEANINGS, NAMES, Shape, fields_of, kind_of, spot_at
+from lupin_engine.editor.grammar import FILES, MEANINGS, NAMES, Shape, fields_of, kind_of, spot_at
 from lupin_engine.editor.scan import Scan, Steps
 
 ROOT = Path(__file__).parents[2]
@@ -60,7 +60,7 @@ def test_every_path_of_a_good_mission_is_known(file: Path) -> None:
     """The shapes read off the models are those of the language."""
     scan = Scan(file.read_text(encoding="utf-8"))
     root = kind_of(scan)
-    assert root in KINDS.values()
+    assert root in FILES.values()
     assert root is not None
     unknown = [token.path for token in scan.tokens if spot_at(root, token.path) is None]
     assert [path for path in unknown if not is_data(root, path)] == []

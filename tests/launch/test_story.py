@@ -111,11 +111,20 @@ def test_a_search_tells_where_it_drives_and_what_it_finds() -> None:
     start = {"command": "start", "attempt": "a1", "operation": "nav.choose_frontier"}
     chosen = step([], event="attempt.done", attempt="a1")
     chosen[1]["step"]["data"]["result"] = {"pose": {"x": 1.0, "y": 2.5, "yaw": 0.0}}
-    story = told(step([], commands=[start]), chosen, searching(0), searching(1), searching(1), searching(3))
+    story = told(
+        step([], commands=[start]),
+        chosen,
+        searching(0),
+        searching(1),
+        searching(1),
+        searching(3),
+        searching(4),
+    )
     assert texts(story) == [
         (1.0, "nav.choose_frontier: x 1.00 m, y 2.50 m"),
         (3.0, "1/3 tags found"),
         (5.0, "3/3 tags found"),
+        (6.0, "4 tags found"),
     ]
 
 

@@ -455,7 +455,12 @@ def test_a_step_shows_what_it_passed() -> None:
 
 def test_a_helper_that_is_passed_is_not_shown() -> None:
     """States are published in upper case; one in lower case only leads on."""
-    states = {"A": {"on": {"go": "choose"}}, "choose": {"always": "B"}, "B": {"on": {"go": "rest"}}, "rest": {}}
+    states = {
+        "A": {"on": {"go": "choose"}},
+        "choose": {"always": "B"},
+        "B": {"on": {"go": "rest"}},
+        "rest": {},
+    }
     bench = Bench(chart(states))
     assert bench.send("go").trail == (Moment("B", "", ""),)
     assert (bench.send("go").trail, bench.machine.view.lifecycle) == ((), "rest")

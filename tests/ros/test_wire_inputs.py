@@ -69,7 +69,8 @@ def test_a_button_that_flaps_stops_once_and_stays_stopped(wire: Wire) -> None:
         wire.estop(True, False)
         wire.ros.spin_once(0.001)
     wire.until(lambda: drive.ended, "stopped")
-    wire.until(lambda: wire.operator.state.paused and not wire.operator.state.estop_engaged, "released")
+    wire.until_quiet()
+    assert (wire.operator.state.estop_engaged, wire.operator.state.paused) == (False, True)
     assert (len(drive.cancels), len(wire.drives)) == (1, 1)
     assert wire.operator.ask("resume").success
     wire.until_done(mission)
@@ -78,19 +79,15 @@ def test_a_button_that_flaps_stops_once_and_stays_stopped(wire: Wire) -> None:
 
 def test_a_button_that_is_pressed_again_right_after_the_resume_stops_again(wire: Wire) -> None:
     """The new goal may be anywhere between send and acceptance: it is cancelled all the same."""
-    mission, late = wire.start("1"), []
-
-    def hold(drive: Drive) -> None:
-        late.append(drive)
-        wire.estop(True)
-
-    assert wire.operator.ask("pause").success or True
-    wire.base.plan.append(hold)
+    wire.base.plan.extend([Drive.accept, lambda _: wire.estop(True)])
+    mission = wire.start("1")
+    wire.until_driving()
+    assert wire.operator.ask("pause").success
     assert wire.operator.ask("resume").success
-    wire.until(lambda: late, "the goal")
-    wire.until(lambda: wire.operator.state.estop_engaged, "pressed")
-    late[0].accept()
-    wire.until(lambda: late[0].cancels, "the cancel on the wire")
+    wire.until(lambda: wire.operator.state.estop_engaged, "pressed when the new goal arrived")
+    late = wire.drives[1]
+    late.accept()
+    wire.until(lambda: late.cancels, "the cancel on the wire")
     wire.estop(False)
     wire.until(lambda: not wire.operator.state.estop_engaged, "released")
     assert wire.operator.ask("resume").success
@@ -108,9 +105,9 @@ def test_a_low_battery_of_either_scale_docks_once(wire: Wire, low: float) -> Non
     mission = wire.start("1")
     drive = wire.until_driving()
     wire.battery(low)
-    wire.until(lambda: wire.operator.state.lifecycle_state == "RETURNING", "on the way home")
-    assert drive.cancels
+    wire.until(lambda: drive.cancels, "the cancel on the wire")
     wire.until_held()
+    assert wire.operator.state.lifecycle_state == "RETURNING"
     assert wire.operator.state.battery_percentage == pytest.approx(0.1)
     wire.battery(80.0 if low > 1.0 else 0.8)
     wire.until(lambda: not wire.operator.state.battery_low, "charged")
