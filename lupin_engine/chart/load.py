@@ -248,7 +248,7 @@ def is_missions_folder(folder: Path) -> bool:
 
 
 def lifecycle_in(folder: Path) -> Path:
-    """Return the lifecycle around the missions of a folder: the one that stands there, else the shipped one."""
+    """Return the lifecycle around the missions of a folder: the one that stands there, or the shipped one."""
     own = folder / LIFECYCLE
     return own if own.is_file() else default_missions_folder() / LIFECYCLE
 

@@ -36,8 +36,8 @@ class Row:
 
     `label` and `phase` are published. `levels` are, for each leaf, the transitions that need no event.
     `working` are the states with an operation. In a `passing` row a final state is active, or a helper
-    (named in lower case): nobody should see it. `answers` are the shortcuts from here by event, or by (state, event) for the event of one state
-    alone.
+    (named in lower case): nobody should see it. `answers` are the shortcuts from here by event, or by (state,
+    event) for the event of one state alone.
     """
 
     __slots__ = (

@@ -43,7 +43,7 @@ def test_states_and_ways_have_their_counts_and_tones() -> None:
         ("dock", 0),
         ("battery low", 0),
     ]
-    never = next(a for a in picture.arrows if (a.source, a.target) == ("BOOT", "FAULT"))
+    never = next(a for a in picture.arrows if (a.source, a.target) == ("BOOT", "FAULT.LATE"))
     assert never.tone is Tone.NEVER
     assert str(arrow.labels[1]).endswith("\u00d71")
 

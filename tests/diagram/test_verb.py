@@ -146,7 +146,7 @@ def test_a_large_chart_is_drawn_to_a_readable_depth(
         0,
         "lupin: drawn 2 levels deep, to be readable; --depth says how deep\n",
     )
-    assert "… 7 states" in file.read_text(encoding="utf-8")
+    assert "… 9 states" in file.read_text(encoding="utf-8")
     assert said(capfd, "inspection", "-o", tmp_path / "x.mmd") == (0, "")
     assert "READING" in (tmp_path / "x.mmd").read_text(encoding="utf-8")
 

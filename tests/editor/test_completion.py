@@ -104,7 +104,8 @@ CASES = {
     "types": (LIFECYCLE, "type: duration, default: 60 s", "type: |, default: 60 s", ["bool", "text"], 0),
     "types of elements": (INSPECTION, "type: list of tag", "type: list of |", ["bool", "text"], 0),
     "live values": (
-        LIFECYCLE, "value: robot.estop", "value: |", ["plugins.missing", "robot.pose", "robot.battery", "robot.estop"], 0,
+        LIFECYCLE, "value: robot.estop", "value: |",
+        ["plugins.missing", "robot.pose", "robot.battery", "robot.estop"], 0,
     ),
     "parameters, the nearest first": (
         INSPECTION, "${ param.localization_timeout_s }", "${ param.|",

@@ -49,7 +49,7 @@ def test_goals_that_are_never_answered_are_given_up_and_the_mission_goes_on(wire
 
 def test_a_drive_home_that_is_never_answered_ends_the_mission(wire: Wire) -> None:
     """Nothing waits for ever: story 13."""
-    wire.base.plan.extend([lambda drive: (drive.accept(), drive.arrive()), leave_open])
+    wire.base.plan.extend([Drive.arrive_at_once, leave_open])
     mission = wire.start("1")
     wire.until_done(mission)
     assert wire.outcomes(mission) == [("1", OK)]
@@ -130,6 +130,7 @@ def test_a_cancel_that_is_not_answered_is_sent_again(wire: Wire) -> None:
     wire.base.on_cancel = Drive.stop
     wire.until(lambda: deaf.ended, "the robot stopped")
     wire.until_done(mission)
+    assert deaf.ended is not None
     assert wire.drives[1].arrived >= deaf.ended
     assert wire.outcomes(mission) == [("1", OK)]
 

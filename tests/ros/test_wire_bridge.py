@@ -9,7 +9,7 @@ import pytest
 pytest.importorskip("rclpy", reason="ROS 2 is not installed here")
 
 from lupin_msgs.srv import GetTagReading
-from tests.ros.wire import OK, SCAN_FAILED, SKIPPED, Asked, Wire, answer_reading, leave_open
+from tests.ros.wire import OK, SCAN_FAILED, SKIPPED, Asked, Drive, Wire, answer_reading, leave_open
 
 pytestmark = [pytest.mark.ros, pytest.mark.timeout(120)]
 
@@ -66,7 +66,7 @@ def test_an_answer_after_a_skip_is_not_booked_on_the_next_tag(wire: Wire) -> Non
     wire.bridge.plan.append(leave_open)
     mission = wire.start("1", "2")
     late = calls(wire, 1)
-    wire.base.plan.append(lambda drive: drive.accept())
+    wire.base.plan.append(Drive.accept)
     assert wire.operator.ask("skip_current").success
     drive = wire.until_driving(2)
     answer_reading(late)
@@ -79,7 +79,12 @@ def test_an_answer_after_a_skip_is_not_booked_on_the_next_tag(wire: Wire) -> Non
 
 def test_an_answer_that_comes_twice_counts_once(wire: Wire) -> None:
     """The second one finds nobody who waits, not even when the next tag is being read."""
-    wire.bridge.plan.extend([lambda asked: (answer_reading(asked), answer_reading(asked)), leave_open])
+
+    def answer_twice(asked: Asked) -> None:
+        answer_reading(asked)
+        answer_reading(asked)
+
+    wire.bridge.plan.extend([answer_twice, leave_open])
     mission = wire.start("1", "2")
     second = calls(wire, 2)
     answer_reading(wire.bridge.calls[0])

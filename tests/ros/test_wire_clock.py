@@ -37,6 +37,10 @@ class Simulated(Wire):
         self.time += STEP
         self._clock.publish(Clock(clock=to_time(self.time)))
 
+    def until_read(self, mission: str, tag: str) -> None:
+        """Wait until a tag was read: the robot stays at it for a while then."""
+        self.until(lambda: (tag, OK) in self.outcomes(mission), f"the reading of {tag}")
+
     def until_time_is_known(self) -> None:
         """Wait until the node's stamps are of the time that it is now."""
         self.until(
@@ -75,7 +79,7 @@ def test_a_clock_that_is_heard_of_late_is_no_dependency_that_is_late(wire: Simul
 def test_a_jump_at_a_tag_does_not_keep_the_robot_there(wire: Simulated, jump: float) -> None:
     """The time at a tag is over when it is over."""
     mission = wire.start("1", "2")
-    wire.until(lambda: wire.outcomes(mission), "the first reading")
+    wire.until_read(mission, "1")
     wire.time += jump
     wire.until_done(mission)
     assert wire.outcomes(mission) == [("1", OK), ("2", OK)]
@@ -124,8 +128,8 @@ def test_jumps_while_paused_change_nothing(wire: Simulated) -> None:
 def test_a_clock_that_staggers_ends_the_mission_all_the_same(wire: Simulated) -> None:
     """Back and on all the time, as with two publishers of /clock."""
     mission = wire.start("1", "2")
-    for seen in (1, 2):
-        wire.until(lambda seen=seen: len(wire.outcomes(mission)) >= seen, f"reading {seen}")
+    for tag in ("1", "2"):
+        wire.until_read(mission, tag)
         wire.time -= 500.0
         wire.until_time_is_known()
         wire.time += 500.0

@@ -7,7 +7,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -113,7 +113,11 @@ class World:
         command = [str(Path(sys.executable).with_name("lupin")), "node", node]
         if given:
             command += ["--ros-args", *given]
-        with self.log(node).open("wb") as output:
+        return self.run(node, command)
+
+    def run(self, node: str, command: Sequence[str]) -> subprocess.Popen[bytes]:
+        """Start any process under the name of a node."""
+        with self.log(node).open("ab") as output:
             self.processes[node] = subprocess.Popen(
                 command, stdout=output, stderr=subprocess.STDOUT, start_new_session=True
             )

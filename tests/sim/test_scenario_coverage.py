@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 
+from lupin_engine.chart.load import default_missions_folder
 from lupin_engine.sim.coverage import GUARD, OUTCOME, STATE, TRANSITION, Coverage, Key, pieces, reached
 from lupin_engine.sim.coverage_text import coverage_lines
 from lupin_engine.sim.scenario import load_scenario
@@ -28,9 +30,9 @@ def test_a_mission_without_trouble_reaches_its_way(tmp_path: Path) -> None:
     """States by entry, transitions by id, ends by operation, guards by what they came to."""
     counts = result(tmp_path, "expect: {final: DONE}\n").counts
     assert counts[STATE, f"{INSPECTING}.NAVIGATING", ""] == 1
-    assert counts[TRANSITION, f"{INSPECTING}.NAVIGATING.on_done.1", ""] == 1
-    assert counts[OUTCOME, f"{INSPECTING}.NAVIGATING", "nav.go_to done"] == 1
-    guard = f"{INSPECTING}.NAVIGATING.on_done.0"
+    assert counts[TRANSITION, f"{INSPECTING}.NAVIGATING.DRIVING.on_done.1", ""] == 1
+    assert counts[OUTCOME, f"{INSPECTING}.NAVIGATING.DRIVING", "nav.go_to done"] == 1
+    guard = f"{INSPECTING}.NAVIGATING.DRIVING.on_done.0"
     assert (counts[GUARD, guard, "true"], counts[GUARD, guard, "false"]) == (0, 1)
     assert counts[STATE, "FAULT", ""] == 0
 
@@ -50,6 +52,14 @@ def test_what_is_only_explained_is_not_reached(tmp_path: Path) -> None:
     text = (
         "parameters: {flower_scan_dwell_s: 5 s}\nwhen:\n  - {on: DWELLING, request: operator.skip_current}\n"
     )
+    shutil.copytree(default_missions_folder(), tmp_path, dirs_exist_ok=True)
+    part = tmp_path / "parts" / "visit_targets.yaml"
+    refused = "operator.skip_current: {refuse: already_closed}\n    on:\n      operator.skip_current:\n"
+    guarded = "operator.reset: {refuse: already_closed}\n    on:\n      operator.skip_current:\n"
+    text_of_part = part.read_text(encoding="utf-8")
+    assert text_of_part.count(refused) == 1
+    changed = text_of_part.replace(refused, f"{guarded}        guard: itinerary.open\n")
+    part.write_text(changed, encoding="utf-8")
     counts = result(tmp_path, text + "expect: {refused: [not_possible]}\n").counts
     assert (counts[GUARD, SKIP, "true"], counts[GUARD, SKIP, "false"]) == (0, 1)
 

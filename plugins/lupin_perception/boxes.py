@@ -1,0 +1,135 @@
+"""The planter box behind a tag, and where in it a bloom is drawn. Metres and radians, frame `map`. Pure.
+
+A box stands behind its tag: the tag hangs in the middle of its front face. On the plane
+
+* O, the origin, is the middle of the front face,
+* n, the normal, is the tag's own +Z on the plane: out of the bed, into the aisle,
+* l, the lateral axis, is n turned by +90°: (-n_y, n_x), to the right for whoever looks at the tag.
+
+A place in the box is a fraction f (-1 left edge, +1 right edge as seen from the aisle) and a depth d (0 front
+face, 1 back): O + l f w/2 - n d D, with width w and depth D of the box.
+
+How deep a bloom stands is not measured (one uncalibrated camera), and its height neither. The depth that is
+drawn is cosmetic: a fixed scatter, so that the blooms of a box do not form a line.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from lupin_perception.transforms import Array, Pose, matrix
+
+#: The share of a turn by the golden ratio: multiples of it never cluster.
+GOLDEN = 0.6180339887498949
+#: A normal shorter than this on the plane has no direction: the tag lies on its back.
+_SHORTEST = 1e-6
+
+
+@dataclass(frozen=True)
+class Size:
+    """Inner width (along the aisle) and depth (away from it) of a box, in metres."""
+
+    width: float
+    depth: float
+
+
+@dataclass(frozen=True, eq=False)
+class Box:
+    """A box on the plane: the middle of its front face, its unit normal into the aisle, its size."""
+
+    origin: Array
+    normal: Array
+    size: Size
+
+    @property
+    def lateral(self) -> Array:
+        """The unit vector along the front face: the normal turned by +90°."""
+        return np.array((-self.normal[1], self.normal[0]))
+
+    def place(self, fraction: ArrayLike, depth: ArrayLike) -> Array:
+        """Return the places (x, y) of fractions and depths: O + l f w/2 - n d D, row by row."""
+        f, d = np.asarray(fraction, dtype=float), np.asarray(depth, dtype=float)
+        along = f[..., None] * (self.size.width / 2.0) * self.lateral
+        placed: Array = self.origin + along - d[..., None] * self.size.depth * self.normal
+        return placed
+
+    def footprint(self) -> Array:
+        """Return the corners (x, y): front at f = 1, front at f = -1, back at -1, back at 1."""
+        return self.place((1.0, -1.0, -1.0, 1.0), (0.0, 0.0, 1.0, 1.0))
+
+    def is_like(self, other: Box, shift: float, turn: float) -> bool:
+        """Say whether both fronts are within `shift` metres and `turn` radians of each other."""
+        moved = float(np.linalg.norm(self.origin - other.origin))
+        return moved <= shift and float(self.normal @ other.normal) >= math.cos(turn)
+
+
+def box_from_tag(tag: Pose, size: Size, lateral_offset: float = 0.0) -> Box | None:
+    """Return the box behind a tag whose pose in `map` is known; None when the tag faces up or down.
+
+    The tag's local +Z is the third column of its rotation; its part on the plane is the normal. The tag
+    hangs `lateral_offset` metres to the left of the middle of the box.
+    """
+    normal = matrix(tag.rotation)[:2, 2]
+    length = float(np.linalg.norm(normal))
+    if length < _SHORTEST:
+        return None
+    normal = normal / length
+    lateral = np.array((-normal[1], normal[0]))
+    return Box(tag.position[:2] + lateral_offset * lateral, normal, size)
+
+
+@dataclass(frozen=True)
+class View:
+    """How an image and the arm's pan tell where in the box a bloom is.
+
+    At `pan_half_span` (rad) of the pan joint a bloom at the image's outer edge, `half_field` (rad) further
+    out, is at the edge of the box.
+    """
+
+    pan_half_span: float
+    half_field: float
+
+    def fraction(self, pan: float, bearing: float) -> float:
+        """Return the lateral fraction f = (pan + b half_field) / (pan_half_span + half_field).
+
+        `pan` in radians grows to the right, as `bearing` b does, from -1 at the image's left edge to +1 at
+        its right one. The fraction is not clamped: beyond ±1 lies the neighbour's box.
+        """
+        span = self.pan_half_span + self.half_field
+        return (pan + bearing * self.half_field) / span if span > 0.0 else 0.0
+
+
+def is_inside(fraction: float, width: float, margin: float) -> bool:
+    """Say whether a lateral fraction is within the box or `margin` metres beside it.
+
+    |f| ≤ 1 + m / (w/2). Blooms outside belong to a neighbour: drawn at the nearest edge, they would be
+    credited to this box.
+    """
+    return width > 0.0 and abs(fraction) <= 1.0 + margin / (width / 2.0)
+
+
+def column_of(fraction: float, columns: int) -> int:
+    """Return which of the equally wide columns (0 at the left edge) a fraction lies in.
+
+    k = floor((f + 1)/2 N), with what is beyond an edge in the outermost column.
+    """
+    return min(columns - 1, max(0, math.floor((fraction + 1.0) / 2.0 * columns)))
+
+
+def column_fraction(column: int, columns: int) -> float:
+    """Return the lateral fraction of the middle of a column: -1 + (2k + 1)/N."""
+    return -1.0 + (2.0 * column + 1.0) / columns
+
+
+def column_depth(column: int, base: float, spread: float) -> float:
+    """Return the depth that a column's bloom is drawn at: cosmetic, not measured.
+
+    base + (frac(k φ) - 1/2) 2 spread, within 0 and 1, with the golden ratio's φ = 0.618...: irregular to the
+    eye and the same every time.
+    """
+    jitter = (math.modf(column * GOLDEN)[0] - 0.5) * 2.0 * spread
+    return min(1.0, max(0.0, base + jitter))

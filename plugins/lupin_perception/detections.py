@@ -1,0 +1,159 @@
+"""What the detectors say, read from the JSON of their String topics. Pure; nothing that comes in is trusted.
+
+Tags: a list of `{"id": int, "corners": [[x, y], ...], "dist": metres}`, one message a frame; the distance is
+0 where the camera is not calibrated. Flowers: a list of `{"class": int, "confidence": 0 to 1, "bbox_xyxy":
+[x1, y1, x2, y2], "track_id": int or null, "class_name": text or null}`, boxes in pixels.
+
+What cannot be used is left out, with a text that says why. These texts name the kind of fault and nothing
+that was received, so that a caller can tell each one once.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, TypeVar
+
+#: The longest text, in characters, and the longest list that are read: a frame has some dozens of entries.
+MAX_TEXT = 262_144
+MAX_ENTRIES = 512
+#: The largest tag id that is taken for one; the largest families have some thousands.
+MAX_TAG_ID = 2**31 - 1
+
+TAG_KEYS = frozenset({"id", "corners", "dist"})
+FLOWER_KEYS = frozenset({"class", "confidence", "bbox_xyxy", "track_id", "class_name"})
+
+Entry = TypeVar("Entry")
+
+
+@dataclass(frozen=True)
+class TagSeen:
+    """A tag in a frame: its id in decimal, and its distance in metres, infinite where it is not known."""
+
+    id: str
+    distance: float
+
+
+@dataclass(frozen=True)
+class Detection:
+    """Something in the image: its class, how sure the detector is (0 to 1), and where it is.
+
+    `bearing` is the middle of its box, -1 at the image's left edge and +1 at its right edge.
+    """
+
+    name: str
+    confidence: float
+    bearing: float
+
+
+@dataclass(frozen=True)
+class Unreadable:
+    """Why something was left out."""
+
+    reason: str
+
+
+def read_tags(text: str) -> tuple[list[TagSeen], list[str]]:
+    """Return the tags of a frame, each id once (its nearest view), and what was wrong."""
+    found, problems = _read(text, TAG_KEYS, _tag)
+    nearest: dict[str, TagSeen] = {}
+    for tag in found:
+        if tag.id not in nearest or tag.distance < nearest[tag.id].distance:
+            nearest[tag.id] = tag
+    return list(nearest.values()), problems
+
+
+def read_flowers(text: str, classes: Sequence[str], image_width: float) -> tuple[list[Detection], list[str]]:
+    """Return the detections of a frame, and what was wrong; `image_width` in pixels."""
+    return _read(text, FLOWER_KEYS, lambda entry: _flower(entry, classes, image_width))
+
+
+def _read(
+    text: str, keys: frozenset[str], read: Callable[[Mapping[str, Any]], Entry | Unreadable]
+) -> tuple[list[Entry], list[str]]:
+    entries = _entries(text)
+    if isinstance(entries, Unreadable):
+        return [], [entries.reason]
+    results = [read(e) if isinstance(e, Mapping) else Unreadable("an entry is no object") for e in entries]
+    found = [result for result in results if not isinstance(result, Unreadable)]
+    problems = [result.reason for result in results if isinstance(result, Unreadable)]
+    problems += _strange_keys(entries, keys)
+    return found, list(dict.fromkeys(problems))
+
+
+def _entries(text: str) -> list[Any] | Unreadable:
+    if len(text) > MAX_TEXT:
+        return Unreadable(f"more than {MAX_TEXT} characters")
+    try:
+        data = json.loads(text)
+    except (ValueError, RecursionError):
+        return Unreadable("no JSON")
+    if not isinstance(data, list):
+        return Unreadable("no list")
+    return data if len(data) <= MAX_ENTRIES else Unreadable(f"more than {MAX_ENTRIES} entries")
+
+
+def _strange_keys(entries: Sequence[Any], keys: frozenset[str]) -> Iterator[str]:
+    if any(isinstance(entry, Mapping) and not keys >= entry.keys() for entry in entries):
+        yield f"keys besides {', '.join(sorted(keys))} are ignored"
+
+
+def _tag(entry: Mapping[str, Any]) -> TagSeen | Unreadable:
+    number = _tag_id(entry.get("id"))
+    distance = _number(entry.get("dist", 0.0))
+    if number is None:
+        return Unreadable(f"an id is no whole number from 0 to {MAX_TAG_ID}")
+    if distance is None:
+        return Unreadable("a dist is no finite number")
+    return TagSeen(str(number), distance if distance > 0.0 else math.inf)
+
+
+def _tag_id(value: Any) -> int | None:
+    if isinstance(value, str) and len(value) <= 10 and value.isascii() and value.isdecimal():
+        value = int(value)
+    whole = isinstance(value, int) and not isinstance(value, bool)
+    return value if whole and 0 <= value <= MAX_TAG_ID else None
+
+
+def _flower(entry: Mapping[str, Any], classes: Sequence[str], width: float) -> Detection | Unreadable:
+    name = _class_name(entry, classes)
+    confidence = _number(entry.get("confidence"))
+    bearing = _bearing(entry.get("bbox_xyxy"), width)
+    if name is None:
+        return Unreadable(f"a class is none of {', '.join(classes)}")
+    if confidence is None or not 0.0 <= confidence <= 1.0:
+        return Unreadable("a confidence is no number from 0 to 1")
+    if bearing is None:
+        return Unreadable("a bbox_xyxy is not four finite numbers")
+    return Detection(name, confidence, bearing)
+
+
+def _class_name(entry: Mapping[str, Any], classes: Sequence[str]) -> str | None:
+    name, index = entry.get("class_name"), entry.get("class")
+    if isinstance(name, str) and name:
+        return name if name in classes else None
+    if isinstance(index, int) and not isinstance(index, bool) and 0 <= index < len(classes):
+        return classes[index]
+    return None
+
+
+def _bearing(box: Any, width: float) -> float | None:
+    if not isinstance(box, list) or len(box) != 4:
+        return None
+    numbers = [_number(value) for value in box]
+    left, right = numbers[0], numbers[2]
+    if left is None or right is None or None in numbers:
+        return None
+    return max(-1.0, min(1.0, ((left + right) / 2.0 / width - 0.5) * 2.0))
+
+
+def _number(value: Any) -> float | None:
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        return None
+    try:
+        number = float(value)
+    except OverflowError:
+        return None
+    return number if math.isfinite(number) else None
