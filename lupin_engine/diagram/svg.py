@@ -242,7 +242,7 @@ class _Drawing:
         else:
             yield from self._state(box, rect, level, region)
         yield "</g>"
-        regions = box.kind is Kind.PARALLEL
+        regions = box.kind is Kind.PARALLEL and bool(box.children)  # they may be collapsed
         for child in box.children:
             yield from self._box(child, level + (not region), regions and child.kind is not Kind.HISTORY)
         if regions:

@@ -49,7 +49,7 @@ def ros_type(name: str, kind: Type) -> RosParameter.Type:
 
 def descriptor(spec: Parameter) -> ParameterDescriptor:
     """Return what `ros2 param describe` shows: documentation, unit and range."""
-    kind, unit = spec.type, spec.type.unit
+    kind, unit = spec.type, _unit(spec.type)
     described = ParameterDescriptor(description=f"{spec.doc} [{unit}]" if unit else spec.doc)
     low, high = _limits(spec)
     if low is None and high is None:
@@ -66,6 +66,12 @@ def descriptor(spec: Parameter) -> ParameterDescriptor:
             FloatingPointRange(from_value=from_float, to_value=to_float, step=0.0)
         ]
     return described
+
+
+def _unit(kind: Type) -> str:
+    """Return what the numbers are in; of a record, which travels as a list, field by field."""
+    fields = (f"{name} {field.unit}".rstrip() for name, field in kind.fields.items())
+    return ", ".join(fields) if kind.kind == "record" else kind.unit
 
 
 def read(name: str, spec: Parameter, value: Any) -> Any:
@@ -161,7 +167,8 @@ def _hint(kind: Type, value: Any) -> str:
 
 def _limits(spec: Parameter) -> tuple[float | None, float | None]:
     lows = [low for low in (spec.minimum, spec.type.minimum) if low is not None]
-    return (max(lows) if lows else None), spec.maximum
+    highs = [high for high in (spec.maximum, spec.type.maximum) if high is not None]
+    return (max(lows) if lows else None), (min(highs) if highs else None)
 
 
 def _within(value: float, low: float | None, high: float | None) -> bool:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import contextlib
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping
+from itertools import takewhile
 from typing import Any
 
 from lupin_engine.machine import event as events
@@ -40,7 +41,7 @@ class Engine:
             machine: not started either.
             clock: what steps are stamped with.
             drivers: by plugin name; may be filled after this call, because drivers need the engine's outlet.
-            listener: told of every step, before its commands are carried out.
+            listener: told of every step, before its commands are carried out; only cancels go first.
         """
         self.machine = machine
         self.clock = clock
@@ -110,13 +111,19 @@ class Engine:
         return True
 
     def _carry_out(self, step: Step) -> None:
-        """Tell of a step, then do what it says; a listener that fails keeps no Cancel from being sent."""
+        """Stop what must stop, tell of the step, do the rest; a listener that fails keeps nothing from that.
+
+        Telling takes longer than anything else here, and a robot drives on meanwhile.
+        """
+        commands = [command for command in step.commands if isinstance(command, (Start, Cancel, Act))]
+        first = list(takewhile(lambda command: isinstance(command, Cancel), commands))
+        for command in first:
+            self._send(command)
         try:
             self.listener(step)
         finally:
-            for command in step.commands:
-                if isinstance(command, (Start, Cancel, Act)):
-                    self._send(command)
+            for command in commands[len(first) :]:
+                self._send(command)
 
     def _send(self, command: Command) -> None:
         """Hand a command to its driver; a driver that fails is an error of the attempt, not of the loop."""

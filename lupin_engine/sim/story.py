@@ -142,7 +142,8 @@ def _wrapped(moved: str, width: int) -> list[str]:
         if lines[-1] and len(lines[-1]) + len(piece.rstrip()) > width:
             lines.append("")
         lines[-1] += piece
-    return [text[start : start + width].rstrip() for text in lines for start in range(0, len(text), width)]
+    texts = [line.rstrip() for line in lines]
+    return [text[start : start + width] for text in texts for start in range(0, len(text), width)]
 
 
 def _longest(moved: str) -> int:
@@ -235,10 +236,15 @@ class _Narrator:
         return f"{self._operations.get(owner, owner)} {what}"
 
     def _moved(self, step: Step) -> str:
-        """Name the innermost states entered, also those that the step only passed through."""
-        stays = [name for name in step.entered if not self._chart.states[name].children]
-        final = [name for name in stays if self._chart.states[name].kind is not Kind.FINAL]
-        return " -> ".join(short_name(self._chart, name) for name in final or stays)
+        """Name the innermost states entered: those that the step only passed through, then where it is now.
+
+        It is in several states at once where they are regions of a parallel state.
+        """
+        innermost = [name for name in step.entered if not self._chart.states[name].children]
+        told = [n for n in innermost if self._chart.states[n].kind is not Kind.FINAL] or innermost
+        passed = [short_name(self._chart, name) for name in told if name not in step.configuration]
+        here = dict.fromkeys(short_name(self._chart, name) for name in told if name in step.configuration)
+        return " -> ".join([*passed, *([" + ".join(here)] if here else [])])
 
 
 def _command(command: Command) -> str:

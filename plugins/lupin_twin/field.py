@@ -1,8 +1,8 @@
 """A sensor field between tags: inverse-distance weighting on a grid (Shepard 1968); pure numpy.
 
 Frames and units: positions, distances and resolutions are metres in frame `map`; values have the unit of
-their sensor. Cell (column i, row j) has its centre at `(min_x + (i + 0.5)·r, min_y + (j + 0.5)·r)`; arrays are
-indexed `[row, column]`, row 0 at `min_y`.
+their sensor. Cell (column i, row j) has its centre at `(min_x + (i + 0.5)·r, min_y + (j + 0.5)·r)`; arrays
+are indexed `[row, column]`, row 0 at `min_y`.
 """
 
 from __future__ import annotations
@@ -43,6 +43,9 @@ class Settings:
     power: float = 2.0
     falloff: float = 2.0
     max_distance: float = 2.0
+
+
+DEFAULTS = Settings()
 
 
 @dataclass(frozen=True)
@@ -86,7 +89,8 @@ class Grid:
 
 
 def _centres(minimum: float, count: int, resolution: float) -> Floats:
-    return minimum + (np.arange(count, dtype=np.float64) + 0.5) * np.float64(resolution)
+    steps: Floats = np.arange(count) + np.float64(0.5)
+    return minimum + steps * np.float64(resolution)
 
 
 def _cells(extent: float, resolution: float) -> int:
@@ -113,7 +117,7 @@ def interpolate(
     grid: Grid,
     positions: Floats,
     values: Floats,
-    settings: Settings = Settings(),
+    settings: Settings = DEFAULTS,
     explored: Mask | None = None,
 ) -> Field:
     """Return the field of `values` measured at `positions` (n rows of x, y), all of them finite.
@@ -152,7 +156,8 @@ def _weighted(grid: Grid, positions: Floats, values: Floats, settings: Settings)
     """Add the samples up one by one, each only where it reaches: most cells are far from most samples."""
     shape = (grid.height, grid.width)
     total, weights = np.zeros(shape), np.zeros(shape)
-    nearest, nearest_value = np.full(shape, np.inf), np.full(shape, np.nan)
+    # A cell has the value of its nearest sample until something is mixed for it.
+    nearest, cells = np.full(shape, np.inf), np.full(shape, np.nan)
     grid_x, grid_y = grid.x, grid.y
     # A little more than enough: what is exactly at the limit belongs to it.
     reach = max(settings.falloff, settings.max_distance, EXACT_M) * (1.0 + 1e-9)
@@ -165,13 +170,13 @@ def _weighted(grid: Grid, positions: Floats, values: Floats, settings: Settings)
         squared = np.square(grid_y[rows] - y)[:, None] + np.square(grid_x[columns] - x)
         nearer = squared < nearest[area]
         np.copyto(nearest[area], squared, where=nearer)
-        np.copyto(nearest_value[area], value, where=nearer)
+        np.copyto(cells[area], value, where=nearer)
         weight = _weight(squared, settings)
         weights[area] += weight
         weight *= value
         total[area] += weight
     mixed = (weights > 0.0) & (nearest >= EXACT_M**2)
-    cells = np.divide(total, weights, out=nearest_value, where=mixed)
+    np.divide(total, weights, out=cells, where=mixed)
     cells[nearest > settings.max_distance**2] = np.nan
     return cells
 
@@ -185,8 +190,9 @@ def _weight(squared: Floats, settings: Settings) -> Floats:
     """Return d^-p for squared distances, 0 beyond the falloff; d counts as no less than 1 mm."""
     bounded = np.maximum(squared, EXACT_M**2)
     # numpy's general power takes twenty times as long as a division.
-    inverse = np.reciprocal(bounded)
-    weight: Floats = inverse if settings.power == 2.0 else np.power(inverse, 0.5 * settings.power)
+    weight: Floats = np.reciprocal(bounded)
+    if settings.power != 2.0:
+        weight **= 0.5 * settings.power
     weight[squared > settings.falloff**2] = 0.0
     return weight
 

@@ -119,6 +119,15 @@ def test_it_is_simulated(catalog: Catalog) -> None:
     assert [(step.time, step.event.data["result"]["first"]) for step in ended] == [(0.5, 1.5)]
 
 
+def test_a_simulated_answer_comes_at_once_when_nothing_is_said(folder: Path, catalog: Catalog) -> None:
+    """The result must be written, the time need not."""
+    binding = folder / "bindings" / "survey.yaml"
+    binding.write_text(binding.read_text(encoding="utf-8").replace("after: 500 ms, ", ""), encoding="utf-8")
+    chart = load_chart(folder / LIFECYCLE, [folder / "survey_mission.yaml"], catalog)
+    mock = chart.catalog.operations["survey.ask"].mock
+    assert (mock.after, mock.result["first"]) == (0.0, 1.5)
+
+
 def test_the_same_files_are_the_same_chart(folder: Path, catalog: Catalog) -> None:
     """So looking for changes costs next to nothing; a binding that changed makes another one."""
     mission = [folder / "survey_mission.yaml"]
@@ -173,6 +182,16 @@ def test_fields_that_are_not_there(survey: Binding) -> None:
         "bindings/survey.yaml:23:38: error: operations.ask.result.cells: expected a whole number, but "
         "'response.width' is one with digits; write 'type: number' [wrong-type]",
     ]
+
+
+def test_what_is_no_type_is_not_looked_for(folder: Path, catalog: Catalog) -> None:
+    """The file has been told of it; nobody asks a middleware for such a name."""
+    file = folder / "bindings" / "survey.yaml"
+    file.write_text(file.read_text(encoding="utf-8").replace(FIELD + ",", "GetField,"), encoding="utf-8")
+    inspection = inspect_chart(folder / LIFECYCLE, [folder / "survey_mission.yaml"], catalog)
+    assert "bad-name" in {one.rule for one in inspection.found}
+    assert inspection.bound is not None
+    assert misfits(inspection.bound.bindings["survey"]) == []
 
 
 def test_types_that_do_not_fit(survey: Binding) -> None:

@@ -38,6 +38,12 @@ def problems(text: str) -> list[str]:
         ("No", "No"),
         ("true", True),
         ("False", False),
+        ("TRUE", True),
+        ("FALSE", False),
+        ("True", True),
+        ("false", False),
+        ("tRUE", "tRUE"),
+        ("NULL", None),
         ("null", None),
         ("~", None),
         ("", None),
@@ -90,6 +96,9 @@ def test_every_key_and_value_has_its_place() -> None:
         ("k: 'it''s bc'", "bc", (1, 11)),
         ('k: "a \\"x\\" bc"', "bc", (1, 13)),
         ('k: "\\u00fc\\t bc"', "bc", (1, 14)),
+        ('k: "\\x41 bc"', "bc", (1, 10)),
+        ('k: "\\U0001f98b bc"', "bc", (1, 16)),
+        ('k: "\\r \\n bc"', "bc", (1, 11)),
         ("k: a\n  bc d", "bc", (2, 3)),
         ("k: 'a\n\n  bc'", "bc", (3, 3)),
         ("k: |\n  a\n  x bc\n", "bc", (3, 5)),
@@ -250,3 +259,19 @@ def test_a_folder_is_no_file(tmp_path: Path) -> None:
     findings = Findings()
     assert read(tmp_path, findings) is None
     assert [d.problem for d in findings.all] == ["cannot read the file: Is a directory"]
+
+
+@pytest.mark.parametrize(("opening", "closing"), [("[", "]"), ("{a: ", "}")])
+def test_a_file_may_be_so_deep_and_no_deeper(opening: str, closing: str) -> None:
+    """Lists and mappings count alike; the mapping that the file is counts as well."""
+    for depth, expected in ((source.MAX_DEPTH, []), (source.MAX_DEPTH + 1, ["[too-large]"])):
+        text = f"k: {opening * (depth - 1)}[]{closing * (depth - 1)}"
+        assert [problem.rpartition(" ")[2] for problem in problems(text)] == expected
+
+
+@pytest.mark.parametrize("more", [0, 1])
+def test_a_file_may_have_so_many_values_and_no_more(more: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Keys, values and the mappings around them."""
+    monkeypatch.setattr(source, "MAX_NODES", 12)
+    text = "k: [" + ", ".join(["x"] * (9 + more)) + "]"
+    assert [problem.rpartition(" ")[2] for problem in problems(text)] == ["[too-large]"] * more

@@ -88,13 +88,30 @@ def test_a_story_is_as_wide_as_the_terminal(width: int) -> None:
     from lupin_engine.sim.scenario import load_scenario
 
     catalog = load_catalog()
-    for name in ("drive_times_out", "estop_and_pause", "start_refused_for_unknown_tag"):
-        run = load_scenario(SCENARIOS / f"{name}.scenario.yaml", catalog).run()
+    for name in (
+        "inspection/drive_times_out",
+        "inspection/estop_and_pause",
+        "inspection/start_refused_for_unknown_tag",
+        "exploration/seeded_once",
+    ):
+        run = load_scenario(SCENARIOS.parent / f"{name}.scenario.yaml", catalog).run()
         lines = list(tell(run.chart, run.steps))
         columns = columns_for(lines, width)
         rows = ["".join(text for text, _ in row) for line in lines for row in laid_out(line, columns)]
         assert max(map(len, rows)) <= width
         assert all(row == row.rstrip() for row in rows)
+        assert all(rows)
+
+
+def test_regions_entered_together_are_told_as_such() -> None:
+    """An arrow would say that the second one was entered from the first."""
+    scenario = SCENARIOS.parent / "exploration" / "seeded_once.scenario.yaml"
+    lines = typed(str(scenario)).output.splitlines()
+    begins = next(i for i, line in enumerate(lines) if line.startswith("     0.5 s"))
+    assert [line[12:38].strip() for line in lines[begins : begins + 2]] == [
+        "EXPLORING.SEARCH.CHOOSING",
+        "+ EXPLORING.SEED_CLIMATE",
+    ]
 
 
 def test_refusals_and_notes_stand_out() -> None:

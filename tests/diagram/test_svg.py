@@ -50,6 +50,14 @@ def test_everything_is_drawn_and_can_be_found(name: str) -> None:
     assert all(label.event in together for arrow in picture.arrows for label in arrow.labels)
 
 
+@pytest.mark.parametrize("depth", [1, 2, 3])
+@pytest.mark.parametrize("name", pictured.NAMES)
+def test_every_depth_is_drawn(name: str, depth: int) -> None:
+    """What is collapsed is a box, whatever is inside: a parallel state then has no regions to separate."""
+    shown = {e.attrib["data-state"] for e in drawn(name, depth=depth).iter() if "data-state" in e.attrib}
+    assert shown == {box.name for box in outline(pictured.chart(name), depth=depth).every()}
+
+
 @pytest.mark.parametrize("name", pictured.NAMES)
 def test_no_text_leaves_the_picture(name: str) -> None:
     """Every text says how wide it is to be, and has that room."""

@@ -131,6 +131,17 @@ def test_waiting_for_servers_goes_on(load: Callable[..., Chart]) -> None:
     robot.ready()
 
 
+def test_a_deadline_of_the_chart_goes_on_where_it_is_still_written(load: Callable[..., Chart]) -> None:
+    """Counted from when the state was entered; what is not written any more never comes."""
+    edit = ("  READY:\n", "  READY:\n    after: {1 h: FAULT}\n")
+    robot = Robot(load(edit)).ready()
+    due = next(due for due, _, kind, _ in robot.machine.memory.timers if kind == "after")
+    for chart, expected in ((load(edit, patrol=True), [due]), (load(patrol=True), [])):
+        robot.go_on_with(chart)
+        timers = robot.machine.memory.timers
+        assert [due for due, _, kind, _ in timers if kind == "after"] == expected
+
+
 def test_an_emergency_stop_is_not_lost(load: Callable[..., Chart]) -> None:
     """It holds in the other chart, and only a person releases it."""
     robot = Robot(load()).ready()

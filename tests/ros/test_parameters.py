@@ -14,7 +14,7 @@ from rclpy.parameter import Parameter as RosParameter
 from lupin_engine.errors import PluginError
 from lupin_engine.middleware.parameters import descriptor, read, ros_type, to_ros
 from lupin_engine.plugin.contract import Parameter
-from lupin_engine.plugin.types import ANY, BOOL, DURATION, INTEGER, LENGTH, POSE, TEXT, list_of
+from lupin_engine.plugin.types import ANY, BOOL, DURATION, INTEGER, LENGTH, POSE, TEXT, Type, list_of
 
 ORIGIN = {"x": 0.0, "y": 0.0, "yaw": 0.0}
 
@@ -71,6 +71,14 @@ def test_ranges_are_told(minimum: float | None, maximum: float | None, problem: 
         read("p", Parameter(INTEGER, 2, "", minimum, maximum), 1)
 
 
+def test_a_type_brings_its_own_range() -> None:
+    share = Parameter(Type("number", "share", minimum=0.0, maximum=1.0), 0.5, "", maximum=2.0)
+    (told,) = descriptor(share).floating_point_range
+    assert (told.from_value, told.to_value) == (0.0, 1.0)
+    with pytest.raises(ValueError, match="^parameter 'p': expected share of at most 1, got "):
+        read("p", share, 1.5)
+
+
 def test_values_go_back_with_their_type() -> None:
     empty = to_ros("p", Parameter(list_of(TEXT), [], ""), [])
     assert (empty.type_, empty.value) == (RosParameter.Type.STRING_ARRAY, [])
@@ -84,6 +92,14 @@ def test_open_ranges_have_an_end_only_where_there_is_one() -> None:
     (integers,) = descriptor(Parameter(INTEGER, 1, "", maximum=5)).integer_range
     assert (integers.from_value, integers.to_value) == (-(2**63), 5)
     assert not descriptor(Parameter(TEXT, "", "")).integer_range
+
+
+@pytest.mark.parametrize(
+    ("kind", "described"),
+    [(TEXT, "what"), (DURATION, "what [s]"), (POSE, "what [x m, y m, yaw rad]")],
+)
+def test_units_are_described(kind: Any, described: str) -> None:
+    assert descriptor(Parameter(kind, None, "what")).description == described
 
 
 @pytest.mark.parametrize("kind", [ANY, list_of(POSE)])

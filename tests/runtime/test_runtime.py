@@ -168,6 +168,17 @@ def test_the_listener_hears_a_step_before_its_commands_are_carried_out() -> None
     assert heard == ["start", "start go"]
 
 
+def test_what_must_stop_is_told_so_before_the_listener_hears_of_it() -> None:
+    """Telling takes longer than a cancel, and the robot drives on meanwhile."""
+    server = Server()
+    engine, _, _ = loop({**DRIVING, "B": {}}, nav=server)
+    heard: list[list[str]] = []
+    engine.listener = lambda step: heard.append(list(server.told))
+    engine.post(Event("away"))
+    engine.drain()
+    assert heard == [["start go", "cancel"]]
+
+
 def test_the_virtual_clock_does_not_go_back() -> None:
     """The refusal names both times."""
     clock = VirtualClock()

@@ -98,7 +98,7 @@ class SimNode:
         self._next_pose = ros.elapsed()
         self._next_look = ros.elapsed()
         self._connect()
-        self._senses = Senses(ros, layout, values)
+        self._senses = Senses(ros, layout, values, self._publish_transforms)
         self._senses.look(self._robot.pose)
         reason = self._change({name: values[name] for name in LIVE})
         if reason is not None:
@@ -296,10 +296,14 @@ class SimNode:
             message.pose.covariance[axis * 7] = variance
         self._poses.publish(message)
 
-    def _publish_transforms(self) -> None:
-        transforms = [self._transform("odom", "base_link", self._robot.pose)]
+    def _publish_transforms(self, sensed: Sequence[TransformStamped] = ()) -> None:
+        """Tell where the robot is, and what it senses from there, all at one moment."""
+        transforms = [_transform("odom", "base_link", self._robot.pose), *sensed]
         if not self._faults.now(Fault.LOSE_LOCALIZATION):
-            transforms.insert(0, self._transform("map", "odom", Pose(0.0, 0.0, 0.0)))
+            transforms.insert(0, _transform("map", "odom", Pose(0.0, 0.0, 0.0)))
+        stamp = self._ros.stamp()
+        for transform in transforms:
+            transform.header.stamp = stamp
         self._transforms.publish(TFMessage(transforms=transforms))
 
     def _publish_battery(self) -> None:
@@ -319,14 +323,14 @@ class SimNode:
         message.pose.orientation = _quaternion(pose.yaw)
         return message
 
-    def _transform(self, parent: str, child: str, pose: Pose) -> TransformStamped:
-        message = TransformStamped(child_frame_id=child)
-        message.header.stamp = self._ros.stamp()
-        message.header.frame_id = parent
-        message.transform = Transform(
-            translation=Vector3(x=pose.x, y=pose.y, z=0.0), rotation=_quaternion(pose.yaw)
-        )
-        return message
+
+def _transform(parent: str, child: str, pose: Pose) -> TransformStamped:
+    message = TransformStamped(child_frame_id=child)
+    message.header.frame_id = parent
+    message.transform = Transform(
+        translation=Vector3(x=pose.x, y=pose.y, z=0.0), rotation=_quaternion(pose.yaw)
+    )
+    return message
 
 
 def _quaternion(yaw: float) -> Quaternion:

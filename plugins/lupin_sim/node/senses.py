@@ -1,15 +1,16 @@
 """What the simulated robot makes of its surroundings: the map that grows as it drives, and the tags it sees.
 
-The tags are told on the topic of the perception's aggregator, for as long as there is none.
+Without an aggregator the tags that were found are told on its topic. For one that is there, parameter
+`detector` has the cameras tell what they see, frame by frame.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from geometry_msgs.msg import Pose as PoseMessage
-from geometry_msgs.msg import Quaternion
+from geometry_msgs.msg import Quaternion, TransformStamped
 from nav_msgs.msg import OccupancyGrid
 
 from lupin_engine.middleware.node import Qos, RosNode
@@ -19,6 +20,7 @@ from lupin_msgs.msg import DiscoveredTag, DiscoveredTags, MissionState
 from lupin_sim.camera import Camera, Plate, facing
 from lupin_sim.layout import Layout
 from lupin_sim.lidar import ORIGIN_X, ORIGIN_Y, RESOLUTION, GrowingMap, Lidar
+from lupin_sim.node.detections import Detections
 from lupin_sim.robot import Pose
 from lupin_sim.sightings import Sightings
 
@@ -35,13 +37,23 @@ PARAMETERS = {
     "feed_tags": Parameter(
         BOOL, True, "whether to publish /perception/discovered_tags; false where the aggregator does"
     ),
+    "detector": Parameter(
+        BOOL, False, "publish what the cameras detect in each frame, for the aggregator, instead of feed_tags"
+    ),
 }
 
 
 class Senses:
     """Looks around from wherever the robot is, and tells everybody."""
 
-    def __init__(self, ros: RosNode, layout: Layout, values: Mapping[str, Any]) -> None:
+    def __init__(
+        self,
+        ros: RosNode,
+        layout: Layout,
+        values: Mapping[str, Any],
+        send: Callable[[Sequence[TransformStamped]], None],
+    ) -> None:
+        """`send` publishes transforms of what is sensed together with the robot's own."""
         self._ros = ros
         self._map = GrowingMap(Lidar(layout, values["lidar_range"]))
         self._camera = Camera(layout, values["tag_range"], values["tag_field_of_view"])
@@ -49,7 +61,8 @@ class Senses:
         self._mapped_from: tuple[float, float] | None = None
         self._maps = ros.publisher(OccupancyGrid, "/map", Qos.LATCHED)
         self._tags = None
-        if values["feed_tags"]:
+        self._detections = Detections(ros, send) if values["detector"] else None
+        if values["feed_tags"] and self._detections is None:
             self._tags = ros.publisher(DiscoveredTags, "/perception/discovered_tags", Qos.LATCHED)
         ros.subscribe(MissionState, "/mission/state", Qos.LATCHED, self._on_mission)
         ros.timer(TELL_S, self._tell)
@@ -59,7 +72,10 @@ class Senses:
         if self._mapped_from != (pose.x, pose.y):  # turning shows the lidar nothing new
             self._mapped_from = pose.x, pose.y
             self._map.reveal(pose.x, pose.y)
-        self._sightings.add(self._camera.sees(pose), self._ros.stamp())
+        seen = self._camera.sees(pose)
+        self._sightings.add(seen, self._ros.stamp())
+        if self._detections is not None:
+            self._detections.tell(pose, seen)
 
     def tell_map(self) -> None:
         """Publish the map if there is anything new in it."""

@@ -1,0 +1,74 @@
+"""Pests that belong to no tag: what makes a report of its own, and when. Pure.
+
+A pest in the box that is scanned is told with the flowers of its tag. One that is seen where no tag is in
+sight would be lost, so it is reported by itself, at the place of the robot. It takes several frames in a row,
+because one may be a mistake, and the same place is not reported twice in a mission.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from lupin_perception.detections import Detection
+
+#: Severity of a pest in an AnomalyReport: above 0, which is for information only.
+PEST_SEVERITY = 1
+#: Places that are remembered; further reports in one mission tell nobody anything new.
+MAX_REPORTS = 200
+
+#: A place on the floor in metres.
+Point = tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Pest:
+    """A pest at no tag, and how sure the detector was (0 to 1)."""
+
+    name: str
+    confidence: float
+
+    @property
+    def description(self) -> str:
+        """What people are told."""
+        return f"{self.name} seen where no tag is in sight (confidence {self.confidence:.2f})"
+
+
+class Watch:
+    """Looks for pests from frame to frame while no tag is in sight."""
+
+    def __init__(self, name: str, min_confidence: float, frames: int, spacing: float) -> None:
+        """Set the pest's class, its least confidence, the frames in a row, and metres between two reports."""
+        self._name = name
+        self._min_confidence = min_confidence
+        self._frames = frames
+        self._spacing = spacing
+        self._row = 0
+        self._reported: list[Point] = []
+
+    def forget(self) -> None:
+        """Begin a new mission: everything may be reported again."""
+        self._row = 0
+        self._reported.clear()
+
+    def interrupt(self) -> None:
+        """Take in a frame that does not count: a tag is in sight, or is being scanned."""
+        self._row = 0
+
+    def add(self, detections: Iterable[Detection], place: Point | None) -> Pest | None:
+        """Take in a frame seen from `place`; returns a pest that is to be reported now."""
+        sure = [d.confidence for d in detections if d.name == self._name]
+        confidence = max(sure, default=0.0)
+        if not sure or confidence < self._min_confidence:
+            self._row = 0
+            return None
+        self._row += 1
+        if self._row < self._frames or place is None or not self._is_new(place):
+            return None
+        self._reported.append(place)
+        return Pest(self._name, confidence)
+
+    def _is_new(self, place: Point) -> bool:
+        near = any(math.dist(place, other) < self._spacing for other in self._reported)
+        return not near and len(self._reported) < MAX_REPORTS

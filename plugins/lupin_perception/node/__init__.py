@@ -1,0 +1,7 @@
+"""The node `perception_aggregator`: tags, flowers and pests, from what the detectors see."""
+
+from __future__ import annotations
+
+from lupin_perception.node.aggregator import NAME, PARAMETERS, Aggregator, main
+
+__all__ = ["NAME", "PARAMETERS", "Aggregator", "main"]

@@ -1,0 +1,259 @@
+"""The aggregator as a node: takes in frames, tells of tags at a steady rate and of findings at once.
+
+No callback waits for anything. What comes in damaged is told once for each kind of damage, and left out.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from sensor_msgs.msg import JointState
+from std_msgs.msg import String
+from tf2_msgs.msg import TFMessage
+
+from lupin_engine.middleware.node import Qos, RosNode
+from lupin_msgs.msg import DiscoveredTags, MissionState, Observation
+from lupin_msgs.srv import ConfirmTag
+from lupin_perception.anomalies import Watch
+from lupin_perception.boxes import Box, Size, box_from_tag, column_depth, column_fraction
+from lupin_perception.detections import Detection, TagSeen, read_flowers, read_tags
+from lupin_perception.flowers import Bloom, Scan, is_active, scanned_tag
+from lupin_perception.node import messages
+from lupin_perception.node.settings import PARAMETERS, fusion_rules
+from lupin_perception.registry import MAX_TAGS, Registry
+from lupin_perception.transforms import MAX_FRAMES, Array, Frames, pose_of
+
+__all__ = ["NAME", "PARAMETERS", "Aggregator", "main"]
+
+NAME = "perception_aggregator"
+
+#: Requests older than this, in seconds, are not answered: they waited out a broken link, nobody listens.
+STALE_AFTER_S = 10.0
+#: A box that has moved (m) or turned (rad) by more is told again with its flowers.
+MOVED_M, TURNED = 0.05, 0.1
+
+
+class Aggregator:
+    """Fuses what the detectors see into tags on the map, flowers at tags, and pests at none."""
+
+    def __init__(self, ros: RosNode) -> None:
+        self._ros = ros
+        self._values = values = ros.parameters()
+        self._size = Size(values["box_width"], values["box_depth"])
+        self._frames = Frames()
+        self._tags = Registry(values["min_sightings"], values["max_tag_distance_m"], values["freshness_s"])
+        self._scan = Scan(fusion_rules(values))
+        self._watch = Watch(
+            values["anomaly_class_name"],
+            values["yolo_min_confidence"],
+            values["anomaly_frames"],
+            values["anomaly_spacing_m"],
+        )
+        self._mission = MissionState()
+        self._mission_heard = -math.inf
+        self._mission_id = ""
+        #: Tags of the last frames: distance in metres, and when.
+        self._sights: dict[str, tuple[float, float]] = {}
+        self._pan = 0.0
+        self._since = ros.stamp()
+        #: The box that the flowers of this scan were told in; None before they were.
+        self._told_box: Box | None = None
+        self._has_told = False
+        self._unplaced = False
+        self._warned: set[str] = set()
+        self._connect()
+
+    def _connect(self) -> None:
+        ros, names = self._ros, self._values
+        self._lists = ros.publisher(DiscoveredTags, names["discovered_tags_topic"], Qos.LATCHED)
+        self._observations = ros.publisher(Observation, names["observations_topic"], Qos.BACKLOG)
+        # Transforms first: those of a frame are then known before what was seen in it.
+        ros.subscribe(TFMessage, "/tf_static", Qos.STATIC_TRANSFORMS, lambda m: self._on_transforms(m, True))
+        ros.subscribe(TFMessage, "/tf", Qos.TRANSFORMS, lambda m: self._on_transforms(m, False))
+        ros.subscribe(MissionState, names["mission_state_topic"], Qos.LATCHED, self._on_mission)
+        ros.subscribe(JointState, names["joint_states_topic"], Qos.DETECTION, self._on_joints)
+        ros.subscribe(String, names["tag_detections_topic"], Qos.DETECTION, self._on_tags)
+        ros.subscribe(String, names["yolo_detections_topic"], Qos.DETECTION, self._on_flowers)
+        ros.serve(ConfirmTag, names["confirm_service"], self._confirm, stale_after=STALE_AFTER_S)
+        ros.timer(1.0 / names["publish_rate_hz"], self._tell_tags)
+
+    # --- where things are ---------------------------------------------------------------------------------
+
+    def _on_transforms(self, message: TFMessage, static: bool) -> None:
+        for stamped in message.transforms:
+            shift, turn = stamped.transform.translation, stamped.transform.rotation
+            pose = pose_of((shift.x, shift.y, shift.z), (turn.x, turn.y, turn.z, turn.w))
+            parent, child, stamp = stamped.header.frame_id, stamped.child_frame_id, stamped.header.stamp
+            if pose is None:
+                self._warn_once("/tf: a transform without a finite place and rotation left out")
+            elif not self._frames.add(parent, child, pose, stamp.sec + stamp.nanosec * 1e-9, static=static):
+                self._warn_once(f"/tf: more than {MAX_FRAMES} frames; further ones left out")
+
+    def _on_joints(self, message: JointState) -> None:
+        for name, angle in zip(message.name, message.position, strict=False):
+            if name == self._values["pan_joint_name"] and math.isfinite(angle):
+                self._pan = float(angle)
+
+    # --- the mission --------------------------------------------------------------------------------------
+
+    def _on_mission(self, message: MissionState) -> None:
+        self._mission, self._mission_heard = message, self._ros.elapsed()
+        if self._tags.begin(message.mission_id):
+            self._mission_id = message.mission_id
+            self._watch.forget()
+            self._aim("")
+            self._since = self._ros.stamp()
+            self._tell_tags()
+        self._aim(self._focus())
+
+    def _aim(self, tag_id: str) -> None:
+        """Credit flowers to this tag from now on; another one than before begins a new scan."""
+        if self._scan.aim(tag_id):
+            self._has_told, self._told_box = False, None
+
+    def _focus(self) -> str:
+        """Name the tag that flowers belong to, '' for none."""
+        mission = self._mission
+        heard = self._ros.elapsed() - self._mission_heard <= self._values["mission_freshness_s"]
+        if heard and is_active(mission.lifecycle_state):
+            return scanned_tag(mission.lifecycle_state, mission.mission_phase, mission.current_target)
+        return self._nearest() if self._values["attribute_when_idle"] else ""
+
+    def _nearest(self) -> str:
+        """Name the nearest discovered tag in sight, '' for none."""
+        here = [(distance, tag) for tag, distance in self._in_sight().items() if self._tags.find(tag)]
+        return min(here)[1] if here else ""
+
+    def _in_sight(self) -> dict[str, float]:
+        """Return the tags of the last frames with their distances in metres."""
+        since = self._ros.elapsed() - self._values["tag_in_sight_s"]
+        self._sights = {tag: sight for tag, sight in self._sights.items() if sight[1] >= since}
+        return {tag: distance for tag, (distance, _) in self._sights.items()}
+
+    # --- tags ---------------------------------------------------------------------------------------------
+
+    def _on_tags(self, message: String) -> None:
+        seen, problems = read_tags(message.data)
+        self._tell_problems("tag_detections_topic", problems)
+        now = self._ros.elapsed()
+        for tag in seen:
+            self._sights[tag.id] = tag.distance, now
+        near = [tag for tag in seen if self._tags.is_near(tag.distance)]
+        placed = [tag for tag in near if self._add(tag, now)]
+        if placed:
+            self._since = self._ros.stamp()
+        self._tell_unplaced(near, placed)
+
+    def _add(self, tag: TagSeen, now: float) -> bool:
+        """Count a sighting of a tag whose place is known; says whether it is."""
+        pose = self._frames.find(messages.FRAME, f"{self._values['tf_frame_prefix']}{tag.id}")
+        if pose is None:
+            return False
+        known = self._tags.add(tag.id, pose, tag.distance, now)
+        if known is None:
+            self._warn_once(f"more than {MAX_TAGS} tags; further ones left out")
+        elif known.sightings == self._values["min_sightings"]:
+            x, y = np.round(pose.position[:2], 3).tolist()
+            self._ros.log.info("tag discovered", tag=tag.id, x=x, y=y)
+        return True
+
+    def _tell_unplaced(self, near: Sequence[TagSeen], placed: Sequence[TagSeen]) -> None:
+        """Tell when tags are seen but none can be placed: an exploration would find nothing."""
+        if placed:
+            self._unplaced = False
+        elif near and not self._unplaced:
+            self._unplaced = True
+            frame = f"{self._values['tf_frame_prefix']}{near[0].id}"
+            self._ros.log.warning(
+                f"tags are seen but none can be placed: no transform from {frame} to {messages.FRAME};"
+                " is the camera calibrated, and the robot localized?"
+            )
+
+    def _tell_tags(self) -> None:
+        self._lists.publish(messages.discovered_tags(self._tags.discovered(), self._since))
+
+    def _confirm(self, request: ConfirmTag.Request, response: ConfirmTag.Response) -> ConfirmTag.Response:
+        found = self._tags.confirm(request.expected_tag_id, self._ros.elapsed())
+        response.detected, response.detection_confidence = found.detected, found.confidence
+        response.error_message = found.error
+        response.tag_pose_in_map.orientation.w = 0.0
+        if found.pose is not None:
+            response.tag_pose_in_map = messages.pose_message(found.pose)
+        return response
+
+    # --- flowers and pests --------------------------------------------------------------------------------
+
+    def _on_flowers(self, message: String) -> None:
+        names, width = self._values["flower_class_names"], self._values["detection_image_width"]
+        detections, problems = read_flowers(message.data, names, width)
+        self._tell_problems("yolo_detections_topic", problems)
+        self._aim(self._focus())
+        if self._scan.tag_id:
+            self._scan.add(detections, self._pan)
+            self._tell_flowers()
+        if self._scan.tag_id or self._in_sight():
+            self._watch.interrupt()
+        else:
+            self._look_for_pests(detections)
+
+    def _tell_flowers(self) -> None:
+        """Tell what grows at the scanned tag, if that is news and the tag is discovered."""
+        known, summary = self._tags.find(self._scan.tag_id), self._scan.summary()
+        if known is None or summary is None:
+            return
+        box = box_from_tag(known.pose, self._size, self._values["tag_lateral_offset"])
+        told = known.summary if self._has_told else None
+        if not summary.tells_more_than(told) and _is_alike(box, self._told_box):
+            return
+        self._has_told, self._told_box = True, box
+        self._tags.classify(known.id, summary)
+        self._since = self._ros.stamp()
+        places = np.empty((0, 2)) if box is None else self._places(box, summary.blooms)
+        self._observations.publish(
+            messages.flower_observation(known, summary, box, places, self._mission_id, self._since)
+        )
+
+    def _places(self, box: Box, blooms: Sequence[Bloom]) -> Array:
+        values = self._values
+        count, base = values["lateral_columns"], values["flower_base_depth_frac"]
+        fractions = [column_fraction(bloom.column, count) for bloom in blooms]
+        spread = values["flower_depth_jitter_frac"]
+        return box.place(fractions, [column_depth(bloom.column, base, spread) for bloom in blooms])
+
+    def _look_for_pests(self, detections: Sequence[Detection]) -> None:
+        robot = self._frames.find(messages.FRAME, self._values["base_frame"])
+        place = None if robot is None else (float(robot.position[0]), float(robot.position[1]))
+        pest = self._watch.add(detections, place)
+        if pest is not None and robot is not None:
+            stamp = self._ros.stamp()
+            self._observations.publish(messages.anomaly_observation(pest, robot, self._mission_id, stamp))
+
+    # --- what is wrong ------------------------------------------------------------------------------------
+
+    def _tell_problems(self, topic: str, problems: Sequence[str]) -> None:
+        for problem in problems:
+            self._warn_once(f"{self._values[topic]}: {problem}")
+
+    def _warn_once(self, text: str) -> None:
+        if text not in self._warned:
+            self._warned.add(text)
+            self._ros.log.warning(text)
+
+
+def _is_alike(box: Box | None, other: Box | None) -> bool:
+    if box is None or other is None:
+        return box is other
+    return box.is_like(other, MOVED_M, TURNED)
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Run the node until it is told to stop; `arguments` are the ROS arguments."""
+    ros = RosNode(NAME, arguments, PARAMETERS)
+    try:
+        Aggregator(ros)
+        ros.spin()
+    finally:
+        ros.close()
+    return 0

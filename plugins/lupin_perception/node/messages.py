@@ -1,0 +1,102 @@
+"""What the aggregator knows, as messages."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+from builtin_interfaces.msg import Time
+from geometry_msgs.msg import Point, Point32, Polygon, PoseStamped, Quaternion
+from geometry_msgs.msg import Pose as PoseMessage
+
+from lupin_msgs.msg import (
+    AnomalyReport,
+    DiscoveredTag,
+    DiscoveredTags,
+    FlowerObservation,
+    FlowerPoint,
+    Observation,
+)
+from lupin_perception.anomalies import PEST_SEVERITY, Pest
+from lupin_perception.boxes import Box
+from lupin_perception.flowers import Bloom, Summary
+from lupin_perception.registry import Known
+from lupin_perception.transforms import Array, Pose
+
+#: The frame of every pose on this wire.
+FRAME = "map"
+#: Who these observations are from.
+SOURCE = "perception_aggregator"
+#: An orientation whose w is exactly 0 means that nobody has filled it in; half a turn has one too.
+_LEAST_W = 1e-9
+_MOST_SIGHTINGS = 2**32 - 1
+
+
+def pose_message(pose: Pose) -> PoseMessage:
+    """Return a pose as a message, never with a w of 0."""
+    message = PoseMessage()
+    message.position.x, message.position.y, message.position.z = pose.position.tolist()
+    x, y, z, w = pose.rotation.tolist()
+    message.orientation = Quaternion(x=x, y=y, z=z, w=w or _LEAST_W)
+    return message
+
+
+def discovered_tags(tags: Iterable[Known], since: Time) -> DiscoveredTags:
+    """Return all tags, as of the moment when they last changed."""
+    message = DiscoveredTags(tags=[_discovered(known) for known in tags])
+    message.header.frame_id, message.header.stamp = FRAME, since
+    return message
+
+
+def _discovered(known: Known) -> DiscoveredTag:
+    message = DiscoveredTag(tag_id=known.id, pose_in_map=pose_message(known.pose))
+    message.sightings = min(known.sightings, _MOST_SIGHTINGS)
+    if known.summary is not None:
+        message.species = known.summary.species
+        message.species_confidence = known.summary.confidence
+        message.anomaly = known.summary.anomaly
+    return message
+
+
+def flower_observation(
+    known: Known, summary: Summary, box: Box | None, places: Array, mission_id: str, stamp: Time
+) -> Observation:
+    """Return what grows at a tag; `places` are where its blooms are drawn, row by row."""
+    message = _observation(Observation.KIND_FLOWER, mission_id, stamp)
+    message.tag_pose_in_map = pose_message(known.pose)
+    flower: FlowerObservation = message.flower
+    flower.tag_id = known.id
+    flower.pose = PoseStamped(header=message.header, pose=pose_message(known.pose))
+    flower.species, flower.confidence = summary.species, summary.confidence
+    flower.anomaly = summary.anomaly
+    if box is not None:
+        flower.flowers = _points(summary.blooms, places)
+        flower.box_footprint = Polygon(points=[Point32(x=x, y=y) for x, y in box.footprint().tolist()])
+    return message
+
+
+def _points(blooms: Sequence[Bloom], places: Array) -> list[FlowerPoint]:
+    return [
+        FlowerPoint(
+            position=Point(x=x, y=y),
+            species=bloom.species,
+            confidence=bloom.confidence,
+            anomaly=bloom.anomaly,
+        )
+        for bloom, (x, y) in zip(blooms, places.tolist(), strict=True)
+    ]
+
+
+def anomaly_observation(pest: Pest, robot: Pose, mission_id: str, stamp: Time) -> Observation:
+    """Return the report of a pest that belongs to no tag, seen from where the robot is."""
+    message = _observation(Observation.KIND_ANOMALY, mission_id, stamp)
+    message.tag_pose_in_map.orientation.w = 0.0  # there is no tag
+    report: AnomalyReport = message.anomaly
+    report.pose = PoseStamped(header=message.header, pose=pose_message(robot))
+    report.description, report.severity = pest.description, PEST_SEVERITY
+    return message
+
+
+def _observation(kind: int, mission_id: str, stamp: Time) -> Observation:
+    message = Observation(mission_id=mission_id, source=SOURCE, kind=kind, status=Observation.STATUS_OK)
+    message.header.frame_id, message.header.stamp = FRAME, stamp
+    return message

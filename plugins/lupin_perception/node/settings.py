@@ -1,0 +1,92 @@
+"""The parameters of the aggregator, and what they make."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from lupin_engine.errors import LupinError, nearest
+from lupin_engine.plugin.contract import Parameter
+from lupin_engine.plugin.types import ANGLE, BOOL, COUNT, DURATION, LENGTH, NUMBER, TEXT, list_of, number_in
+from lupin_perception.boxes import View
+from lupin_perception.flowers import Rules
+
+_CLASSES = ["tulip_red", "tulip_white", "tulip_pink", "bug"]
+
+TOPICS = {
+    "tag_detections_topic": Parameter(TEXT, "/camera/tag_detections_json", "tags in each frame (JSON)"),
+    "yolo_detections_topic": Parameter(TEXT, "/yolo/detections", "flowers in each frame (JSON)"),
+    "mission_state_topic": Parameter(TEXT, "/mission/state", "state of the mission (MissionState)"),
+    "joint_states_topic": Parameter(TEXT, "/joint_states", "joints of the arm (JointState)"),
+    "discovered_tags_topic": Parameter(
+        TEXT, "/perception/discovered_tags", "tags that were seen (DiscoveredTags)"
+    ),
+    "observations_topic": Parameter(TEXT, "/floranova/observations", "what was found at tags (Observation)"),
+    "confirm_service": Parameter(TEXT, "/perception/confirm_tag", "confirms a tag (ConfirmTag)"),
+}
+TAGS = {
+    "base_frame": Parameter(TEXT, "base_link", "frame of the robot: where a pest at no tag is reported"),
+    "tf_frame_prefix": Parameter(TEXT, "tag_", "a tag's frame is this and its id"),
+    "min_sightings": Parameter(COUNT, 3, "views of a tag that make a discovery", minimum=1),
+    "max_tag_distance_m": Parameter(LENGTH, 2.5, "farthest view that counts; 0: any", minimum=0.0),
+    "freshness_s": Parameter(DURATION, 5.0, "how long ago a confirmed tag may have been seen"),
+    "tag_in_sight_s": Parameter(DURATION, 1.0, "how long a tag counts as in sight after its last frame"),
+    "publish_rate_hz": Parameter(
+        number_in("Hz"), 2.0, "messages about the tags in a second", minimum=0.2, maximum=100.0
+    ),
+    "mission_freshness_s": Parameter(
+        DURATION, 3.0, "without a word of the mission for so long none is under way", minimum=0.5
+    ),
+}
+FLOWERS = {
+    "flower_class_names": Parameter(list_of(TEXT), _CLASSES, "classes of the detector, by their number"),
+    "anomaly_class_name": Parameter(TEXT, "bug", "the class that is a pest, not a species"),
+    "yolo_min_confidence": Parameter(NUMBER, 0.35, "least confidence that counts", 0.0, 1.0),
+    "detection_image_width": Parameter(
+        number_in("px"), 640.0, "width of the image that flowers are seen in", minimum=1.0
+    ),
+    "pan_joint_name": Parameter(TEXT, "shoulder_pan_joint", "joint that turns the camera to the side"),
+    "pan_half_span": Parameter(ANGLE, 0.5, "pan at which the camera's middle sees a box's edge", 0.0, 3.14),
+    "camera_half_fov": Parameter(ANGLE, 0.5, "half of what the camera sees across", 0.01, 1.57),
+    "attribute_when_idle": Parameter(
+        BOOL, True, "without a mission, credit flowers to the nearest tag in sight"
+    ),
+    "anomaly_frames": Parameter(COUNT, 3, "frames in a row that make a report of a pest at no tag", 1),
+    "anomaly_spacing_m": Parameter(
+        LENGTH, 1.0, "nearer to an earlier report a pest at no tag is not reported again", minimum=0.0
+    ),
+}
+BOXES = {
+    "box_width": Parameter(LENGTH, 0.80, "width of a planter box along the aisle", 0.01, 10.0),
+    "box_depth": Parameter(LENGTH, 0.40, "depth of a planter box", 0.01, 10.0),
+    "tag_lateral_offset": Parameter(LENGTH, 0.0, "middle of the box, to the right of its tag", -10.0, 10.0),
+    "lateral_columns": Parameter(COUNT, 7, "columns across a box, of at most one bloom each", 1, 99),
+    "flower_base_depth_frac": Parameter(NUMBER, 0.5, "share of the depth that blooms are drawn at", 0.0, 1.0),
+    "flower_depth_jitter_frac": Parameter(
+        NUMBER, 0.18, "share of the depth that drawn blooms scatter by, to either side; cosmetic", 0.0, 0.5
+    ),
+    "flower_box_gate": Parameter(BOOL, True, "leave out detections beside the box"),
+    "flower_box_gate_margin_m": Parameter(LENGTH, 0.10, "how far beside the box still counts", 0.0, 10.0),
+}
+PARAMETERS: Mapping[str, Parameter] = {**TOPICS, **TAGS, **FLOWERS, **BOXES}
+
+
+def fusion_rules(values: Mapping[str, Any]) -> Rules:
+    """Return how flowers are fused.
+
+    Raises:
+        LupinError: the pest is none of the detector's classes.
+    """
+    anomaly, classes = values["anomaly_class_name"], values["flower_class_names"]
+    if anomaly not in classes:
+        hint = nearest(anomaly, classes)
+        raise LupinError(f"parameter 'anomaly_class_name': no {anomaly!r} in flower_class_names; {hint}")
+    return Rules(
+        view=View(values["pan_half_span"], values["camera_half_fov"]),
+        box_width=values["box_width"],
+        columns=values["lateral_columns"],
+        anomaly=anomaly,
+        min_confidence=values["yolo_min_confidence"],
+        gated=values["flower_box_gate"],
+        margin=values["flower_box_gate_margin_m"],
+    )

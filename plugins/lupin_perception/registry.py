@@ -1,0 +1,111 @@
+"""The tags that were seen in the mission under way: where each is, how often it was seen, what grows there.
+
+Pure; time is an argument, in seconds of a clock that never goes back. A tag counts as discovered after some
+sightings, because one may be a mistake of the detector. Of several views the nearest one tells where the tag
+is: its error grows with the distance. What an earlier mission has seen is forgotten when a new one begins,
+so that it never counts as a find of this one.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from lupin_perception.flowers import Summary
+from lupin_perception.transforms import Pose
+
+#: Tags that are remembered; more in one greenhouse are a detector gone wild.
+MAX_TAGS = 1000
+#: Characters of an id that are told back to whoever asks for it.
+_SHOWN = 20
+
+
+@dataclass
+class Known:
+    """A tag: its pose in `map` by the nearest view, how far that was (m), sightings, and the last one (s)."""
+
+    id: str
+    pose: Pose
+    distance: float
+    sightings: int
+    last_seen: float
+    summary: Summary | None = None
+
+
+@dataclass(frozen=True)
+class Confirmation:
+    """Whether a tag is in sight, how sure that is (0 to 1), its pose, and why not."""
+
+    detected: bool
+    confidence: float
+    pose: Pose | None = None
+    error: str = ""
+
+
+class Registry:
+    """The tags of the mission under way, in the order in which they were first seen."""
+
+    def __init__(self, min_sightings: int, max_distance: float, freshness: float) -> None:
+        """Set how many sightings make a discovery, from how far (m; 0: any), and how old one may be (s)."""
+        self._enough = min_sightings
+        self._reach = max_distance if max_distance > 0.0 else math.inf
+        self._freshness = freshness
+        self._known: dict[str, Known] = {}
+        self._mission_id = ""
+
+    def begin(self, mission_id: str) -> bool:
+        """Take in which mission is told of; a new one forgets all. The empty id is no mission."""
+        if mission_id in ("", self._mission_id):
+            return False
+        self._mission_id = mission_id
+        self._known.clear()
+        return True
+
+    def is_near(self, distance: float) -> bool:
+        """Say whether a view from `distance` metres counts; an unknown (infinite) distance does."""
+        return distance <= self._reach or math.isinf(distance)
+
+    def add(self, tag_id: str, pose: Pose, distance: float, now: float) -> Known | None:
+        """Count a sighting from near enough; returns the tag, or None when there are too many already.
+
+        Its pose is that of the nearest view, and of equally near ones (also: of unknown distance) the last.
+        """
+        known = self._known.get(tag_id)
+        if known is None:
+            if len(self._known) >= MAX_TAGS:
+                return None
+            known = self._known[tag_id] = Known(tag_id, pose, distance, 0, now)
+        known.sightings += 1
+        known.last_seen = now
+        if distance <= known.distance:
+            known.pose, known.distance = pose, distance
+        return known
+
+    def classify(self, tag_id: str, summary: Summary) -> None:
+        """Set what grows at a discovered tag: each scan tells it anew."""
+        self._known[tag_id].summary = summary
+
+    def find(self, tag_id: str) -> Known | None:
+        """Return a tag if it is discovered."""
+        known = self._known.get(tag_id)
+        return known if known is not None and known.sightings >= self._enough else None
+
+    def discovered(self) -> Sequence[Known]:
+        """Return the tags that were seen often enough."""
+        return [known for known in self._known.values() if known.sightings >= self._enough]
+
+    def confirm(self, tag_id: str, now: float) -> Confirmation:
+        """Say whether a tag was seen often enough, and lately."""
+        known, name = self._known.get(tag_id), f"tag {tag_id[:_SHOWN]!r}"
+        if known is None:
+            return Confirmation(False, 0.0, error=f"{name} not discovered")
+        if known.sightings < self._enough:
+            count = f"{known.sightings} of {self._enough}"
+            share = known.sightings / self._enough
+            return Confirmation(False, share, error=f"{name} below sighting threshold: {count}")
+        age = now - known.last_seen
+        if age > self._freshness:
+            since = f"last seen {age:.1f} s ago, allowed {self._freshness:g} s"
+            return Confirmation(False, 0.0, error=f"{name} stale: {since}")
+        return Confirmation(True, 1.0, known.pose)

@@ -1,0 +1,117 @@
+"""Requests for a sensor field: checked, answered, and remembered; pure."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from dataclasses import dataclass
+
+import numpy as np
+
+from lupin_engine.errors import LupinError, nearest
+from lupin_twin.field import DEFAULTS, BadGrid, Grid, OccupancyMap, Settings, interpolate
+from lupin_twin.state import Twin
+
+#: Cells of a field, which make a message of 1 MB; and fields that are remembered.
+MAX_CELLS = 250_000
+REMEMBERED = 64
+
+#: Letters of a wrong sensor type that are repeated in the answer.
+SHOWN = 40
+
+
+class Refused(LupinError):
+    """A request that gets no field; the text says why."""
+
+
+@dataclass(frozen=True)
+class Request:
+    """A sensor and a rectangle in frame `map`, metres."""
+
+    sensor: str
+    resolution: float
+    min_x: float
+    min_y: float
+    max_x: float
+    max_y: float
+
+
+@dataclass(frozen=True)
+class Heatmap:
+    """A field as it is sent: `values` are 32-bit floats, row by row from `min_y` on."""
+
+    grid: Grid
+    values: bytes
+    minimum: float
+    maximum: float
+    sample_count: int
+
+
+class Heatmaps:
+    """Answers requests from the state of the twin; the same answer is worked out once.
+
+    It is remembered by sensor, count of observations, area and resolution. What else changes a field (the
+    place of a tag, the map) makes all of them forgotten.
+    """
+
+    def __init__(self, twin: Twin, settings: Settings = DEFAULTS) -> None:
+        self._twin = twin
+        self._settings = settings
+        self._map: OccupancyMap | None = None
+        self._pins = 0
+        self._known: OrderedDict[tuple[Request, int], Heatmap] = OrderedDict()
+
+    def explore(self, occupancy: OccupancyMap) -> None:
+        """Show fields only where this map is known, from now on."""
+        self._map = occupancy
+        self._known.clear()
+
+    def answer(self, request: Request) -> Heatmap:
+        """Return the field.
+
+        Raises:
+            Refused: the sensor is unknown, the area makes no sense, or it has too many cells.
+        """
+        if self._pins != self._twin.pins:
+            self._pins = self._twin.pins
+            self._known.clear()
+        key = request, self._twin.observation_count
+        if key in self._known:
+            self._known.move_to_end(key)
+        else:
+            self._known[key] = self._work_out(request)
+            if len(self._known) > REMEMBERED:
+                self._known.popitem(last=False)
+        return self._known[key]
+
+    def _work_out(self, request: Request) -> Heatmap:
+        sensor = self._sensor(request.sensor)
+        grid = _grid(request)
+        explored = None if self._map is None else self._map.explored(grid)
+        positions, values = self._twin.samples(sensor)
+        field = interpolate(grid, positions, values, self._settings, explored)
+        sent = field.values.astype(np.float32).tobytes()
+        return Heatmap(grid, sent, field.minimum, field.maximum, field.sample_count)
+
+    def _sensor(self, told: str) -> str:
+        sensor, known = told.strip(), list(self._twin.sensors)
+        if not sensor:
+            raise Refused(f"the sensor type is empty; allowed: {', '.join(map(repr, known))}")
+        if sensor not in known:
+            shown = sensor if len(sensor) <= SHOWN else f"{sensor[:SHOWN]}..."
+            raise Refused(f"unknown sensor type {shown!r}; {nearest(shown, known)}")
+        return sensor
+
+
+def _grid(request: Request) -> Grid:
+    bounds = request.min_x, request.min_y, request.max_x, request.max_y
+    try:
+        grid = Grid.over(*bounds, request.resolution)
+    except BadGrid as problem:
+        raise Refused(str(problem)) from None
+    if grid.width * grid.height > MAX_CELLS:
+        size = f"{request.max_x - request.min_x:g} m x {request.max_y - request.min_y:g} m"
+        raise Refused(
+            f"{size} at {request.resolution:g} m are more than {MAX_CELLS} cells; "
+            "ask for a smaller area or a coarser resolution"
+        )
+    return grid

@@ -1,0 +1,277 @@
+"""The node `lupin_twin`: `/twin/state` at 1 Hz and `/twin/get_field`, from what everybody tells."""
+
+from __future__ import annotations
+
+import array
+import math
+import os
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+from builtin_interfaces.msg import Time
+from geometry_msgs.msg import Point, Point32, Polygon, Pose, Quaternion
+from nav_msgs.msg import OccupancyGrid
+from std_msgs.msg import String
+
+from lupin_engine.middleware.node import Qos, RosNode
+from lupin_engine.plugin.contract import Parameter
+from lupin_engine.plugin.types import COUNT, NUMBER, TEXT, number_in
+from lupin_msgs.msg import DiscoveredTags, FlowerPoint, Observation, SensorReading, TwinState, TwinTagState
+from lupin_msgs.srv import GetField
+from lupin_twin import wire
+from lupin_twin.field import DEFAULTS, Settings
+from lupin_twin.heatmap import Heatmap, Heatmaps, Refused, Request
+from lupin_twin.records import Anomaly, Bloom, Pin, Record
+from lupin_twin.state import HISTORY, Tag, Twin
+from lupin_twin.store import Store, StoreError
+
+#: Requests older than this, in seconds, are not answered: they waited out a broken link, nobody listens.
+STALE_AFTER_S = 10.0
+
+#: Seconds in which the same complaint is not repeated, and how many different ones are remembered.
+COMPLAINT_PERIOD_S = 10.0
+MAX_COMPLAINTS = 100
+
+#: A true half turn has w = 0, which on this wire means "never observed"; this is close enough to it.
+SMALLEST_W = 1e-9
+
+PARAMETERS = {
+    "observations_topic": Parameter(TEXT, "/floranova/observations", "Observation: what was observed"),
+    "state_topic": Parameter(TEXT, "/twin/state", "TwinState: all that is known, published"),
+    "field_service_name": Parameter(TEXT, "/twin/get_field", "GetField: a sensor field over an area"),
+    "discovered_tags_topic": Parameter(TEXT, "/perception/discovered_tags", "DiscoveredTags: where tags are"),
+    "box_geometry_topic": Parameter(TEXT, "/perception/box_geometry_json", "JSON: planter boxes at tags"),
+    "map_topic": Parameter(TEXT, "/map", "OccupancyGrid: fields are shown only where it is known"),
+    "frame_id": Parameter(TEXT, "map", "frame of all poses; what comes in another one is dropped"),
+    "state_publish_rate_hz": Parameter(
+        NUMBER, 1.0, "how often the state is published, per second", minimum=0.1, maximum=100.0
+    ),
+    "buffer_len": Parameter(COUNT, HISTORY, "readings of each tag that are kept in memory", minimum=1),
+    "idw_power": Parameter(
+        NUMBER, DEFAULTS.power, "exponent p of the weights d^-p", minimum=0.1, maximum=10.0
+    ),
+    "idw_falloff_radius_m": Parameter(
+        number_in("m"), DEFAULTS.falloff, "tags farther from a cell have no weight in it", minimum=0.0
+    ),
+    "max_distance_to_nearest_tag": Parameter(
+        number_in("m"), DEFAULTS.max_distance, "cells farther from every tag have no value", minimum=0.0
+    ),
+    "store_file": Parameter(
+        TEXT, "", "SQLite file of all records; empty: twin.sqlite in the user's state; :memory: keeps nothing"
+    ),
+}
+
+
+class TwinNode:
+    """Listens, keeps every record on disk, and tells what they add up to."""
+
+    def __init__(self, ros: RosNode) -> None:
+        self._ros = ros
+        values = ros.parameters()
+        self._frame: str = values["frame_id"]
+        self._twin = Twin(values["buffer_len"])
+        reach = values["idw_falloff_radius_m"], values["max_distance_to_nearest_tag"]
+        self._heatmaps = Heatmaps(self._twin, Settings(values["idw_power"], *reach))
+        self._complaints: dict[str, float] = {}
+        self._store = Store(_store_path(values["store_file"]))
+        self._store_fails = False
+        self._remember()
+        self._connect(values)
+
+    def _remember(self) -> None:
+        """Take in all that earlier runs have kept."""
+        for record, received in self._store.rows():
+            self._twin.apply(record, received)
+        if self._store.put_aside:
+            self._ros.log.error(self._store.put_aside)
+        for problem in self._store.unreadable:
+            self._ros.log.error(problem)
+        known, count = len(self._twin.tags), self._twin.observation_count
+        self._ros.log.info("twin ready", tags=known, observations=count, store=self._store.path)
+
+    def _connect(self, values: dict[str, Any]) -> None:
+        ros = self._ros
+        self._states = ros.publisher(TwinState, values["state_topic"], Qos.LATCHED)
+        listen = (
+            (Observation, "observations_topic", Qos.BACKLOG, self._on_observation),
+            (DiscoveredTags, "discovered_tags_topic", Qos.LATCHED, self._on_discovered),
+            (String, "box_geometry_topic", Qos.EVENT, self._on_boxes),
+            (OccupancyGrid, "map_topic", Qos.LATCHED, self._on_map),
+        )
+        for kind, topic, qos, callback in listen:
+            ros.subscribe(kind, values[topic], qos, self._complaining(callback))
+        ros.serve(GetField, values["field_service_name"], self._get_field, stale_after=STALE_AFTER_S)
+        ros.timer(1.0 / values["state_publish_rate_hz"], self._tick)
+        ros.on_stop(self.close)
+        self._publish()
+
+    # --- what is told to the twin -------------------------------------------------------------------------
+
+    def _on_observation(self, message: Observation) -> None:
+        record = wire.observed(message, self._frame, self._ros.now())
+        if record is not None:
+            self._take(record)
+
+    def _on_discovered(self, message: DiscoveredTags) -> None:
+        for record in wire.discoveries(message, self._frame):
+            self._take(record)
+
+    def _on_boxes(self, message: String) -> None:
+        for record in wire.boxes(message.data):
+            self._take(record)
+
+    def _on_map(self, message: OccupancyGrid) -> None:
+        self._heatmaps.explore(wire.occupancy(message, self._frame))
+
+    def _take(self, record: Record) -> None:
+        """Keep a record, then know it: what the twin has told is still known after a crash."""
+        received = self._ros.now()
+        if not self._twin.is_news(record) or not self._keep(lambda: self._store.add(record, received)):
+            return
+        self._twin.apply(record, received)
+        if isinstance(record, Anomaly):
+            self._tell_anomaly(record)
+
+    def _tell_anomaly(self, anomaly: Anomaly) -> None:
+        self._ros.log.warning(
+            f"anomaly: {anomaly.description}",
+            severity=anomaly.severity,
+            x=round(anomaly.x, 3),
+            y=round(anomaly.y, 3),
+            near_tag=self._twin.nearest(anomaly.x, anomaly.y),
+            mission=anomaly.mission_id,
+        )
+
+    def _keep(self, write: Callable[[], bool]) -> bool:
+        """Write to the store; True also where that fails, for then the record is known in memory only."""
+        try:
+            new = write()
+        except StoreError as problem:
+            if not self._store_fails:
+                self._ros.log.error(f"records cannot be kept: {problem}")
+            self._store_fails = True
+            return True
+        if self._store_fails:
+            self._store_fails = False
+            self._ros.log.info("records are kept again, those that waited too", store=self._store.path)
+        return new
+
+    def _complaining(self, callback: Callable[[Any], None]) -> Callable[[Any], None]:
+        """Return `callback` with what it drops logged, but not with every message."""
+
+        def listen(message: Any) -> None:
+            try:
+                callback(message)
+            except wire.Dropped as dropped:
+                self._complain(str(dropped))
+
+        return listen
+
+    def _complain(self, text: str) -> None:
+        now = self._ros.elapsed()
+        if now - self._complaints.get(text, -math.inf) >= COMPLAINT_PERIOD_S:
+            if len(self._complaints) >= MAX_COMPLAINTS:
+                self._complaints.clear()
+            self._complaints[text] = now
+            self._ros.log.warning(text)
+
+    # --- what the twin tells ------------------------------------------------------------------------------
+
+    def _tick(self) -> None:
+        if self._store.waiting:
+            self._keep(self._store.flush)
+        self._publish()
+
+    def _publish(self) -> None:
+        now = self._ros.now()
+        message = TwinState(tags=[_tag_message(tag, now) for tag in self._twin.tags.values()])
+        message.header.stamp = self._ros.stamp()
+        message.header.frame_id = self._frame
+        self._states.publish(message)
+
+    def _get_field(self, request: GetField.Request, response: GetField.Response) -> GetField.Response:
+        bounds = request.bbox_min_x, request.bbox_min_y, request.bbox_max_x, request.bbox_max_y
+        try:
+            heatmap = self._heatmaps.answer(Request(request.sensor_type, request.resolution, *bounds))
+        except Refused as reason:
+            response.error_message = str(reason)
+        else:
+            _fill(response, heatmap)
+        return response
+
+    def close(self) -> None:
+        """Write what waits, if that can be, and let go of the store."""
+        if self._store.waiting:
+            self._keep(self._store.flush)
+        self._store.close()
+
+
+def _store_path(given: str) -> str:
+    """Return the path of the store: the given one, else a file in the user's state folder."""
+    if given:
+        return os.path.expanduser(given)
+    base = os.environ.get("XDG_STATE_HOME", "")
+    # The specification says that relative ones are ignored.
+    folder = Path(base) if Path(base).is_absolute() else Path.home() / ".local" / "state"
+    return str(folder / "lupin" / "twin.sqlite")
+
+
+def _fill(response: GetField.Response, heatmap: Heatmap) -> None:
+    values = array.array("f")
+    values.frombytes(heatmap.values)
+    response.ok = True
+    response.values = values
+    response.width, response.height = heatmap.grid.width, heatmap.grid.height
+    response.origin_x, response.origin_y = heatmap.grid.min_x, heatmap.grid.min_y
+    response.resolution_used = heatmap.grid.resolution
+    response.value_min, response.value_max = heatmap.minimum, heatmap.maximum
+    response.sample_count = heatmap.sample_count
+
+
+def _tag_message(tag: Tag, now: float) -> TwinTagState:
+    return TwinTagState(
+        tag_id=tag.tag_id,
+        pose=_pose_message(tag.pin),
+        readings=[SensorReading(name=name, value=value) for name, value in tag.readings.items()],
+        last_observed=_time_message(tag.last_observed or 0.0),
+        stale_seconds=tag.stale_seconds(now),
+        species=tag.species,
+        species_confidence=tag.confidence,
+        anomaly=tag.anomaly,
+        flowers=[_bloom_message(bloom) for bloom in tag.blooms],
+        box_footprint=Polygon(points=[Point32(x=x, y=y, z=0.0) for x, y in tag.footprint]),
+    )
+
+
+def _pose_message(pin: Pin | None) -> Pose:
+    """Return a place; for one that nobody knows the orientation's w is 0, and only then."""
+    if pin is None:
+        return Pose(orientation=Quaternion(x=0.0, y=0.0, z=0.0, w=0.0))
+    w = pin.w if abs(pin.w) >= SMALLEST_W else math.copysign(SMALLEST_W, pin.w)
+    return Pose(position=Point(x=pin.x, y=pin.y, z=0.0), orientation=Quaternion(x=0.0, y=0.0, z=pin.z, w=w))
+
+
+def _bloom_message(bloom: Bloom) -> FlowerPoint:
+    return FlowerPoint(
+        position=Point(x=bloom.x, y=bloom.y, z=bloom.z),
+        species=bloom.species,
+        confidence=bloom.confidence,
+        anomaly=bloom.anomaly,
+    )
+
+
+def _time_message(seconds: float) -> Time:
+    whole, rest = divmod(round(seconds * 1e9), 10**9)
+    return Time(sec=whole, nanosec=rest)
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Run the node until it is told to stop; `arguments` are the ROS arguments."""
+    ros = RosNode("lupin_twin", arguments, PARAMETERS)
+    try:
+        TwinNode(ros)
+        ros.spin()
+    finally:
+        ros.close()
+    return 0

@@ -1,0 +1,134 @@
+"""What can be learnt about the greenhouse: plain records in frame `map`, metres, and their form on disk."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict, dataclass
+from typing import Annotated, Literal, TypeAlias
+
+from pydantic import ConfigDict, Field, TypeAdapter, ValidationError
+
+_STRICT = ConfigDict(extra="forbid")
+
+
+@dataclass(frozen=True)
+class Pin:
+    """Where a tag is on the floor, and its heading as the quaternion (0, 0, z, w) of length 1."""
+
+    __pydantic_config__ = _STRICT
+    x: float
+    y: float
+    z: float
+    w: float
+
+
+@dataclass(frozen=True)
+class Bloom:
+    """One flower in a planter box; `species` is empty where only a pest was seen."""
+
+    __pydantic_config__ = _STRICT
+    x: float
+    y: float
+    z: float
+    species: str
+    confidence: float
+    anomaly: bool
+
+
+#: Corners (x, y) of a planter box: front left, front right, back right, back left.
+Corners: TypeAlias = tuple[tuple[float, float], ...]
+
+
+@dataclass(frozen=True)
+class Reading:
+    """What the sensors at a tag measured; `stamp` is seconds of the clock of whoever observed it."""
+
+    __pydantic_config__ = _STRICT
+    tag_id: str
+    stamp: float
+    mission_id: str
+    source: str
+    readings: tuple[tuple[str, float], ...]
+    pin: Pin | None = None
+    kind: Literal["reading"] = "reading"
+
+
+@dataclass(frozen=True)
+class Flowers:
+    """What grows at a tag."""
+
+    __pydantic_config__ = _STRICT
+    tag_id: str
+    stamp: float
+    mission_id: str
+    source: str
+    species: str
+    confidence: float
+    anomaly: bool
+    blooms: tuple[Bloom, ...] = ()
+    footprint: Corners = ()
+    pin: Pin | None = None
+    kind: Literal["flowers"] = "flowers"
+
+
+@dataclass(frozen=True)
+class Anomaly:
+    """Something unusual at a place, not at a tag; the higher `severity`, the more urgent."""
+
+    __pydantic_config__ = _STRICT
+    stamp: float
+    mission_id: str
+    source: str
+    x: float
+    y: float
+    z: float
+    description: str
+    severity: int
+    kind: Literal["anomaly"] = "anomaly"
+
+
+@dataclass(frozen=True)
+class Discovery:
+    """A tag was seen at a place."""
+
+    __pydantic_config__ = _STRICT
+    tag_id: str
+    pin: Pin
+    kind: Literal["discovery"] = "discovery"
+
+
+@dataclass(frozen=True)
+class Box:
+    """The planter box at a tag, as the geometry channel tells it."""
+
+    __pydantic_config__ = _STRICT
+    tag_id: str
+    footprint: Corners
+    kind: Literal["box"] = "box"
+
+
+#: Made once by somebody at some time; the same one may arrive twice, because latecomers get the backlog.
+Observed: TypeAlias = Reading | Flowers | Anomaly
+
+Record: TypeAlias = Observed | Discovery | Box
+
+_RECORDS: TypeAdapter[Record] = TypeAdapter(Annotated[Record, Field(discriminator="kind")])
+
+
+def to_json(record: Record) -> str:
+    """Return a record as one line of JSON (and NaN, which JSON proper lacks); equal records, equal lines."""
+    return json.dumps(asdict(record), separators=(",", ":"))
+
+
+def from_json(text: str) -> Record:
+    """Return the record that `to_json` wrote.
+
+    Raises:
+        ValueError: it did not write that.
+    """
+    try:
+        return _RECORDS.validate_json(text)
+    except ValidationError as error:
+        first = error.errors()[0]
+        place = ".".join(map(str, first["loc"]))
+        raise ValueError(f"not a record of the twin: {place or 'text'}: {first['msg']}") from None

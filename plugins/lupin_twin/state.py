@@ -1,0 +1,171 @@
+"""The table of tags that all records add up to; pure, time is an argument.
+
+The first place of a tag stays, so that its marker does not follow the drift of the robot's localization.
+Readings are the latest of each sensor, flowers the latest of all; a planter box told by the geometry channel
+is better than one that came with flowers.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from lupin_twin.field import Floats
+from lupin_twin.records import Anomaly, Bloom, Box, Corners, Discovery, Flowers, Pin, Reading, Record
+
+#: Sensors of the interface; further ones are known once they have been read.
+SENSORS = ("temperature", "humidity", "co2", "light", "soil_moisture")
+
+#: Observations that are kept of each tag, unless said otherwise.
+HISTORY = 32
+
+#: Anomaly reports that are kept in memory, and metres within which one is near a tag.
+REPORTS = 256
+NEAR_M = 2.0
+
+#: Values beyond this cannot be sent in a field, which has 32 bits for each.
+LARGEST = float(np.finfo(np.float32).max)
+
+
+@dataclass
+class Tag:
+    """What is known of one tag; `pin` is None as long as nobody knows where it is.
+
+    `last_observed` is the time of the latest reading or flowers, in seconds, None before the first.
+    """
+
+    tag_id: str
+    history: deque[Reading]
+    pin: Pin | None = None
+    readings: dict[str, float] = field(default_factory=dict)
+    last_observed: float | None = None
+    species: str = ""
+    confidence: float = 0.0
+    anomaly: bool = False
+    blooms: tuple[Bloom, ...] = ()
+    footprint: Corners = ()
+    footprint_from_channel: bool = False
+
+    def stale_seconds(self, now: float) -> float:
+        """Return how long ago the tag was last observed; 0 for one that never was."""
+        return 0.0 if self.last_observed is None else max(0.0, now - self.last_observed)
+
+
+@dataclass(frozen=True)
+class Report:
+    """An anomaly and the nearest tag within 2 m, "" if there is none."""
+
+    anomaly: Anomaly
+    near: str
+
+
+class Twin:
+    """All tags in the order in which they were first heard of, and the anomaly reports.
+
+    `observation_count` counts readings and flowers; `pins` and `sensors` tell what else fields depend on.
+    """
+
+    def __init__(self, history: int = HISTORY) -> None:
+        self._history = history
+        self._tags: dict[str, Tag] = {}
+        self._anomalies: deque[Anomaly] = deque(maxlen=REPORTS)
+        self._sensors = dict.fromkeys(SENSORS)
+        self.observation_count = 0
+        self.pins = 0
+
+    @property
+    def tags(self) -> Mapping[str, Tag]:
+        """The tags by id."""
+        return self._tags
+
+    @property
+    def sensors(self) -> Iterable[str]:
+        """The sensors of the interface, then the others that were read."""
+        return self._sensors.keys()
+
+    @property
+    def reports(self) -> list[Report]:
+        """The latest anomaly reports, oldest first, with the tag that each is near by what is known now."""
+        return [Report(anomaly, self.nearest(anomaly.x, anomaly.y)) for anomaly in self._anomalies]
+
+    def nearest(self, x: float, y: float) -> str:
+        """Return the nearest tag within 2 m of a place, "" if there is none."""
+        pins = [(tag.tag_id, tag.pin) for tag in self._tags.values() if tag.pin is not None]
+        near = [(math.hypot(pin.x - x, pin.y - y), tag_id) for tag_id, pin in pins]
+        distance, tag_id = min(near, default=(math.inf, ""))
+        return tag_id if distance <= NEAR_M else ""
+
+    def is_news(self, record: Record) -> bool:
+        """Say whether `apply` would change anything: places and boxes are told again and again."""
+        if isinstance(record, Discovery):
+            tag = self._tags.get(record.tag_id)
+            return tag is None or tag.pin is None
+        if isinstance(record, Box):
+            tag = self._tags.get(record.tag_id)
+            return tag is None or not tag.footprint_from_channel or tag.footprint != record.footprint
+        return True
+
+    def apply(self, record: Record, received: float) -> None:
+        """Take in a record that arrived at time `received`; 0 if the clock had not begun by then.
+
+        Nothing was observed later than it arrived, so a stamp of another computer's clock that is ahead of
+        ours does not keep a tag fresh.
+        """
+        latest = received or math.inf
+        match record:
+            case Reading():
+                self._apply_reading(record, min(record.stamp, latest))
+            case Flowers():
+                self._apply_flowers(record, min(record.stamp, latest))
+            case Anomaly():
+                self._anomalies.append(record)
+            case Discovery():
+                self._pin(self._tag(record.tag_id), record.pin)
+            case Box():
+                tag = self._tag(record.tag_id)
+                tag.footprint, tag.footprint_from_channel = record.footprint, True
+
+    def _apply_reading(self, record: Reading, time: float) -> None:
+        tag = self._tag(record.tag_id)
+        self._pin(tag, record.pin)
+        tag.readings.update(record.readings)
+        tag.history.append(record)
+        self._sensors.update(dict.fromkeys(tag.readings))
+        self._observed(tag, time)
+
+    def _apply_flowers(self, record: Flowers, time: float) -> None:
+        tag = self._tag(record.tag_id)
+        self._pin(tag, record.pin)
+        tag.species, tag.confidence = record.species, record.confidence
+        tag.anomaly, tag.blooms = record.anomaly, record.blooms
+        if not tag.footprint_from_channel:
+            tag.footprint = record.footprint
+        self._observed(tag, time)
+
+    def _observed(self, tag: Tag, time: float) -> None:
+        tag.last_observed = time
+        self.observation_count += 1
+
+    def _pin(self, tag: Tag, pin: Pin | None) -> None:
+        if tag.pin is None and pin is not None:
+            tag.pin = pin
+            self.pins += 1
+
+    def _tag(self, tag_id: str) -> Tag:
+        if tag_id not in self._tags:
+            self._tags[tag_id] = Tag(tag_id, deque(maxlen=self._history))
+        return self._tags[tag_id]
+
+    def samples(self, sensor: str) -> tuple[Floats, Floats]:
+        """Return positions (n rows of x, y) and the latest values of the tags that have both."""
+        found = [
+            (tag.pin.x, tag.pin.y, value)
+            for tag in self._tags.values()
+            if tag.pin is not None and abs(value := tag.readings.get(sensor, math.nan)) <= LARGEST
+        ]
+        table = np.array(found, dtype=np.float64).reshape(-1, 3)
+        return table[:, :2], table[:, 2]

@@ -1,0 +1,202 @@
+"""Records on disk: SQLite with a write-ahead log, one row for each record, in the order of their arrival.
+
+A record is on the disk when `add` returns; what the twin knows is what the rows add up to, so there is
+nothing else to keep. A file that is no store is put aside, never overwritten. While records cannot be written
+they wait in memory and are tried again with the next one.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import sqlite3
+from collections import deque
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+from lupin_engine.errors import LupinError
+from lupin_twin.records import Anomaly, Flowers, Reading, Record, from_json, to_json
+
+#: The path that means: keep nothing.
+NOWHERE = ":memory:"
+
+#: Version of the table; a file of a later one is left alone.
+VERSION = 1
+
+#: Records that wait in memory while they cannot be written; the oldest are given up first.
+MAX_WAITING = 10_000
+
+#: Seconds to wait for a program that reads or copies the file.
+BUSY_S = 2.0
+
+#: `digest` tells an observation that arrives again, which latecomers' backlogs cause, from a new one.
+_TABLE = f"""
+    BEGIN;
+    CREATE TABLE record (
+        number INTEGER PRIMARY KEY,
+        received REAL NOT NULL,
+        digest BLOB UNIQUE,
+        json TEXT NOT NULL
+    );
+    PRAGMA user_version = {VERSION};
+    COMMIT;
+"""
+
+_INSERT = "INSERT OR IGNORE INTO record (received, digest, json) VALUES (?, ?, ?)"
+
+
+class StoreError(LupinError):
+    """The store cannot be used now; the text names the file and the reason."""
+
+
+class _Corrupt(Exception):
+    """The file is no store of ours."""
+
+
+class Row(NamedTuple):
+    """A record, and when it arrived in seconds."""
+
+    record: Record
+    received: float
+
+
+class Store:
+    """The store at `path`, made if there is none.
+
+    For people, `put_aside` tells what was found instead of a store ("" if nothing was), and `unreadable`
+    which of the rows that were read are damaged.
+
+    Raises:
+        StoreError: the file cannot be opened, or it was written by a later version.
+    """
+
+    def __init__(self, path: str) -> None:
+        self.path = path
+        self.put_aside = ""
+        self.unreadable: list[str] = []
+        self._waiting: deque[tuple[float, bytes | None, str]] = deque(maxlen=MAX_WAITING)
+        if path != NOWHERE:
+            self._make_folder()
+        try:
+            self._db = _opened(path)
+        except _Corrupt as reason:
+            moved = self._move_aside()
+            self.put_aside = f"{path} is not a store of the twin ({reason}): kept as {moved}, a new one begun"
+            self._db = _opened(path)
+
+    def _make_folder(self) -> None:
+        try:
+            Path(self.path).parent.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise StoreError(f"the folder of {self.path} cannot be made: {error.strerror}") from None
+
+    def _move_aside(self) -> str:
+        """Rename the file and its log; return the new name of the file."""
+        free = (f"{self.path}.corrupt-{number}" for number in range(1, 10_000))
+        moved = next(name for name in free if not os.path.lexists(name))
+        try:
+            for suffix in ("", "-wal", "-shm"):
+                if os.path.exists(self.path + suffix):
+                    os.rename(self.path + suffix, moved + suffix)
+        except OSError as error:
+            raise StoreError(f"{self.path} is corrupt and cannot be put aside: {error.strerror}") from None
+        return moved
+
+    def rows(self) -> Iterator[Row]:
+        """Yield all records in the order of their arrival; `unreadable` tells of those that are damaged."""
+        for number, received, text in self._db.execute(
+            "SELECT number, received, json FROM record ORDER BY 1"
+        ):
+            try:
+                yield Row(from_json(text), received)
+            except ValueError as error:
+                self.unreadable.append(f"{self.path}: row {number} left out: {error}")
+
+    @property
+    def waiting(self) -> int:
+        """How many records are in memory only."""
+        return len(self._waiting)
+
+    def add(self, record: Record, received: float) -> bool:
+        """Write a record to the disk; False for an observation that is there already.
+
+        Raises:
+            StoreError: it could not be written, and waits in memory.
+        """
+        text = to_json(record)
+        digest = _digest(text) if isinstance(record, (Reading, Flowers, Anomaly)) else None
+        self._waiting.append((received, digest, text))
+        return self.flush()
+
+    def flush(self) -> bool:
+        """Write what waits; say whether the last of it was new to the store.
+
+        Raises:
+            StoreError: nothing could be written; it waits on.
+        """
+        new = False
+        try:
+            with self._db:
+                for row in self._waiting:
+                    new = self._db.execute(_INSERT, row).rowcount > 0
+        except sqlite3.Error as error:
+            raise StoreError(f"{self.path}: {error}; {self.waiting} records are in memory only") from None
+        self._waiting.clear()
+        return new
+
+    def close(self) -> None:
+        """Let go of the file."""
+        self._db.close()
+
+
+def _digest(text: str) -> bytes:
+    return hashlib.sha256(text.encode()).digest()
+
+
+def _opened(path: str) -> sqlite3.Connection:
+    """Return a connection to a sound store.
+
+    Raises:
+        _Corrupt: the file holds something else.
+        StoreError: it cannot be opened.
+    """
+    db = None
+    try:
+        db = sqlite3.connect(path, timeout=BUSY_S)
+        db.execute("PRAGMA journal_mode = WAL")
+        # Every commit reaches the disk: a robot is switched off by its main switch.
+        db.execute("PRAGMA synchronous = FULL")
+        _check(db, path)
+    except sqlite3.OperationalError as error:
+        # Locked, not allowed, no room: the file itself may be sound.
+        _close(db)
+        raise StoreError(f"{path} cannot be opened: {error}") from None
+    except sqlite3.DatabaseError as error:
+        _close(db)
+        raise _Corrupt(str(error)) from None
+    except BaseException:
+        _close(db)
+        raise
+    return db
+
+
+def _check(db: sqlite3.Connection, path: str) -> None:
+    """Make the table in an empty file; see that any other one is whole and ours."""
+    version = db.execute("PRAGMA user_version").fetchone()[0]
+    tables = [name for (name,) in db.execute("SELECT name FROM sqlite_master WHERE type = 'table'")]
+    if version == 0 and not tables:
+        db.executescript(_TABLE)
+        return
+    if "record" not in tables or version == 0:
+        raise _Corrupt("another program's database")
+    if version > VERSION:
+        raise StoreError(f"{path} was written by a later version of the twin ({version}, known: {VERSION})")
+    verdict = db.execute("PRAGMA quick_check(1)").fetchone()[0]
+    if verdict != "ok":
+        raise _Corrupt(verdict)
+
+
+def _close(db: sqlite3.Connection | None) -> None:
+    if db is not None:
+        db.close()

@@ -1,0 +1,212 @@
+"""Messages read into records; pure. What is dropped says why.
+
+A pose whose orientation has w = 0 was never filled in. Of a rotation in space only the turn about the
+vertical is kept, as a quaternion (0, 0, z, w) of length 1: whoever takes (z, w) from the message gets the
+same heading.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+
+from lupin_engine.errors import LupinError
+from lupin_twin.field import OccupancyMap
+from lupin_twin.records import Anomaly, Bloom, Box, Discovery, Flowers, Observed, Pin, Reading
+
+#: `Observation.kind` and `.status`; existing numbers never change.
+TAG_READING, FLOWER, ANOMALY = 0, 1, 2
+STATUS_OK = 0
+
+#: No planter box is farther away or larger, in metres.
+FARTHEST_M = 1e6
+
+#: Length of (z, w) below which a rotation has no turn about the vertical to speak of.
+SMALLEST_TURN = 1e-6
+
+
+class Dropped(LupinError):
+    """A message that cannot be used; the text says why."""
+
+
+def observed(message: Any, frame: str, now: float) -> Observed | None:
+    """Return what an Observation tells; None where it tells that nothing was measured.
+
+    Args:
+        message: the Observation.
+        frame: the frame that its poses must have; "" on the wire counts as that frame.
+        now: seconds; the time of an observation that nobody stamped.
+
+    Raises:
+        Dropped: the frame, the kind or the tag's id cannot be used.
+    """
+    reader = _READERS.get(message.kind)
+    if reader is None:
+        raise Dropped(f"observation of unknown kind {message.kind} dropped")
+    if message.status != STATUS_OK:
+        return None
+    stamp = message.header.stamp
+    origin = {
+        "stamp": float(stamp.sec + stamp.nanosec * 1e-9) or now,
+        "mission_id": message.mission_id,
+        "source": message.source,
+    }
+    return reader(message, frame, origin)
+
+
+def _reading(message: Any, frame: str, origin: dict[str, Any]) -> Reading:
+    _check_frame(frame, "tag reading", message.header.frame_id)
+    values = message.tag_reading
+    return Reading(
+        tag_id=_tag_id(values.tag_id, "tag reading"),
+        readings=tuple((sensor.name, float(sensor.value)) for sensor in values.readings if sensor.name),
+        pin=pin_of(message.tag_pose_in_map),
+        **origin,
+    )
+
+
+def _flowers(message: Any, frame: str, origin: dict[str, Any]) -> Flowers:
+    flower = message.flower
+    tag_id = _tag_id(flower.tag_id, "flower observation")
+    _check_frame(frame, "flower observation", flower.pose.header.frame_id, message.header.frame_id)
+    return Flowers(
+        tag_id=tag_id,
+        species=flower.species,
+        confidence=_finite(flower.confidence),
+        anomaly=bool(flower.anomaly),
+        blooms=tuple(_bloom(point) for point in flower.flowers),
+        footprint=tuple((float(corner.x), float(corner.y)) for corner in flower.box_footprint.points),
+        pin=pin_of(flower.pose.pose),
+        **origin,
+    )
+
+
+def _bloom(point: Any) -> Bloom:
+    p = point.position
+    place = float(p.x), float(p.y), float(p.z)
+    return Bloom(*place, point.species, _finite(point.confidence), bool(point.anomaly))
+
+
+def _anomaly(message: Any, frame: str, origin: dict[str, Any]) -> Anomaly:
+    report = message.anomaly
+    _check_frame(frame, "anomaly report", report.pose.header.frame_id, message.header.frame_id)
+    p = report.pose.pose.position
+    if not all(map(math.isfinite, (p.x, p.y, p.z))):
+        raise Dropped("anomaly report without a place dropped")
+    return Anomaly(
+        x=float(p.x),
+        y=float(p.y),
+        z=float(p.z),
+        description=report.description,
+        severity=int(report.severity),
+        **origin,
+    )
+
+
+_READERS: Mapping[int, Callable[[Any, str, dict[str, Any]], Observed]] = {
+    TAG_READING: _reading,
+    FLOWER: _flowers,
+    ANOMALY: _anomaly,
+}
+
+
+def discoveries(message: Any, frame: str) -> list[Discovery]:
+    """Return the tags of a DiscoveredTags message that have an id and a place.
+
+    These poses were seen, so w = 0 here is either an orientation that nobody filled in, which becomes the
+    identity, or a true half turn, which stays one.
+
+    Raises:
+        Dropped: they are in another frame.
+    """
+    _check_frame(frame, "discovered tags", message.header.frame_id)
+    found = ((tag.tag_id, _seen_pin(tag.pose_in_map)) for tag in message.tags)
+    return [Discovery(tag_id, pin) for tag_id, pin in found if tag_id.strip() and pin is not None]
+
+
+def boxes(text: str) -> list[Box]:
+    """Return the planter boxes of a geometry message: JSON, a list or an object with `boxes`.
+
+    Each has `id` (or `box_id`) of its tag, centre `x`, `y`, direction `yaw` of its outward normal n, `width`
+    across and `depth` along n. With l = n turned by +90° the corners are c ± n·depth/2 ± l·width/2.
+
+    Raises:
+        Dropped: the text is something else.
+    """
+    try:
+        told = json.loads(text)
+        entries = told["boxes"] if isinstance(told, Mapping) else told
+        return [_box(entry) for entry in entries]
+    except (ValueError, KeyError, TypeError, RecursionError) as error:
+        raise Dropped(f"box geometry dropped: {type(error).__name__}: {error}") from None
+
+
+def _box(entry: Mapping[str, Any]) -> Box:
+    tag_id = str(entry["id"] if "id" in entry else entry["box_id"]).strip()
+    names = ("x", "y", "yaw", "width", "depth")
+    x, y, yaw, width, depth = numbers = [float(entry[name]) for name in names]
+    if not tag_id or not all(abs(number) <= FARTHEST_M for number in numbers):
+        raise ValueError(f"box {tag_id!r} has no id, or no place and size in this greenhouse")
+    ahead, aside = max(0.0, depth) / 2.0, max(0.0, width) / 2.0
+    nx, ny = math.cos(yaw), math.sin(yaw)
+
+    def corner(n: float, l: float) -> tuple[float, float]:  # noqa: E741  the letters of the formula
+        return x + nx * n - ny * l, y + ny * n + nx * l
+
+    sides = ((ahead, aside), (ahead, -aside), (-ahead, -aside), (-ahead, aside))
+    return Box(tag_id, tuple(corner(n, l) for n, l in sides))  # noqa: E741
+
+
+def occupancy(message: Any, frame: str) -> OccupancyMap:
+    """Return an OccupancyGrid message as a map.
+
+    Raises:
+        Dropped: the frame is another one, or the numbers contradict each other.
+    """
+    _check_frame(frame, "map", message.header.frame_id)
+    info, cells = message.info, np.frombuffer(message.data, dtype=np.int8)
+    size = info.width, info.height
+    if min(size) < 1 or size[0] * size[1] != cells.size or not 0.0 < info.resolution < math.inf:
+        told = f"{size[0]} x {size[1]} cells of {info.resolution:g} m, {cells.size} told"
+        raise Dropped(f"map dropped: {told}")
+    origin = _seen_pin(info.origin)
+    if origin is None:
+        raise Dropped("map dropped: it has no finite origin")
+    yaw = 2.0 * math.atan2(origin.z, origin.w)
+    return OccupancyMap(origin.x, origin.y, yaw, float(info.resolution), cells.reshape(size[1], size[0]))
+
+
+def pin_of(pose: Any) -> Pin | None:
+    """Return where a tag is; None for a pose that was never filled in."""
+    return _seen_pin(pose) if pose.orientation.w != 0.0 else None
+
+
+def _seen_pin(pose: Any) -> Pin | None:
+    """Return the place and the turn about the vertical; the identity where there is no such turn."""
+    p, q = pose.position, pose.orientation
+    if not all(map(math.isfinite, (p.x, p.y, q.z, q.w))):
+        return None
+    length = math.hypot(q.z, q.w)
+    z, w = (q.z / length, q.w / length) if length > SMALLEST_TURN else (0.0, 1.0)
+    return Pin(float(p.x), float(p.y), z, w)
+
+
+def _tag_id(tag_id: str, what: str) -> str:
+    if not tag_id.strip():
+        raise Dropped(f"{what} without a tag id dropped")
+    return tag_id
+
+
+def _check_frame(expected: str, what: str, *told: str) -> None:
+    """Compare with the first frame that was told; nobody having told one is taken for the expected one."""
+    frame = next((name for name in told if name), expected).lstrip("/")
+    if frame != expected:
+        raise Dropped(f"{what} in frame {frame!r} dropped, expected {expected!r}")
+
+
+def _finite(confidence: float) -> float:
+    return float(confidence) if math.isfinite(confidence) else 0.0

@@ -1,0 +1,232 @@
+"""Flowers of a scan, fused; and pests that belong to no tag."""
+
+from __future__ import annotations
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from lupin_perception import anomalies
+from lupin_perception.anomalies import Pest, Watch
+from lupin_perception.boxes import View
+from lupin_perception.detections import Detection
+from lupin_perception.flowers import ACTIVE, Bloom, Rules, Scan, Summary, is_active, scanned_tag
+
+RULES = Rules(
+    view=View(0.5, 0.5),
+    box_width=0.8,
+    columns=7,
+    anomaly="bug",
+    min_confidence=0.35,
+    gated=True,
+    margin=0.1,
+)
+UNGATED = Rules(RULES.view, 0.8, 7, "bug", 0.35, gated=False, margin=0.1)
+NAMES = st.sampled_from(["tulip_red", "tulip_white", "tulip_pink", "bug"])
+DETECTIONS = st.builds(Detection, NAMES, st.sampled_from([0.2, 0.4, 0.6, 0.6, 0.9]), st.floats(-1.0, 1.0))
+
+
+def red(bearing: float = 0.0, confidence: float = 0.9) -> Detection:
+    return Detection("tulip_red", confidence, bearing)
+
+
+def bug(bearing: float = 0.0, confidence: float = 0.9) -> Detection:
+    return Detection("bug", confidence, bearing)
+
+
+def scan(*detections: Detection, pan: float = 0.0, rules: Rules = RULES) -> Scan:
+    made = Scan(rules)
+    made.aim("5")
+    made.add(detections, pan)
+    return made
+
+
+def summary(*detections: Detection, pan: float = 0.0, rules: Rules = RULES) -> Summary | None:
+    return scan(*detections, pan=pan, rules=rules).summary()
+
+
+def test_a_flower_in_the_middle_is_a_bloom_in_the_middle_column() -> None:
+    assert summary(red()) == Summary("tulip_red", 0.9, False, (Bloom(3, "tulip_red", 0.9, False),))
+
+
+def test_a_pest_is_no_species_and_marks_its_column_only() -> None:
+    found = summary(red(-0.9), bug(0.9), red(0.9, 0.5))
+    assert found == Summary(
+        "tulip_red", 0.9, True, (Bloom(1, "tulip_red", 0.9, False), Bloom(5, "tulip_red", 0.5, True))
+    )
+
+
+def test_a_pest_alone_is_a_bloom_without_a_species() -> None:
+    assert summary(bug()) == Summary("", 0.0, True, (Bloom(3, "", 0.0, True),))
+
+
+def test_the_surest_species_wins_its_column_and_the_box() -> None:
+    found = summary(Detection("tulip_white", 0.5, 0.0), Detection("tulip_pink", 0.8, 0.0), red(0.9, 0.6))
+    assert found is not None
+    assert (found.species, found.confidence) == ("tulip_pink", 0.8)
+    assert [bloom.species for bloom in found.blooms] == ["tulip_pink", "tulip_red"]
+
+
+@pytest.mark.parametrize(("confidence", "counts"), [(0.35, True), (0.34, False)])
+def test_what_is_too_unsure_counts_for_nothing(confidence: float, counts: bool) -> None:
+    assert (summary(red(confidence=confidence)) is not None) is counts
+
+
+@given(frames=st.lists(DETECTIONS, max_size=20), order=st.randoms(use_true_random=False))
+def test_the_order_of_detections_changes_nothing(frames: list[Detection], order: object) -> None:
+    shuffled = list(frames)
+    order.shuffle(shuffled)  # type: ignore[attr-defined]
+    assert summary(*frames) == summary(*shuffled)
+
+
+@given(frames=st.lists(DETECTIONS, max_size=20))
+def test_seeing_the_same_again_changes_nothing(frames: list[Detection]) -> None:
+    assert summary(*frames, *frames) == summary(*frames)
+
+
+@given(frames=st.lists(DETECTIONS, max_size=20))
+def test_a_summary_is_made_of_its_blooms(frames: list[Detection]) -> None:
+    found = summary(*frames)
+    if found is None:
+        assert all(detection.confidence < 0.35 for detection in frames)
+        return
+    assert found.anomaly == any(bloom.anomaly for bloom in found.blooms)
+    assert found.confidence == max(bloom.confidence for bloom in found.blooms)
+    columns = [bloom.column for bloom in found.blooms]
+    assert columns == sorted(set(columns))
+
+
+def test_a_neighbours_bloom_is_not_credited_to_this_box() -> None:
+    """War story 50: at pan 1.6 the camera looks past the box."""
+    assert summary(red(), bug(), pan=1.6) is None
+    assert summary(red(), pan=1.6, rules=UNGATED) == Summary(
+        "tulip_red", 0.9, False, (Bloom(6, "tulip_red", 0.9, False),)
+    )
+
+
+def test_another_tag_begins_with_nothing() -> None:
+    """War story 51: a bug seen at the previous pot bled into the next."""
+    made = scan(red(), bug())
+    assert made.aim("6")
+    assert made.summary() is None
+    made.add([Detection("tulip_white", 0.5, 0.0)], 0.0)
+    found = made.summary()
+    assert found is not None
+    assert (found.species, found.anomaly) == ("tulip_white", False)
+
+
+def test_the_same_tag_again_after_none_begins_with_nothing_but_goes_on_otherwise() -> None:
+    made = scan(red(), bug())
+    assert not made.aim("5")
+    assert made.summary() is not None
+    made.aim("")
+    made.aim("5")
+    assert made.summary() is None
+
+
+def test_without_a_tag_nothing_is_kept() -> None:
+    made = Scan(RULES)
+    made.add([red()], 0.0)
+    made.aim("5")
+    assert made.summary() is None
+
+
+def bloom_at(column: int, species: str = "tulip_red", anomaly: bool = False) -> Bloom:
+    return Bloom(column, species, 0.9, anomaly)
+
+
+@pytest.mark.parametrize(
+    ("now", "news"),
+    [
+        (Summary("tulip_red", 0.9, False, (bloom_at(3),)), False),
+        (Summary("tulip_red", 0.99, False, (bloom_at(3),)), False),
+        (Summary("tulip_red", 0.75, False, (bloom_at(3),)), True),
+        (Summary("tulip_pink", 0.9, False, (bloom_at(3),)), True),
+        (Summary("tulip_red", 0.9, True, (bloom_at(3, anomaly=True),)), True),
+        (Summary("tulip_red", 0.9, False, (bloom_at(2),)), True),
+        (Summary("tulip_red", 0.9, False, (bloom_at(2), bloom_at(3))), True),
+    ],
+)
+def test_what_has_changed_is_news(now: Summary, news: bool) -> None:
+    before = Summary("tulip_red", 0.9, False, (bloom_at(3),))
+    assert now.tells_more_than(before) is news
+    assert now.tells_more_than(None)
+
+
+@pytest.mark.parametrize(
+    ("lifecycle", "phase", "tag"),
+    [
+        ("INSPECTING", "SCANNING", "5"),
+        ("MONITORING", "SCANNING", "5"),
+        ("MONITORING", "MONITORING_SCANNING", "5"),
+        ("INSPECTING", "CONFIRMING", ""),
+        ("INSPECTING", "NAVIGATING", ""),
+        ("EXPLORING", "SCANNING", ""),
+        ("RETURNING", "", ""),
+        ("READY", "", ""),
+    ],
+)
+def test_flowers_belong_to_the_target_that_is_scanned_and_to_no_other(
+    lifecycle: str, phase: str, tag: str
+) -> None:
+    assert scanned_tag(lifecycle, phase, "5") == tag
+
+
+def test_a_mission_is_under_way_in_these_states_only() -> None:
+    """War story 64: an idle READY is not a mission."""
+    assert {"PREPARE", "EXPLORING", "INSPECTING", "MONITORING", "RETURNING"} == ACTIVE
+    assert is_active("EXPLORING")
+    assert not any(map(is_active, ("", "BOOT", "READY", "DONE", "FAULT")))
+
+
+# --- pests at no tag
+
+
+def watch() -> Watch:
+    return Watch("bug", 0.35, 3, 1.0)
+
+
+def reports(made: Watch, *frames: list[Detection], x: float = 0.0) -> list[Pest | None]:
+    return [made.add(frame, (x, 0.0)) for frame in frames]
+
+
+def test_a_pest_is_reported_at_its_third_frame_in_a_row_and_once() -> None:
+    frame = [red(), bug(confidence=0.5), bug(confidence=0.8)]
+    found = reports(watch(), *[frame] * 5)
+    assert found == [None, None, Pest("bug", 0.8), None, None]
+    assert Pest("bug", 0.8).description == "bug seen where no tag is in sight (confidence 0.80)"
+
+
+@pytest.mark.parametrize("gap", [[], [red()], [bug(confidence=0.3)]])
+def test_a_frame_without_a_pest_begins_the_row_anew(gap: list[Detection]) -> None:
+    assert reports(watch(), [bug()], [bug()], gap, [bug()], [bug()]) == [None] * 5
+
+
+def test_a_tag_that_came_in_sight_begins_the_row_anew() -> None:
+    made = watch()
+    reports(made, [bug()], [bug()])
+    made.interrupt()
+    assert reports(made, [bug()]) == [None]
+
+
+def test_another_place_is_another_report_and_a_new_mission_too() -> None:
+    made = watch()
+    frames = [[bug()]] * 3
+    assert reports(made, *frames)[-1] is not None
+    assert reports(made, *frames, x=0.9) == [None] * 3
+    assert reports(made, *frames, x=1.1)[0] is not None
+    made.forget()
+    assert reports(made, *frames)[-1] is not None
+
+
+def test_a_pest_is_reported_only_once_the_robots_place_is_known() -> None:
+    made = watch()
+    assert [made.add([bug()], None) for _ in range(4)] == [None] * 4
+    assert made.add([bug()], (0.0, 0.0)) == Pest("bug", 0.9)
+
+
+def test_there_is_an_end_to_reports(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(anomalies, "MAX_REPORTS", 1)
+    made = watch()
+    assert reports(made, *[[bug()]] * 3)[-1] is not None
+    assert reports(made, [bug()], x=50.0) == [None]

@@ -1,0 +1,99 @@
+"""The simulated detectors: their frames hold what is in view, as the aggregator reads it."""
+
+from __future__ import annotations
+
+import json
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from lupin_perception.detections import Detection, read_flowers, read_tags
+from lupin_sim.camera import Plate
+from lupin_sim.detector import (
+    CLASSES,
+    FOCAL_PX,
+    IMAGE_PX,
+    PEST,
+    blooms_of,
+    flower_entries,
+    readable,
+    tag_entries,
+    tag_in_robot,
+)
+from lupin_sim.robot import Pose
+
+#: Faces -x; a robot at the origin that looks along x stands 1 m in front of it.
+PLATE = Plate("7", 1.0, 0.0, math.pi, (1.0, 0.0))
+ORIGIN = Pose(0.0, 0.0, 0.0)
+
+
+def flowers(pose: Pose, *plates: Plate) -> list[Detection]:
+    found, problems = read_flowers(json.dumps(flower_entries(pose, plates)), CLASSES, IMAGE_PX[0])
+    assert problems == []
+    return found
+
+
+def test_a_tag_ahead_is_told_with_its_distance_and_its_corners_clockwise_from_the_upper_left() -> None:
+    (entry,) = tag_entries(ORIGIN, [PLATE])
+    half = FOCAL_PX * 0.08
+    assert (entry["id"], entry["dist"]) == (7, 1.0)
+    left, right, upper, lower = 320.5 - half, 320.5 + half, 240.5 - half, 240.5 + half
+    corners = [(left, upper), (right, upper), (right, lower), (left, lower)]
+    assert [tuple(corner) for corner in entry["corners"]] == [pytest.approx(corner) for corner in corners]
+
+
+def test_a_tag_to_the_left_is_on_the_left_of_the_image() -> None:
+    (entry,) = tag_entries(Pose(0.0, -0.3, 0.0), [PLATE])
+    assert all(u < 320.5 for u, _ in entry["corners"])
+
+
+@given(x=st.floats(-3, 3), y=st.floats(-3, 3), yaw=st.floats(-9, 9))
+def test_a_frame_of_tags_can_be_read_and_stays_within_the_image(x: float, y: float, yaw: float) -> None:
+    entries = tag_entries(Pose(x, y, yaw), [PLATE])
+    found, problems = read_tags(json.dumps(entries))
+    assert ([tag.id for tag in found], problems) == (["7"], [])
+    assert all(0 <= u <= IMAGE_PX[0] and 0 <= v <= IMAGE_PX[1] for u, v in entries[0]["corners"])
+
+
+@given(x=st.floats(-3, 3), y=st.floats(-3, 3), yaw=st.floats(-3, 3))
+def test_where_a_robot_sees_a_plate_is_where_it_is(x: float, y: float, yaw: float) -> None:
+    seen = tag_in_robot(Pose(x, y, yaw), PLATE)
+    cosine, sine = math.cos(yaw), math.sin(yaw)
+    place = x + cosine * seen.x - sine * seen.y, y + sine * seen.x + cosine * seen.y
+    assert place == pytest.approx((PLATE.x, PLATE.y))
+    assert seen.yaw + yaw == pytest.approx(PLATE.yaw)
+
+
+def test_a_detector_reports_numbers_only() -> None:
+    named = Plate("door", 1.0, 0.0, math.pi, (1.0, 0.0))
+    assert readable([named, PLATE]) == [PLATE]
+
+
+def test_what_grows_at_a_tag_is_the_same_every_time_and_differs_from_tag_to_tag() -> None:
+    names = [str(number) for number in range(1, 31)]
+    assert [blooms_of(name) for name in names] == [blooms_of(name) for name in names]
+    assert {blooms_of(name)[0].kind for name in names} == {0, 1, 2}
+    pests = [name for name in names if any(bloom.kind == PEST for bloom in blooms_of(name))]
+    assert pests == ["5", "10", "15", "20", "25", "30"]
+    assert blooms_of("door"), "a tag may have a name"
+
+
+def test_the_blooms_of_the_box_ahead_are_seen_from_left_to_right() -> None:
+    found = flowers(ORIGIN, PLATE)
+    species = CLASSES[blooms_of("7")[0].kind]
+    assert [detection.name for detection in found] == [species] * len(blooms_of("7"))
+    bearings = [detection.bearing for detection in found]
+    assert bearings == sorted(bearings)
+    assert bearings[0] == pytest.approx(-bearings[-1])
+
+
+def test_only_the_nearest_box_is_looked_into_and_only_what_is_in_view_is_seen() -> None:
+    far = Plate("9", 3.0, 0.0, math.pi, (3.0, 0.0))
+    assert flowers(ORIGIN, far, PLATE) == flowers(ORIGIN, PLATE)
+    assert flowers(ORIGIN) == []
+    aside = flowers(Pose(0.0, 0.0, 0.4), PLATE)
+    assert 0 < len(aside) < len(blooms_of("7"))
+    assert all(detection.bearing > 0.0 for detection in aside), "it looks to the left of them"
+    assert flowers(Pose(0.0, 0.0, math.pi), PLATE) == []

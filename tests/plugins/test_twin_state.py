@@ -1,0 +1,426 @@
+"""What the twin makes of messages, and the table that it adds up: without ROS."""
+
+from __future__ import annotations
+
+import json
+import math
+from array import array
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from lupin_twin import wire
+from lupin_twin.records import (
+    Anomaly,
+    Bloom,
+    Box,
+    Discovery,
+    Flowers,
+    Pin,
+    Reading,
+    Record,
+    from_json,
+    to_json,
+)
+from lupin_twin.state import REPORTS, Report, Twin
+
+NO_ROTATION = (0.0, 0.0, 0.0, 1.0)
+NEVER_FILLED_IN = (0.0, 0.0, 0.0, 0.0)
+SQUARE = ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0))
+
+
+# --- messages, as far as the twin looks at them -------------------------------------------------------------
+
+
+def pose(x: float = 0.0, y: float = 0.0, q: tuple[float, ...] = NO_ROTATION) -> Any:
+    position = SimpleNamespace(x=x, y=y, z=0.0)
+    return SimpleNamespace(
+        position=position, orientation=SimpleNamespace(**dict(zip("xyzw", q, strict=True)))
+    )
+
+
+def stamped(frame: str, what: Any) -> Any:
+    return SimpleNamespace(header=SimpleNamespace(frame_id=frame), pose=what)
+
+
+def observation(kind: int = 0, frame: str = "map", sec: int = 100, **payload: Any) -> Any:
+    header = SimpleNamespace(
+        frame_id=frame, stamp=SimpleNamespace(sec=sec, nanosec=500_000_000 if sec else 0)
+    )
+    parts = {"status": 0, "mission_id": "m1", "source": "InspectionMission"} | payload
+    return SimpleNamespace(header=header, kind=kind, **parts)
+
+
+def tag_reading(tag_id: str = "5", q: tuple[float, ...] = NO_ROTATION, **rest: Any) -> Any:
+    values = rest.pop("values", {"temperature": 21.0})
+    sensors = [SimpleNamespace(name=name, value=value) for name, value in values.items()]
+    reading = SimpleNamespace(tag_id=tag_id, readings=sensors)
+    return observation(0, tag_reading=reading, tag_pose_in_map=pose(1.0, 2.0, q), **rest)
+
+
+def flower(tag_id: str = "5", pose_frame: str = "map", confidence: float = 0.75, **rest: Any) -> Any:
+    point = SimpleNamespace(
+        position=SimpleNamespace(x=1.5, y=2.5, z=0.0), species="tulip_red", confidence=0.5, anomaly=False
+    )
+    told = SimpleNamespace(
+        tag_id=tag_id,
+        pose=stamped(pose_frame, pose(1.0, 2.0)),
+        species="tulip_red",
+        confidence=confidence,
+        anomaly=True,
+        flowers=[point],
+        box_footprint=SimpleNamespace(points=[SimpleNamespace(x=x, y=y, z=0.0) for x, y in SQUARE]),
+    )
+    return observation(1, flower=told, **rest)
+
+
+def report(pose_frame: str = "map", x: float = 3.0) -> Any:
+    told = SimpleNamespace(pose=stamped(pose_frame, pose(x, 4.0)), description="fallen plant", severity=2)
+    return observation(2, anomaly=told)
+
+
+def seen(*tags: tuple[str, Any], frame: str = "map") -> Any:
+    entries = [SimpleNamespace(tag_id=tag_id, pose_in_map=place) for tag_id, place in tags]
+    return SimpleNamespace(header=SimpleNamespace(frame_id=frame), tags=entries)
+
+
+def read(message: Any) -> Record | None:
+    return wire.observed(message, "map", now=77.0)
+
+
+# --- what messages tell ------------------------------------------------------------------
+
+
+def test_a_tag_reading_is_read() -> None:
+    pin = Pin(1.0, 2.0, 0.0, 1.0)
+    expected = Reading("5", 100.5, "m1", "InspectionMission", (("temperature", 21.0),), pin)
+    assert read(tag_reading()) == expected
+
+
+def test_flowers_are_read() -> None:
+    bloom = Bloom(1.5, 2.5, 0.0, "tulip_red", 0.5, False)
+    pin = Pin(1.0, 2.0, 0.0, 1.0)
+    origin = ("5", 100.5, "m1", "InspectionMission")
+    assert read(flower()) == Flowers(*origin, "tulip_red", 0.75, True, (bloom,), SQUARE, pin)
+
+
+def test_an_anomaly_report_is_read() -> None:
+    expected = Anomaly(100.5, "m1", "InspectionMission", 3.0, 4.0, 0.0, "fallen plant", 2)
+    assert read(report()) == expected
+
+
+@pytest.mark.parametrize(
+    ("message", "reason"),
+    [
+        (observation(kind=3), "observation of unknown kind 3 dropped"),
+        (observation(kind=255, status=1), "observation of unknown kind 255 dropped"),
+        (tag_reading(tag_id=""), "tag reading without a tag id dropped"),
+        (tag_reading(tag_id=" "), "tag reading without a tag id dropped"),
+        (flower(tag_id=""), "flower observation without a tag id dropped"),
+        (tag_reading(frame="odom"), "tag reading in frame 'odom' dropped, expected 'map'"),
+        (flower(pose_frame="odom"), "flower observation in frame 'odom' dropped, expected 'map'"),
+        (flower(pose_frame="", frame="odom"), "flower observation in frame 'odom' dropped, expected 'map'"),
+        (report(pose_frame="base_link"), "anomaly report in frame 'base_link' dropped, expected 'map'"),
+        (report(x=math.nan), "anomaly report without a place dropped"),
+    ],
+)
+def test_what_cannot_be_used_is_dropped_with_a_reason(message: Any, reason: str) -> None:
+    with pytest.raises(wire.Dropped) as dropped:
+        read(message)
+    assert str(dropped.value) == reason
+
+
+@pytest.mark.parametrize("status", [1, 2, 3, 9])
+def test_where_nothing_was_measured_nothing_is_learnt(status: int) -> None:
+    assert read(tag_reading(status=status)) is None
+    assert read(flower(status=status)) is None
+
+
+@pytest.mark.parametrize("frame", ["", "map", "/map"])
+def test_no_frame_is_the_expected_frame(frame: str) -> None:
+    assert isinstance(read(tag_reading(frame=frame)), Reading)
+    assert isinstance(read(flower(frame="", pose_frame=frame)), Flowers)
+
+
+def test_an_observation_without_a_stamp_is_of_now() -> None:
+    record = read(tag_reading(sec=0))
+    assert isinstance(record, Reading)
+    assert record.stamp == 77.0
+
+
+def test_a_pose_that_was_never_filled_in_is_none() -> None:
+    assert wire.pin_of(pose(1.0, 2.0, NEVER_FILLED_IN)) is None
+    assert wire.pin_of(pose(math.nan, 2.0)) is None
+    assert wire.pin_of(pose(1.0, 2.0, (0.0, 0.0, math.nan, 1.0))) is None
+
+
+def test_a_half_turn_on_the_wire_survives() -> None:
+    pin = wire.pin_of(pose(1.0, 2.0, (0.0, 0.0, 1.0, 1e-9)))
+    assert pin is not None
+    assert (pin.z, pin.w) == (pytest.approx(1.0), pytest.approx(0.0, abs=1e-8))
+
+
+@given(st.floats(-3.1, 3.1), st.floats(-1.5, 1.5))
+def test_of_a_rotation_the_turn_about_the_vertical_is_kept(yaw: float, tilt: float) -> None:
+    # A turn about z after a tilt about x: (z, w) shrink with the tilt, their ratio does not.
+    cz, sz, cx, sx = math.cos(yaw / 2), math.sin(yaw / 2), math.cos(tilt / 2), math.sin(tilt / 2)
+    pin = wire.pin_of(pose(0.0, 0.0, (cz * sx, sz * sx, sz * cx, cz * cx)))
+    assert pin is not None
+    assert math.hypot(pin.z, pin.w) == pytest.approx(1.0)
+    assert 2.0 * math.atan2(pin.z, pin.w) == pytest.approx(yaw)
+
+
+def test_discovered_tags_are_read() -> None:
+    half_turn = (0.0, 0.0, 1.0, 0.0)
+    message = seen(
+        ("5", pose(1.0, 2.0)),
+        ("6", pose(3.0, 4.0, NEVER_FILLED_IN)),
+        ("7", pose(5.0, 6.0, half_turn)),
+        ("8", pose(7.0, 8.0, (1.0, 0.0, 0.0, 0.0))),
+        ("9", pose(math.inf, 0.0)),
+        ("", pose(0.0, 0.0)),
+    )
+    assert wire.discoveries(message, "map") == [
+        Discovery("5", Pin(1.0, 2.0, 0.0, 1.0)),
+        Discovery("6", Pin(3.0, 4.0, 0.0, 1.0)),
+        Discovery("7", Pin(5.0, 6.0, 1.0, 0.0)),
+        Discovery("8", Pin(7.0, 8.0, 0.0, 1.0)),
+    ]
+
+
+def test_discovered_tags_of_another_frame_are_dropped() -> None:
+    with pytest.raises(wire.Dropped, match=r"^discovered tags in frame 'odom' dropped, expected 'map'$"):
+        wire.discoveries(seen(("5", pose()), frame="odom"), "map")
+
+
+@pytest.mark.parametrize("form", ["list", "object"])
+def test_boxes_are_read(form: str) -> None:
+    entry = {"x": 2.0, "y": 1.0, "yaw": 0.0, "width": 1.0, "depth": 0.5, "height": 0.3}
+    entries = [{"id": 5, **entry}, {"box_id": "6", **entry, "yaw": math.pi / 2}]
+    first, second = wire.boxes(json.dumps(entries if form == "list" else {"boxes": entries}))
+    assert first == Box("5", ((2.25, 1.5), (2.25, 0.5), (1.75, 0.5), (1.75, 1.5)))
+    assert second.tag_id == "6"
+    assert np.allclose(second.footprint, ((1.5, 1.25), (2.5, 1.25), (2.5, 0.75), (1.5, 0.75)))
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        *("", "nonsense", "5", "[5]", "{}", '[{"id": 5}]', '{"boxes": null}', "[" * 100_000),
+        '[{"id": 5, "x": NaN, "y": 0, "yaw": 0, "width": 1, "depth": 1}]',
+        '[{"id": 5, "x": 1e300, "y": 0, "yaw": 0, "width": 1, "depth": 1}]',
+        '[{"id": "", "x": 0, "y": 0, "yaw": 0, "width": 1, "depth": 1}]',
+    ],
+)
+def test_boxes_that_are_something_else_are_dropped(text: str) -> None:
+    with pytest.raises(wire.Dropped, match=r"^box geometry dropped: \w+Error: "):
+        wire.boxes(text)
+
+
+def occupancy(data: list[int], frame: str = "map", yaw: float = 0.0, **info: Any) -> Any:
+    turn = (0.0, 0.0, math.sin(yaw / 2), math.cos(yaw / 2))
+    told = {"width": 2, "height": 1, "resolution": 0.5, "origin": pose(1.0, 2.0, turn)} | info
+    header = SimpleNamespace(frame_id=frame)
+    return SimpleNamespace(header=header, info=SimpleNamespace(**told), data=array("b", data))
+
+
+def test_the_map_is_read() -> None:
+    read_map = wire.occupancy(occupancy([0, -1], yaw=1.0), "map")
+    place = read_map.x, read_map.y, read_map.yaw, read_map.resolution
+    assert place == (1.0, 2.0, pytest.approx(1.0), 0.5)
+    assert read_map.cells.tolist() == [[0, -1]]
+
+
+@pytest.mark.parametrize(
+    ("message", "reason"),
+    [
+        (occupancy([0, 0], frame="odom"), "map in frame 'odom' dropped, expected 'map'"),
+        (occupancy([0]), "map dropped: 2 x 1 cells of 0.5 m, 1 told"),
+        (occupancy([], width=0), "map dropped: 0 x 1 cells of 0.5 m, 0 told"),
+        (occupancy([0, 0], resolution=0.0), "map dropped: 2 x 1 cells of 0 m, 2 told"),
+        (occupancy([0, 0], resolution=math.nan), "map dropped: 2 x 1 cells of nan m, 2 told"),
+        (occupancy([0, 0], origin=pose(math.nan)), "map dropped: it has no finite origin"),
+    ],
+)
+def test_a_map_that_makes_no_sense_is_dropped(message: Any, reason: str) -> None:
+    with pytest.raises(wire.Dropped) as dropped:
+        wire.occupancy(message, "map")
+    assert str(dropped.value) == reason
+
+
+RECORDS = [
+    Reading("5", 1.5, "m", "s", (("temperature", 20.0), ("co2", math.inf)), None),
+    Flowers("5", 1.5, "m", "s", "tulip", 0.5, True, (Bloom(1.0, 2.0, 0.0, "", 0.0, True),), SQUARE),
+    Anomaly(1.5, "m", "s", 1.0, 2.0, 0.0, "wasserfleck \N{SNOWMAN}\n", 3),
+    Discovery("5", Pin(1.0, 2.0, 1.0, 0.0)),
+    Box("5", SQUARE),
+]
+
+
+@pytest.mark.parametrize("record", RECORDS, ids=lambda record: record.kind)
+def test_records_can_be_written_and_read(record: Record) -> None:
+    assert from_json(to_json(record)) == record
+
+
+def test_a_value_that_is_no_number_is_written_and_read() -> None:
+    back = from_json(to_json(Reading("5", 1.0, "", "", (("co2", math.nan),))))
+    assert isinstance(back, Reading)
+    assert math.isnan(dict(back.readings)["co2"])
+
+
+def test_what_is_no_record_is_told() -> None:
+    with pytest.raises(
+        ValueError, match=r"^not a record of the twin: box\.tag_id: Input should be a valid string$"
+    ):
+        from_json('{"kind":"box","tag_id":4,"footprint":[]}')
+    with pytest.raises(ValueError, match=r"^not a record of the twin: text: Invalid JSON"):
+        from_json("{")
+
+
+# --- the table ------------------------------------------------------------------
+
+HERE, THERE = Pin(1.0, 2.0, 0.0, 1.0), Pin(8.0, 9.0, 1.0, 0.0)
+
+
+def reading(tag: str = "5", stamp: float = 10.0, pin: Pin | None = None, **values: float) -> Reading:
+    return Reading(tag, stamp, "m", "s", tuple(values.items()), pin)
+
+
+def flowers(tag: str = "5", stamp: float = 10.0, **rest: Any) -> Flowers:
+    given = {"species": "tulip_red", "confidence": 0.5, "anomaly": False} | rest
+    return Flowers(tag, stamp, "m", "s", **given)
+
+
+def state_of(*records: Record, received: float = 1000.0, history: int = 32) -> Twin:
+    state = Twin(history)
+    for record in records:
+        state.apply(record, received)
+    return state
+
+
+def test_nothing_is_known_at_the_start() -> None:
+    state = Twin()
+    assert (dict(state.tags), state.reports, state.observation_count) == ({}, [], 0)
+    assert tuple(state.sensors) == ("temperature", "humidity", "co2", "light", "soil_moisture")
+
+
+def test_the_first_place_stays_and_readings_follow() -> None:
+    state = state_of(reading(pin=HERE, temperature=20.0, co2=400.0), reading(pin=THERE, temperature=22.0))
+    assert state.tags["5"].pin == HERE
+    assert list(state.tags["5"].readings.items()) == [("temperature", 22.0), ("co2", 400.0)]
+    assert state.observation_count == 2
+
+
+def test_a_place_may_come_later() -> None:
+    state = state_of(reading(temperature=20.0), reading(pin=HERE, temperature=21.0))
+    assert state.tags["5"].pin == HERE
+    assert state_of(reading(temperature=20.0), flowers(pin=THERE)).tags["5"].pin == THERE
+    assert state_of(reading(temperature=20.0), Discovery("5", HERE)).tags["5"].pin == HERE
+
+
+def test_a_discovered_tag_has_a_place_and_nothing_else() -> None:
+    state = state_of(Discovery("5", HERE), Discovery("5", THERE))
+    tag = state.tags["5"]
+    assert (tag.pin, tag.readings, tag.last_observed, tag.stale_seconds(1000.0)) == (HERE, {}, None, 0.0)
+    assert state.observation_count == 0
+
+
+def test_tags_keep_the_order_in_which_they_came() -> None:
+    state = state_of(reading("15"), Discovery("3", HERE), flowers("7"), reading("3"))
+    assert list(state.tags) == ["15", "3", "7"]
+
+
+def test_flowers_are_the_latest_and_leave_readings_alone() -> None:
+    bloom = Bloom(1.0, 1.0, 0.0, "tulip_red", 0.5, True)
+    first = flowers(anomaly=True, blooms=(bloom,), footprint=SQUARE)
+    state = state_of(reading(temperature=20.0), first)
+    tag = state.tags["5"]
+    assert (tag.species, tag.confidence, tag.anomaly, tag.blooms) == ("tulip_red", 0.5, True, (bloom,))
+    assert (tag.footprint, tag.readings) == (SQUARE, {"temperature": 20.0})
+    state.apply(flowers(species="tulip_pink", confidence=0.9), 1000.0)
+    assert (tag.species, tag.confidence, tag.anomaly, tag.blooms) == ("tulip_pink", 0.9, False, ())
+    assert state.observation_count == 3
+
+
+def test_the_channel_knows_boxes_better_than_flowers() -> None:
+    other = ((5.0, 5.0), (6.0, 5.0), (6.0, 6.0))
+    state = state_of(flowers(footprint=other), Box("5", SQUARE), flowers(stamp=11.0, footprint=other))
+    assert state.tags["5"].footprint == SQUARE
+    state.apply(Box("5", other), 1000.0)
+    assert state.tags["5"].footprint == other
+    assert (state.observation_count, state.tags["5"].last_observed) == (2, 11.0)
+    assert list(state_of(Box("9", SQUARE)).tags) == ["9"]
+
+
+def test_places_and_boxes_told_again_are_no_news() -> None:
+    state = state_of(reading(temperature=20.0), flowers("6", footprint=SQUARE))
+    assert state.is_news(Discovery("5", HERE))
+    assert state.is_news(Discovery("7", HERE))
+    assert state.is_news(Box("6", SQUARE))
+    state.apply(Discovery("5", HERE), 0.0)
+    state.apply(Box("6", SQUARE), 0.0)
+    assert not state.is_news(Discovery("5", THERE))
+    assert not state.is_news(Box("6", SQUARE))
+    assert state.is_news(Box("6", SQUARE[:3]))
+    assert state.is_news(reading())
+
+
+def test_the_history_keeps_the_newest() -> None:
+    state = state_of(*(reading(stamp=float(n)) for n in range(5)), history=3)
+    assert [record.stamp for record in state.tags["5"].history] == [2.0, 3.0, 4.0]
+    assert state.observation_count == 5
+
+
+def test_a_tag_grows_stale_by_the_clock_that_is_given() -> None:
+    tag = state_of(reading(stamp=10.0)).tags["5"]
+    assert (tag.last_observed, tag.stale_seconds(10.0), tag.stale_seconds(25.0)) == (10.0, 0.0, 15.0)
+    assert tag.stale_seconds(5.0) == 0.0
+
+
+def test_a_stamp_from_the_future_counts_from_its_arrival() -> None:
+    tag = state_of(reading(stamp=5000.0), received=1000.0).tags["5"]
+    assert (tag.last_observed, tag.stale_seconds(1010.0)) == (1000.0, 10.0)
+
+
+def test_before_simulated_time_begins_a_stamp_counts_as_it_is() -> None:
+    assert state_of(reading(stamp=5.0), received=0.0).tags["5"].last_observed == 5.0
+
+
+def test_samples_need_a_place_and_a_number() -> None:
+    state = state_of(
+        reading("1", pin=Pin(1.0, 2.0, 0.0, 1.0), temperature=20.0),
+        reading("2", temperature=21.0),
+        reading("3", pin=HERE, humidity=50.0),
+        reading("4", pin=HERE, temperature=math.nan),
+        reading("5", pin=HERE, temperature=-math.inf),
+        reading("6", pin=HERE, temperature=1e39),
+        reading("7", pin=Pin(3.0, 4.0, 0.0, 1.0), temperature=-5.0),
+    )
+    positions, values = state.samples("temperature")
+    assert positions.tolist() == [[1.0, 2.0], [3.0, 4.0]]
+    assert values.tolist() == [20.0, -5.0]
+    assert [part.shape for part in state.samples("co2")] == [(0, 2), (0,)]
+
+
+def test_sensors_that_were_read_are_known() -> None:
+    assert "radiation" in state_of(reading(radiation=0.1)).sensors
+
+
+def test_an_anomaly_is_kept_and_knows_the_nearest_tag() -> None:
+    anomaly = Anomaly(1.0, "m", "s", 1.0, 1.0, 0.0, "obstacle", 1)
+    state = state_of(anomaly, Discovery("far", Pin(1.0, 3.5, 0.0, 1.0)), reading("lost"))
+    assert state.reports == [Report(anomaly, "")]
+    state.apply(Discovery("near", Pin(1.0, 2.5, 0.0, 1.0)), 0.0)
+    state.apply(Discovery("nearer", Pin(1.0, 0.5, 0.0, 1.0)), 0.0)
+    assert state.reports == [Report(anomaly, "nearer")]
+    assert state.observation_count == 1  # the reading of the lost tag
+
+
+def test_of_many_anomalies_the_latest_are_kept() -> None:
+    state = state_of(*(Anomaly(float(n), "", "", 0.0, 0.0, 0.0, "", 0) for n in range(REPORTS + 5)))
+    assert [report.anomaly.stamp for report in state.reports][:2] == [5.0, 6.0]
+    assert len(state.reports) == REPORTS

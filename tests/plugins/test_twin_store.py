@@ -1,0 +1,233 @@
+"""The twin's records on disk: written before anything else, whole after a crash, and never overwritten."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import signal
+import sqlite3
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from lupin_twin.records import Anomaly, Box, Discovery, Flowers, Pin, Reading, Record
+from lupin_twin.store import MAX_WAITING, NOWHERE, Row, Store, StoreError
+
+PIN = Pin(1.0, 2.0, 0.0, 1.0)
+RECORDS: list[Record] = [
+    Discovery("5", PIN),
+    Reading("5", 1.5, "m", "s", (("temperature", 20.0),), PIN),
+    Flowers("5", 2.5, "m", "s", "tulip_red", 0.5, True),
+    Box("5", ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0))),
+    Anomaly(3.5, "m", "s", 1.0, 2.0, 0.0, "obstacle", 1),
+]
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> str:
+    return str(tmp_path / "folder" / "twin.sqlite")
+
+
+def fill(path: str, *records: Record) -> None:
+    store = Store(path)
+    for number, record in enumerate(records):
+        assert store.add(record, float(number))
+    store.close()
+
+
+def content(path: str) -> list[Row]:
+    store = Store(path)
+    rows = list(store.rows())
+    store.close()
+    return rows
+
+
+def test_records_come_back_in_their_order(path: str) -> None:
+    fill(path, *RECORDS)
+    assert content(path) == [Row(record, float(number)) for number, record in enumerate(RECORDS)]
+
+
+def test_an_observation_that_arrives_again_is_kept_once(path: str) -> None:
+    fill(path, RECORDS[1])
+    store = Store(path)
+    assert not store.add(RECORDS[1], 99.0)
+    assert store.add(Reading("5", 1.6, "m", "s", (("temperature", 20.0),), PIN), 99.0)
+    store.close()
+    assert [row.received for row in content(path)] == [0.0, 99.0]
+
+
+def test_a_box_that_comes_back_to_what_it_was_is_kept(path: str) -> None:
+    first, second = Box("5", ((0.0, 0.0),)), Box("5", ((1.0, 0.0),))
+    fill(path, first, second, first)
+    assert [row.record for row in content(path)] == [first, second, first]
+
+
+def test_a_record_is_on_the_disk_when_it_has_been_added(path: str) -> None:
+    code = (
+        "import os, signal, sys\n"
+        "from lupin_twin.records import Discovery, Pin\n"
+        "from lupin_twin.store import Store\n"
+        "store = Store(sys.argv[1])\n"
+        "for n in range(20):\n"
+        "    store.add(Discovery(str(n), Pin(1.0, 2.0, 0.0, 1.0)), float(n))\n"
+        "os.kill(os.getpid(), signal.SIGKILL)\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code, path], timeout=60)
+    assert done.returncode == -signal.SIGKILL
+    assert content(path) == [Row(Discovery(str(n), PIN), float(n)) for n in range(20)]
+
+
+def test_the_file_can_be_read_while_the_twin_writes(path: str) -> None:
+    store = Store(path)
+    reader = sqlite3.connect(path)
+    reader.execute("BEGIN")
+    assert reader.execute("SELECT count(*) FROM record").fetchone() == (0,)
+    assert store.add(RECORDS[0], 0.0)
+    reader.close()
+    store.close()
+
+
+def test_commits_reach_the_disk_through_a_write_ahead_log(path: str) -> None:
+    store = Store(path)
+    assert store._db.execute("PRAGMA journal_mode").fetchone() == ("wal",)
+    assert store._db.execute("PRAGMA synchronous").fetchone() == (2,)
+    store.close()
+
+
+def test_nothing_need_be_kept() -> None:
+    store = Store(NOWHERE)
+    assert store.add(RECORDS[1], 1.0)
+    assert list(store.rows()) == [Row(RECORDS[1], 1.0)]
+    store.close()
+    assert not Path(NOWHERE).exists()
+
+
+# --- what goes wrong ---------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("garbage", [b"no database at all" * 100, b"SQLite format 3\0" + b"\xff" * 4096])
+def test_a_file_that_is_no_database_is_put_aside(path: str, garbage: bytes) -> None:
+    Path(path).parent.mkdir()
+    Path(path).write_bytes(garbage)
+    store = Store(path)
+    reason = "file is not a database"
+    assert store.put_aside == (
+        f"{path} is not a store of the twin ({reason}): kept as {path}.corrupt-1, a new one begun"
+    )
+    assert Path(f"{path}.corrupt-1").read_bytes() == garbage
+    assert store.add(RECORDS[0], 1.0)
+    store.close()
+    assert content(path) == [Row(RECORDS[0], 1.0)]
+
+
+def test_damage_in_the_middle_is_noticed(path: str) -> None:
+    fill(path, *(Reading(str(n), 1.0, "m", "s", (("co2", 1.0),) * 50, PIN) for n in range(50)))
+    data = bytearray(Path(path).read_bytes())
+    data[8192:16384] = b"\xa5" * 8192
+    Path(path).write_bytes(data)
+    store = Store(path)
+    assert store.put_aside.endswith(f"kept as {path}.corrupt-1, a new one begun")
+    assert list(store.rows()) == []
+    store.close()
+    assert Path(f"{path}.corrupt-1").read_bytes() == bytes(data)
+
+
+def test_what_was_put_aside_is_never_overwritten(path: str) -> None:
+    Path(path).parent.mkdir()
+    for garbage in (b"first" * 100, b"second" * 100):
+        Path(path).write_bytes(garbage)
+        Store(path).close()
+    assert Path(f"{path}.corrupt-1").read_bytes() == b"first" * 100
+    assert Path(f"{path}.corrupt-2").read_bytes() == b"second" * 100
+
+
+def test_another_programs_database_is_put_aside(path: str) -> None:
+    Path(path).parent.mkdir()
+    with sqlite3.connect(path) as other:
+        other.execute("CREATE TABLE theirs (x)")
+    other.close()
+    store = Store(path)
+    assert "(another program's database): kept as" in store.put_aside
+    store.close()
+
+
+def test_a_store_of_a_later_version_is_left_alone(path: str) -> None:
+    fill(path, RECORDS[0])
+    with sqlite3.connect(path) as db:
+        db.execute("PRAGMA user_version = 2")
+    db.close()
+    with pytest.raises(StoreError) as refused:
+        Store(path)
+    assert str(refused.value) == f"{path} was written by a later version of the twin (2, known: 1)"
+    assert not os.path.exists(f"{path}.corrupt-1")
+
+
+def test_a_damaged_row_is_left_out_and_named(path: str) -> None:
+    fill(path, RECORDS[0])
+    with sqlite3.connect(path) as db:
+        db.execute("INSERT INTO record (received, json) VALUES (1.0, '{}')")
+    db.close()
+    fill(path, RECORDS[1])
+    store = Store(path)
+    assert [row.record for row in store.rows()] == RECORDS[:2]
+    (problem,) = store.unreadable
+    assert problem.startswith(f"{path}: row 2 left out: not a record of the twin: text: ")
+    store.close()
+
+
+def test_a_folder_that_cannot_be_made_is_told(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    path = str(tmp_path / "file" / "twin.sqlite")
+    with pytest.raises(StoreError) as refused:
+        Store(path)
+    assert str(refused.value) == f"the folder of {path} cannot be made: File exists"
+
+
+def test_a_file_that_cannot_be_opened_is_told(tmp_path: Path) -> None:
+    with pytest.raises(StoreError) as refused:
+        Store(str(tmp_path))
+    assert str(refused.value) == f"{tmp_path} cannot be opened: unable to open database file"
+
+
+def fill_the_disk(store: Store, pages: int) -> None:
+    """Let the file have no more than so many pages; 0 for as many as it likes."""
+    store._db.execute(f"PRAGMA max_page_count = {pages or 2**30}")
+
+
+def big(n: int) -> Reading:
+    return Reading(str(n), float(n), "m", "s", tuple((f"sensor_{k}", 1.0) for k in range(300)))
+
+
+def test_with_a_full_disk_records_wait_and_are_written_when_there_is_room(path: str) -> None:
+    store = Store(path)
+    fill_the_disk(store, 4)
+    fits = 0
+    with contextlib.suppress(StoreError):
+        for fits in range(10):
+            store.add(big(fits), 0.0)
+    assert 0 < fits < 9
+    with pytest.raises(StoreError) as full:
+        store.add(big(10), 10.0)
+    assert str(full.value) == f"{path}: database or disk is full; 2 records are in memory only"
+    fill_the_disk(store, 0)
+    assert store.add(big(20), 20.0)
+    assert store.waiting == 0
+    tags = [row.record.tag_id for row in store.rows() if isinstance(row.record, Reading)]
+    assert tags == [*map(str, range(fits + 1)), "10", "20"]
+    store.close()
+
+
+def test_what_waits_is_bounded(path: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert MAX_WAITING == 10_000
+    monkeypatch.setattr("lupin_twin.store.MAX_WAITING", 3)
+    store = Store(path)
+    fill_the_disk(store, 2)
+    for n in range(8):
+        with pytest.raises(StoreError, match=f"; {min(n + 1, 3)} records are in memory only"):
+            store.add(big(n), float(n))
+    fill_the_disk(store, 0)
+    assert store.flush()
+    assert [row.received for row in store.rows()] == [5.0, 6.0, 7.0]
+    store.close()

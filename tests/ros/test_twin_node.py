@@ -1,0 +1,417 @@
+"""The digital twin over real DDS: what it is told, what it tells, and what a kill leaves of it."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import signal
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+pytest.importorskip("rclpy", reason="ROS 2 is not installed here")
+
+from builtin_interfaces.msg import Time
+from geometry_msgs.msg import Point, Point32, Polygon, Pose, PoseStamped, Quaternion
+from nav_msgs.msg import OccupancyGrid
+from std_msgs.msg import Header, String
+
+from lupin_engine.errors import LupinError
+from lupin_engine.middleware.node import Qos, RosNode
+from lupin_msgs.msg import (
+    AnomalyReport,
+    DiscoveredTag,
+    DiscoveredTags,
+    FlowerObservation,
+    FlowerPoint,
+    Observation,
+    SensorReading,
+    TagReading,
+    TwinState,
+)
+from lupin_msgs.srv import GetField
+from lupin_twin import node as twin_module
+from lupin_twin.node import PARAMETERS, TwinNode
+from lupin_twin.records import Discovery, Flowers, Reading
+from lupin_twin.store import Store
+from tests.ros.helpers import spin_until
+from tests.ros.world import World
+
+pytestmark = pytest.mark.ros
+
+MakeNode = Callable[..., RosNode]
+
+NEVER_FILLED_IN = Quaternion(x=0.0, y=0.0, z=0.0, w=0.0)
+SQUARE = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)]
+
+
+def pose(x: float = 0.0, y: float = 0.0, q: Quaternion | None = None) -> Pose:
+    return Pose(position=Point(x=x, y=y, z=0.7), orientation=q or Quaternion())
+
+
+def header(sec: int = 100, frame: str = "map") -> Header:
+    return Header(stamp=Time(sec=sec, nanosec=250_000_000), frame_id=frame)
+
+
+def reading(tag: str, values: dict[str, float], at: Pose | None = None, **changed: Any) -> Observation:
+    sensors = [SensorReading(name=name, value=value) for name, value in values.items()]
+    told = {"header": header(), "mission_id": "m1", "kind": Observation.KIND_TAG_READING} | changed
+    return Observation(
+        tag_reading=TagReading(tag_id=tag, readings=sensors),
+        tag_pose_in_map=at or pose(q=NEVER_FILLED_IN),
+        **told,
+    )
+
+
+def flower(tag: str, at: Pose, anomaly: bool = True) -> Observation:
+    bloom = FlowerPoint(position=Point(x=1.5, y=2.5), species="tulip_red", confidence=0.5, anomaly=False)
+    seen = FlowerObservation(
+        tag_id=tag,
+        pose=PoseStamped(header=header(), pose=at),
+        species="tulip_red",
+        confidence=0.75,
+        anomaly=anomaly,
+        flowers=[bloom],
+        box_footprint=Polygon(points=[Point32(x=x, y=y) for x, y in SQUARE]),
+    )
+    return Observation(header=header(), kind=Observation.KIND_FLOWER, flower=seen)
+
+
+def discovered(*tags: tuple[str, Pose], frame: str = "map") -> DiscoveredTags:
+    entries = [DiscoveredTag(tag_id=tag, pose_in_map=at) for tag, at in tags]
+    return DiscoveredTags(header=header(frame=frame), tags=entries)
+
+
+class Watcher:
+    """The other side of the wire: what a robot tells the twin, and what an HMI sees of it."""
+
+    def __init__(self, make_node: MakeNode) -> None:
+        self.ros = make_node("watcher")
+        self.observations = self.ros.publisher(Observation, "/floranova/observations", Qos.BACKLOG)
+        self.discovered = self.ros.publisher(DiscoveredTags, "/perception/discovered_tags", Qos.LATCHED)
+        self.boxes = self.ros.publisher(String, "/perception/box_geometry_json", Qos.LATCHED)
+        self.maps = self.ros.publisher(OccupancyGrid, "/map", Qos.LATCHED)
+        self.fields = self.ros.service(GetField, "/twin/get_field")
+        self.states: list[TwinState] = []
+        self.ros.subscribe(TwinState, "/twin/state", Qos.LATCHED, self.states.append)
+
+    def tags(self) -> dict[str, Any]:
+        """Return the tags of the latest state."""
+        return {tag.tag_id: tag for tag in self.states[-1].tags} if self.states else {}
+
+
+class Scene(Watcher):
+    """A twin in this process that publishes quickly, and the other side."""
+
+    def __init__(self, make_node: MakeNode, store: Path, *arguments: str) -> None:
+        super().__init__(make_node)
+        given = ["-p", f"store_file:={store}", "-p", "state_publish_rate_hz:=50.0", *arguments]
+        self.twin = make_node("lupin_twin", ["--ros-args", *given], PARAMETERS)
+        self.node = TwinNode(self.twin)
+        self.until(self.fields.ready, "the service is there")
+        self.until(lambda: self.states, "a first state")
+
+    def until(self, condition: Callable[[], Any], what: str = "") -> None:
+        spin_until([self.twin, self.ros], condition, what=what)
+
+    def tell(self, *observations: Observation) -> None:
+        """Publish, and wait until a reading that comes after them has been taken."""
+        for message in observations:
+            self.observations.publish(message)
+        count = len(self.tags())
+        self.observations.publish(reading(f"marker {count}", {}))
+        self.until(lambda: f"marker {count}" in self.tags())
+
+    def ask(self, sensor: str = "temperature", resolution: float = 0.5, size: float = 2.0) -> Any:
+        request = GetField.Request(
+            sensor_type=sensor, resolution=resolution, bbox_max_x=size, bbox_max_y=size
+        )
+        return self.request(request)
+
+    def request(self, request: GetField.Request) -> Any:
+        answers: list[Any] = []
+        self.fields.call(request, 10.0, answers.append)
+        self.until(lambda: answers, "an answer")
+        return answers[0]
+
+
+@pytest.fixture
+def scene(make_node: MakeNode, tmp_path: Path) -> Iterator[Scene]:
+    scene = Scene(make_node, tmp_path / "twin.sqlite")
+    yield scene
+    scene.node.close()
+
+
+@pytest.fixture
+def warnings(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """What the twin logs as warnings and errors."""
+    said: list[str] = []
+    for severity in ("warning", "error"):
+        monkeypatch.setattr(
+            f"lupin_engine.middleware.node._RosSink.{severity}", lambda _, line: said.append(line)
+        )
+    return said
+
+
+# --- the state ---------------------------------------------------------------------------------------
+
+
+def test_an_empty_state_is_published(scene: Scene) -> None:
+    state = scene.states[0]
+    assert list(state.tags) == []
+    assert state.header.frame_id == "map"
+    assert 0.0 <= scene.twin.now() - state.header.stamp.sec < 60.0
+
+
+def test_a_reading_shows_in_the_state(scene: Scene) -> None:
+    scene.tell(reading("5", {"temperature": 21.5, "co2": 400.0}, pose(1.0, 2.0)))
+    tag = scene.tags()["5"]
+    assert [(sensor.name, sensor.value) for sensor in tag.readings] == [("temperature", 21.5), ("co2", 400.0)]
+    place, q = tag.pose.position, tag.pose.orientation
+    assert (place.x, place.y, place.z, q.x, q.y, q.z, q.w) == (1.0, 2.0, 0.0, 0.0, 0.0, 0.0, 1.0)
+    assert (tag.last_observed.sec, tag.last_observed.nanosec) == (100, 250_000_000)
+    assert tag.stale_seconds == pytest.approx(scene.twin.now() - 100.25, abs=200.0)
+
+
+def test_a_tag_without_a_place_has_no_rotation_and_the_first_place_stays(scene: Scene) -> None:
+    scene.tell(reading("5", {"temperature": 20.0}))
+    q = scene.tags()["5"].pose.orientation
+    assert (q.x, q.y, q.z, q.w) == (0.0, 0.0, 0.0, 0.0)
+    scene.tell(reading("5", {"temperature": 21.0}, pose(1.0, 2.0)))
+    scene.tell(reading("5", {"temperature": 22.0}, pose(8.0, 9.0)))
+    tag = scene.tags()["5"]
+    assert (tag.pose.position.x, tag.pose.orientation.w, tag.readings[0].value) == (1.0, 1.0, 22.0)
+
+
+def test_flowers_show_in_the_state(scene: Scene) -> None:
+    scene.tell(reading("5", {"temperature": 20.0}), flower("5", pose(1.0, 2.0)))
+    tag = scene.tags()["5"]
+    assert (tag.species, tag.species_confidence, tag.anomaly) == ("tulip_red", 0.75, True)
+    assert [(bloom.position.x, bloom.species, bloom.confidence) for bloom in tag.flowers] == [
+        (1.5, "tulip_red", 0.5)
+    ]
+    assert [(corner.x, corner.y) for corner in tag.box_footprint.points] == SQUARE
+    assert (tag.pose.position.x, tag.readings[0].value) == (1.0, 20.0)
+    scene.tell(flower("5", pose(1.0, 2.0), anomaly=False))
+    assert scene.tags()["5"].anomaly is False
+
+
+def test_a_discovered_tag_is_pinned_at_once_and_a_half_turn_survives(scene: Scene) -> None:
+    half_turn = Quaternion(x=0.0, y=0.0, z=1.0, w=0.0)
+    scene.discovered.publish(discovered(("3", pose(1.0, 2.0, half_turn)), ("4", pose(5.0, 6.0))))
+    scene.until(lambda: len(scene.tags()) == 2)
+    q = scene.tags()["3"].pose.orientation
+    assert q.w != 0.0
+    assert 2.0 * math.atan2(q.z, q.w) == pytest.approx(math.pi)
+    tag = scene.tags()["4"]
+    assert (tag.last_observed.sec, tag.stale_seconds, list(tag.readings)) == (0, 0.0, [])
+
+
+def test_boxes_come_by_their_channel(scene: Scene) -> None:
+    box = {"id": 5, "x": 2.0, "y": 1.0, "yaw": 0.0, "width": 1.0, "depth": 0.5, "height": 0.3}
+    scene.boxes.publish(String(data=json.dumps([box])))
+    scene.until(lambda: "5" in scene.tags())
+    corners = [(corner.x, corner.y) for corner in scene.tags()["5"].box_footprint.points]
+    assert corners == [(2.25, 1.5), (2.25, 0.5), (1.75, 0.5), (1.75, 1.5)]
+
+
+def test_what_cannot_be_used_is_dropped_and_told_once(scene: Scene, warnings: list[str]) -> None:
+    unheard = reading("5", {"temperature": 20.0}, kind=9)
+    scene.tell(
+        unheard,
+        unheard,
+        reading("", {"temperature": 20.0}),
+        reading("5", {"temperature": 20.0}, header=header(frame="odom")),
+        reading("5", {}, pose(1.0, 2.0), status=Observation.STATUS_SKIPPED),
+    )
+    scene.discovered.publish(discovered(("5", pose()), frame="odom"))
+    scene.boxes.publish(String(data="nonsense"))
+    scene.until(lambda: len(warnings) == 5)
+    assert "5" not in scene.tags()
+    assert sorted(warnings) == [
+        "box geometry dropped: JSONDecodeError: Expecting value: line 1 column 1 (char 0)",
+        "discovered tags in frame 'odom' dropped, expected 'map'",
+        "observation of unknown kind 9 dropped",
+        "tag reading in frame 'odom' dropped, expected 'map'",
+        "tag reading without a tag id dropped",
+    ]
+
+
+def test_complaints_are_bounded(scene: Scene, warnings: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(twin_module, "MAX_COMPLAINTS", 2)
+    for frame in ("a", "b", "c"):
+        scene.tell(reading("5", {}, header=header(frame=frame)))
+    assert len(warnings) == 3
+    assert len(scene.node._complaints) <= 2
+
+
+def test_an_anomaly_is_told_with_the_nearest_tag(scene: Scene, warnings: list[str]) -> None:
+    report = AnomalyReport(
+        pose=PoseStamped(header=header(), pose=pose(1.5, 2.0)), description="fallen plant", severity=2
+    )
+    told = Observation(header=header(), kind=Observation.KIND_ANOMALY, mission_id="m1", anomaly=report)
+    scene.tell(reading("5", {}, pose(1.0, 2.0)), told)
+    assert warnings == ["anomaly: fallen plant (severity=2 x=1.5 y=2.0 near_tag='5' mission='m1')"]
+    assert [report.near for report in scene.node._twin.reports] == ["5"]
+
+
+# --- the field ---------------------------------------------------------------------------------------
+
+
+def test_a_field_is_answered(scene: Scene) -> None:
+    scene.tell(reading("5", {"temperature": 20.0}, pose(0.25, 0.25)))
+    answer = scene.ask()
+    assert (answer.ok, answer.error_message) == (True, "")
+    assert (answer.width, answer.height, len(answer.values)) == (4, 4, 16)
+    assert (answer.origin_x, answer.origin_y, answer.resolution_used) == (0.0, 0.0, 0.5)
+    assert (answer.value_min, answer.value_max, answer.sample_count) == (20.0, 20.0, 1)
+    assert answer.values[0] == 20.0
+    assert math.isnan(answer.values[15])  # 2.1 m away
+    again = scene.ask()
+    assert list(again.values)[:15] == list(answer.values)[:15]
+
+
+def test_a_new_reading_changes_the_field(scene: Scene) -> None:
+    scene.tell(reading("5", {"temperature": 20.0}, pose(0.25, 0.25)))
+    assert scene.ask().value_max == 20.0
+    scene.tell(reading("5", {"temperature": 24.0}, header=header(101)))
+    assert scene.ask().value_max == 24.0
+
+
+def test_without_data_a_field_has_no_values(scene: Scene) -> None:
+    answer = scene.ask("co2")
+    assert answer.ok
+    assert all(map(math.isnan, answer.values))
+    assert (answer.value_min, answer.value_max, answer.sample_count) == (0.0, 0.0, 0)
+
+
+@pytest.mark.parametrize(
+    ("changed", "reason"),
+    [
+        ({"sensor_type": ""}, "the sensor type is empty; allowed: "),
+        ({"sensor_type": "../../etc/passwd"}, "unknown sensor type '../../etc/passwd'; "),
+        ({"sensor_type": "\N{SNOWMAN}" * 100_000}, "unknown sensor type '"),
+        ({"resolution": 0.0}, "the resolution must be above 0 m, got 0"),
+        ({"resolution": -1.0}, "the resolution must be above 0 m, got -1"),
+        ({"resolution": math.nan}, "the resolution must be above 0 m, got nan"),
+        ({"bbox_max_x": -1.0}, "the bounds of x are the wrong way round: 0 to -1"),
+        ({"bbox_min_y": math.nan}, "the bounds must be finite, got x 0 to 2, y nan to 2"),
+        ({"bbox_max_y": math.inf}, "the bounds must be finite, got x 0 to 2, y 0 to inf"),
+        ({"bbox_max_x": 3e38, "resolution": 1e-38}, "3e+38 m x 2 m at 1e-38 m are more than 250000 cells; "),
+    ],
+)
+def test_a_hostile_request_is_refused_and_the_twin_lives_on(
+    scene: Scene, changed: dict[str, Any], reason: str
+) -> None:
+    sound = {"sensor_type": "temperature", "resolution": 0.5, "bbox_max_x": 2.0, "bbox_max_y": 2.0}
+    answer = scene.request(GetField.Request(**(sound | changed)))
+    assert answer == GetField.Response(error_message=answer.error_message)
+    assert answer.error_message.startswith(reason)
+    assert len(answer.error_message) < 300
+    assert scene.ask().ok
+
+
+def test_the_map_hides_what_nobody_has_seen(scene: Scene) -> None:
+    scene.tell(reading("5", {"temperature": 20.0}, pose(0.25, 0.25)))
+    message = OccupancyGrid(header=header(), data=[0, -1])
+    message.info.width, message.info.height, message.info.resolution = 2, 1, 1.0
+    scene.maps.publish(message)
+    scene.until(lambda: sum(map(math.isfinite, scene.ask().values)) == 4)
+    assert [index for index, value in enumerate(scene.ask().values) if math.isfinite(value)] == [0, 1, 4, 5]
+
+
+def test_the_settings_are_parameters(make_node: MakeNode, tmp_path: Path) -> None:
+    scene = Scene(make_node, tmp_path / "twin.sqlite", "-p", "max_distance_to_nearest_tag:=0.6")
+    scene.tell(reading("5", {"temperature": 20.0}, pose(0.25, 0.25)))
+    assert sum(map(math.isfinite, scene.ask().values)) == 3
+    scene.node.close()
+
+
+@pytest.mark.parametrize("given", ["state_publish_rate_hz:=0.01", "buffer_len:=0", "idw_power:=-1.0"])
+def test_a_setting_out_of_range_is_refused(make_node: MakeNode, given: str) -> None:
+    with pytest.raises(LupinError, match=given.partition(":")[0]):
+        make_node("lupin_twin", ["--ros-args", "-p", given], PARAMETERS)
+
+
+# --- the store ---------------------------------------------------------------------------------------
+
+
+def test_the_store_is_in_the_users_state_folder(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+    assert twin_module._store_path("") == str(tmp_path / "lupin" / "twin.sqlite")
+    monkeypatch.setenv("XDG_STATE_HOME", "relative")
+    monkeypatch.setenv("HOME", str(tmp_path))
+    assert twin_module._store_path("") == str(tmp_path / ".local" / "state" / "lupin" / "twin.sqlite")
+    assert twin_module._store_path("~/here.sqlite") == str(tmp_path / "here.sqlite")
+
+
+def test_a_corrupt_store_is_put_aside_and_told(
+    make_node: MakeNode, tmp_path: Path, warnings: list[str]
+) -> None:
+    path = tmp_path / "twin.sqlite"
+    path.write_bytes(b"garbage" * 1000)
+    scene = Scene(make_node, path)
+    reason = "is not a store of the twin (file is not a database)"
+    assert warnings == [f"{path} {reason}: kept as {path}.corrupt-1, a new one begun"]
+    scene.tell(reading("5", {"temperature": 20.0}))
+    scene.node.close()
+
+
+def test_with_a_full_disk_the_twin_goes_on_and_keeps_everything_later(
+    scene: Scene, make_node: MakeNode, warnings: list[str]
+) -> None:
+    database = scene.node._store._db
+    database.execute("PRAGMA max_page_count = 4")
+    many = [reading(str(n), {f"sensor_{k}": 1.0 for k in range(200)}) for n in range(8)]
+    scene.tell(*many)
+    assert len(scene.tags()) == 9
+    (told,) = warnings
+    assert told.startswith(f"records cannot be kept: {scene.node._store.path}: database or disk is full; ")
+    database.execute(f"PRAGMA max_page_count = {2**30}")
+    scene.until(lambda: scene.node._store.waiting == 0, "written at the next tick")
+    rows = database.execute("SELECT count(*) FROM record").fetchone()
+    assert rows == (9,)
+
+
+def test_a_twin_that_was_killed_has_lost_nothing(make_node: MakeNode, tmp_path: Path) -> None:
+    watcher, world = Watcher(make_node), World(tmp_path)
+    store = tmp_path / "twin.sqlite"
+    spin = [watcher.ros]
+    try:
+        twin = world.start("lupin_twin", store_file=store, state_publish_rate_hz=20.0)
+        for n in range(60):  # more than the backlog of the topic
+            watcher.observations.publish(reading(str(n), {"temperature": float(n)}, pose(float(n), 1.0)))
+            spin_until(spin, lambda n=n: str(n) in watcher.tags(), what=f"tag {n} is told")
+        watcher.observations.publish(flower("7", pose(7.0, 1.0)))
+        watcher.discovered.publish(discovered(("seen", pose(3.0, 4.0))))
+        spin_until(spin, lambda: "seen" in watcher.tags() and watcher.tags()["7"].species)
+        before = watcher.tags()
+        os.killpg(twin.pid, signal.SIGKILL)
+        twin.wait(10.0)
+        watcher.states.clear()
+        world.start("lupin_twin", store_file=store, state_publish_rate_hz=20.0)
+        spin_until(spin, lambda: watcher.states, what="the restarted twin tells its state")
+        first, after = watcher.states[0], watcher.tags()
+        assert [tag.tag_id for tag in first.tags] == list(before)
+        assert [comparable(tag) for tag in after.values()] == [comparable(tag) for tag in before.values()]
+        # The backlog of the topic has arrived again by now, and is not kept again.
+        watcher.observations.publish(reading("last", {}))
+        spin_until(spin, lambda: "last" in watcher.tags())
+    finally:
+        assert world.stop() == []
+    kept = Store(str(store))
+    rows = list(kept.rows())
+    kept.close()
+    assert sum(isinstance(row.record, Discovery) for row in rows) == 1
+    assert sum(isinstance(row.record, Reading) for row in rows) == 61
+    assert sum(isinstance(row.record, Flowers) for row in rows) == 1
+    assert "(tags=61 observations=61 " in world.log("lupin_twin").read_text()
+
+
+def comparable(tag: Any) -> Any:
+    """Return a tag without its age."""
+    tag.stale_seconds = 0.0
+    return tag
