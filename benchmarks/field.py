@@ -4,8 +4,9 @@
 
 Beside it, where scipy is installed, the same field by way of its cKDTree: the nearest sample and those within
 the falloff are asked of the tree, and weighted by numpy, a row of cells at a time. Both must have the same
-values. Shown are the median and the fastest round, in milliseconds; a method that takes more than a second is run
-twice.
+values. Shown are the median and the fastest round, in milliseconds; a method that takes more than a second is
+run twice, and the second counted. "Remembered" is the answer to a request that came before; "as a message",
+where there is a ROS, with the response of GetField made from it.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from importlib.util import find_spec
 import numpy as np
 
 from lupin_twin.field import DEFAULTS, Floats, Grid, interpolate
-from lupin_twin.heatmap import Heatmaps, Request
+from lupin_twin.heatmap import Heatmap, Heatmaps, Request
 from lupin_twin.records import Pin, Reading
 from lupin_twin.state import Twin
 
@@ -59,13 +60,21 @@ def by_tree(positions: Floats, values: Floats) -> Floats:
     return cells
 
 
-def remembered(positions: Floats, values: Floats) -> Callable[[], object]:
-    """Return what answers a request whose field is known already."""
+def remembered(positions: Floats, values: Floats) -> Callable[[], Heatmap]:
+    """Return what answers a request, which is worked out for the first time only."""
     twin = Twin()
     for number, ((x, y), value) in enumerate(zip(positions.tolist(), values.tolist(), strict=True)):
         twin.apply(Reading(str(number), 0.0, "", "", (("co2", value),), Pin(x, y, 0.0, 1.0)), 0.0)
     heatmaps, request = Heatmaps(twin), Request("co2", RESOLUTION, 0.0, 0.0, WIDTH, HEIGHT)
     return lambda: heatmaps.answer(request)
+
+
+def as_message(answer: Callable[[], Heatmap]) -> Callable[[], object]:
+    """Return `answer` with the response of the service made from it."""
+    from lupin_msgs.srv import GetField
+    from lupin_twin.node import fill
+
+    return lambda: fill(GetField.Response(), answer())
 
 
 def measure(name: str, rounds: int, work: Callable[[], object]) -> None:
@@ -78,7 +87,7 @@ def measure(name: str, rounds: int, work: Callable[[], object]) -> None:
         if len(taken) >= 2 and taken[0] > 1e3:
             break
     counted = taken[1:]
-    print(f"{name:36} {statistics.median(counted):10.3f} ms   (fastest {min(counted):.3f})", flush=True)
+    print(f"{name:42} {statistics.median(counted):10.3f} ms   (fastest {min(counted):.3f})", flush=True)
 
 
 def main() -> None:
@@ -90,7 +99,10 @@ def main() -> None:
     for count in given.samples:
         positions, values = samples_of(count)
         measure(f"{count} samples", given.rounds, lambda p=positions, v=values: ours(p, v))
-        measure(f"{count} samples, remembered", given.rounds, remembered(positions, values))
+        answer = remembered(positions, values)
+        measure(f"{count} samples, remembered", given.rounds, answer)
+        if find_spec("rclpy") is not None:
+            measure(f"{count} samples, remembered, as a message", given.rounds, as_message(answer))
         if find_spec("scipy") is None:
             print(f"{count} samples, cKDTree: scipy is not installed")
             continue

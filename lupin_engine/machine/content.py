@@ -89,7 +89,7 @@ class Content:
 
     def summary(self, _: Mapping[str, Any], walk: Walk | None, turn: Turn) -> None:
         """`report.summary`: say what became of every target."""
-        told = ("target", "status", "code", "detail", "reading")
+        told = ("target", "status", "code", "detail", "reading", "tries")
         visits = tuple({name: getattr(v, name) for name in told} for v in walk.visits) if walk else ()
         turn.commands.append(Report(self._core.memory.mission, self._core.memory.mission_id, visits))
 

@@ -12,13 +12,17 @@ from lupin_engine.machine.event import Event
 
 @dataclass(slots=True)
 class Visit:
-    """What became of one target. Closed exactly once; then nothing about it changes."""
+    """What became of one target. Closed exactly once; then nothing about it changes.
+
+    `tries` counts the attempts of each operation; one that a hold or a divert ended does not count.
+    """
 
     target: str
     status: str = ""
     code: str = ""
     detail: str = ""
     reading: Mapping[str, Any] | None = None
+    tries: dict[str, int] = field(default_factory=dict)
 
     @property
     def closed(self) -> bool:

@@ -114,6 +114,8 @@ class Operations:
         invocations = self._core.memory.invocations
         for name in [name for name, found in invocations.items() if found.state == state.name]:
             invocation = invocations.pop(name)
+            if invocation.attempt:
+                self._count(invocation, -1)
             self._core.timers.disarm("retry", invocation.id)
             self._cancel_current(invocation, turn)
 
@@ -123,6 +125,7 @@ class Operations:
             if self._invoke(invocation).operation.on_hold is OnHold.CANCEL and invocation.attempt:
                 self._cancel_current(invocation, turn)
                 invocation.tries -= 1
+                self._count(invocation, -1)
                 invocation.suspended = True
 
     def resume(self, turn: Turn) -> None:
@@ -209,11 +212,21 @@ class Operations:
         self._core.memory.attempts[number] = attempt
         invocation.attempt = number
         invocation.tries += 1
+        self._count(invocation, 1)
         other = self._before(attempt)
         if other is None:
             self._start(attempt, turn)
         else:
             turn.note(f"{attempt.operation} waits until {other.operation} has ended")
+
+    def _count(self, invocation: Invocation, by: int) -> None:
+        """Count a try, or take it back, for the visit that it serves: the open one of a state around it."""
+        walk = self._core.memory.walk
+        if walk is None or walk.visit is None or walk.visit.closed:
+            return
+        if walk.state in (invocation.state, *self._core.chart.ancestors(invocation.state)):
+            name, tries = self._invoke(invocation).name, walk.visit.tries
+            tries[name] = tries.get(name, 0) + by
 
     def _move(self, attempt: Attempt, word: str, turn: Turn) -> None:
         """Lead an attempt on in its life; one that has ended is forgotten, and its resources are free."""

@@ -128,6 +128,15 @@ def observation(published: Publish, pose: Pose | None, stamp: Time) -> Observati
     return message
 
 
+def summary(visit: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what the log says of a target in the end: its outcome, its tries, what was read or why not."""
+    told = {"tag": visit["target"], "status": visit["status"] or "open", "tries": dict(visit["tries"])}
+    if visit["status"] == "OK":
+        read = (visit["reading"] or {}).get("readings", ())
+        return {**told, "sensors": [sensor["name"] for sensor in read]}
+    return {**told, "reason": visit["detail"] or visit["code"] or "?"}
+
+
 def place_of(
     target: str, discovered: Iterable[Mapping[str, Any]], robot: Mapping[str, float] | None
 ) -> Pose | None:

@@ -270,11 +270,11 @@ class Orchestrator:
             if isinstance(command, Publish):
                 self._observe(command)
             elif isinstance(command, Report):
-                self._report(command)
+                self._report(command, view)
         for moment in step.trail[:-1]:
             self._publish_if_changed(view, moment)
         self._publish_if_changed(view)
-        self._log(step)
+        self._log(step, view)
         record = {"time": self._clock.now(), "step": step_record(step), "view": view_record(view)}
         self._steps.publish(String(data=json.dumps(record, default=str)))
 
@@ -291,21 +291,21 @@ class Orchestrator:
         pose = messages.place_of(published.target, discovered, self._value("pose", now))
         self._observations.publish(messages.observation(published, pose, self._ros.stamp()))
 
-    def _log(self, step: Step) -> None:
+    def _log(self, step: Step, view: View) -> None:
         if step.taken:
-            self._ros.log.info("step", on=step.event.name, taken=list(step.taken), now=step.configuration[-1])
+            now = " ".join(filter(None, (view.lifecycle, view.phase)))
+            ids = {"tag_id": view.target or "-", "mission_id": view.mission_id or "-"}
+            self._ros.log.info("step", on=step.event.name, taken=list(step.taken), now=now, **ids)
         for note in step.notes:
             self._ros.log.info(note)
 
-    def _report(self, report: Report) -> None:
-        counts = dict.fromkeys(("OK", "UNREACHABLE", "SCAN_FAILED", "SKIPPED"), 0)
+    def _report(self, report: Report, view: View) -> None:
+        """Log the final summary: counts over all sweeps, as published, and the targets of the last one."""
+        counted = ("total", "completed", "failed", "unreachable", "skipped")
+        counts = {name: getattr(view, name) for name in counted}
+        self._ros.log.info("mission ended", mission_id=report.mission_id, **counts)
         for visit in report.visits:
-            if visit["status"]:
-                counts[visit["status"]] += 1
-        self._ros.log.info("mission ended", mission_id=report.mission_id, total=len(report.visits), **counts)
-        for visit in report.visits:
-            reason = visit["detail"] or visit["code"]
-            self._ros.log.info("target", tag=visit["target"], status=visit["status"] or "open", reason=reason)
+            self._ros.log.info("target", **messages.summary(visit))
 
     # -- publishing -------------------------------------------------------------------------------------
 

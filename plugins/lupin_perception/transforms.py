@@ -42,14 +42,12 @@ class Pose:
 
 def pose_of(position: Iterable[float], rotation: Iterable[float]) -> Pose | None:
     """Return a pose with a unit quaternion; None when numbers are not finite or say no rotation."""
-    place, turn = np.array([*position], dtype=float), np.array([*rotation], dtype=float)
-    if not (np.isfinite(place).all() and np.isfinite(turn).all()):
+    place, turn = (*position,), (*rotation,)
+    length = math.hypot(*turn)  # does not overflow where a sum of squares would
+    if not all(map(math.isfinite, (*place, *turn, length))) or length < _SHORTEST:
         return None
-    largest = float(np.abs(turn).max())
-    if largest < _SHORTEST:
-        return None
-    turn /= largest  # first, because the square of a huge number is infinite
-    return Pose(place, turn / np.linalg.norm(turn))
+    # Plain numbers until here: numpy takes ten times as long for so few, and robots tell a hundred a second.
+    return Pose(np.array(place, dtype=float), np.array([part / length for part in turn], dtype=float))
 
 
 def product(first: Array, second: Array) -> Array:

@@ -1,6 +1,5 @@
 """What the detectors on the robot's cameras make of what is in view: tags and their corners, flowers.
 
-
 Metres, radians, pixels. Two cameras look ahead from where the robot is: one reads tags (its intrinsics are
 those of the simulated camera of the real stack), the one on the gripper sees flowers. Plates hang at the
 height of the cameras. What grows behind a tag is decided by its id, so that every run sees the same.
@@ -53,8 +52,7 @@ def blooms_of(tag_id: str) -> tuple[Bloom, ...]:
     number = sum(tag_id.encode()) if not tag_id.isdecimal() else int(tag_id)
     count = 2 + number // SPECIES % 3
     step = 2.0 * OUTERMOST / (count - 1)
-    kinds = [number % SPECIES] * count
-    blooms = [Bloom(kind, 0.9 - 0.05 * i, step * i - OUTERMOST) for i, kind in enumerate(kinds)]
+    blooms = [Bloom(number % SPECIES, 0.9 - 0.05 * i, step * i - OUTERMOST) for i in range(count)]
     if number % PEST_EVERY == 0:
         blooms.append(Bloom(PEST, 0.8, 0.0))
     return tuple(blooms)

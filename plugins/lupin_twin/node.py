@@ -12,7 +12,7 @@ from typing import Any
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Point, Point32, Polygon, Pose, Quaternion
 from nav_msgs.msg import OccupancyGrid
-from std_msgs.msg import String
+from std_msgs.msg import Header, String
 
 from lupin_engine.middleware.node import Qos, RosNode
 from lupin_engine.plugin.contract import Parameter
@@ -73,6 +73,8 @@ class TwinNode:
         self._twin = Twin(values["buffer_len"])
         reach = values["idw_falloff_radius_m"], values["max_distance_to_nearest_tag"]
         self._heatmaps = Heatmaps(self._twin, Settings(values["idw_power"], *reach))
+        self._message = TwinState(header=Header(frame_id=self._frame))
+        self._told_revision = 0
         self._complaints: dict[str, float] = {}
         self._store = Store(_store_path(values["store_file"]))
         self._store_fails = False
@@ -185,10 +187,13 @@ class TwinNode:
 
     def _publish(self) -> None:
         now = self._ros.now()
-        message = TwinState(tags=[_tag_message(tag, now) for tag in self._twin.tags.values()])
-        message.header.stamp = self._ros.stamp()
-        message.header.frame_id = self._frame
-        self._states.publish(message)
+        if self._told_revision != self._twin.revision:  # most seconds bring nothing new but age
+            self._told_revision = self._twin.revision
+            self._message.tags = [_tag_message(tag) for tag in self._twin.tags.values()]
+        for tag, told in zip(self._twin.tags.values(), self._message.tags, strict=True):
+            told.stale_seconds = tag.stale_seconds(now)
+        self._message.header.stamp = self._ros.stamp()
+        self._states.publish(self._message)
 
     def _get_field(self, request: GetField.Request, response: GetField.Response) -> GetField.Response:
         bounds = request.bbox_min_x, request.bbox_min_y, request.bbox_max_x, request.bbox_max_y
@@ -197,7 +202,7 @@ class TwinNode:
         except Refused as reason:
             response.error_message = str(reason)
         else:
-            _fill(response, heatmap)
+            fill(response, heatmap)
         return response
 
     def close(self) -> None:
@@ -217,7 +222,8 @@ def _store_path(given: str) -> str:
     return str(folder / "lupin" / "twin.sqlite")
 
 
-def _fill(response: GetField.Response, heatmap: Heatmap) -> None:
+def fill(response: GetField.Response, heatmap: Heatmap) -> None:
+    """Write a field into the response, with a copy of its values."""
     values = array.array("f")
     values.frombytes(heatmap.values)
     response.ok = True
@@ -229,13 +235,13 @@ def _fill(response: GetField.Response, heatmap: Heatmap) -> None:
     response.sample_count = heatmap.sample_count
 
 
-def _tag_message(tag: Tag, now: float) -> TwinTagState:
+def _tag_message(tag: Tag) -> TwinTagState:
+    """Return all of a tag but its age."""
     return TwinTagState(
         tag_id=tag.tag_id,
         pose=_pose_message(tag.pin),
         readings=[SensorReading(name=name, value=value) for name, value in tag.readings.items()],
         last_observed=_time_message(tag.last_observed or 0.0),
-        stale_seconds=tag.stale_seconds(now),
         species=tag.species,
         species_confidence=tag.confidence,
         anomaly=tag.anomaly,

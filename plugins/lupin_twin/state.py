@@ -66,7 +66,8 @@ class Report:
 class Twin:
     """All tags in the order in which they were first heard of, and the anomaly reports.
 
-    `observation_count` counts readings and flowers; `pins` and `sensors` tell what else fields depend on.
+    `observation_count` counts readings and flowers, `pins` the tags that have a place, and `revision` all
+    that was taken in.
     """
 
     def __init__(self, history: int = HISTORY) -> None:
@@ -76,6 +77,7 @@ class Twin:
         self._sensors = dict.fromkeys(SENSORS)
         self.observation_count = 0
         self.pins = 0
+        self.revision = 0
 
     @property
     def tags(self) -> Mapping[str, Tag]:
@@ -115,6 +117,7 @@ class Twin:
         Nothing was observed later than it arrived, so a stamp of another computer's clock that is ahead of
         ours does not keep a tag fresh.
         """
+        self.revision += 1
         latest = received or math.inf
         match record:
             case Reading():

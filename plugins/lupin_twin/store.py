@@ -7,6 +7,7 @@ they wait in memory and are tried again with the next one.
 
 from __future__ import annotations
 
+import fcntl
 import hashlib
 import os
 import sqlite3
@@ -68,7 +69,7 @@ class Store:
     which of the rows that were read are damaged.
 
     Raises:
-        StoreError: the file cannot be opened, or it was written by a later version.
+        StoreError: the file cannot be opened, another twin has it, or it was written by a later version.
     """
 
     def __init__(self, path: str) -> None:
@@ -76,8 +77,18 @@ class Store:
         self.put_aside = ""
         self.unreadable: list[str] = []
         self._waiting: deque[tuple[float, bytes | None, str]] = deque(maxlen=MAX_WAITING)
+        self._lock: int | None = None
         if path != NOWHERE:
             self._make_folder()
+            self._lock = _locked(path)
+        try:
+            self._open()
+        except BaseException:
+            self._unlock()
+            raise
+
+    def _open(self) -> None:
+        path = self.path
         try:
             self._db = _opened(path)
         except _Corrupt as reason:
@@ -148,6 +159,32 @@ class Store:
     def close(self) -> None:
         """Let go of the file."""
         self._db.close()
+        self._unlock()
+
+    def _unlock(self) -> None:
+        lock, self._lock = self._lock, None
+        if lock is not None:
+            os.close(lock)
+
+
+def _locked(path: str) -> int:
+    """Return a descriptor that keeps other twins from the file as long as it is open, however we end.
+
+    Each of two would take what the other one has written for its own repetition.
+
+    Raises:
+        StoreError: another twin has it.
+    """
+    try:
+        descriptor = os.open(f"{path}.lock", os.O_CREAT | os.O_RDWR, 0o666)
+    except OSError as error:
+        raise StoreError(f"{path} cannot be opened: {error.strerror}") from None
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        os.close(descriptor)
+        raise StoreError(f"{path} is used by another twin; give this one a store_file of its own") from None
+    return descriptor
 
 
 def _digest(text: str) -> bytes:

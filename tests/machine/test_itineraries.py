@@ -7,10 +7,11 @@ from typing import Any
 import pytest
 
 from lupin_engine.chart.model import Chart
+from lupin_engine.machine import event as events
 from lupin_engine.machine.event import Publish
 from lupin_engine.machine.memory import Visit, Walk
 from lupin_engine.machine.walks import identity_of
-from tests.machine.charts import Bench, chart, expression, fails, said
+from tests.machine.charts import PAUSE, Bench, chart, expression, fails, said
 
 CLOSE = ("itinerary.close", {"status": "OK"})
 FAIL = ("itinerary.close", {"status": "SCAN_FAILED"})
@@ -301,3 +302,63 @@ def test_targets_are_called_by_their_id_or_as_they_are() -> None:
     """What is published needs a name."""
     assert [identity_of(item) for item in ({"id": 7}, {"x": 1}, "a")] == ["7", "{'x': 1}", "a"]
     assert Visit("7").closed is False
+
+
+def driving() -> Bench:
+    """Return a bench that drives to the targets 1 and 2, three tries each; home is a drive as well."""
+    drive = {
+        "invoke": {"do": "nav.go", "attempts": 3},
+        "on_done": {"target": "HERE", "do": CLOSE},
+        "on_error": {"target": "HERE", "do": FAIL},
+    }
+    walk = {
+        "itinerary": {"items": targets("1", "2")},
+        "states": {"DRIVE": drive, "HERE": {"on": {"next": {"target": "DRIVE", "do": "itinerary.advance"}}}},
+        "on": {"out": "HOME"},
+    }
+    family = {"states": {"W": walk, "PAST": {"kind": "history", "depth": None}}}
+    home = {"invoke": {"do": "nav.go"}, "on": {"back": "F.PAST"}}
+    return Bench(chart({"F": family, "HOME": home, "FAULT": {}}, holds={"pause": PAUSE}))
+
+
+def tries(bench: Bench) -> list[dict[str, int]]:
+    """Return how often each operation was tried for each target."""
+    walked = bench.machine.memory.walk
+    assert walked is not None
+    return [dict(found.tries) for found in walked.visits]
+
+
+def test_the_tries_of_a_visit_are_counted() -> None:
+    """Those of its own, by operation, whatever they came to."""
+    bench = driving()
+    assert tries(bench) == [{"nav.go": 1}, {}]
+    bench.send(events.failed(bench.attempt, "blocked"))
+    bench.wait_for_next()
+    bench.send(events.done(bench.attempt, {}))
+    bench.send("next")
+    assert tries(bench) == [{"nav.go": 2}, {"nav.go": 1}]
+    bench.send(events.done(bench.attempt, {}))
+    bench.send("out")
+    assert tries(bench) == [{"nav.go": 2}, {"nav.go": 1}]
+
+
+def test_a_try_that_a_hold_or_a_divert_ended_does_not_count() -> None:
+    """What comes instead counts; the drive home is nobody's visit."""
+    bench = driving()
+    bench.send("operator.pause")
+    assert tries(bench) == [{"nav.go": 0}, {}]
+    bench.send(events.cancelled(bench.started[-1].attempt))
+    bench.send("operator.resume")
+    assert tries(bench) == [{"nav.go": 1}, {}]
+    bench.send("out")
+    assert tries(bench) == [{"nav.go": 0}, {}]
+    bench.send("back")
+    assert tries(bench) == [{"nav.go": 1}, {}]
+
+
+def test_the_report_tells_the_tries() -> None:
+    """Of every target, also of one that was not tried."""
+    bench = Bench(walk_chart())
+    walk(bench, "close")
+    (report,) = bench.send("sum").commands
+    assert [one["tries"] for one in report.visits] == [{}, {}, {}]  # type: ignore[union-attr]

@@ -4,6 +4,10 @@ from __future__ import annotations
 
 import math
 import random
+import re
+import subprocess
+import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -146,6 +150,12 @@ def test_beyond_the_falloff_the_nearest_sample_has_a_ring() -> None:
     assert_array_equal(field.values[0], [10.0, 10.0, 10.0, np.nan, np.nan, 90.0])
 
 
+def test_of_two_that_are_equally_near_the_lesser_by_its_place_is_the_nearest() -> None:
+    settings = Settings(falloff=0.5, max_distance=3.0)
+    field = field_of(row(0.0, 1), (1.0, 0.0, 20.0), (-1.0, 0.0, 10.0), settings=settings)
+    assert field.values[0, 0] == 10.0
+
+
 def test_the_falloff_may_reach_beyond_the_gate() -> None:
     settings = Settings(falloff=5.0, max_distance=1.0)
     field = field_of(row(0.0, 1), (1.0, 0.0, 10.0), (-3.0, 0.0, 20.0), settings=settings)
@@ -272,3 +282,17 @@ def test_the_map_may_be_turned_and_have_other_cells() -> None:
     cells = np.array([[0, 0], [-1, 0]], dtype=np.int8)
     known = OccupancyMap(0.0, 0.0, math.pi / 2, 2.0, cells).explored(Grid(-4.0, 0.0, 2.0, 2, 2))
     assert known.tolist() == [[False, True], [True, True]]
+
+
+# --- the benchmark -----------------------------------------------------------------------------------
+
+
+def test_the_benchmark_measures_ours() -> None:
+    script = Path(__file__).parents[2] / "benchmarks" / "field.py"
+    command = [sys.executable, str(script), "--samples", "3", "5", "--rounds", "2"]
+    shown = subprocess.run(command, capture_output=True, text=True, timeout=100)
+    assert shown.returncode == 0, shown.stderr
+    times = dict(re.findall(r"^(\d samples(?:, remembered)?) +([0-9.]+) ms", shown.stdout, re.MULTILINE))
+    assert list(times) == ["3 samples", "3 samples, remembered", "5 samples", "5 samples, remembered"]
+    assert all(float(taken) > 0.0 for taken in times.values())
+    assert float(times["5 samples, remembered"]) < float(times["5 samples"])

@@ -11,8 +11,11 @@ import sys
 from pathlib import Path
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from lupin_twin.records import Anomaly, Box, Discovery, Flowers, Pin, Reading, Record
+from lupin_twin.state import Twin
 from lupin_twin.store import MAX_WAITING, NOWHERE, Row, Store, StoreError
 
 PIN = Pin(1.0, 2.0, 0.0, 1.0)
@@ -104,6 +107,38 @@ def test_nothing_need_be_kept() -> None:
     assert not Path(NOWHERE).exists()
 
 
+tags = st.sampled_from(["1", "2", "3"])
+numbers = st.floats(-100.0, 100.0)
+pins = st.builds(Pin, numbers, numbers, st.just(0.0), st.just(1.0))
+maybe_pins = st.none() | pins
+corners = st.lists(st.tuples(numbers, numbers), max_size=4).map(tuple)
+values = st.lists(st.tuples(st.sampled_from(["co2", "light"]), numbers), max_size=2).map(tuple)
+names = st.text(max_size=3)
+anything = st.one_of(
+    st.builds(Reading, tags, numbers, names, names, values, maybe_pins),
+    st.builds(
+        Flowers, tags, numbers, names, names, names, numbers, st.booleans(), st.just(()), corners, maybe_pins
+    ),
+    st.builds(Anomaly, numbers, names, names, numbers, numbers, numbers, names, st.integers(0, 255)),
+    st.builds(Discovery, tags, pins),
+    st.builds(Box, tags, corners),
+)
+
+
+@given(st.lists(anything, max_size=30))
+def test_what_is_kept_adds_up_to_what_was_known(records: list[Record]) -> None:
+    store, live, restarted = Store(NOWHERE), Twin(), Twin()
+    for time, record in enumerate(records):
+        if live.is_news(record) and store.add(record, float(time)):
+            live.apply(record, float(time))
+    for row in store.rows():
+        restarted.apply(row.record, row.received)
+    store.close()
+    assert list(restarted.tags.items()) == list(live.tags.items())
+    assert restarted.reports == live.reports
+    assert restarted.observation_count == live.observation_count
+
+
 # --- what goes wrong ---------------------------------------------------------------------------------
 
 
@@ -186,9 +221,30 @@ def test_a_folder_that_cannot_be_made_is_told(tmp_path: Path) -> None:
 
 
 def test_a_file_that_cannot_be_opened_is_told(tmp_path: Path) -> None:
+    folder = tmp_path / "folder"
+    folder.mkdir()
+    for _ in range(2):  # what was locked for it is free again
+        with pytest.raises(StoreError) as refused:
+            Store(str(folder))
+        assert str(refused.value) == f"{folder} cannot be opened: unable to open database file"
+
+
+def test_a_lock_that_cannot_be_made_is_told(tmp_path: Path) -> None:
+    path = tmp_path / "twin.sqlite"
+    (tmp_path / "twin.sqlite.lock").mkdir()
     with pytest.raises(StoreError) as refused:
-        Store(str(tmp_path))
-    assert str(refused.value) == f"{tmp_path} cannot be opened: unable to open database file"
+        Store(str(path))
+    assert str(refused.value) == f"{path} cannot be opened: Is a directory"
+
+
+def test_one_file_is_for_one_twin(path: str) -> None:
+    first = Store(path)
+    with pytest.raises(StoreError) as refused:
+        Store(path)
+    assert str(refused.value) == f"{path} is used by another twin; give this one a store_file of its own"
+    assert first.add(RECORDS[0], 1.0)
+    first.close()
+    Store(path).close()
 
 
 def fill_the_disk(store: Store, pages: int) -> None:

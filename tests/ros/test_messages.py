@@ -106,6 +106,25 @@ SEEN = {"id": "5", "x": 3.0, "y": 4.0, "facing": {"x": 0.0, "y": HALF, "z": 0.0,
 ROBOT = {"x": 1.0, "y": 2.0, "yaw": 0.0}
 
 
+@pytest.mark.parametrize(
+    ("visit", "told"),
+    [
+        ({"status": "OK", "reading": {"readings": [{"name": "co2", "value": 1.0}]}}, {"sensors": ["co2"]}),
+        ({"status": "OK"}, {"sensors": []}),
+        ({"status": "UNREACHABLE", "code": "nav_timeout", "detail": "slow"}, {"reason": "slow"}),
+        ({"status": "SKIPPED", "code": "mission_aborted"}, {"reason": "mission_aborted"}),
+        ({"status": "SCAN_FAILED"}, {"reason": "?"}),
+        ({}, {"status": "open", "reason": "?"}),
+    ],
+)
+def test_the_summary_of_a_target_says_what_was_read_or_why_not(
+    visit: dict[str, object], told: dict[str, object]
+) -> None:
+    nothing = {"target": "7", "status": "", "code": "", "detail": "", "reading": None}
+    found = messages.summary({**nothing, "tries": {"nav.go_to": 2}, **visit})
+    assert found == {"tag": "7", "status": visit.get("status"), "tries": {"nav.go_to": 2}, **told}
+
+
 def test_a_target_that_was_seen_is_where_it_was_seen_turned_as_its_plate() -> None:
     pose = messages.place_of("5", [{**SEEN, "id": "4"}, SEEN], ROBOT)
     assert pose is not None

@@ -61,6 +61,14 @@ def test_three_tags_are_visited_read_and_published(world: World, operator: Opera
     assert len(started) == 1  # the same in every message, and of the clock of the stamps
     assert 0 <= done.header.stamp.sec - done.started_at.sec < 120
 
+    log = world.log("mission_orchestrator").read_text(encoding="utf-8")
+    counts = "total=3 completed=3 failed=0 unreachable=0 skipped=0"
+    assert f"mission ended (mission_id={answer.mission_id!r} {counts})" in log
+    tries = "tries={'nav.go_to': 1, 'bridge.read_tag': 1}"
+    assert f"target (tag='1' status='OK' {tries} sensors=['temperature', 'co2'])" in log
+    assert f"now='INSPECTING NAVIGATING' tag_id='5' mission_id={answer.mission_id!r})" in log
+    assert "now='READY' tag_id='-' mission_id='-')" in log
+
     late = Operator("late")
     try:
         late.until(lambda: len(late.observations) == 3, "the backlog of observations")
@@ -115,6 +123,22 @@ def test_skip_goes_on_with_the_next_tag(world: World, operator: Operator) -> Non
     operator.in_state("DONE")
     assert outcomes(operator) == [("1", SKIPPED), ("5", OK)]
     assert operator.observations[0].status_detail == "skipped_by_operator"
+
+
+def test_two_missions_have_ids_of_their_own(world: World, operator: Operator) -> None:
+    """In one process; what is published names the mission that it belongs to."""
+    world.start_all(mission_id_prefix="bay2")
+    operator.in_state("READY")
+    first = operator.start("1")
+    assert first.mission_id.startswith("bay2-")
+    operator.in_state("DONE")
+    second = operator.start("5")
+    assert second.accepted
+    assert second.mission_id != first.mission_id
+    operator.until(lambda: operator.state.mission_id == second.mission_id, "the second mission")
+    operator.in_state("DONE")
+    told = [(o.mission_id, o.tag_reading.tag_id) for o in operator.observations]
+    assert told == [(first.mission_id, "1"), (second.mission_id, "5")]
 
 
 def test_unknown_mission_unknown_tag_and_second_start_are_refused(world: World, operator: Operator) -> None:

@@ -173,7 +173,6 @@ def test_a_reading_shows_in_the_state(scene: Scene) -> None:
     place, q = tag.pose.position, tag.pose.orientation
     assert (place.x, place.y, place.z, q.x, q.y, q.z, q.w) == (1.0, 2.0, 0.0, 0.0, 0.0, 0.0, 1.0)
     assert (tag.last_observed.sec, tag.last_observed.nanosec) == (100, 250_000_000)
-    assert tag.stale_seconds == pytest.approx(scene.twin.now() - 100.25, abs=200.0)
 
 
 def test_a_tag_without_a_place_has_no_rotation_and_the_first_place_stays(scene: Scene) -> None:
@@ -256,6 +255,16 @@ def test_an_anomaly_is_told_with_the_nearest_tag(scene: Scene, warnings: list[st
     scene.tell(reading("5", {}, pose(1.0, 2.0)), told)
     assert warnings == ["anomaly: fallen plant (severity=2 x=1.5 y=2.0 near_tag='5' mission='m1')"]
     assert [report.near for report in scene.node._twin.reports] == ["5"]
+
+
+def test_a_tag_grows_older_while_nothing_is_told(scene: Scene) -> None:
+    scene.tell(reading("5", {}))
+    before = scene.tags()["5"].stale_seconds
+    assert before == pytest.approx(scene.twin.now() - 100.25, rel=1e-6)
+    scene.node._message.tags[0].stale_seconds = 0.0
+    scene.states.clear()
+    scene.until(lambda: scene.states)
+    assert scene.tags()["5"].stale_seconds >= before
 
 
 # --- the field ---------------------------------------------------------------------------------------
@@ -358,6 +367,26 @@ def test_a_corrupt_store_is_put_aside_and_told(
     assert warnings == [f"{path} {reason}: kept as {path}.corrupt-1, a new one begun"]
     scene.tell(reading("5", {"temperature": 20.0}))
     scene.node.close()
+
+
+def test_a_record_is_kept_before_it_is_known(scene: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
+    known_when_kept: list[bool] = []
+    store, add = scene.node._store, scene.node._store.add
+
+    def watched(*arguments: Any) -> bool:
+        known_when_kept.append("5" in scene.node._twin.tags)
+        return add(*arguments)
+
+    monkeypatch.setattr(store, "add", watched)
+    scene.tell(reading("5", {"temperature": 20.0}))
+    assert known_when_kept == [False, True]  # the second one is the marker's
+
+
+def test_an_observation_that_arrives_again_changes_nothing(scene: Scene) -> None:
+    first, second = reading("5", {"co2": 400.0}), reading("5", {"co2": 500.0}, header=header(101))
+    scene.tell(first, second, first)
+    assert scene.tags()["5"].readings[0].value == 500.0
+    assert scene.node._twin.observation_count == 3  # two, and the marker
 
 
 def test_with_a_full_disk_the_twin_goes_on_and_keeps_everything_later(

@@ -49,6 +49,7 @@ def test_every_engage_cancels_the_goal_and_only_a_resume_sends_the_next(wire: Wi
         wire.until_driving(number)
         wire.estop(True)
         wire.until(lambda: wire.drives[-1].cancels, "the cancel on the wire")
+        wire.until_held()
         wire.estop(False)
         wire.until(lambda: not wire.operator.state.estop_engaged, "released")
         assert wire.operator.state.paused
