@@ -250,4 +250,4 @@ def test_a_type_that_is_not_there(
     """An error where it should be; where nothing of its package is, only a warning."""
     findings = Findings()
     check_definition(survey, definitions, findings)
-    assert [str(found).partition(" ")[2] for found in findings.all] == [told]
+    assert [str(found).removeprefix(f"{found.place}: ") for found in findings.all] == [told]
