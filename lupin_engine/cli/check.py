@@ -30,6 +30,6 @@ def check(**given: Any) -> int:
     alone leave it at 0.
     """
     forms = [name for name in ("json", "sarif", "github") if given.pop(f"as_{name}")]
-    from lupin_engine.cli.work.check import work
+    from lupin_engine.cli.tasks.check import work
 
     return work(forms=forms, **given)

@@ -40,6 +40,6 @@ def diagram(**given: Any) -> int:
     program; PNG needs the package's extra 'diagram'. Mermaid and PlantUML are for documentation sites, DOT is
     for Graphviz, SCXML for other statechart tools.
     """
-    from lupin_engine.cli.work.diagram import work
+    from lupin_engine.cli.tasks.diagram import work
 
     return work(**given)

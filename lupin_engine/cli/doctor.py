@@ -14,6 +14,6 @@ def doctor(**given: Any) -> int:
 
     Exit code: 0 when missions can be run, 1 when something must be mended first.
     """
-    from lupin_engine.cli.work.doctor import work
+    from lupin_engine.cli.tasks.doctor import work
 
     return work(**given)

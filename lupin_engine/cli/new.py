@@ -22,6 +22,6 @@ def new(**given: Any) -> int:
 
     Example: lupin new my_inspection --like inspection
     """
-    from lupin_engine.cli.work.new import work
+    from lupin_engine.cli.tasks.new import work
 
     return work(**given)

@@ -42,6 +42,6 @@ def run(**given: Any) -> int:
 
     Exit code: 0 all targets visited, 1 some missed, 2 fault or not started, 130 interrupted.
     """
-    from lupin_engine.cli.work.run import work
+    from lupin_engine.cli.tasks.run import work
 
     return work(**given)

@@ -22,6 +22,6 @@ def schema(**given: Any) -> int:
     Editors complete and check YAML with it. With --catalog it lists the operations, actions, events and live
     values of the plugins that are installed here.
     """
-    from lupin_engine.cli.work.schema import work
+    from lupin_engine.cli.tasks.schema import work
 
     return work(**given)

@@ -72,6 +72,6 @@ def simulate(**given: Any) -> int:
     Exit code: 0 all targets visited, or stopped where --until says; 1 some missed; 2 fault, start refused
     or not ended.
     """
-    from lupin_engine.cli.work.simulate import work
+    from lupin_engine.cli.tasks.simulate import work
 
     return work(**given)

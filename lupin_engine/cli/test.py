@@ -47,6 +47,6 @@ def test(**given: Any) -> int:
 
     Exit code: 0 when every scenario holds and enough was reached, else 1; 2 when there is nothing to run.
     """
-    from lupin_engine.cli.work.test import work
+    from lupin_engine.cli.tasks.test import work
 
     return work(**given)

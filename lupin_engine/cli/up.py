@@ -22,6 +22,6 @@ def up(**given: Any) -> int:
 
     MISSIONS are names or files; without any, all missions of the folder. Ctrl-C stops what was started.
     """
-    from lupin_engine.cli.work.up import work
+    from lupin_engine.cli.tasks.up import work
 
     return work(**given)

@@ -23,8 +23,8 @@ from lupin_engine.cli.excerpt import excerpt
 from lupin_engine.cli.findings import Checked, as_text
 from lupin_engine.cli.main import main
 from lupin_engine.cli.sarif import sarif
+from lupin_engine.cli.tasks.check import check_paths, watch_paths
 from lupin_engine.cli.watch import changes
-from lupin_engine.cli.work.check import check_paths, watch_paths
 from lupin_engine.errors import Diagnostic, Place, Severity
 from lupin_engine.plugin.registry import load_catalog
 

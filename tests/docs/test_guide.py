@@ -14,7 +14,7 @@ import pytest
 import yaml
 
 from lupin_engine.chart.load import default_missions_folder
-from lupin_engine.cli.work.new import MISSION, SCENARIO
+from lupin_engine.cli.tasks.new import MISSION, SCENARIO
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"

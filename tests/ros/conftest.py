@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -11,6 +12,8 @@ pytest.importorskip("rclpy", reason="ROS 2 is not installed here")
 
 from lupin_engine.middleware.node import RosNode
 from tests.domains import claimed_domain
+from tests.ros.wire import Wire
+from tests.ros.world import Operator, World
 
 
 def pytest_configure(config: pytest.Config) -> None:
@@ -47,3 +50,27 @@ def make_node() -> Iterator[Callable[..., RosNode]]:
     yield make
     for node in nodes:
         node.close()
+
+
+@pytest.fixture
+def world(ros_domain: int, tmp_path: Path) -> Iterator[World]:
+    """Nodes on a domain of their own; the test fails if one does not end when asked."""
+    world = World(tmp_path)
+    yield world
+    assert world.stop() == []
+
+
+@pytest.fixture
+def operator(ros_domain: int) -> Iterator[Operator]:
+    """An operator on the same domain."""
+    operator = Operator()
+    yield operator
+    operator.ros.close()
+
+
+@pytest.fixture
+def wire(running: Wire) -> Iterator[Wire]:
+    """A module's own `running` node: at rest before a test, and held to the rules after it."""
+    running.begin()
+    yield running
+    running.check()

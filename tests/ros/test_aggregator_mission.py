@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import math
 import signal
-from collections.abc import Callable, Iterator
-from pathlib import Path
+from collections.abc import Callable
 from typing import Any
 
 import pytest
@@ -109,22 +108,6 @@ def test_tags_seen_on_the_way_are_placed_as_well(make_node: MakeNode) -> None:
     assert ends == [4]
     known = plates()
     assert [name for name, tag in pair.tags().items() if not is_placed(tag.pose_in_map, known[name])] == []
-
-
-@pytest.fixture
-def world(ros_domain: int, tmp_path: Path) -> Iterator[World]:
-    """Nodes on a domain of their own; the test fails if one does not end when asked."""
-    world = World(tmp_path)
-    yield world
-    assert world.stop() == []
-
-
-@pytest.fixture
-def operator(ros_domain: int) -> Iterator[Operator]:
-    """An operator on the same domain."""
-    operator = Operator()
-    yield operator
-    operator.ros.close()
 
 
 def explore(world: World, operator: Operator) -> str:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import signal
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -19,22 +18,6 @@ from tests.ros.world import Operator, World
 pytestmark = [pytest.mark.ros, pytest.mark.timeout(180)]
 
 OK, UNREACHABLE, SCAN_FAILED, SKIPPED = range(4)
-
-
-@pytest.fixture
-def world(ros_domain: int, tmp_path: Path) -> Iterator[World]:
-    """Nodes on a domain of their own; the test fails if one does not end when asked."""
-    world = World(tmp_path)
-    yield world
-    assert world.stop() == []
-
-
-@pytest.fixture
-def operator(ros_domain: int) -> Iterator[Operator]:
-    """An operator on the same domain."""
-    operator = Operator()
-    yield operator
-    operator.ros.close()
 
 
 def outcomes(operator: Operator) -> list[tuple[str, int]]:

@@ -78,14 +78,6 @@ class Arm:
 
 
 @pytest.fixture
-def world(ros_domain: int, tmp_path: Path) -> Iterator[World]:
-    """Nodes on a domain of their own; the test fails if one does not end when asked."""
-    world = World(tmp_path)
-    yield world
-    assert world.stop() == []
-
-
-@pytest.fixture
 def desk(ros_domain: int) -> Iterator[Desk]:
     """An operator on the same domain."""
     desk = Desk()

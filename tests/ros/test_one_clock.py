@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from pathlib import Path
 
 import pytest
 
@@ -80,14 +79,6 @@ def _arrive(goal: ServedGoal) -> None:
 
 def _stop(goal: ServedGoal) -> None:
     goal.cancel(NavigateToPose.Result())
-
-
-@pytest.fixture
-def world(ros_domain: int, tmp_path: Path) -> Iterator[World]:
-    """Nodes on a domain of their own; the test fails if one does not end when asked."""
-    world = World(tmp_path)
-    yield world
-    assert world.stop() == []
 
 
 @pytest.fixture

@@ -8,7 +8,7 @@ import pytest
 
 pytest.importorskip("rclpy", reason="ROS 2 is not installed here")
 
-from tests.ros.wire import OK, UNREACHABLE, Drive, Wire, leave_open
+from tests.ros.wire import OK, UNREACHABLE, Drive, Wire, leave_open, running_node
 
 pytestmark = [pytest.mark.ros, pytest.mark.timeout(120)]
 
@@ -19,20 +19,8 @@ LIMIT = 1.5
 @pytest.fixture(scope="module")
 def running(ros_domain: int, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Wire]:
     """One node for all tests here: each leaves it with its mission ended."""
-    wire = Wire(tmp_path_factory.mktemp("wire"), nav_timeout_s=LIMIT, dock_timeout_s=LIMIT)
-    wire.offer_base()
-    wire.offer_bridge()
-    wire.start_node()
-    yield wire
-    wire.close()
-
-
-@pytest.fixture
-def wire(running: Wire) -> Iterator[Wire]:
-    """The node at rest before a test, and the rules after it."""
-    running.begin()
-    yield running
-    running.check()
+    with running_node(tmp_path_factory.mktemp("wire"), nav_timeout_s=LIMIT, dock_timeout_s=LIMIT) as wire:
+        yield wire
 
 
 def test_goals_that_are_never_answered_are_given_up_and_the_mission_goes_on(wire: Wire) -> None:

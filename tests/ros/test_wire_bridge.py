@@ -9,7 +9,17 @@ import pytest
 pytest.importorskip("rclpy", reason="ROS 2 is not installed here")
 
 from lupin_msgs.srv import GetTagReading
-from tests.ros.wire import OK, SCAN_FAILED, SKIPPED, Asked, Drive, Wire, answer_reading, leave_open
+from tests.ros.wire import (
+    OK,
+    SCAN_FAILED,
+    SKIPPED,
+    Asked,
+    Drive,
+    Wire,
+    answer_reading,
+    leave_open,
+    running_node,
+)
 
 pytestmark = [pytest.mark.ros, pytest.mark.timeout(120)]
 
@@ -20,20 +30,8 @@ LIMIT = 0.7
 @pytest.fixture(scope="module")
 def running(ros_domain: int, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Wire]:
     """One node for all tests here: each leaves it with its mission ended."""
-    wire = Wire(tmp_path_factory.mktemp("wire"), scan_timeout_s=LIMIT)
-    wire.offer_base()
-    wire.offer_bridge()
-    wire.start_node()
-    yield wire
-    wire.close()
-
-
-@pytest.fixture
-def wire(running: Wire) -> Iterator[Wire]:
-    """The node at rest before a test, and the rules after it."""
-    running.begin()
-    yield running
-    running.check()
+    with running_node(tmp_path_factory.mktemp("wire"), scan_timeout_s=LIMIT) as wire:
+        yield wire
 
 
 def calls(wire: Wire, number: int) -> Asked:

@@ -62,14 +62,6 @@ def running(ros_domain: int, tmp_path_factory: pytest.TempPathFactory) -> Iterat
     wire.close()
 
 
-@pytest.fixture
-def wire(running: Simulated) -> Iterator[Simulated]:
-    """The node at rest before a test, and the rules after it."""
-    running.begin()
-    yield running
-    running.check()
-
-
 def test_a_clock_that_is_heard_of_late_is_no_dependency_that_is_late(wire: Simulated) -> None:
     """From nothing to a day in one tick: no wait of BOOT has lasted a day."""
     assert "FAULT" not in {state.lifecycle_state for state in wire.operator.states}

@@ -86,14 +86,6 @@ def running(ros_domain: int, tmp_path_factory: pytest.TempPathFactory) -> Iterat
     wire.close()
 
 
-@pytest.fixture
-def wire(running: Mortal) -> Iterator[Mortal]:
-    """The node at rest before a test, and the rules after it."""
-    running.begin()
-    yield running
-    running.check()
-
-
 def test_a_base_that_dies_on_the_way_and_comes_back_is_sent_there_again(wire: Mortal) -> None:
     """The new one knows nothing of the goal, which counts as a failed try."""
     wire.hold("base")

@@ -13,7 +13,7 @@ from lupin_engine.middleware.node import Qos
 from lupin_engine.ros.messages import to_time
 from lupin_msgs.msg import DiscoveredTag, DiscoveredTags
 from lupin_msgs.srv import StartMission
-from tests.ros.wire import OK, Drive, Wire
+from tests.ros.wire import OK, Drive, Wire, running_node
 
 pytestmark = [pytest.mark.ros, pytest.mark.timeout(120)]
 
@@ -21,20 +21,8 @@ pytestmark = [pytest.mark.ros, pytest.mark.timeout(120)]
 @pytest.fixture(scope="module")
 def running(ros_domain: int, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Wire]:
     """One node for all tests here: each leaves it with its mission ended."""
-    wire = Wire(tmp_path_factory.mktemp("wire"), monitoring_sweeps=1)
-    wire.offer_base()
-    wire.offer_bridge()
-    wire.start_node()
-    yield wire
-    wire.close()
-
-
-@pytest.fixture
-def wire(running: Wire) -> Iterator[Wire]:
-    """The node at rest before a test, and the rules after it."""
-    running.begin()
-    yield running
-    running.check()
+    with running_node(tmp_path_factory.mktemp("wire"), monitoring_sweeps=1) as wire:
+        yield wire
 
 
 # --- the e-stop -------------------------------------------------------------------------------------------

@@ -9,6 +9,7 @@ from __future__ import annotations
 import time
 from collections import Counter, deque
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -378,6 +379,17 @@ class Wire:
         stubborn = self.world.stop()
         self.operator.ros.close()
         assert stubborn == []
+
+
+@contextmanager
+def running_node(folder: Path, **parameters: Any) -> Iterator[Wire]:
+    """Start the node with a base and a bridge beside it; end all of them after the tests of a module."""
+    wire = Wire(folder, **parameters)
+    wire.offer_base()
+    wire.offer_bridge()
+    wire.start_node()
+    yield wire
+    wire.close()
 
 
 def held_spans(told: Sequence[tuple[float, bool]], now: float) -> Iterator[tuple[float, float]]:
