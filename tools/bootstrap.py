@@ -41,6 +41,8 @@ PACKAGES = (
     ("lupin_msgs", "lupin_msgs"),
     ("nav2_msgs", "interfaces/nav2_msgs"),
     ("tf2_msgs", "interfaces/tf2_msgs"),
+    ("control_msgs", "interfaces/control_msgs"),
+    ("mirte_msgs", "interfaces/mirte_msgs"),
 )
 INTERFACE_FILES = (".msg", ".srv", ".action", ".xml", ".txt", ".toml", ".cmake")
 EXTRAS = {"wheels": "ros,dev", "apt": "sim,dev"}
@@ -51,7 +53,9 @@ import rclpy, lupin_engine
 from lupin_msgs.msg import Observation
 from nav2_msgs.action import NavigateToPose
 from tf2_msgs.msg import TFMessage
-for interface in (Observation, NavigateToPose, TFMessage):
+from control_msgs.action import GripperCommand
+from mirte_msgs.msg import ServoPosition
+for interface in (Observation, NavigateToPose, TFMessage, GripperCommand, ServoPosition):
     type(interface).__import_type_support__()
 """
 

@@ -1,7 +1,8 @@
 """The command `lupin`: finds the verb, and is the one place that turns failures into text and exit codes.
 
 Nothing heavy is imported here: `lupin --help` answers at once, and each verb loads only what it needs. The
-table of verbs repeats their one-line help for that reason; a test compares the two.
+table of verbs repeats their one-line help for that reason; a test compares the two. Installed packages may
+bring verbs of their own (`plugin_verbs.py`); one that is named like a verb of the engine is not heard of.
 
 Exit codes: 0 done; 1 the mission or file has problems; 2 wrong usage, or the run could not be done; 70 a
 defect of the engine (see the crash log that is named); 130 interrupted; 141 the reader of our output left.
@@ -16,12 +17,15 @@ import os
 import sys
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType, ModuleType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from lupin_engine import __version__
 from lupin_engine.errors import ChartError, LupinError, nearest
+
+if TYPE_CHECKING:
+    from lupin_engine.plugin.discovery import EntryPoint
 
 #: verb -> what it does. Each lives in the module `lupin_engine.cli.VERB` under its own name.
 VERBS: Mapping[str, str] = MappingProxyType(
@@ -33,6 +37,7 @@ VERBS: Mapping[str, str] = MappingProxyType(
         "simulate": "Run a mission in virtual time, without ROS.",
         "test": "Run scenarios against missions, without ROS.",
         "diagram": "Draw a mission.",
+        "graph": "Show the live map: who publishes, subscribes, serves and calls what.",
         "node": "Run one node, with ROS arguments; without a name, list the nodes.",
         "schema": "Print the JSON Schema of the files, for editors.",
         "lsp": "Serve editors: completion, hover, definition, rename, findings as you type.",
@@ -55,29 +60,62 @@ class Verbs(click.Group):
     """A group that imports a verb only when it is called."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
-        """Return the verbs in the order of the table."""
-        return list(VERBS)
+        """Return the verbs in the order of the table, and those of installed packages."""
+        return [*VERBS, *_points_of_plugins()]
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         """Import a verb."""
         if cmd_name not in VERBS:
-            return None
+            return _verb_of_plugin(cmd_name)
         command = getattr(_imported(f"lupin_engine.cli.{cmd_name}"), cmd_name)
         assert isinstance(command, click.Command)
         return command
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """List the verbs from the table, without importing them."""
+        """List the verbs, without importing them."""
         with formatter.section("Commands"):
             formatter.write_dl(list(VERBS.items()))
+        others = _points_of_plugins()
+        if others:
+            from lupin_engine.cli.plugin_verbs import summary
+
+            with formatter.section("Commands of plugins"):
+                formatter.write_dl([(verb, summary(points)) for verb, points in others.items()])
 
     def resolve_command(
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
         """Find the verb; an unknown one is answered with the nearest spelling."""
         if args and args[0] not in VERBS and not args[0].startswith("-"):
-            raise click.UsageError(f"unknown command {args[0]!r}; {nearest(args[0], VERBS)}", ctx)
+            known = self.list_commands(ctx)
+            if args[0] not in known:
+                raise click.UsageError(f"unknown command {args[0]!r}; {nearest(args[0], known)}", ctx)
         return super().resolve_command(ctx, args)
+
+
+def _points_of_plugins() -> Mapping[str, Sequence[EntryPoint]]:
+    """Return the verbs of installed packages."""
+    from lupin_engine.cli.plugin_verbs import plugin_verbs
+
+    return {verb: points for verb, points in plugin_verbs().items() if verb not in VERBS}
+
+
+def _verb_of_plugin(verb: str) -> click.Command | None:
+    """Import a verb of an installed package."""
+    points = _points_of_plugins().get(verb)
+    if not points:
+        return None
+    from lupin_engine.cli.plugin_verbs import load_verb
+
+    return load_verb(points)
+
+
+def _author(arguments: Sequence[str] | None) -> str:
+    """Return whose defect it is when the verb fails: the group itself has no option that takes a value."""
+    given = sys.argv[1:] if arguments is None else arguments
+    verb = next((word for word in given if not word.startswith("-")), "")
+    points = _points_of_plugins().get(verb)
+    return f"the verb {verb!r} of {points[0].distribution}" if points else "the engine"
 
 
 def _imported(name: str) -> ModuleType:
@@ -143,7 +181,7 @@ def _run(arguments: Sequence[str] | None) -> int:
 
         path = write_crash_log(defect)
         kind = type(defect).__name__
-        print(f"lupin: a defect of the engine: {kind}: {defect}", file=sys.stderr)
+        print(f"lupin: a defect of {_author(arguments)}: {kind}: {defect}", file=sys.stderr)
         print(f"lupin: please report {path}", file=sys.stderr)
         return DEFECT
     return result if isinstance(result, int) else 0

@@ -1,4 +1,4 @@
-"""How many participants of a ROS domain there are on this machine, told by the ports that they hold.
+"""When everybody on the network has been seen: as many as hold ports of the domain on this machine.
 
 Discovery gives no sign of being complete: on a busy machine the first nodes appear at once and the last a
 second later, and whoever looks too early starts a second robot. The ports of a domain are computed from its
@@ -7,13 +7,52 @@ number (DDSI-RTPS 9.6.1.1), so the kernel's table says how many participants are
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+import time
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
+from typing import TypeVar
+
+from lupin_engine.launch.environment import current_domain, is_local_only
+
+_T = TypeVar("_T")
 
 TABLES = (Path("/proc/net/udp"), Path("/proc/net/udp6"))
 
 #: Ports of domain 0 begin here; each domain has as many; participant n listens for others at offset 10 + 2n.
 PORT_BASE, PORTS_PER_DOMAIN, FIRST_OFFSET = 7400, 250, 10
+
+#: The network is looked at until nothing new has appeared for this long; other machines get this long to
+#: appear; and no look takes longer than this. In seconds.
+QUIET_S, LOOK_S, LIMIT_S = 0.3, 2.0, 6.0
+
+
+def settled(spin: Callable[[], None], look: Callable[[], _T], strangers: Callable[[_T], int]) -> _T:
+    """Look until everybody on this machine is known and nothing new has appeared for a moment.
+
+    Args:
+        spin: lets the node that looks work for a moment.
+        look: returns what is seen now.
+        strangers: how many nodes are seen, besides the one that looks.
+    """
+    begin = changed = time.monotonic()
+    seen = look()
+    while (now := time.monotonic()) - begin < LIMIT_S:
+        if now - changed >= QUIET_S and _all_known(strangers(seen), now - begin):
+            break
+        spin()
+        found = look()
+        if found != seen:
+            seen, changed = found, now
+    return seen
+
+
+def _all_known(strangers: int, looked: float) -> bool:
+    """Say whether discovery has had its time, and found as many as there are on this machine."""
+    there = participants(current_domain())
+    if there is None:
+        return looked >= LOOK_S
+    # Our own participant is among them.
+    return strangers >= there - 1 and (is_local_only() or looked >= LOOK_S)
 
 
 def participants(domain: int, tables: Iterable[Path] = TABLES) -> int | None:

@@ -13,9 +13,8 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from lupin_engine.errors import LupinError, Severity
-from lupin_engine.launch.environment import current_domain, is_local_only
 from lupin_engine.launch.interrupts import Interrupted, Interrupts
-from lupin_engine.launch.neighbours import participants
+from lupin_engine.launch.neighbours import settled
 from lupin_engine.launch.nodes import ORCHESTRATOR
 from lupin_engine.launch.plan import Plan, Present, Values, command, make_plan
 from lupin_engine.launch.story import Story
@@ -25,9 +24,6 @@ from lupin_engine.ros.operator import Answer, Operator
 
 #: Seconds between two looks at everything.
 TICK_S = 0.05
-#: The network is looked at until nothing new has appeared for this long; other machines get this long to
-#: appear; and no look takes longer than this.
-QUIET_S, LOOK_S, LOOK_LIMIT_S = 0.3, 2.0, 6.0
 #: How long nodes may take to appear and serve, in seconds.
 APPEAR_LIMIT_S = 30.0
 #: A wait as short as this is not worth telling, in seconds.
@@ -138,26 +134,14 @@ class Session:
         return ORCHESTRATOR in self.plan.starts
 
     def _look_around(self) -> Present:
-        """Look until everybody on this machine is known, and nothing new has appeared for a moment."""
-        begin = changed = time.monotonic()
-        seen = Present()
-        while (now := time.monotonic()) - begin < LOOK_LIMIT_S:
-            if now - changed >= QUIET_S and self._all_known(seen, now - begin):
-                break
-            self._operator.spin(TICK_S)
-            self._interrupts.check()
-            found = Present(self._operator.nodes(), self._operator.services(), self._operator.actions())
-            if found != seen:
-                seen, changed = found, now
-        return seen
+        def look() -> Present:
+            return Present(self._operator.nodes(), self._operator.services(), self._operator.actions())
 
-    def _all_known(self, seen: Present, looked: float) -> bool:
-        """Say whether discovery has had its time, and found as many as there are on this machine."""
-        neighbours = participants(current_domain())
-        if neighbours is None:
-            return looked >= LOOK_S
-        # Our own participant is among them.
-        return len(seen.nodes) >= neighbours - 1 and (is_local_only() or looked >= LOOK_S)
+        return settled(self._spin, look, lambda seen: len(seen.nodes))
+
+    def _spin(self) -> None:
+        self._operator.spin(TICK_S)
+        self._interrupts.check()
 
     def _wait_for(self, missing: Callable[[], Sequence[str]], limit: float) -> None:
         """Wait until nothing is missing, telling what is whenever that changes."""

@@ -11,9 +11,8 @@ from collections.abc import Iterable, Iterator
 from typing import Any
 
 from lupin_engine.middleware.host import Host
+from lupin_engine.middleware.network import NAMELESS, node_name, type_name
 
-#: What rmw says for the node of an endpoint that has not been discovered itself.
-_NAMELESS = "_NODE_NAME_UNKNOWN_"
 #: What an action's server tells of its goals.
 _STATUS = "/_action/status"
 
@@ -56,11 +55,11 @@ def rival_servers(ros: Host) -> list[str]:
 def _rivals(node: Any, channel: str, me: tuple[str, str]) -> Iterator[str]:
     name = _served(channel)
     found = node.get_publishers_info_by_topic(channel, no_mangle=True) if name else []
-    answering = [endpoint for endpoint in found if endpoint.node_name != _NAMELESS]
+    answering = [endpoint for endpoint in found if endpoint.node_name != NAMELESS]
     strangers = list(_others(answering, me))
     if len(strangers) == len(answering) or len(answering) < 2:
         return
-    who = ", ".join(sorted({_node_name(peer) for peer in strangers})) or "another node of this name"
+    who = ", ".join(sorted({node_name(peer) for peer in strangers})) or "another node of this name"
     yield f"{name} is also offered by {who}: every request is carried out by both; stop one of them"
 
 
@@ -96,7 +95,7 @@ def _others(endpoints: Iterable[Any], me: tuple[str, str]) -> Iterator[Any]:
 
 def _is_known(peer: Any) -> bool:
     # The endpoint is discovered a moment before the name of its node; the next comparison will have it.
-    return str(peer.topic_type_hash) != "INVALID" and peer.node_name != _NAMELESS
+    return str(peer.topic_type_hash) != "INVALID" and peer.node_name != NAMELESS
 
 
 def _announces(endpoint: Any) -> tuple[str, str]:
@@ -105,14 +104,10 @@ def _announces(endpoint: Any) -> tuple[str, str]:
 
 def _told(channel: str, mine: Any, peer: Any) -> str:
     return (
-        f"{_ros_name(channel)}: node {_node_name(peer)} uses another definition: "
-        f"here {_type_name(mine)} {mine.topic_type_hash}, there {_type_name(peer)} {peer.topic_type_hash}; "
+        f"{_ros_name(channel)}: node {node_name(peer)} uses another definition: "
+        f"here {type_name(mine)} {mine.topic_type_hash}, there {type_name(peer)} {peer.topic_type_hash}; "
         "build both sides from the same interface packages"
     )
-
-
-def _node_name(peer: Any) -> str:
-    return f"{peer.node_namespace.rstrip('/')}/{peer.node_name}"
 
 
 def _ros_name(channel: str) -> str:
@@ -122,8 +117,3 @@ def _ros_name(channel: str) -> str:
     if kind == "rr":
         return f"answer of {name.removesuffix('Reply')}"
     return name
-
-
-def _type_name(endpoint: Any) -> str:
-    # DDS spells std_msgs/msg/String as std_msgs::msg::dds_::String_
-    return str(endpoint.topic_type).replace("::dds_::", "::").replace("::", "/").removesuffix("_")

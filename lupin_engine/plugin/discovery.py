@@ -1,4 +1,4 @@
-"""Finding installed plugins: the entry points of one group, read from what the installers left on the path.
+"""Finding installed plugins and their verbs: entry points, read from what the installers left on the path.
 
 `importlib.metadata` would read and parse the entry points of every installed package, at every start
 (docs/performance.md). Here a file is parsed only when it names the group. The rules are the same: folders are
@@ -12,51 +12,76 @@ import os
 import re
 import sys
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 #: Entry points of this group name a `Plugin`.
 GROUP = "lupin.plugins"
+#: Entry points of this group name a click command, which becomes a verb of `lupin` by the entry point's name.
+VERBS = "lupin.verbs"
 
 #: What installers name the folders in which they describe a package: by wheels, and by what came before them.
 _DESCRIPTIONS = (".dist-info", ".egg-info")
 _SEPARATORS = re.compile(r"[-_.]+")
 
 
+@dataclass(frozen=True)
+class Distribution:
+    """What was installed under one name: normalised name, version, and where it is described."""
+
+    name: str
+    version: str
+    folder: Path
+
+    def __str__(self) -> str:
+        return f"{self.name} {self.version}".rstrip()
+
+
 @dataclass(frozen=True, order=True)
 class EntryPoint:
-    """An entry point: its name, and what it names as `module:attribute`."""
+    """An entry point: its name, what it names as `module:attribute`, and who brought it."""
 
     name: str
     value: str
+    distribution: Distribution | None = field(default=None, compare=False)
 
     @property
     def module(self) -> str:
         """The module that it names."""
         return self.value.partition(":")[0].strip()
 
+    @property
+    def attribute(self) -> str:
+        """What it names in the module, with dots; '' for the module itself."""
+        return self.value.partition(":")[2].partition("[")[0].strip()
+
     def load(self) -> Any:
         """Import the module and return what is named in it."""
         found: Any = importlib.import_module(self.module)
-        attributes = self.value.partition(":")[2].partition("[")[0].strip()
-        for name in filter(None, attributes.split(".")):
+        for name in filter(None, self.attribute.split(".")):
             found = getattr(found, name)
         return found
 
 
-def entry_points(path: Iterable[str] | None = None) -> list[EntryPoint]:
-    """Return the entry points of plugins by name; `path` is where to look, by default `sys.path`."""
+def entry_points(path: Iterable[str] | None = None, group: str = GROUP) -> list[EntryPoint]:
+    """Return the entry points of a group by name; `path` is where to look, by default `sys.path`."""
     seen: set[str] = set()
     found: set[EntryPoint] = set()
     for folder in sys.path if path is None else path:
         for description in _descriptions(folder):
-            # The name of a package has no hyphen there; its version follows one.
-            package = _SEPARATORS.sub("-", description.name.rpartition(".")[0].partition("-")[0]).lower()
-            if package not in seen:
-                seen.add(package)
-                found.update(_of_group(description / "entry_points.txt"))
+            distribution = _described(description)
+            if distribution.name not in seen:
+                seen.add(distribution.name)
+                declared = _of_group(description / "entry_points.txt", group)
+                found.update(EntryPoint(name, value, distribution) for name, value in declared)
     return sorted(found)
+
+
+def _described(description: Path) -> Distribution:
+    # The name of a package has no hyphen there; its version follows one.
+    name, version, *_ = [*description.name.rpartition(".")[0].split("-"), ""]
+    return Distribution(_SEPARATORS.sub("-", name).lower(), version, description)
 
 
 def _descriptions(folder: str) -> Iterator[Path]:
@@ -67,17 +92,17 @@ def _descriptions(folder: str) -> Iterator[Path]:
     yield from (Path(folder, name) for name in names if name.endswith(_DESCRIPTIONS))
 
 
-def _of_group(file: Path) -> Iterator[EntryPoint]:
-    """Yield the entry points of the group in a file; most packages have none, many have no file."""
+def _of_group(file: Path, group: str) -> Iterator[tuple[str, str]]:
+    """Yield name and value of the entry points in a file; most packages have none, many have no file."""
     try:
         text = file.read_text(encoding="utf-8", errors="replace")
     except OSError:
         return
     inside = False
-    for line in text.splitlines() if GROUP in text else ():
+    for line in text.splitlines() if group in text else ():
         line = line.strip()
         if line.startswith("["):
-            inside = line == f"[{GROUP}]"
+            inside = line == f"[{group}]"
         elif inside and line and not line.startswith(("#", ";")):
             name, _, value = line.partition("=")
-            yield EntryPoint(name.strip(), value.strip())
+            yield name.strip(), value.strip()

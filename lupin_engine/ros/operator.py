@@ -6,7 +6,6 @@ owner calls `spin` from its own loop; there is no thread.
 
 from __future__ import annotations
 
-import contextlib
 import json
 import os
 import time
@@ -19,6 +18,7 @@ from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
 from lupin_engine.chart.model import OPERATOR_REQUESTS
+from lupin_engine.middleware.network import Kind, interfaces
 from lupin_engine.middleware.node import Failure, Qos, RosNode, ServiceCaller
 from lupin_msgs.msg import MissionState, Observation
 from lupin_msgs.srv import StartMission
@@ -29,7 +29,6 @@ OBSERVATIONS_TOPIC = "/floranova/observations"
 STEPS_TOPIC = "/mission_orchestrator/steps"
 
 _START = "start"
-_GOAL_SERVICE = "/_action/send_goal"
 
 
 @dataclass(frozen=True)
@@ -94,19 +93,16 @@ class Operator:
 
     def services(self) -> frozenset[str]:
         """Return the full names of all services that somebody serves."""
-        mine = {self._ros.node.get_fully_qualified_name()}
-        found: set[str] = set()
-        for name, namespace in self._ros.node.get_node_names_and_namespaces():
-            if f"{namespace.rstrip('/')}/{name}" not in mine:
-                with contextlib.suppress(RuntimeError):  # it left between the two questions
-                    served = self._ros.node.get_service_names_and_types_by_node(name, namespace)
-                    found.update(service for service, _ in served)
-        return frozenset(found)
+        return self._served("service")
 
     def actions(self) -> frozenset[str]:
         """Return the full names of all actions that somebody serves."""
-        goals = (name for name in self.services() if name.endswith(_GOAL_SERVICE))
-        return frozenset(name.removesuffix(_GOAL_SERVICE) for name in goals)
+        return self._served("action")
+
+    def _served(self, kind: Kind) -> frozenset[str]:
+        node = self._ros.node
+        found = interfaces(node, without=[node.get_fully_qualified_name()])
+        return frozenset(i.name for i in found if i.kind == kind and i.producers)
 
     # -- requests ---------------------------------------------------------------------------------------
 

@@ -13,6 +13,8 @@ INTERFACES = {
     "lupin_msgs": ROOT / "lupin_msgs",
     "nav2_msgs": ROOT / "interfaces" / "nav2_msgs",
     "tf2_msgs": ROOT / "interfaces" / "tf2_msgs",
+    "control_msgs": ROOT / "interfaces" / "control_msgs",
+    "mirte_msgs": ROOT / "interfaces" / "mirte_msgs",
 }
 
 

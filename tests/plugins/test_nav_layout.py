@@ -11,7 +11,8 @@ from typing import Any
 import pytest
 
 from lupin_engine.errors import LupinError
-from lupin_nav import layout, overrides
+from lupin_engine.world import layout
+from lupin_nav import overrides
 from lupin_nav.overrides import Override
 
 

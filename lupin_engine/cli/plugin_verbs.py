@@ -1,0 +1,90 @@
+"""Verbs that installed packages bring: entry points of the group `lupin.verbs`, each naming a click command.
+
+Nothing of a package is imported before its verb is called. The line in the list of verbs is therefore read
+off the source: the first paragraph of the docstring of the function that the entry point names.
+"""
+
+from __future__ import annotations
+
+import ast
+import sys
+from collections.abc import Mapping, Sequence
+
+import click
+
+from lupin_engine.errors import PluginError
+from lupin_engine.plugin.discovery import VERBS, EntryPoint, entry_points
+
+
+def plugin_verbs() -> Mapping[str, Sequence[EntryPoint]]:
+    """Return the verbs that are installed, by name; more than one entry point of a name is a mistake."""
+    found: dict[str, list[EntryPoint]] = {}
+    for point in entry_points(group=VERBS):
+        found.setdefault(point.name, []).append(point)
+    return found
+
+
+def summary(points: Sequence[EntryPoint]) -> str:
+    """Return the line of a verb in the list of verbs."""
+    if len(points) > 1:
+        return f"(offered more than once: {_offers(points)})"
+    point = points[0]
+    source = _source(point.module)
+    if source is None:
+        return f"({_whose(point)}: there is no module {point.module})"
+    return _first_paragraph(source, point.attribute) or f"({_whose(point)})"
+
+
+def load_verb(points: Sequence[EntryPoint]) -> click.Command:
+    """Import a verb.
+
+    Raises:
+        PluginError: it cannot be imported, is no command, or two packages offer it.
+    """
+    point = points[0]
+    what = f"verb {point.name!r}"
+    if len(points) > 1:
+        raise PluginError(f"{what} is offered more than once: {_offers(points)}; uninstall all but one")
+    try:
+        command = point.load()
+    except (Exception, SystemExit) as error:  # foreign code: whatever its import does is told in one line
+        reason = f"{type(error).__name__}: {error}"
+        raise PluginError(f"{what} ({_whose(point)}) cannot be imported: {reason}") from error
+    if not isinstance(command, click.Command):
+        kind = type(command).__name__
+        raise PluginError(f"{what} ({_whose(point)}) is a {kind}; the entry point must name a click command")
+    return command
+
+
+def _whose(point: EntryPoint) -> str:
+    return f"{point.value} of {point.distribution}"
+
+
+def _offers(points: Sequence[EntryPoint]) -> str:
+    return " and ".join(_whose(point) for point in points)
+
+
+def _source(module: str) -> str | None:
+    """Return the file of a module without importing the packages that it is in; None where there is none."""
+    name, folders, origin = "", None, None
+    for part in module.split("."):
+        name = f"{name}.{part}" if name else part
+        spec = next(filter(None, (finder.find_spec(name, folders) for finder in sys.meta_path)), None)
+        if spec is None:
+            return None
+        folders, origin = spec.submodule_search_locations, spec.origin
+    return origin
+
+
+def _first_paragraph(source: str, function: str) -> str:
+    """Return the beginning of a function's docstring; '' where there is none to be read."""
+    try:
+        with open(source, encoding="utf-8") as file:
+            tree = ast.parse(file.read())
+    except (OSError, SyntaxError, ValueError):
+        return ""
+    for node in tree.body:
+        if isinstance(node, ast.FunctionDef) and node.name == function:
+            paragraph = (ast.get_docstring(node) or "").partition("\n\n")[0]
+            return " ".join(paragraph.split())
+    return ""
