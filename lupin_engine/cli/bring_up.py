@@ -29,6 +29,7 @@ class Wanted:
     sim: tuple[str, ...] = ()
     speed: float = 1.0
     no_sim: bool = False
+    no_respawn: bool = False
     domain: int | None = None
     log_dir: Path | None = None
 
@@ -55,6 +56,7 @@ def session_settings(
         simulate=not wanted.no_sim,
         settle=bool(wanted.sim),
         patience=patience,
+        respawn=not wanted.no_respawn,
     )
 
 

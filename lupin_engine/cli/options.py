@@ -43,6 +43,9 @@ speed = click.option(
     help="How many times as fast the simulated robot drives.",
 )
 no_sim = click.option("--no-sim", is_flag=True, help="Start no simulated robot: wait for the real one.")
+no_respawn = click.option(
+    "--no-respawn", is_flag=True, help="Leave a node that dies dead: something else starts it again."
+)
 domain = click.option(
     "--domain",
     type=click.IntRange(min=0, max=HIGHEST_DOMAIN),

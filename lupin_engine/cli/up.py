@@ -15,6 +15,7 @@ from lupin_engine.cli import options
 @options.speed
 @options.sim
 @options.no_sim
+@options.no_respawn
 @options.domain
 @options.log_dir
 def up(**given: Any) -> int:

@@ -7,6 +7,7 @@ interrupts, and tells the observer. Every wait in here has a deadline.
 from __future__ import annotations
 
 import time
+from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -24,6 +25,8 @@ from lupin_engine.ros.operator import Answer, Operator
 
 #: Seconds between two looks at everything.
 TICK_S = 0.05
+#: A node that has died is started again after so many seconds: the first time, the second, ...; then no more.
+RESPAWN_AFTER_S = (1.0, 4.0, 10.0)
 #: How long nodes may take to appear and serve, in seconds.
 APPEAR_LIMIT_S = 30.0
 #: A wait as short as this is not worth telling, in seconds.
@@ -69,7 +72,7 @@ class Settings:
 
     `parameters` are by node name. `insisted` names nodes that must be started here, with the option that
     wants it: using one that runs already would ignore the option. `patience` is how long a mission may wait
-    for an operator, in seconds; None is for ever.
+    for an operator, in seconds; None is for ever. `respawn` says whether a node that dies is started again.
     """
 
     folder: Path
@@ -79,6 +82,7 @@ class Settings:
     simulate: bool = True
     settle: bool = False
     patience: float | None = None
+    respawn: bool = True
 
 
 class Session:
@@ -96,6 +100,8 @@ class Session:
         #: The mission, once it was started.
         self.story: Story | None = None
         self._is_up = False
+        self._respawns: Counter[str] = Counter()
+        self._due: dict[str, float] = {}
         self._pending: list[tuple[str, dict[str, Any], float]] = []
 
     # -- bringing up ------------------------------------------------------------------------------------
@@ -325,6 +331,24 @@ class Session:
             self._observer.note(death.told, Severity.ERROR)
             if self.story is not None:
                 self.story.note(time.monotonic(), Severity.ERROR, f"{death.name} {death.how}")
+            self._plan_respawn(death.name)
+        self._respawn()
+
+    def _plan_respawn(self, name: str) -> None:
+        before = self._respawns[name]
+        if not self._settings.respawn or before >= len(RESPAWN_AFTER_S):
+            return
+        delay = RESPAWN_AFTER_S[before]
+        self._respawns[name] += 1
+        self._due[name] = time.monotonic() + delay
+        count = f"{before + 1} of {len(RESPAWN_AFTER_S)}"
+        self._observer.note(f"{name} is started again in {delay:g} s ({count})", Severity.WARN)
+
+    def _respawn(self) -> None:
+        now = time.monotonic()
+        for name in [name for name, due in self._due.items() if due <= now]:
+            del self._due[name]
+            self.supervisor.start_again(name)
 
     # -- the end ----------------------------------------------------------------------------------------
 

@@ -64,6 +64,7 @@ IMPATIENT = Patience(interrupt=0.5, terminate=0.5, kill=3.0)
 @dataclass
 class _Child:
     name: str
+    command: Sequence[str]
     process: subprocess.Popen[bytes]
     log: Path
     told: bool = False
@@ -96,8 +97,15 @@ class Supervisor:
                 env=self._environment,
                 start_new_session=True,
             )
-        self._children.append(_Child(name, process, log))
+        self._children.append(_Child(name, command, process, log))
         return process.pid
+
+    def start_again(self, name: str) -> int:
+        """Start a process that has ended as it was started before; its log goes on."""
+        child = next(c for c in self._children if c.name == name and c.process.poll() is not None)
+        self._children.remove(child)
+        _close_lifeline(child)
+        return self.start(name, child.command)
 
     def deaths(self) -> list[Death]:
         """Return the processes that have ended by themselves since the last call."""
@@ -148,11 +156,15 @@ def _stop(child: _Child, patience: Callable[[], Patience]) -> bool:
         killed = number is signal.SIGKILL
         _signal_group(child, number)
         _wait(lambda: _is_over(child), allowed)
-    if child.process.stdin is not None:
-        child.process.stdin.close()
+    _close_lifeline(child)
     if killed:
         shared_memory.remove(child.segments)
     return killed
+
+
+def _close_lifeline(child: _Child) -> None:
+    if child.process.stdin is not None:
+        child.process.stdin.close()
 
 
 def _is_over(child: _Child) -> bool:

@@ -96,9 +96,20 @@ def test_being_killed_leaves_no_process(lupin: Start) -> None:
     until(lambda: not run.processes(), "the nodes ended after their supervisor was killed", 20.0)
 
 
-def test_a_bridge_that_dies_fails_its_scan_and_nothing_else(lupin: Start) -> None:
+def test_a_bridge_that_dies_is_started_again(lupin: Start) -> None:
+    """The mission waits for it, and misses nothing."""
+    run = lupin("run", "inspection", "--tags", "1,5", "--speed", "10")
+    run.until_line("NAVIGATING  tag 1")
+    os.kill(run.pid_of("greenhouse_bridge"), signal.SIGKILL)
+    assert run.end() == 0, run.output
+    assert "lupin: greenhouse_bridge is started again in 1 s (1 of 3)" in run.errors
+    assert "DONE: 2 visited of 2 targets" in run.lines[-1]
+
+
+def test_a_bridge_that_stays_dead_fails_its_scan_and_nothing_else(lupin: Start) -> None:
     """The mission has a declared error for that; the run tells which process died and how."""
-    run = lupin("run", "inspection", "--tags", "1,5", "--speed", "10", "--set", "scan_timeout_s=1 s")
+    once = ("--set", "scan_timeout_s=1 s", "--no-respawn")
+    run = lupin("run", "inspection", "--tags", "1,5", "--speed", "10", *once)
     run.until_line("NAVIGATING  tag 5")
     os.kill(run.pid_of("greenhouse_bridge"), signal.SIGKILL)
     assert run.end() == 1, run.output

@@ -98,6 +98,20 @@ def test_a_death_is_told_once_with_the_last_lines(supervisor: Supervisor) -> Non
     assert supervisor.deaths() == []
 
 
+def test_who_has_died_is_started_again_as_before(supervisor: Supervisor) -> None:
+    """With the same command, its log going on; and its next death is told again."""
+    first = start(supervisor, "one", LIVES)
+    os.kill(first, signal.SIGKILL)
+    until(supervisor.deaths, "the death is noticed", 20.0)
+    second = supervisor.start_again("one")
+    log = supervisor.folder / "one.log"
+    until(lambda: log.read_text() == "up\nup\n", "it is up again", 20.0)
+    assert (supervisor.names, second != first) == (["one"], True)
+    os.kill(second, signal.SIGKILL)
+    until(supervisor.deaths, "the second death is noticed", 20.0)
+    assert supervisor.names == []
+
+
 def test_a_signal_is_told_by_its_name(supervisor: Supervisor) -> None:
     """Who killed a node is the first thing that one wants to know."""
     os.kill(start(supervisor, "one", LIVES), signal.SIGKILL)
