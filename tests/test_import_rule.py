@@ -21,6 +21,7 @@ PLUGINS = ROOT / "plugins"
 #: Room -> the rooms right below it.
 RULE = {
     "errors": (),
+    "world": ("errors",),
     "plugin": ("errors",),
     "chart": ("plugin",),
     "machine": ("chart",),
@@ -33,7 +34,8 @@ RULE = {
     "editor": ("chart",),
     "launch": ("sim", "ros"),
     "pytest_plugin": ("sim",),
-    "cli": ("launch", "diagram", "verify", "editor"),
+    "harness": ("middleware",),
+    "cli": ("launch", "diagram", "verify", "editor", "harness"),
 }
 #: Outside packages that belong to certain rooms only.
 OWNED = {
@@ -144,7 +146,7 @@ def plugin_breaches(name: str) -> Iterator[str]:
     """Yield what a module of a plugin imports against the rule."""
     own, _, rest = name.partition(".")
     knows_ros = rest.split(".")[0] in ROS_SIDE
-    rooms = {"errors", "plugin"} | (allowed("ros") if knows_ros else set())
+    rooms = {"errors", "plugin", "world"} | (allowed("ros") if knows_ros else set())
     for imported, line in imports(name).items():
         where = f"{name}:{line} imports {imported}"
         top = imported.partition(".")[0]

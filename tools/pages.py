@@ -3,13 +3,14 @@
     .venv/bin/python tools/pages.py          # write what is out of date
     .venv/bin/python tools/pages.py --check  # only tell
 
-A page is Markdown with three kinds of block that mean something. They are carried out in their order, in a
+A page is Markdown with four kinds of block that mean something. They are carried out in their order, in a
 folder of their own that begins empty, as a reader would:
 
 - a file: the block after `<!-- file: steps/01-first.yaml -->` is that file, which the reader saves under the
   name in the block's title; what is new since the file's last state is highlighted;
+- a look: the block after `<!-- shows: lupin-lamp/README.md -->` is that file of the reader's folder, as it is;
 - `console`: a line with `$ lupin ...` is carried out, what follows is what it prints; it may be piped through
-  head, tail and grep;
+  head, tail and grep; `$ pip install --editable FOLDER` lets the plugins there be found;
 - `diff`, with a title: the reader's change to that file, undone where the next file, change or heading comes.
 
 The pages of one book are read one after the other, in one folder. The plugins beside them are installed.
@@ -23,6 +24,7 @@ import io
 import os
 import re
 import shlex
+import subprocess
 import sys
 import tempfile
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -41,12 +43,14 @@ BOOKS: Mapping[str, tuple[Path, ...]] = MappingProxyType(
         "guide": (DOCS / "guide" / "index.md", *sorted((DOCS / "guide").glob("[0-9]*.md"))),
         "cookbook": (DOCS / "cookbook.md",),
         "tutorial": (DOCS / "tutorial-new-mission.md",),
+        "plugins": (DOCS / "plugins.md",),
     }
 )
 
 #: As a terminal of 100 columns, without colours.
 _TERMINAL = {"COLUMNS": "100", "LINES": "50", "NO_COLOR": "1", "TERM": "dumb"}
 _FILE = re.compile(r"<!-- file: (\S+) -->")
+_SHOWS = re.compile(r"<!-- shows: (\S+) -->")
 _FENCE = re.compile(r"(\s*)(`{3,})(\w*)(.*)")
 _TITLE = re.compile(r'title="([^"]+)"')
 #: How long a computer took differs every time.
@@ -63,6 +67,7 @@ class Reader:
 
     folder: Path
     _unchanged: dict[Path, str] = field(default_factory=dict)
+    _installed: list[str] = field(default_factory=list)
 
     def page(self, file: Path) -> str:
         """Read a page, and return it as it should be."""
@@ -73,13 +78,14 @@ class Reader:
             raise PageError(f"{file.relative_to(ROOT)}: {problem}") from None
 
     def _read(self, lines: Sequence[str], beside: Path) -> Iterator[str]:
-        number, shown = 0, ""
+        number, shown, looked = 0, "", ""
         while number < len(lines):
             line = lines[number]
             number += 1
             fence = _FENCE.fullmatch(line)
             if fence is None:
-                named = _FILE.fullmatch(line.strip())
+                named, looks = _FILE.fullmatch(line.strip()), _SHOWS.fullmatch(line.strip())
+                looked = looks[1] if looks else looked if not line.strip() else ""
                 shown = named[1] if named else shown if not line.strip() else ""
                 if line.startswith("#"):
                     self._undo()
@@ -93,6 +99,8 @@ class Reader:
             title = _TITLE.search(rest)
             if shown:
                 line, block = self._file(line, title[1] if title else "", beside / shown)
+            elif looked:
+                block = (self.folder / looked).read_text(encoding="utf-8").splitlines()
             elif language == "console":
                 block = [*self._console(block)]
             elif language == "diff" and title:
@@ -100,7 +108,7 @@ class Reader:
             yield line
             yield from (f"{indent}{text}".rstrip() for text in block)
             yield lines[end]
-            number, shown = end + 1, ""
+            number, shown, looked = end + 1, "", ""
 
     # -- files ------------------------------------------------------------------------------------------
 
@@ -149,6 +157,9 @@ class Reader:
 
     def _command(self, command: str) -> list[str]:
         first, *filters = (shlex.split(part, comments=True) for part in command.split(" | "))
+        if first[:3] == ["pip", "install", "--editable"]:
+            self._install(self.folder / first[3])
+            return []
         if first[:1] != ["lupin"]:
             raise PageError(f"only lupin is carried out in a console, not {command!r}")
         lines = [line.rstrip() for line in self._output(first[1:]).splitlines()]
@@ -162,6 +173,24 @@ class Reader:
         if any(str(place) in joined for place in (ROOT, self.folder)):
             raise PageError(f"{command!r} prints where files are on this machine")
         return lines
+
+    def _install(self, project: Path) -> None:
+        """Do what pip does for a project that can be edited: describe it, and put it on the path."""
+        described = "from setuptools import setup; setup()"
+        command = [sys.executable, "-W", "ignore", "-c", described, "--quiet", "egg_info"]
+        subprocess.run(command, cwd=project, check=True, capture_output=True)
+        if str(project) not in sys.path:
+            sys.path.insert(0, str(project))
+            self._installed.append(str(project))
+
+    def leave(self) -> None:
+        """Uninstall what was installed."""
+        for project in self._installed:
+            sys.path.remove(project)
+            packages = {path.parent.name for path in Path(project).glob("*/__init__.py")}
+            for name in [name for name in sys.modules if name.partition(".")[0] in packages]:
+                del sys.modules[name]
+        self._installed.clear()
 
     def _output(self, arguments: Sequence[str]) -> str:
         """Return what a call of lupin prints, in the reader's folder."""
@@ -236,6 +265,7 @@ def pages(book: str) -> Iterator[tuple[Path, str]]:
     """
     with contextlib.ExitStack() as stack:
         reader = Reader(Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="lupin-pages-"))))
+        stack.callback(reader.leave)
         for plugin in sorted((DOCS / book).glob("*.py")):
             stack.enter_context(installed(plugin))
         for file in BOOKS[book]:

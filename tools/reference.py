@@ -1,7 +1,8 @@
-"""Write the reference pages from the source: the rules of the checker, the words of the language.
+"""Write the reference pages from the source: the rules of the checker, the language, what plugins offer.
 
     .venv/bin/python tools/reference.py rules > docs/rules.md
     .venv/bin/python tools/reference.py language > docs/language.md
+    .venv/bin/python tools/reference.py catalog > docs/catalog.md
 
 A page is a function of what stands in the checkout, so a test can tell when it is out of date. The rules come
 with the smallest of the charts in tests/charts/broken that breaks them, the words with the examples in
@@ -37,6 +38,9 @@ from lupin_engine.chart.documents import (
 )
 from lupin_engine.chart.expressions import BUILTIN_CALLS, ROOTS
 from lupin_engine.chart.findings import SUBJECTS
+from lupin_engine.plugin.describe import Entry, Section, sections
+from lupin_engine.plugin.discovery import entry_points
+from lupin_engine.plugin.registry import import_plugin
 from lupin_engine.plugin.types import BUILTIN_TYPES, UNITS
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -463,8 +467,53 @@ def _table(head: Iterable[str], rows: Iterable[Iterable[str]]) -> Iterator[str]:
         yield f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in row)} |"
 
 
+# -- the catalog ------------------------------------------------------------------------------------------
+
+CATALOG_HEAD = """\
+# What the plugins offer
+
+What missions can invoke, call and read with the plugins that come with the engine. It is written from their
+catalogs; `lupin plugin show NAME` tells the same of every plugin that is installed where you are, and
+`lupin plugin list` which those are. How to write one is in [plugins.md](plugins.md).
+"""
+
+
+def catalog() -> Iterator[str]:
+    """Yield the page of the plugins that come with the engine, line by line."""
+    yield from CATALOG_HEAD.splitlines()
+    for point in entry_points():
+        if point.distribution is None or point.distribution.name != "lupin-engine":
+            continue
+        plugin = import_plugin(point)
+        yield from ("", f"## {plugin.name}", "", plugin.doc)
+        for section in sections(plugin):
+            yield from ("", f"### {plugin.name}: {section.title.lower()}", "")
+            yield from _section(section)
+
+
+def _section(section: Section) -> Iterator[str]:
+    """Yield things with arguments one by one, others as a table."""
+    if section.title in ("Operations", "Actions", "Functions"):
+        for entry in section.entries:
+            yield from _offer(entry)
+        return
+    facts = list(dict.fromkeys(name for entry in section.entries for name, _ in entry.facts))
+    rows = (
+        (f"`{entry.name}`", entry.doc, *(dict(entry.facts).get(name, "") for name in facts))
+        for entry in section.entries
+    )
+    yield from _table(("name", "what it is", *facts), rows)
+
+
+def _offer(entry: Entry) -> Iterator[str]:
+    yield from (f"**`{entry.name}`**: {entry.doc}", "")
+    rows = [*((f"`{name}`", f"{kind}: {doc}") for name, kind, doc in entry.arguments), *entry.facts]
+    yield from _table(("", ""), rows)
+    yield ""
+
+
 #: The pages by name; the name is also that of the file in docs.
-PAGES: Mapping[str, Callable[[], Iterator[str]]] = {"rules": rules, "language": language}
+PAGES: Mapping[str, Callable[[], Iterator[str]]] = {"rules": rules, "language": language, "catalog": catalog}
 
 
 def page(name: str) -> str:

@@ -1,8 +1,8 @@
-"""The words of a binding: a plugin without Python, for services that somebody offers over ROS already.
+"""The words of a binding: a plugin without Python, for what somebody offers over ROS already.
 
 A binding stands in `bindings/` beside the missions and is named like its file. Words that missions have mean
-the same here. What an operation talks to stands under one key (`service`) as name and type, so that actions
-and topics can stand beside it.
+the same here. What something talks to stands under one key (`service`, `action` or `topic`) as name and type;
+what is sent there always under `with`, what is made of what comes back under keys of its own.
 """
 
 from __future__ import annotations
@@ -13,12 +13,19 @@ from typing import Any, ClassVar, Literal
 
 from pydantic import Field
 
-from lupin_engine.chart.documents import CodeNode, Condition, Names, Node, Written, show, wrong_shape
+from lupin_engine.chart.documents import (
+    CodeNode,
+    Condition,
+    Names,
+    Node,
+    ParameterNode,
+    Written,
+    show,
+    wrong_shape,
+)
 
 #: The key that makes a file a binding.
 KIND = "binding"
-
-_LATER = "a binding cannot do this yet"
 
 
 class ArgumentNode(Node):
@@ -29,15 +36,32 @@ class ArgumentNode(Node):
     default: Written = Field(None, description="value when a mission gives none; without it one must")
 
 
-class ServiceNode(Node):
-    """The service that an operation calls, once for each attempt."""
+class EndpointNode(Node):
+    """What a binding talks to, by name and type."""
 
     @classmethod
     def _long_form(cls, data: Any) -> Any:
         if isinstance(data, str):
-            text = f"expected a mapping, got {show(data)}; write {{name: {data}, type: PACKAGE/srv/NAME}}"
-            raise wrong_shape(text)
+            instead = f"write {{name: {data}, type: PACKAGE/{cls.KIND}/NAME}}"
+            raise wrong_shape(f"expected a mapping, got {show(data)}; {instead}")
         return data
+
+    #: What its types are called in the middle, and itself by people.
+    KIND: ClassVar[str]
+    CALLED: ClassVar[str]
+    #: A type of it, and a name.
+    SUCH_AS: ClassVar[tuple[str, str]]
+
+    name: str
+    type: str
+
+
+class ServiceNode(EndpointNode):
+    """The service that an operation calls, once for each attempt."""
+
+    KIND = "srv"
+    CALLED = "a service"
+    SUCH_AS = ("std_srvs/srv/Trigger", "/camera/take_photo")
 
     name: str = Field(description="name of the service, such as /camera/take_photo")
     type: str = Field(description="its type as PACKAGE/srv/NAME, such as std_srvs/srv/Trigger")
@@ -47,11 +71,38 @@ class ServiceNode(Node):
     )
 
 
+class ActionServerNode(EndpointNode):
+    """The action of which an operation sends a goal, one for each attempt."""
+
+    KIND = "action"
+    CALLED = "an action"
+    SUCH_AS = ("nav2_msgs/action/NavigateToPose", "/sprayer/spray")
+
+    name: str = Field(description="name of the action, such as /sprayer/spray")
+    type: str = Field(description="its type as PACKAGE/action/NAME, such as nav2_msgs/action/NavigateToPose")
+
+
+class TopicNode(EndpointNode):
+    """The topic that is listened to, or written to."""
+
+    KIND = "msg"
+    CALLED = "a message"
+    SUCH_AS = ("std_msgs/msg/Bool", "/sprayer/leak")
+
+    name: str = Field(description="name of the topic, such as /sprayer/leak")
+    type: str = Field(description="its type as PACKAGE/msg/NAME, such as std_msgs/msg/Bool")
+    qos: Literal["reliable", "latched", "sensor"] = Field(
+        "reliable",
+        description="`reliable`: every message, 10 are kept; `latched`: the last one also for who comes "
+        "later; `sensor`: best effort, what is lost is lost",
+    )
+
+
 class ResultNode(Node):
-    """A field of what an operation comes to; missions read it as event.NAME."""
+    """A field of what an operation comes to, or of an event; missions read it as event.NAME."""
 
     type: str = Field(description="such as text, count, duration")
-    from_: Written = Field(alias="from", description="value, from `response`")
+    from_: Written = Field(alias="from", description="value, from `response`, `result` or `message`")
 
 
 class BoundMockNode(Node):
@@ -61,21 +112,35 @@ class BoundMockNode(Node):
     result: dict[str, Written] = Field(
         default_factory=dict, description="every field of the result, with its value"
     )
+    values: dict[str, Written] = Field(
+        default_factory=dict, description="live values of this binding that are different afterwards, by name"
+    )
 
 
 class BoundOperationNode(Node):
-    """An operation of a binding: which service it calls, with what, and what the answer means."""
+    """An operation of a binding: which service or action it calls, with what, and what the answer means."""
 
     ELSEWHERE: ClassVar[Mapping[str, tuple[str, str]]] = MappingProxyType(
         {
-            "type": ("the type belongs to the service", "write 'service: {name: ..., type: ...}'"),
-            "params": ("what a mission hands over are arguments", "write 'arguments: {NAME: {...}}'"),
+            "type": ("the type belongs to the service or action", "write 'service: {name: ..., type: ...}'"),
+            "params": (
+                "what a mission hands over are arguments, parameters are those of the whole binding",
+                "write 'arguments: {NAME: {...}}'",
+            ),
             "request": ("values are handed over by 'with'", "write 'with: {FIELD: VALUE}'"),
+            "goal": ("values are handed over by 'with'", "write 'with: {FIELD: VALUE}'"),
             "doc": ("a sentence for people is its summary", "write 'summary: ...'"),
             "guard": ("a guard belongs to a transition", "write 'done_when: CONDITION'"),
             "timeout": ("how long to wait is for the mission to say", "write it where the mission invokes"),
-            "action": (f"{_LATER}: only services are bound", "write 'service: ...'"),
-            "topic": (f"{_LATER}: only services are bound", "write 'service: ...'"),
+            "feedback": ("what is told meanwhile is its progress", "write 'progress: VALUE'"),
+            "codes": (
+                "codes are declared once for the whole binding",
+                "write 'code: NAME', and 'code_when: {NAME: CONDITION}' for others",
+            ),
+            "topic": (
+                "nobody answers on a topic",
+                "write an action of the binding: 'actions: {NAME: {topic: ...}}'",
+            ),
         }
     )
 
@@ -83,20 +148,36 @@ class BoundOperationNode(Node):
     arguments: dict[str, ArgumentNode] = Field(
         default_factory=dict, description="what missions hand over, by name"
     )
-    service: ServiceNode = Field(description="service that is called")
+    service: ServiceNode | None = Field(None, description="service that is called; this or `action`")
+    action: ActionServerNode | None = Field(None, description="action that gets a goal; this or `service`")
     with_: dict[str, Written] = Field(
         default_factory=dict,
         alias="with",
-        description="fields of the service's request, by name; what is not written stays empty or 0",
+        description="fields of the request or goal, by name; what is not written stays empty or 0",
     )
     done_when: Condition = Field(
-        description="condition on `response`: the operation succeeded; `true` where every answer means that"
+        description="condition on the answer (`response`; of an action `status` and `result`): the operation "
+        "succeeded; `true` where every answer means that"
     )
     result: dict[str, ResultNode] = Field(
         default_factory=dict, description="what missions get from the answer, by name"
     )
-    code: str = Field(description="code that an attempt fails with: not done, no answer, or nobody there")
-    detail: Written = Field(None, description="text beside the code, from `response`")
+    code: str = Field(description="code that an attempt fails with where nothing below says another")
+    code_when: dict[str, Condition] = Field(
+        default_factory=dict,
+        description="by code: condition on an answer that is no success; the first that is true counts",
+    )
+    unavailable: str | None = Field(
+        None, description="code where the server is not there, or goes while it works"
+    )
+    rejected: str | None = Field(
+        None, description="code where the server of an action does not take the goal"
+    )
+    detail: Written = Field(None, description="text beside the code, from the answer")
+    progress: Written = Field(
+        None,
+        description="what an action tells meanwhile, from `feedback`: a value, or several by their names",
+    )
     uses: Names = Field(default_factory=list, description="what it needs for itself, such as base or arm")
     on_hold: Literal["cancel", "finish"] = Field(
         "finish",
@@ -106,33 +187,122 @@ class BoundOperationNode(Node):
     mock: BoundMockNode | None = Field(None, description="how it is simulated; needed where it has a result")
 
 
+_FROM_A_TOPIC = "write 'topic: {name: ..., type: PACKAGE/msg/NAME}'"
+
+
+class BoundActionNode(Node):
+    """An action of a binding: a message that is published and not waited for."""
+
+    ELSEWHERE: ClassVar[Mapping[str, tuple[str, str]]] = MappingProxyType(
+        {
+            "service": ("a service answers, so it is an operation", "write it under 'operations'"),
+            "action": ("a goal comes to an end, so it is an operation", "write it under 'operations'"),
+            "type": ("the type belongs to the topic", _FROM_A_TOPIC),
+            "doc": ("a sentence for people is its summary", "write 'summary: ...'"),
+        }
+    )
+
+    summary: str = Field(description="one sentence for people: what it does")
+    arguments: dict[str, ArgumentNode] = Field(
+        default_factory=dict, description="what missions hand over, by name"
+    )
+    topic: TopicNode = Field(description="topic that the message goes to")
+    with_: dict[str, Written] = Field(
+        default_factory=dict,
+        alias="with",
+        description="fields of the message, by name; what is not written stays empty or 0",
+    )
+    moves: bool = Field(False, description="it moves the robot: while held it waits for the release")
+
+
+class BoundValueNode(Node):
+    """A live value of a binding: what a topic tells again and again; missions declare an input for it."""
+
+    ELSEWHERE: ClassVar[Mapping[str, tuple[str, str]]] = MappingProxyType(
+        {
+            "service": ("a live value comes unasked", _FROM_A_TOPIC),
+            "value": ("what it is stands under 'from'", "write 'from: VALUE'"),
+            "doc": ("a sentence for people is its summary", "write 'summary: ...'"),
+        }
+    )
+
+    summary: str = Field(description="one sentence for people: what it is")
+    type: str = Field(description="such as bool, number, length, pose")
+    topic: TopicNode = Field(description="topic that tells it")
+    from_: Written = Field(alias="from", description="value, from `message`")
+    when: Condition = Field(None, description="condition on `message`: others are passed over")
+    unit: str | None = Field(
+        None, description="unit of the number in the message, such as cm or %; else the one it is kept in"
+    )
+    freshness: Written = Field(
+        None, description="how long a message stays known, a duration; otherwise until the next one"
+    )
+    initial: Written = Field(None, description="value before the first message; unknown when not given")
+
+
+class BoundEventNode(Node):
+    """An event of a binding: something that a topic tells once; missions write BINDING.EVENT under `on`."""
+
+    ELSEWHERE = BoundValueNode.ELSEWHERE
+
+    summary: str = Field(description="one sentence for people: what happened")
+    topic: TopicNode = Field(description="topic that tells it")
+    when: Condition = Field(None, description="condition on `message`: others are no event")
+    fields: dict[str, ResultNode] = Field(default_factory=dict, description="what comes with it, by name")
+
+
 class BindingNode(Node):
     """A plugin that is written down instead of programmed."""
 
     ELSEWHERE: ClassVar[Mapping[str, tuple[str, str]]] = MappingProxyType(
         {
             "service": ("a service belongs to an operation", "write 'operations: {NAME: {service: ...}}'"),
+            "action": (
+                "an action of ROS belongs to an operation",
+                "write 'operations: {NAME: {action: ...}}'",
+            ),
+            "topic": (
+                "a topic belongs to a value, an event or an action",
+                "write 'values: {NAME: {topic: ...}}'",
+            ),
+            "parameters": ("parameters are its params", "write 'params: {NAME: {...}}'"),
             "doc": ("a sentence for people is its summary", "write 'summary: ...'"),
-            "actions": (f"{_LATER}", "write an operation"),
-            "values": (f"{_LATER}: only services are bound", "write a plugin in Python"),
-            "events": (f"{_LATER}: only services are bound", "write a plugin in Python"),
         }
     )
 
     binding: str = Field(description="name of the plugin that this makes, also that of its file")
     summary: str = Field(description="one sentence for people: what is connected")
+    params: dict[str, ParameterNode] = Field(
+        default_factory=dict, description="settings that its expressions read as param.NAME, by name"
+    )
     codes: dict[str, CodeNode] = Field(
         default_factory=dict, description="reasons that its operations fail with, by name"
     )
-    operations: dict[str, BoundOperationNode] = Field(description="what missions can invoke, by name")
+    operations: dict[str, BoundOperationNode] = Field(
+        default_factory=dict, description="what missions can invoke, by name"
+    )
+    actions: dict[str, BoundActionNode] = Field(
+        default_factory=dict, description="messages that missions can send, by name"
+    )
+    values: dict[str, BoundValueNode] = Field(
+        default_factory=dict, description="live values, by the name that inputs call them"
+    )
+    events: dict[str, BoundEventNode] = Field(
+        default_factory=dict, description="what missions can react to, by name"
+    )
 
 
 __all__ = [
     "KIND",
+    "ActionServerNode",
     "ArgumentNode",
     "BindingNode",
+    "BoundActionNode",
+    "BoundEventNode",
     "BoundMockNode",
     "BoundOperationNode",
+    "BoundValueNode",
     "ResultNode",
     "ServiceNode",
+    "TopicNode",
 ]

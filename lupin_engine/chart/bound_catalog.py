@@ -12,7 +12,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from lupin_engine.chart.documents import is_kind, validate
+from lupin_engine.chart.documents import is_kind, validate, want_defaults
 from lupin_engine.chart.findings import Findings
 from lupin_engine.chart.source import parse_bytes, read_bytes
 from lupin_engine.errors import Diagnostic, PluginError, Severity
@@ -100,19 +100,20 @@ def _paths(folders: Iterable[Path], texts: Iterable[Path]) -> Iterable[Path]:
 def _file(name: str, stem: str, raw: bytes, key: _Same) -> _File:
     # Most folders have no bindings, and nearly all that a check takes are imports.
     from lupin_engine.chart.binding_file import KIND, BindingNode
-    from lupin_engine.chart.bindings import read_binding
+    from lupin_engine.chart.binding_reader import read_binding
 
     findings = Findings()
     parsed = parse_bytes(raw, name, findings)
     node = None
     if parsed is not None and is_kind(parsed, KIND, findings):
+        want_defaults(parsed, findings)
         node = validate(parsed, BindingNode, findings)
     if node is None:
         return _File(None, findings.all)
     if node.binding != stem:
         problem = f"the binding calls itself {node.binding!r}, its file {stem!r}"
         findings.add(node.at("binding"), "bad-name", "binding", problem, f"write 'binding: {stem}'")
-    return _File(read_binding(node, key.catalog.known_types, findings), findings.all)
+    return _File(read_binding(node, key.catalog, findings), findings.all)
 
 
 @lru_cache(maxsize=MAX_CATALOGS)

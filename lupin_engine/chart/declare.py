@@ -143,7 +143,7 @@ class Declarer:
             place, path = file.key_at("params", name), f"params.{name}"
             if not self.good_name("parameter", name, place, path):
                 continue
-            parameter = self._parameter(node, path)
+            parameter = self.parameter(node, path)
             if parameter is None:
                 continue
             own[name] = parameter
@@ -156,7 +156,8 @@ class Declarer:
                 )
             self._put("parameter", self.declared.parameters, name, parameter, place, _same_parameter)
 
-    def _parameter(self, node: ParameterNode, path: str) -> Parameter | None:
+    def parameter(self, node: ParameterNode, path: str) -> Parameter | None:
+        """Read a setting; None after findings that leave no type."""
         kind = self._type(node.type, node.at("type"), path)
         if kind is not None and node.unit is not None:
             kind = self._unit(node, kind, path)

@@ -559,11 +559,11 @@ def read_document(raw: Map, model: type[_D], findings: Findings) -> _D | None:
     if not is_kind(raw, kind, findings):
         return None
     if kind != "part":
-        _want_defaults(raw, findings)
+        want_defaults(raw, findings)
     return validate(raw, model, findings)
 
 
-def _want_defaults(raw: Map, findings: Findings) -> None:
+def want_defaults(raw: Map, findings: Findings) -> None:
     """Tell the parameters without a default: only a part has users who can give one."""
     params = raw.get("params")
     for name, written in params.items() if isinstance(params, Map) else ():
@@ -731,5 +731,6 @@ __all__ = [
     "read_document",
     "show",
     "validate",
+    "want_defaults",
     "wrong_shape",
 ]

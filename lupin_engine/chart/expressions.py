@@ -215,6 +215,13 @@ def _times(left: Any, right: Any) -> Any:
     return product
 
 
+def _number(value: Any) -> Any:
+    """Refuse to calculate with what is no number: no text or list may be multiplied."""
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        raise TypeError(f"expected a number, got {value!r}")
+    return value
+
+
 def _same(value: Any) -> Any:
     return value
 
@@ -229,6 +236,7 @@ _GLOBALS: dict[str, Any] = {
     "round": round,
     "any": any,
     "all": all,
+    "_number": _number,
     "_times": _times,
     "_same": _same,
     "inf": math.inf,
@@ -487,7 +495,7 @@ class _Checker:
         record = self._visit(node.value)
         code = f"{record.code}[{node.attr!r}]"
         if record.type.kind == "any":
-            return Typed(ANY, code)
+            return Typed(record.type, code)
         if record.type.kind != "record":
             return self._wrong_field(
                 node, f"{self._text_of(node.value)!r} is {q.describe(record.type)}, no record"
@@ -531,7 +539,8 @@ class _Checker:
             return self._wrong(node.value, "wrong-type", problem)
         if not q.accepts(INTEGER, index.type):
             self._mismatch(node.slice, INTEGER, index.type)
-        return Typed(value.type.item or ANY, f"{value.code}[{index.code}]")
+        item = value.type if value.type.kind == "any" else value.type.item
+        return Typed(item or ANY, f"{value.code}[{index.code}]")
 
     def _sequence(self, node: ast.List | ast.Tuple) -> Typed:
         found = [self._visit(element) for element in node.elts]
@@ -564,7 +573,9 @@ class _Checker:
             return Typed(BOOL, f"(not {operand.code})")
         if not isinstance(node.op, ast.USub):
             return self._refuse(node, type(node.op).__name__)
-        operand = self._visit(node.operand)
+        operand = _calculable(self._visit(node.operand))
+        if operand.type is q.WIRE:
+            return Typed(q.WIRE, f"(-{operand.code})")
         if not q.is_number(operand.type):
             return self._no_number(node.operand, operand.type)
         kind = INTEGER if operand.type.kind == "integer" and not operand.type.unit else q.plain(operand.type)
@@ -580,16 +591,16 @@ class _Checker:
         sign = _OPERATORS.get(type(node.op))
         if sign is None:
             return self._refuse(node, type(node.op).__name__)
-        left, right = self._pair(node.left, node.right)
+        left, right = map(_calculable, self._pair(node.left, node.right))
         for operand, typed in ((node.left, left), (node.right, right)):
-            if not q.is_number(typed.type):
+            if not q.is_number(typed.type) and typed.type is not q.WIRE:
                 told = self._failed and typed.type.kind == "any"
                 return left if told else self._no_number(operand, typed.type)
-        kind = q.arithmetic(sign, left.type, right.type)
+        kind = q.WIRE if q.WIRE in (left.type, right.type) else q.arithmetic(sign, left.type, right.type)
         if kind is None:
             problem = f"cannot compute {q.describe(left.type)} {sign} {q.describe(right.type)}"
             return self._wrong(node, "wrong-unit", problem, q.unit_hint(left.type, right.type))
-        if sign == "*" and kind.kind == "integer":
+        if sign == "*" and kind.kind != "number":
             return Typed(kind, f"_times({left.code}, {right.code})")
         return Typed(kind, f"({left.code} {sign} {right.code})")
 
@@ -751,8 +762,8 @@ class _Checker:
     def _abs(self, node: ast.Call) -> Typed:
         if not self._arity(node, "abs", 1):
             return _NOTHING
-        argument = self._visit(node.args[0])
-        if not q.is_number(argument.type):
+        argument = _calculable(self._visit(node.args[0]))
+        if not q.is_number(argument.type) and argument.type is not q.WIRE:
             return self._no_number(node.args[0], argument.type)
         return Typed(argument.type, f"abs({argument.code})")
 
@@ -760,8 +771,8 @@ class _Checker:
         if len(node.args) not in (1, 2):
             self._arity(node, "round", 1)
             return _NOTHING
-        argument = self._visit(node.args[0])
-        if not q.is_number(argument.type):
+        argument = _calculable(self._visit(node.args[0]))
+        if not q.is_number(argument.type) and argument.type is not q.WIRE:
             return self._no_number(node.args[0], argument.type)
         code = argument.code
         if len(node.args) == 2:
@@ -770,7 +781,8 @@ class _Checker:
             if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value <= 9:
                 return self._wrong(digits, "wrong-type", "the digits of round must be written out, 0 to 9")
             code = f"{code}, {value}"
-        kind = INTEGER if len(node.args) == 1 and not argument.type.unit else argument.type
+        whole = len(node.args) == 1 and argument.type.unit in ("", "*")
+        kind = INTEGER if whole else argument.type
         return Typed(kind, f"round({code})")
 
     def _quantifier(self, node: ast.Call) -> Typed:
@@ -842,6 +854,11 @@ def _syntax(error: SyntaxError, length: int) -> tuple[int, str]:
         return length, "not an expression: it ends too early"
     closed = "never closed" in error.msg
     return offset, f"not an expression: {error.msg}" if closed else "not an expression from here on"
+
+
+def _calculable(typed: Typed) -> Typed:
+    """Let what came over the wire be a number where it is calculated with; what is not one fails then."""
+    return Typed(q.WIRE, f"_number({typed.code})") if typed.type is q.WIRE else typed
 
 
 def _orderable(kind: Type) -> bool:

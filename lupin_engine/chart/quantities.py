@@ -15,6 +15,8 @@ from lupin_engine.plugin.types import ANY, BOOL, INTEGER, NUMBER, TEXT, Type, li
 ZERO = Type("integer", "integer", unit="*")
 #: A written 0.0.
 ZERO_NUMBER = Type("number", "number", unit="*")
+#: What came over the wire and was not looked up: anything, and a number where it is calculated with.
+WIRE = Type("any", "any", unit="*")
 
 #: Products and quotients of units that have a meaning here.
 _PRODUCTS: Mapping[tuple[str, str], str] = {

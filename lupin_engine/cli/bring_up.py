@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from lupin_engine.cli.settings import read_settings
+from lupin_engine.cli.settings import of_nodes, of_the_mission, read_settings
+from lupin_engine.errors import UsageError, nearest
 from lupin_engine.launch.environment import close_the_doors, for_children
 from lupin_engine.launch.folders import new_run_folder
 from lupin_engine.launch.mission import Loaded
@@ -40,19 +41,23 @@ def session_settings(
     """Make this process ready for ROS and return how the nodes of checked missions are to be started.
 
     Raises:
-        UsageError: ROS is not there, or a `--sim` is wrong.
+        UsageError: ROS is not there, or a `--sim` or a `--set` of a node is wrong.
     """
     close_the_doors(wanted.domain)
     prepare_ros()
     from lupin_engine.launch.session import Settings  # needs rclpy
 
-    parameters = _parameters(wanted, loaded, catalog, values)
+    declared = {name: node.parameters() for name, node in nodes_of(catalog).items() if name != ORCHESTRATOR}
+    given = _of_simulators(wanted, {name: declared[name] for name in simulators(catalog)})
+    for name, values_of_node in _of_nodes(wanted, declared).items():
+        given[name] = {**given.get(name, {}), **values_of_node}
+    parameters = _parameters(loaded, values, declared, given)
     folder = new_run_folder(wanted.log_dir)
     return Settings(
         folder=folder,
         environment=for_children(folder),
         parameters=parameters,
-        insisted=_insisted(wanted, catalog),
+        insisted=_insisted(wanted, given),
         simulate=not wanted.no_sim,
         settle=bool(wanted.sim),
         patience=patience,
@@ -61,21 +66,37 @@ def session_settings(
 
 
 def _parameters(
-    wanted: Wanted, loaded: Loaded, catalog: Catalog, values: Mapping[str, Any]
+    loaded: Loaded,
+    values: Mapping[str, Any],
+    declared: Mapping[str, Mapping[str, Parameter]],
+    given: Mapping[str, Values],
 ) -> dict[str, Values]:
-    """Return the parameters of the nodes: the mission's for the orchestrator, --sim for the robot."""
+    """Return the parameters of the nodes: the mission's for the orchestrator, those given for simulations."""
     found: dict[str, Values] = {ORCHESTRATOR: {**loaded.parameters(), **values}}
-    simulated = simulators(catalog)
-    for name, node in nodes_of(catalog).items():
-        if name == ORCHESTRATOR:
-            continue
-        declared = node.parameters()
+    for name, known in declared.items():
         # What several know, such as the layout of the greenhouse, must be the same for all.
-        found[name] = {shared: value for shared, value in values.items() if shared in declared}
-        if name in simulated:
-            given = read_settings("--sim", wanted.sim, declared)
-            found[name] = {**found[name], **_faster(wanted.speed, declared), **given}
+        shared = {setting: value for setting, value in values.items() if setting in known}
+        found[name] = {**shared, **given.get(name, {})}
     return found
+
+
+def _of_simulators(wanted: Wanted, declared: Mapping[str, Mapping[str, Parameter]]) -> dict[str, Values]:
+    """Return what `--sim` and `--speed` say of each simulation that has such a parameter."""
+    together = {name: spec for known in declared.values() for name, spec in known.items()}
+    given = {**_faster(wanted.speed, together), **read_settings("--sim", wanted.sim, together)}
+    return {
+        simulator: {name: value for name, value in given.items() if name in known}
+        for simulator, known in declared.items()
+    }
+
+
+def _of_nodes(wanted: Wanted, declared: Mapping[str, Mapping[str, Parameter]]) -> dict[str, Values]:
+    """Return what `--set NODE.NAME=VALUE` says, by node."""
+    found = of_nodes(wanted.settings)
+    for name in found:
+        if name not in declared:
+            raise UsageError(f"--set: unknown node {name!r}; {nearest(name, declared)}")
+    return {name: read_settings(f"--set {name}", given, declared[name]) for name, given in found.items()}
 
 
 def _faster(speed: float, declared: Mapping[str, Parameter]) -> dict[str, Any]:
@@ -84,9 +105,9 @@ def _faster(speed: float, declared: Mapping[str, Parameter]) -> dict[str, Any]:
     return {"speed": spec.default * speed} if spec is not None and speed != 1.0 else {}
 
 
-def _insisted(wanted: Wanted, catalog: Catalog) -> dict[str, str]:
+def _insisted(wanted: Wanted, given: Mapping[str, Values]) -> dict[str, str]:
     """Name the nodes that must be ours, because an option sets something of theirs, with that option."""
-    found = {ORCHESTRATOR: "--set"} if wanted.settings else {}
-    if wanted.sim or wanted.speed != 1.0:
-        found.update(dict.fromkeys(simulators(catalog), "--sim" if wanted.sim else "--speed"))
-    return found
+    found = {ORCHESTRATOR: "--set"} if of_the_mission(wanted.settings) else {}
+    option = "--sim" if wanted.sim else "--speed"
+    simulated = {simulator: option for simulator, values in given.items() if values}
+    return {**found, **simulated, **dict.fromkeys(of_nodes(wanted.settings), "--set")}

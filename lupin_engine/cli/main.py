@@ -38,6 +38,7 @@ VERBS: Mapping[str, str] = MappingProxyType(
         "test": "Run scenarios against missions, without ROS.",
         "diagram": "Draw a mission.",
         "graph": "Show the live map: who publishes, subscribes, serves and calls what.",
+        "plugin": "List, show and check plugins, and begin new ones.",
         "node": "Run one node, with ROS arguments; without a name, list the nodes.",
         "schema": "Print the JSON Schema of the files, for editors.",
         "lsp": "Serve editors: completion, hover, definition, rename, findings as you type.",

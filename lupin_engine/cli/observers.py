@@ -19,7 +19,7 @@ from rich.text import Text
 from lupin_engine.chart.model import Chart
 from lupin_engine.cli import view
 from lupin_engine.errors import Severity
-from lupin_engine.launch.story import STATUSES, Happening, Reading, Story
+from lupin_engine.launch.story import STATUSES, TAG_READING, Happening, Reading, Story
 
 #: Pictures a second in the terminal.
 PICTURES_HZ = 8.0
@@ -137,13 +137,16 @@ class JsonObserver:
         self._put("note", severity=severity.name.lower(), text=text)
 
     def arrived(self, kind: str, data: Mapping[str, Any], story: Story) -> None:
-        """Write a state when anything but its stamp is new; every observation and step."""
+        """Write a state when anything but its stamp is new; every observation, finding and step."""
         elapsed = round(time.monotonic() - story.began, 3)
         if kind == "state":
             said = {name: value for name, value in data.items() if name != "header"}
             if said != self._last:
                 self._last = said
                 self._put("state", elapsed=elapsed, **said)
+        elif kind == "observation" and data.get("kind", TAG_READING) != TAG_READING:
+            finding = story.happenings[-1]
+            self._put("finding", elapsed=elapsed, severity=finding.severity.name.lower(), text=finding.text)
         elif kind == "observation":
             reading = list(story.readings.values())[-1]
             self._put("observation", elapsed=elapsed, **_reading(reading))

@@ -28,7 +28,8 @@ settings = click.option(
     "settings",
     metavar="NAME=VALUE",
     multiple=True,
-    help="A parameter of the mission, such as nav_timeout_s='90 s'.",
+    help="A parameter of the mission, such as nav_timeout_s='90 s', or of a node, such as "
+    "greenhouse_bridge.backend=mqtt.",
 )
 sim = click.option(
     "--sim",

@@ -7,13 +7,12 @@ off the source: the first paragraph of the docstring of the function that the en
 from __future__ import annotations
 
 import ast
-import sys
 from collections.abc import Mapping, Sequence
 
 import click
 
 from lupin_engine.errors import PluginError
-from lupin_engine.plugin.discovery import VERBS, EntryPoint, entry_points
+from lupin_engine.plugin.discovery import VERBS, EntryPoint, entry_points, source_file
 
 
 def plugin_verbs() -> Mapping[str, Sequence[EntryPoint]]:
@@ -29,7 +28,7 @@ def summary(points: Sequence[EntryPoint]) -> str:
     if len(points) > 1:
         return f"(offered more than once: {_offers(points)})"
     point = points[0]
-    source = _source(point.module)
+    source = source_file(point.module)
     if source is None:
         return f"({_whose(point)}: there is no module {point.module})"
     return _first_paragraph(source, point.attribute) or f"({_whose(point)})"
@@ -62,18 +61,6 @@ def _whose(point: EntryPoint) -> str:
 
 def _offers(points: Sequence[EntryPoint]) -> str:
     return " and ".join(_whose(point) for point in points)
-
-
-def _source(module: str) -> str | None:
-    """Return the file of a module without importing the packages that it is in; None where there is none."""
-    name, folders, origin = "", None, None
-    for part in module.split("."):
-        name = f"{name}.{part}" if name else part
-        spec = next(filter(None, (finder.find_spec(name, folders) for finder in sys.meta_path)), None)
-        if spec is None:
-            return None
-        folders, origin = spec.submodule_search_locations, spec.origin
-    return origin
 
 
 def _first_paragraph(source: str, function: str) -> str:

@@ -42,6 +42,27 @@ def read_settings(option: str, given: Iterable[str], declared: Mapping[str, Para
     return {name: checked[name] for name in texts}
 
 
+def of_the_mission(given: Iterable[str]) -> list[str]:
+    """Return the settings that name no node."""
+    return [item for item in given if not _node(item)]
+
+
+def of_nodes(given: Iterable[str]) -> dict[str, list[str]]:
+    """Return the settings of nodes, given as `node.name=value`, as `name=value` by node."""
+    found: dict[str, list[str]] = {}
+    for item in given:
+        node = _node(item)
+        if node:
+            found.setdefault(node, []).append(item.partition(".")[2])
+    return found
+
+
+def _node(item: str) -> str:
+    """Return what stands before the dot of a name; '' where there is none."""
+    node, dot, _ = item.partition("=")[0].partition(".")
+    return node.strip() if dot else ""
+
+
 def read_value(text: str, kind: Type) -> Any:
     """Return the text as data; unchanged where it does not fit, which the check then tells."""
     return _READERS.get(kind.kind, _as_yaml)(text, kind)

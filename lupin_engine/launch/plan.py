@@ -1,7 +1,7 @@
 """Which nodes a mission needs, which of them are there already, and what each is started with.
 
-Pure: what is on the network comes in as data. A node that is there is used and left alone. A simulated
-robot is started only where nobody serves what it stands in for.
+Pure: what is on the network comes in as data. A node that is there is used and left alone. A simulation is
+started only where nobody serves what it stands in for, and only if a mission may have to do with it.
 """
 
 from __future__ import annotations
@@ -89,12 +89,19 @@ def make_plan(
 
 
 def _needed(plugins: set[str], catalog: Catalog, simulate: bool) -> Iterator[Node]:
-    """Yield simulated robots first and the orchestrator last, so that it is also the first to be stopped."""
+    """Yield simulations first and the orchestrator last, so that it is also the first to be stopped.
+
+    One whose plugin no mission can use directly, such as the robot itself, is there for all of them.
+    """
     nodes = nodes_of(catalog)
     stand_ins = simulators(catalog)
     if simulate:
-        yield from stand_ins.values()
-    yield from (n for n in nodes.values() if n.plugin in plugins and n.name not in stand_ins)
+        yield from (
+            n for n in stand_ins.values() if n.plugin in plugins or not catalog.plugins[n.plugin].client
+        )
+    companions = {name for plugin in catalog.plugins.values() for name in plugin.companions}
+    wanted = (n for n in nodes.values() if n.plugin in plugins or n.name in companions)
+    yield from (n for n in wanted if n.name not in stand_ins)
     yield nodes[ORCHESTRATOR]
 
 

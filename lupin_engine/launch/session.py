@@ -117,10 +117,13 @@ class Session:
         present = self._look_around()
         settings = self._settings
         self.plan = make_plan(plugins, catalog, present, settings.parameters, simulate=settings.simulate)
+        used = make_plan(plugins, catalog, Present(), {}, simulate=settings.simulate).starts
         for name, option in settings.insisted.items():
             if name not in self.plan.starts:
-                text = f"{option} is for {name}, which runs already; stop it or choose another --domain"
-                raise RunFailed(text)
+                why = "runs already; stop it or choose another --domain"
+                raise RunFailed(
+                    f"{option} is for {name}, which {why if name in used else 'these missions do not start'}"
+                )
         if self.plan.joined:
             self._observer.note(f"using what is there: {', '.join(self.plan.joined)}")
         if self.plan.starts:

@@ -6,7 +6,7 @@ another mission is not taken in, because latched topics bring the past.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -21,6 +21,9 @@ COUNTERS: Mapping[str, str] = {
     "SCAN_FAILED": "targets_failed",
     "SKIPPED": "targets_skipped",
 }
+
+#: Values of `Observation.kind`; those of later builds are passed over.
+TAG_READING, FLOWER, ANOMALY = 0, 1, 2
 
 #: Exit codes of a run.
 ALL_VISITED, SOME_MISSED, NOT_DONE, INTERRUPTED = 0, 1, 2, 130
@@ -222,6 +225,12 @@ class Story:
     def _take_observation(self, data: Mapping[str, Any], at: float) -> bool:
         if data.get("mission_id") != self.mission_id:
             return False
+        kind = int(data.get("kind", TAG_READING))
+        if kind != TAG_READING:
+            finding = FINDINGS.get(kind)
+            if finding is not None:
+                self.note(at, *finding(data))
+            return finding is not None
         reading = reading_of(data)
         self.observed += 1
         name = reading.tag or f"#{self.observed}"
@@ -288,3 +297,24 @@ def reading_of(data: Mapping[str, Any]) -> Reading:
         reason=str(data.get("status_detail", "")),
         values={str(sensor["name"]): float(sensor["value"]) for sensor in reading.get("readings", ())},
     )
+
+
+def flowers_of(data: Mapping[str, Any]) -> tuple[Severity, str]:
+    """Return what an observation says of the flowers at a tag, and how bad that is."""
+    flower = data["flower"]
+    species, confidence = flower["species"] or "no species", float(flower["confidence"])
+    text = f"tag {flower['tag_id']}: {species} ({confidence:.2f}), blooms: {len(flower['flowers'])}"
+    return (Severity.WARN, f"{text}, anomaly") if flower["anomaly"] else (Severity.INFO, text)
+
+
+def anomaly_of(data: Mapping[str, Any]) -> tuple[Severity, str]:
+    """Return what an observation says of an anomaly at no tag."""
+    place = data["anomaly"]["pose"]["pose"]["position"]
+    text = f"anomaly at x {place['x']:.2f} m, y {place['y']:.2f} m: {data['anomaly']['description']}"
+    return Severity.WARN, text
+
+
+FINDINGS: Mapping[int, Callable[[Mapping[str, Any]], tuple[Severity, str]]] = {
+    FLOWER: flowers_of,
+    ANOMALY: anomaly_of,
+}

@@ -47,6 +47,7 @@ class ActionCaller:
         self._goals: list[Goal] = []
         self._servers: frozenset[bytes] = frozenset()
         self._watch: Timer | None = None
+        self._closed = False
 
     def ready(self) -> bool:
         """Say whether a server is matched; a dead one counts for up to 3 s (the discovery lease)."""
@@ -85,7 +86,10 @@ class ActionCaller:
             self._watch = None
 
     def close(self) -> None:
-        """Release the client; no callback follows."""
+        """Release the client; no callback follows. Closing twice does no harm."""
+        if self._closed:
+            return
+        self._closed = True
         for goal in list(self._goals):
             goal.drop()
         self.client.destroy()

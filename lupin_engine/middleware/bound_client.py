@@ -1,17 +1,28 @@
-"""A client for services that are known by name only: what to send and what an answer means is told as data.
+"""A client for services, actions and topics that are known by name only: all about them is told as data.
 
 This is the whole driver of a plugin that is written down in a file. The adapter knows nothing of such files;
-it sees a `Bound` for each operation.
+it sees what `bound` says.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import partial
-from typing import Any, Protocol
+from typing import Any
 
-from lupin_engine.middleware.definitions import fill, plain, service_class, service_types
-from lupin_engine.middleware.node import Failure, RosNode, Timer
+from action_msgs.msg import GoalStatus
+from rclpy.publisher import Publisher
+
+from lupin_engine.middleware.action_driver import ActionAttempts, ActionOperation, ActionServer
+from lupin_engine.middleware.bound import Bound, Call, Endpoint, Heard, Sending, Sent
+from lupin_engine.middleware.definitions import (
+    fill,
+    interface_class,
+    interface_constants,
+    interface_types,
+    plain,
+)
+from lupin_engine.middleware.node import Failure, Qos, RosNode, Timer, peer_mismatches
 from lupin_engine.middleware.service_driver import (
     CALL_DEADLINE_S,
     Done,
@@ -25,73 +36,104 @@ from lupin_engine.plugin.contract import Outlet
 DISCOVERY_S = 3.0
 _LOOK_PERIOD_S = 0.05
 
-
-class Meaning(Protocol):
-    """What an answer means: the result, or None with a text that says why not."""
-
-    @property
-    def result(self) -> Mapping[str, Any] | None:
-        """Return the result, None when the operation failed."""
-
-    @property
-    def detail(self) -> str:
-        """Return why it failed."""
+#: What `status` is for how a goal ended. A server that was started anew knows nothing of the goal.
+_STATUS = {
+    GoalStatus.STATUS_SUCCEEDED: "succeeded",
+    GoalStatus.STATUS_ABORTED: "aborted",
+    GoalStatus.STATUS_CANCELED: "canceled",
+}
+_QOS = {"reliable": Qos.EVENT, "latched": Qos.LATCHED, "sensor": Qos.SENSOR}
+#: What expressions and values raise that do not come out as their author meant.
+_COMPUTING = (ValueError, ArithmeticError, LookupError, TypeError)
 
 
-class Bound(Protocol):
-    """How an operation becomes a call; see `chart.bindings.ServiceCall`."""
+class _World:
+    """What all parts of a client share."""
 
-    @property
-    def service(self) -> str:
-        """Return the name of the service."""
+    def __init__(self, ros: RosNode, outlet: Outlet, parameters: Mapping[str, Any]) -> None:
+        self.ros = ros
+        self.outlet = outlet
+        self._parameters = parameters
 
-    @property
-    def type(self) -> str:
-        """Return its type, which is installed and fits."""
+    def around(self, endpoint: Endpoint) -> dict[str, Any]:
+        """Return what every expression about an endpoint may read."""
+        constants = interface_constants(endpoint.type)
+        return {"param": self._parameters, "constant": constants, "now": self.ros.now()}
 
-    @property
-    def code(self) -> str:
-        """Return the code that attempts fail with."""
+    def filled(
+        self, kind: Any, part: str, endpoint: Endpoint, sending: Sending, arguments: Mapping[str, Any]
+    ) -> Any:
+        """Return a request, goal or message with what is sent; raises what computing it raises."""
+        data = sending.sent(arguments, self.around(endpoint))
+        return fill(kind(), data, interface_types(endpoint.type)[part])
 
-    @property
-    def place(self) -> object:
-        """Return where all this is written, for people."""
-
-    @property
-    def deadline(self) -> float | None:
-        """Return when a call counts as lost, in seconds."""
-
-    def sent(self, arguments: Mapping[str, Any]) -> Mapping[str, Any]:
-        """Return the fields of the request."""
-
-    def outcome(self, response: Mapping[str, Any]) -> Meaning:
-        """Return what an answer means."""
+    def missing_server(self, endpoint: Endpoint, said: str) -> str:
+        """Return why a server is not there, with what its peers use instead where that can be seen."""
+        name = self.ros.node.resolve_service_name(endpoint.name)
+        others = (found for found in peer_mismatches(self.ros) if f"{name}:" in found or f"{name}/" in found)
+        return "; ".join([said, *sorted(others)[:1]])
 
 
-class BoundClient(ServiceDriver):
-    """The driver of a plugin that is a file."""
+class BoundClient:
+    """The driver of a plugin that is a file; see `plugin.contract.Driver` for what every call promises."""
 
-    def __init__(self, ros: RosNode, plugin: str, calls: Mapping[str, Bound], outlet: Outlet) -> None:
+    def __init__(self, ros: RosNode, bound: Bound, outlet: Outlet, parameters: Mapping[str, Any]) -> None:
         self._ros = ros
-        self._bound = calls
+        self._bound = bound
+        self._outlet = outlet
         self._patient_until = ros.elapsed() + DISCOVERY_S
         self._waiting: dict[str, Timer] = {}
-        super().__init__(plugin, outlet, {name: _operation(ros, call) for name, call in calls.items()})
+        world = _World(ros, outlet, parameters)
+        self._world = world
+        self._called = {n: _called(world, c) for n, c in bound.calls.items() if c.endpoint.kind == "srv"}
+        self._services = ServiceDriver(bound.name, outlet, self._called)
+        self._servers: dict[str, ActionServer] = {}
+        self._goals = {n: self._goal(c) for n, c in bound.calls.items() if c.endpoint.kind == "action"}
+        self._attempts = ActionAttempts(ros, outlet)
+        self._publishers = {name: _publisher(ros, sent.endpoint) for name, sent in bound.sends.items()}
+        self._listeners = [
+            *(_Listener(world, heard, partial(self._value, name)) for name, heard in bound.values.items()),
+            *(_Listener(world, heard, partial(self._event, name)) for name, heard in bound.events.items()),
+        ]
+
+    def _goal(self, call: Call) -> ActionOperation:
+        endpoint = call.endpoint
+        server = self._servers.get(endpoint.name)
+        if server is None:
+            of_it = [c for c in self._bound.calls.values() if c.endpoint.name == endpoint.name]
+            ours = any(each.moves for each in of_it)
+            server = ActionServer(self._ros, interface_class(endpoint.type), endpoint.name, ours=ours)
+            self._servers[endpoint.name] = server
+        outcome = partial(_ended, self._world, call)
+        told = partial(_told, self._world, call)
+        return ActionOperation(server, outcome, told, call.rejected, call.unavailable)
+
+    def missing(self) -> list[str]:
+        """Name the services and action servers that cannot be reached."""
+        return [*self._services.missing(), *(m for s in self._servers.values() for m in s.missing())]
 
     def start(self, attempt: str, operation: str, arguments: Mapping[str, Any]) -> None:
-        """Call the operation's service, or wait a little for one that was not found yet."""
+        """Call the operation's service or send its goal, or wait a little for a server not found yet."""
+        if operation not in self._bound.calls:
+            raise ValueError(f"{self._bound.name} has no operation {operation!r}")
         if self._may_be_found(operation):
             look = partial(self._look, attempt, operation, arguments)
             self._waiting[attempt] = self._ros.timer(_LOOK_PERIOD_S, look)
             return
+        call = self._bound.calls[operation]
         try:
-            super().start(attempt, operation, arguments)
-        except (ValueError, ArithmeticError, LookupError, TypeError) as problem:
-            call = self._bound[operation]
-            self._outlet.failed(attempt, call.code, f"{call.place}: {problem}")
+            if operation in self._goals:
+                kind = interface_class(call.endpoint.type).Goal
+                goal = self._world.filled(kind, "goal", call.endpoint, call.sending, arguments)
+                self._attempts.start(attempt, self._goals[operation], goal)
+            else:
+                self._services.start(attempt, operation, arguments)
+        except _COMPUTING as problem:
+            self._outlet.failed(attempt, call.code, f"{call.endpoint.place}: {problem}")
 
     def _may_be_found(self, operation: str) -> bool:
-        ready = self._operations[operation].service.ready()
+        goal = self._goals.get(operation)
+        ready = goal.server.ready if goal is not None else self._called[operation].service.ready()
         return not ready and self._ros.elapsed() < self._patient_until
 
     def _look(self, attempt: str, operation: str, arguments: Mapping[str, Any]) -> None:
@@ -100,39 +142,134 @@ class BoundClient(ServiceDriver):
             self.start(attempt, operation, arguments)
 
     def cancel(self, attempt: str) -> None:
-        """End the attempt here; a service call cannot be recalled."""
+        """End a call here, for it cannot be recalled; have a goal ended by its server."""
         waiting = self._waiting.pop(attempt, None)
-        if waiting is None:
-            super().cancel(attempt)
+        if waiting is not None:
+            waiting.cancel()
+            self._outlet.cancelled(attempt)
             return
-        waiting.cancel()
-        self._outlet.cancelled(attempt)
+        self._services.cancel(attempt)
+        self._attempts.cancel(attempt)
+
+    def act(self, action: str, arguments: Mapping[str, Any]) -> None:
+        """Publish the message of an action."""
+        if action not in self._publishers:
+            raise ValueError(f"{self._bound.name} has no action {action!r}")
+        sent: Sent = self._bound.sends[action]
+        endpoint = sent.endpoint
+        try:
+            kind = interface_class(endpoint.type)
+            message = self._world.filled(kind, "message", endpoint, sent.sending, arguments)
+        except _COMPUTING as problem:
+            text = f"{endpoint.place}: {problem}"
+            self._ros.log.warning("nothing was sent", action=f"{self._bound.name}.{action}", problem=text)
+            return
+        self._publishers[action].publish(message)
+
+    def _value(self, name: str, read: Mapping[str, Any]) -> None:
+        self._outlet.value(name, read["value"], self._ros.now())
+
+    def _event(self, name: str, read: Mapping[str, Any]) -> None:
+        self._outlet.event(f"{self._bound.name}.{name}", read)
 
     def close(self) -> None:
-        """Drop every answer that is still to come, and let go of the services."""
+        """Have goals cancelled, drop every answer that is still to come, and let go of everything."""
         for timer in self._waiting.values():
             timer.cancel()
         self._waiting.clear()
-        super().close()
-        for operation in self._operations.values():
+        self._services.close()
+        self._attempts.close()
+        for operation in self._called.values():
             operation.service.close()
+        for server in self._servers.values():
+            server.close()
+        for publisher in self._publishers.values():
+            self._ros.node.destroy_publisher(publisher)
+        for listener in self._listeners:
+            listener.close()
 
 
-def _operation(ros: RosNode, call: Bound) -> ServiceOperation:
-    kind, types = service_class(call.type), service_types(call.type)
+class _Listener:
+    """Listens to a topic, and tells what its messages mean."""
+
+    def __init__(self, world: _World, heard: Heard, tell: Callable[[Mapping[str, Any]], None]) -> None:
+        self._world = world
+        self._heard = heard
+        self._tell = tell
+        self._is_told = False
+        endpoint = heard.endpoint
+        kind = interface_class(endpoint.type)
+        self._subscription = world.ros.subscribe(kind, endpoint.name, _QOS[endpoint.qos], self._take)
+
+    def _take(self, message: Any) -> None:
+        endpoint = self._heard.endpoint
+        try:
+            read = self._heard.heard(plain(message), self._world.around(endpoint))
+        except _COMPUTING as problem:
+            self._pass_over(endpoint, problem)
+            return
+        self._is_told = False
+        if read is not None:
+            self._tell(read)
+
+    def _pass_over(self, endpoint: Endpoint, problem: Exception) -> None:
+        """Say it once: a topic that speaks ten times a second would fill the log."""
+        if not self._is_told:
+            self._is_told = True
+            text = f"{endpoint.place}: {problem}"
+            self._world.ros.log.warning("message passed over", topic=endpoint.name, problem=text)
+
+    def close(self) -> None:
+        """Listen no more."""
+        self._world.ros.node.destroy_subscription(self._subscription)
+
+
+def _publisher(ros: RosNode, endpoint: Endpoint) -> Publisher:
+    return ros.publisher(interface_class(endpoint.type), endpoint.name, _QOS[endpoint.qos])
+
+
+# -- services ----------------------------------------------------------------------------------------------
+
+
+def _called(world: _World, call: Call) -> ServiceOperation:
+    endpoint = call.endpoint
+    kind = interface_class(endpoint.type)
     return ServiceOperation(
-        ros.service(kind, call.service),
-        lambda arguments: fill(kind.Request(), call.sent(arguments), types.request),
-        partial(_outcome, call),
-        CALL_DEADLINE_S if call.deadline is None else call.deadline,
+        world.ros.service(kind, endpoint.name),
+        partial(world.filled, kind.Request, "request", endpoint, call.sending),
+        partial(_answered, world, call),
+        CALL_DEADLINE_S if endpoint.deadline is None else endpoint.deadline,
     )
 
 
-def _outcome(call: Bound, _: Mapping[str, Any], answer: Any | Failure) -> Done | Failed:
-    if isinstance(answer, Failure):
-        return Failed(call.code, answer.detail)
+def _answered(world: _World, call: Call, _: Mapping[str, Any], answer: Any | Failure) -> Done | Failed:
+    if not isinstance(answer, Failure):
+        return _outcome(world, call, {"response": plain(answer)})
+    if answer.code == "unavailable":
+        return Failed(call.unavailable, world.missing_server(call.endpoint, answer.detail))
+    return Failed(call.code, answer.detail)
+
+
+def _outcome(world: _World, call: Call, answer: Mapping[str, Any]) -> Done | Failed:
     try:
-        meaning = call.outcome(plain(answer))
+        meaning = call.outcome(answer, world.around(call.endpoint))
     except Exception as problem:  # whatever a file computes from an answer that nobody foresaw
-        return Failed(call.code, f"{call.place}: {problem}")
-    return Failed(call.code, meaning.detail) if meaning.result is None else Done(meaning.result)
+        return Failed(call.code, f"{call.endpoint.place}: {problem}")
+    return Failed(meaning.code, meaning.detail) if meaning.result is None else Done(meaning.result)
+
+
+# -- actions -----------------------------------------------------------------------------------------------
+
+
+def _ended(world: _World, call: Call, status: int, result: Any) -> Done | Failed:
+    word = _STATUS.get(status)
+    if word is None:
+        return Failed(call.unavailable, f"action server {call.endpoint.name} no longer knows the goal")
+    return _outcome(world, call, {"status": word, "result": plain(result)})
+
+
+def _told(world: _World, call: Call, feedback: Any) -> str:
+    try:
+        return call.progress(plain(feedback), world.around(call.endpoint))
+    except _COMPUTING as problem:
+        return f"{call.endpoint.place}: {problem}"

@@ -33,6 +33,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
 from types import MappingProxyType
@@ -52,6 +53,7 @@ from rclpy.parameter import Parameter as RosParameter
 from rclpy.publisher import Publisher
 from rclpy.service import Service
 from rclpy.signals import SignalHandlerOptions
+from rclpy.subscription import Subscription
 from rclpy.task import Future, Task
 from structlog.typing import EventDict, FilteringBoundLogger
 
@@ -423,10 +425,11 @@ class RosNode:
         self._watch_channels([f"rt{publisher.topic_name}"])
         return publisher
 
-    def subscribe(self, kind: Any, topic: str, qos: Qos, callback: Callable[[Any], None]) -> None:
-        """Call `callback` with every message of `topic`."""
+    def subscribe(self, kind: Any, topic: str, qos: Qos, callback: Callable[[Any], None]) -> Subscription:
+        """Call `callback` with every message of `topic`, until the node's `destroy_subscription`."""
         subscription = self.node.create_subscription(kind, topic, self.guarded(callback), qos.profile())
         self._watch_channels([f"rt{subscription.topic_name}"])
+        return subscription
 
     def serve(
         self,
@@ -448,6 +451,25 @@ class RosNode:
             kind, name, self.guarded(callback), qos_profile=Qos.SERVICES.profile()
         )
         self._executor.serve(service, stale_after, refuse)
+        self._watch_channels(service_channels(service.service_name))
+
+    def serve_later(
+        self,
+        kind: Any,
+        name: str,
+        callback: Callable[[Any, Any, Callable[[Any], None]], None],
+        *,
+        stale_after: float | None = None,
+        refuse: Callable[[Any, str], Any] | None = None,
+    ) -> None:
+        """Answer requests whenever it suits: `callback(request, response, answer)`, then `answer(response)`.
+
+        For answers that depend on others. `answer` is called once, now or later; see `serve` for the rest.
+        """
+        service = self.node.create_service(
+            kind, name, self.guarded(callback), qos_profile=Qos.SERVICES.profile()
+        )
+        self._executor.serve(service, stale_after, refuse, later=True)
         self._watch_channels(service_channels(service.service_name))
 
     def service(self, kind: Any, name: str) -> ServiceCaller:
@@ -548,6 +570,12 @@ class RosNode:
         """Run `callback` when the spin ends, while publishers and services still work."""
         self._stop_callbacks.append(callback)
 
+    def work_until(self, done: Callable[[], bool], seconds: float) -> None:
+        """Work on until `done()`, at most for so long: for `on_stop` callbacks that wait for an answer."""
+        end = time.monotonic() + seconds
+        while not done() and time.monotonic() < end and self._context.ok():
+            self._executor.spin_once(end - time.monotonic())
+
     def stop(self) -> None:
         """End the spin; safe from every thread."""
         self._stopping = True
@@ -571,6 +599,21 @@ class RosNode:
         self._context.try_shutdown()
 
 
+@dataclass(frozen=True)
+class _Serving:
+    """How a service's requests are taken: see `RosNode.serve` and `RosNode.serve_later`."""
+
+    stale_after: float | None
+    refuse: Callable[[Any, str], Any] | None
+    later: bool
+
+
+def _send_response(service: Service, header: Any, response: Any) -> None:
+    """Send an answer, unless the node has been closed since it was asked."""
+    with contextlib.suppress(InvalidHandle):
+        service.send_response(response, header)
+
+
 class _Executor(SingleThreadedExecutor):
     """rclpy's executor, with a look at a request's age before it is carried out, and cheaper.
 
@@ -581,13 +624,17 @@ class _Executor(SingleThreadedExecutor):
     def __init__(self, context: Context, log: FilteringBoundLogger) -> None:
         super().__init__(context=context)
         self._log = log
-        self._served: dict[Service, tuple[float | None, Callable[[Any, str], Any] | None]] = {}
+        self._served: dict[Service, _Serving] = {}
 
     def serve(
-        self, service: Service, stale_after: float | None, refuse: Callable[[Any, str], Any] | None = None
+        self,
+        service: Service,
+        stale_after: float | None,
+        refuse: Callable[[Any, str], Any] | None = None,
+        later: bool = False,
     ) -> None:
         """Take the requests of `service` here, refusing those older than `stale_after` seconds."""
-        self._served[service] = stale_after, refuse
+        self._served[service] = _Serving(stale_after, refuse, later)
 
     def _make_handler(self, entity: Any, node: Node, take_from_wait_list: Callable[[Any], Any]) -> Task:
         """Do what rclpy does for one ready entity, but do not wake this thread afterwards.
@@ -629,10 +676,14 @@ class _Executor(SingleThreadedExecutor):
         reason = self._staleness(srv, header)
 
         async def answer() -> None:
-            if reason is None:
-                response = srv.callback(request, srv.srv_type.Response())
-            else:
+            response = srv.srv_type.Response()
+            if reason is not None:
                 response = self._refused(srv, reason)
+            elif self._served[srv].later:
+                srv.callback(request, response, partial(_send_response, srv, header))
+                return
+            else:
+                response = srv.callback(request, response)
             if response is not None:
                 srv.send_response(response, header)
 
@@ -640,7 +691,7 @@ class _Executor(SingleThreadedExecutor):
 
     def _staleness(self, srv: Service, header: Any) -> str | None:
         """Say why a request is too old to be carried out; None when it is not."""
-        stale_after, _ = self._served[srv]
+        stale_after = self._served[srv].stale_after
         if stale_after is None or header.source_timestamp <= 0:
             return None
         age = (time.time_ns() - header.source_timestamp) * 1e-9
@@ -652,7 +703,7 @@ class _Executor(SingleThreadedExecutor):
         return f"refused: the request is {age:.1f} s old, or the clocks of the two computers disagree"
 
     def _refused(self, srv: Service, reason: str) -> Any:
-        _, refuse = self._served[srv]
+        refuse = self._served[srv].refuse
         return None if refuse is None else refuse(srv.srv_type.Response(), reason)
 
 

@@ -41,6 +41,13 @@ def installed(kind: str) -> Iterator[tuple[str, str]]:
             yield file.parents[1].name, file.stem
 
 
+def local_source(type_name: str) -> str:
+    """Return what the author of a type wrote, its .msg, .srv or .action; '' where that is not installed."""
+    package, kind, name = _split(type_name)
+    files = (prefix / "share" / package / kind / f"{name}.{kind}" for prefix in _prefixes())
+    return next((file.read_text(encoding="utf-8") for file in files if file.is_file()), "")
+
+
 @functools.cache
 def _description(type_name: str) -> dict[str, Any]:
     """What the generator wrote about a type; a part such as X_Request stands beside its service X."""

@@ -153,6 +153,7 @@ class Plugin:
     plugins. `client` is `module:Class` of the `Driver`; `nodes` maps a node's name to `module:function`,
     called with the command line's ROS arguments and returning an exit code. `stands_in` maps a node that
     simulates something to the actions and services of the real thing: it is not started where those are.
+    `companions` names nodes that only listen, and run beside every mission, whether it uses the plugin or not.
     """
 
     name: str
@@ -168,6 +169,7 @@ class Plugin:
     client: str = ""
     nodes: Mapping[str, str] = field(default_factory=dict)
     stands_in: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    companions: tuple[str, ...] = ()
 
 
 class Outlet(Protocol):

@@ -73,9 +73,21 @@ def entry_points(path: Iterable[str] | None = None, group: str = GROUP) -> list[
             distribution = _described(description)
             if distribution.name not in seen:
                 seen.add(distribution.name)
-                declared = _of_group(description / "entry_points.txt", group)
+                declared = _in_section(description / "entry_points.txt", f"[{group}]")
                 found.update(EntryPoint(name, value, distribution) for name, value in declared)
     return sorted(found)
+
+
+def source_file(module: str) -> str | None:
+    """Return the file of a module without importing the packages that it is in; None where there is none."""
+    name, folders, origin = "", None, None
+    for part in module.split("."):
+        name = f"{name}.{part}" if name else part
+        spec = next(filter(None, (finder.find_spec(name, folders) for finder in sys.meta_path)), None)
+        if spec is None:
+            return None
+        folders, origin = spec.submodule_search_locations, spec.origin
+    return origin
 
 
 def _described(description: Path) -> Distribution:
@@ -92,17 +104,22 @@ def _descriptions(folder: str) -> Iterator[Path]:
     yield from (Path(folder, name) for name in names if name.endswith(_DESCRIPTIONS))
 
 
-def _of_group(file: Path, group: str) -> Iterator[tuple[str, str]]:
-    """Yield name and value of the entry points in a file; most packages have none, many have no file."""
+def declared_in(project: Path) -> list[tuple[str, str]]:
+    """Return name and value of the plugins that a pyproject.toml declares, installed or not."""
+    return list(_in_section(project, f'[project.entry-points."{GROUP}"]'))
+
+
+def _in_section(file: Path, header: str) -> Iterator[tuple[str, str]]:
+    """Yield name and value of what stands below a header; most packages have none, many have no file."""
     try:
         text = file.read_text(encoding="utf-8", errors="replace")
     except OSError:
         return
     inside = False
-    for line in text.splitlines() if group in text else ():
+    for line in text.splitlines() if header.strip("[]") in text else ():
         line = line.strip()
         if line.startswith("["):
-            inside = line == f"[{group}]"
+            inside = line == header
         elif inside and line and not line.startswith(("#", ";")):
             name, _, value = line.partition("=")
-            yield name.strip(), value.strip()
+            yield name.strip(), value.strip().strip('"')

@@ -211,6 +211,9 @@ def _problems(plugin: Plugin) -> Iterator[str]:
     for name in plugin.stands_in:
         if name not in plugin.nodes:
             yield f"stands_in names {name!r}, which is none of its nodes"
+    for name in plugin.companions:
+        if name not in plugin.nodes:
+            yield f"companions names {name!r}, which is none of its nodes"
     for name, kind in plugin.types.items():
         if kind.name != name:
             yield f"type {name!r} calls itself {kind.name!r}"

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from lupin_engine.chart.bindings import check_definition
+from lupin_engine.chart.binding_reader import check_definition
 from lupin_engine.chart.findings import Findings
 from lupin_engine.chart.load import (
     default_missions_folder,
@@ -21,7 +21,7 @@ from lupin_engine.chart.load import (
 )
 from lupin_engine.chart.model import Chart
 from lupin_engine.errors import ChartError, LupinError
-from lupin_engine.middleware.definitions import service_types
+from lupin_engine.middleware.definitions import interface_types
 from lupin_engine.plugin.registry import Catalog
 
 #: How often the folder is looked at while no mission runs, in seconds.
@@ -44,7 +44,7 @@ class MissionsFolder:
         """Return the chart of the missions as they are now; of unchanged files the same one.
 
         Raises:
-            LupinError: a mission does not exist or has errors, or a service is not what a binding says of it.
+            LupinError: a mission does not exist or has errors, or a binding does not fit an interface.
         """
         files = [find_mission(name, [self._path]) for name in self._names] or mission_files(self._path)
         if not files:
@@ -53,7 +53,7 @@ class MissionsFolder:
         chart = load_chart(lifecycle_in(self._path), files, self._catalog)
         findings = Findings()
         for binding in chart.bindings.values():
-            check_definition(binding, service_types, findings)
+            check_definition(binding, interface_types, findings)
         if findings.errors:
             raise ChartError(findings.errors)
         return chart

@@ -370,7 +370,7 @@ def _clients(
     clients: dict[str, Driver] = {}
     for name in names:
         if name in chart.bindings:
-            clients[name] = BoundClient(ros, name, chart.bindings[name].calls, outlet)
+            clients[name] = BoundClient(ros, chart.bindings[name], outlet, parameters)
             continue
         module, _, attribute = chart.catalog.plugins[name].client.partition(":")
         if module:

@@ -11,7 +11,7 @@ PLUGIN = Plugin(
     actions={
         "preset": Action(
             doc="Send the arm to a named preset; a mission never waits for the arm, nor fails because of it.",
-            arguments={"name": Argument(TEXT, "name of the preset, such as `inspect` or `home`")},
+            arguments={"name": Argument(TEXT, "name of the preset, such as `travel`, `inspect` or `home`")},
             moves=True,
         ),
     },
@@ -22,4 +22,6 @@ PLUGIN = Plugin(
         ),
     },
     client="lupin_arm.client:ArmClient",
+    nodes={"lupin_arm": "lupin_arm.node:main", "lupin_arm_sim": "lupin_arm.node.sim:main"},
+    stands_in={"lupin_arm_sim": ("mirte_master_gripper_controller/gripper_cmd",)},
 )

@@ -16,9 +16,10 @@ from lupin_engine.plugin.contract import (
     Parameters,
     Plugin,
 )
-from lupin_engine.plugin.types import NUMBER, TEXT, Type, list_of, number_in
+from lupin_engine.plugin.types import BOOL, DURATION, INTEGER, NUMBER, TEXT, Type, list_of, number_in
 
-#: One measured value; the unit belongs to the name (temperature °C, humidity %, co2 ppm, light lx, soil 0-1).
+#: One measured value; the unit belongs to the name (temperature °C, humidity %, co2 ppm, light lx,
+#: soil_moisture 0-1).
 SENSOR = Type("record", "sensor", fields={"name": TEXT, "value": NUMBER})
 
 #: What the sensors at one tag measured in one poll; `stamp` is seconds of the bridge's clock.
@@ -52,6 +53,61 @@ def mock_reading(arguments: Mapping[str, Any], _: Parameters) -> Mapping[str, An
     reading = {"tag_id": tag_id, "stamp": 0.0, "sim_time_of_day_seconds": NOON_S, "readings": sensors}
     return {"reading": reading}
 
+
+#: Where readings come from.
+BACKENDS = ("simulator", "recorded", "mqtt")
+
+#: Of the node `greenhouse_bridge`. What a backend has no use for is left alone by it.
+NODE_PARAMETERS: Mapping[str, Parameter] = {
+    "backend": Parameter(TEXT, "simulator", f"where readings come from: {', '.join(BACKENDS)}"),
+    "tag_file": Parameter(
+        TEXT, "", "layout of the greenhouse, JSON; empty: the simulator's own, or whatever tags there are"
+    ),
+    "tag_locations_file": Parameter(
+        TEXT, "", "the layout under the name that the other nodes know it by; read where tag_file is empty"
+    ),
+    "max_age": Parameter(
+        DURATION, 900.0, "older values of a recording or a sensor are not served", minimum=0.1
+    ),
+    "debug_time_of_day": Parameter(
+        NUMBER,
+        -1.0,
+        "hours; from 0 on the time of day of simulator or recording stands still there",
+        minimum=-1.0,
+        maximum=24.0,
+    ),
+    "speedup_factor": Parameter(
+        NUMBER,
+        0.0,
+        "above 0: seconds of the simulator, or of a recording since its start, in a second",
+        minimum=0.0,
+    ),
+    "sim_config_file": Parameter(TEXT, "", "simulator: climate, YAML; empty: its own"),
+    "debug_seed": Parameter(
+        INTEGER,
+        -1,
+        "simulator: from 0 on the noise is repeatable and the time of day stands still",
+        minimum=-1,
+    ),
+    "recording_file": Parameter(TEXT, "", "recorded: the readings, CSV"),
+    "recording_clock": Parameter(
+        TEXT, "time_of_day", "recorded: replay by time_of_day, or since_start of the bridge"
+    ),
+    "mqtt_host": Parameter(TEXT, "localhost", "mqtt: the broker's name or address"),
+    "mqtt_port": Parameter(
+        INTEGER, 0, "mqtt: the broker's port; 0: 1883, or 8883 with TLS", minimum=0, maximum=65535
+    ),
+    "mqtt_topic": Parameter(TEXT, "greenhouse/{tag}/{sensor}", "mqtt: the topics of the sensors"),
+    "mqtt_tls": Parameter(BOOL, False, "mqtt: encrypt, and check that the broker is the right one"),
+    "mqtt_ca_file": Parameter(TEXT, "", "mqtt: who signs the broker's certificate; empty: the system's"),
+    "mqtt_certificate_file": Parameter(TEXT, "", "mqtt: our certificate, where the broker wants one"),
+    "mqtt_key_file": Parameter(TEXT, "", "mqtt: the key of our certificate"),
+    "mqtt_credentials_file": Parameter(
+        TEXT,
+        "",
+        "mqtt: user and password, one a line; empty: LUPIN_MQTT_USER and LUPIN_MQTT_PASSWORD",
+    ),
+}
 
 PLUGIN = Plugin(
     name="bridge",

@@ -1,4 +1,4 @@
-"""The greenhouse simulator `mdp-greenhouse` behind one small class: no ROS, no surprises.
+"""Readings from the greenhouse simulator `mdp-greenhouse`: no ROS, no surprises.
 
 The package wants path objects, answers unknown tags with nothing, and lets whatever goes wrong inside escape
 in a dozen exception types; here a path is text, and what cannot be answered is one of two errors.
@@ -13,23 +13,23 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from lupin_bridge.backend import (
+    REAL_CLOCKS,
+    SECONDS_PER_DAY,
+    Clocks,
+    Measurement,
+    ReadingFailed,
+    TagValues,
+    unknown_tag,
+)
+from lupin_bridge.units import unit_of
 from lupin_engine.errors import LupinError
 
 if TYPE_CHECKING:
     from greenhouse_sim import GreenhouseSimulator
 
-SECONDS_PER_DAY = 86400.0
-
 #: The package puts the time of day among the sensor values under this name.
 _TIME_KEY = "timestamp"
-
-
-class UnknownTag(LupinError):
-    """The layout has no tag of that id."""
-
-
-class ReadingFailed(LupinError):
-    """The simulator cannot answer for a tag that exists."""
 
 
 @dataclass(frozen=True)
@@ -48,14 +48,6 @@ class Settings:
     speedup_factor: float = 0.0
 
 
-@dataclass(frozen=True)
-class TagValues:
-    """One poll: time of day in [0, 86400) seconds, and (sensor, value) in the order of the layout."""
-
-    time_of_day: float
-    sensors: tuple[tuple[str, float], ...]
-
-
 class Greenhouse:
     """The simulated greenhouse: which tags it has, and what is measured at them.
 
@@ -63,7 +55,8 @@ class Greenhouse:
         LupinError: a file cannot be used; the text names it.
     """
 
-    def __init__(self, settings: Settings = Settings()) -> None:
+    def __init__(self, settings: Settings = Settings(), clocks: Clocks = REAL_CLOCKS) -> None:
+        self._clocks = clocks
         self._simulator = _simulator(settings)
         self._tags = tuple(self._simulator.tags())
         _adjust_clock(self._simulator, settings)
@@ -87,17 +80,22 @@ class Greenhouse:
             ReadingFailed: the simulator failed, for instance over a sensor without a climate.
         """
         if tag_id not in self._tags:
-            raise UnknownTag(f"unknown tag {tag_id!r}; the layout has {len(self._tags)} tags")
+            raise unknown_tag(tag_id, len(self._tags), "the layout has")
         try:
             data = self._simulator.get_sensor_data(tag_id)
             time_of_day = float(data[_TIME_KEY]) % SECONDS_PER_DAY
-            sensors = tuple((name, float(value)) for name, value in data.items() if name != _TIME_KEY)
+            values = {name: float(value) for name, value in data.items() if name != _TIME_KEY}
         except Exception as error:
             # Anything can escape from there; a tag that cannot be read must not end the program.
             raise ReadingFailed(f"tag {tag_id!r}: {self._why(tag_id, error)}") from error
-        if not all(math.isfinite(value) for _, value in sensors):
-            raise ReadingFailed(f"tag {tag_id!r}: the simulator returned {dict(sensors)}")
-        return TagValues(time_of_day, sensors)
+        if not all(map(math.isfinite, values.values())):
+            raise ReadingFailed(f"tag {tag_id!r}: the simulator returned {values}")
+        now = self._clocks.wall()
+        measured = (Measurement(name, value, unit_of(name), now) for name, value in values.items())
+        return TagValues(time_of_day, tuple(measured))
+
+    def close(self) -> None:
+        """Nothing is held open."""
 
     def _sensors_of(self, tag_id: str) -> Iterable[str]:
         tag = self._simulator.tag_manager.get_tags()[tag_id]

@@ -10,11 +10,14 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from lupin_engine.plugin.contract import Outlet
+from lupin_engine.world.frames import Frames
+from lupin_engine.world.poses import heading
 from lupin_nav.frontier import Frontier, Grid, Survey, Thresholds, make_grid, survey
-from lupin_nav.transforms import Planar, Transforms, heading
 
+#: A place on the floor in metres, frame `map`.
+Point = tuple[float, float]
 #: Where the robot is, or None while nobody knows.
-Whereabouts = Callable[[], Planar | None]
+Whereabouts = Callable[[], Point | None]
 
 
 class Explorer:
@@ -26,7 +29,7 @@ class Explorer:
         self._parameters = parameters
         self._localizer = localizer
         self._thresholds = thresholds_of(parameters)
-        self._transforms = Transforms()
+        self._frames = Frames()
         self._grid: Grid | None = None
         self._map_came = False
         self._told: dict[str, str] = {}
@@ -51,9 +54,9 @@ class Explorer:
         """Stop waiting and report nothing."""
         self._told.clear()
 
-    def take_transforms(self, message: Any) -> None:
-        """Take in a TFMessage."""
-        self._transforms.take(message)
+    def take_transforms(self, message: Any, static: bool = False) -> None:
+        """Take in a TFMessage; what is none of a place is left out."""
+        self._frames.take(message.transforms, static=static)
 
     def take_map(self, message: Any) -> None:
         """Take in an OccupancyGrid in the frame of the map, and look whether it has what is waited for."""
@@ -67,18 +70,18 @@ class Explorer:
         """End the attempts that wait, or tell them what is missing if that is something new."""
         if self.idle:
             return
-        robot = self._transforms.find(self._parameters["frame_id"], self._parameters["base_frame"])
-        robot = robot or self._localizer()
+        pose = self._frames.find(self._parameters["frame_id"], self._parameters["base_frame"])
+        robot = self._localizer() if pose is None else pose.plane
         missing, found = self._search(robot)
         if found is None or robot is None:
             self._tell(missing)
             return
         attempts, self._told = list(self._told), {}
-        yaw = math.atan2(found.y - robot.y, found.x - robot.x)
+        yaw = math.atan2(found.y - robot[1], found.x - robot[0])
         for attempt in attempts:
             self._outlet.done(attempt, {"pose": {"x": found.x, "y": found.y, "yaw": yaw}})
 
-    def _search(self, robot: Planar | None) -> tuple[str, Frontier | None]:
+    def _search(self, robot: Point | None) -> tuple[str, Frontier | None]:
         """Return what is missing, or the frontier to drive to."""
         topic = self._parameters["map_topic"]
         if not self._map_came:
@@ -88,7 +91,7 @@ class Explorer:
             return f"no pose: no transform from {frames}, no {self._parameters['amcl_pose_topic']}", None
         if self._grid is None:
             return f"{topic} has no cells", None
-        result = survey(self._grid, (robot.x, robot.y), self._thresholds)
+        result = survey(self._grid, robot, self._thresholds)
         return nothing_found(result), result.frontier
 
     def _tell(self, missing: str) -> None:

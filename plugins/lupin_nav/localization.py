@@ -11,6 +11,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from lupin_engine.world.poses import heading
+
 #: Places of x, y and yaw on the diagonal of a row-major 6 x 6 covariance.
 PLANAR = (0, 7, 35)
 
@@ -39,8 +41,7 @@ def fix(message: Any) -> Fix | None:
     numbers = (position.x, position.y, q.x, q.y, q.z, q.w)
     if not all(map(math.isfinite, numbers)) or not any((q.x, q.y, q.z, q.w)):
         return None
-    yaw = math.atan2(2.0 * (q.w * q.z + q.x * q.y), 1.0 - 2.0 * (q.y * q.y + q.z * q.z))
-    return Fix(position.x, position.y, yaw, variance(message.pose.covariance))
+    return Fix(position.x, position.y, heading(q), variance(message.pose.covariance))
 
 
 def variance(covariance: Sequence[float]) -> float:

@@ -8,7 +8,7 @@ because one may be a mistake, and the same place is not reported twice in a miss
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from lupin_perception.detections import Detection
@@ -47,10 +47,15 @@ class Watch:
         self._row = 0
         self._reported: list[Point] = []
 
-    def forget(self) -> None:
-        """Begin a new mission: everything may be reported again."""
+    @property
+    def reported(self) -> Sequence[Point]:
+        """The places of the mission's reports."""
+        return self._reported
+
+    def begin(self, reported: Iterable[Point] = ()) -> None:
+        """Begin a mission in which these places were reported already."""
         self._row = 0
-        self._reported.clear()
+        self._reported = list(reported)
 
     def interrupt(self) -> None:
         """Take in a frame that does not count: a tag is in sight, or is being scanned."""

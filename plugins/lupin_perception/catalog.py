@@ -61,12 +61,5 @@ PLUGIN = Plugin(
         ),
     },
     client="lupin_perception.client:PerceptionClient",
-)
-
-#: The node that knows all this, by itself: a mission that uses `perception` does not need this node in
-#: particular. The simulated robot has a simple feed of tags of its own, and two would contradict each other.
-AGGREGATOR = Plugin(
-    name="perception_aggregator",
-    doc="The node that fuses what the cameras see: tags on the map, flowers at tags, pests.",
     nodes={"perception_aggregator": "lupin_perception.node:main"},
 )

@@ -16,6 +16,10 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
+import numpy as np
+
+from lupin_perception.boxes import Box, Size
+
 #: The longest text, in characters, and the longest list that are read: a frame has some dozens of entries.
 MAX_TEXT = 262_144
 MAX_ENTRIES = 512
@@ -24,6 +28,7 @@ MAX_TAG_ID = 2**31 - 1
 
 TAG_KEYS = frozenset({"id", "corners", "dist"})
 FLOWER_KEYS = frozenset({"class", "confidence", "bbox_xyxy", "track_id", "class_name"})
+BOX_KEYS = frozenset({"id", "box_id", "x", "y", "yaw", "width", "depth", "height"})
 
 Entry = TypeVar("Entry")
 
@@ -70,10 +75,32 @@ def read_flowers(text: str, classes: Sequence[str], image_width: float) -> tuple
     return _read(text, FLOWER_KEYS, lambda entry: _flower(entry, classes, image_width))
 
 
+def read_boxes(text: str) -> tuple[dict[str, Box], list[str]]:
+    """Return the boxes of a list, or of an object's list `boxes`, by the id of their tag, and what was wrong.
+
+    An entry tells the centre (m), the heading of the outward normal (rad) and the size (m): `{"id" or
+    "box_id", "x", "y", "yaw", "width", "depth", "height"}`.
+    """
+    found, problems = _read(text, BOX_KEYS, _box, "boxes")
+    return dict(found), problems
+
+
+def _box(entry: Mapping[str, Any]) -> tuple[str, Box] | Unreadable:
+    tag_id = entry.get("id", entry.get("box_id"))
+    numbers = [_number(entry.get(name)) for name in ("x", "y", "yaw", "width", "depth")]
+    x, y, yaw, width, depth = (math.nan if number is None else number for number in numbers)
+    if not isinstance(tag_id, (str, int)) or None in numbers:
+        return Unreadable("a box has no id, or x, y, yaw, width and depth are not all finite numbers")
+    if width <= 0.0 or depth <= 0.0:
+        return Unreadable("a box has no area")
+    normal = np.array((math.cos(yaw), math.sin(yaw)))
+    return str(tag_id), Box(np.array((x, y)) + normal * depth / 2.0, normal, Size(width, depth))
+
+
 def _read(
-    text: str, keys: frozenset[str], read: Callable[[Mapping[str, Any]], Entry | Unreadable]
+    text: str, keys: frozenset[str], read: Callable[[Mapping[str, Any]], Entry | Unreadable], within: str = ""
 ) -> tuple[list[Entry], list[str]]:
-    entries = _entries(text)
+    entries = _entries(text, within)
     if isinstance(entries, Unreadable):
         return [], [entries.reason]
     results = [read(e) if isinstance(e, Mapping) else Unreadable("an entry is no object") for e in entries]
@@ -83,13 +110,15 @@ def _read(
     return found, list(dict.fromkeys(problems))
 
 
-def _entries(text: str) -> list[Any] | Unreadable:
+def _entries(text: str, within: str) -> list[Any] | Unreadable:
     if len(text) > MAX_TEXT:
         return Unreadable(f"more than {MAX_TEXT} characters")
     try:
         data = json.loads(text)
     except (ValueError, RecursionError):
         return Unreadable("no JSON")
+    if within and isinstance(data, Mapping):
+        data = data.get(within)
     if not isinstance(data, list):
         return Unreadable("no list")
     return data if len(data) <= MAX_ENTRIES else Unreadable(f"more than {MAX_ENTRIES} entries")

@@ -10,6 +10,8 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
+from lupin_engine.world.layout import numeric_key
+
 Record = Mapping[str, Any]
 
 
@@ -26,12 +28,7 @@ def records(message: Any) -> tuple[list[Record], list[str]]:
             placed[tag.tag_id] = _record(tag)
         else:
             others[tag.tag_id] = None
-    return [placed[name] for name in sorted(placed, key=_numeric_key)], list(others)
-
-
-def _numeric_key(tag_id: str) -> tuple[bool, int, str]:
-    number = int(tag_id) if tag_id.isascii() and tag_id.isdecimal() else None
-    return number is None, number or 0, tag_id
+    return [placed[name] for name in sorted(placed, key=numeric_key)], list(others)
 
 
 def _is_placed(pose: Any) -> bool:

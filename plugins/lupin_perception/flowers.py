@@ -40,24 +40,23 @@ def scanned_tag(lifecycle: str, phase: str, target: str) -> str:
 class Rules:
     """How detections are fused: metres, radians and shares.
 
-    Detections below `min_confidence` count for nothing; nor, if `gated`, do those more than `margin` beside
-    the box. Class `anomaly` is the pest, every other one a species.
+    Detections below `min_confidence` count for nothing; nor, if `gated` and the width of the box is known, do
+    those more than `margin` beside it. Class `anomaly` is the pest, every other one a species.
     """
 
     view: View
-    box_width: float
     columns: int
     anomaly: str
     min_confidence: float
     gated: bool
     margin: float
 
-    def fraction(self, detection: Detection, pan: float) -> float | None:
-        """Return where across the box a detection is; None when it counts for nothing here."""
+    def fraction(self, detection: Detection, pan: float, width: float | None) -> float | None:
+        """Return where across a box so wide (m; None: unknown) a detection is; None if it does not count."""
         if detection.confidence < self.min_confidence:
             return None
         fraction = self.view.fraction(pan, detection.bearing)
-        if self.gated and not is_inside(fraction, self.box_width, self.margin):
+        if self.gated and width is not None and not is_inside(fraction, width, self.margin):
             return None
         return fraction
 
@@ -99,20 +98,25 @@ class Scan:
         """No tag is scanned at first."""
         self._rules = rules
         self.tag_id = ""
+        self._width: float | None = None
         self._best: dict[tuple[int, str], float] = {}
 
-    def aim(self, tag_id: str) -> bool:
-        """Say which tag is scanned now, '' for none; another one than before begins a new scan."""
-        if tag_id == self.tag_id:
+    def aim(self, tag_id: str, width: float | None = None) -> bool:
+        """Say which tag is scanned now, '' for none, and how wide its box is (m), if that is known.
+
+        Another tag than before begins a new scan, and so does another width: what was seen of the tag so far
+        may belong to its neighbour.
+        """
+        if (tag_id, width) == (self.tag_id, self._width):
             return False
-        self.tag_id = tag_id
+        self.tag_id, self._width = tag_id, width
         self._best.clear()
         return True
 
     def add(self, detections: Iterable[Detection], pan: float) -> None:
         """Credit detections to the tag that is scanned; `pan` in radians, see `View`."""
         for detection in detections:
-            fraction = self._rules.fraction(detection, pan)
+            fraction = self._rules.fraction(detection, pan, self._width)
             if fraction is not None and self.tag_id:
                 where = column_of(fraction, self._rules.columns), detection.name
                 self._best[where] = max(detection.confidence, self._best.get(where, 0.0))

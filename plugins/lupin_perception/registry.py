@@ -9,14 +9,18 @@ so that it never counts as a find of this one.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
+from lupin_engine.world.poses import Pose
 from lupin_perception.flowers import Summary
-from lupin_perception.transforms import Pose
 
 #: Tags that are remembered; more in one greenhouse are a detector gone wild.
 MAX_TAGS = 1000
+#: A pose that differs by less (m; cosine of half the angle) is the same.
+_STILL_M, _STILL_TURN = 1e-3, 1.0 - 1e-6
 #: Characters of an id that are told back to whoever asks for it.
 _SHOWN = 20
 
@@ -52,15 +56,24 @@ class Registry:
         self._reach = max_distance if max_distance > 0.0 else math.inf
         self._freshness = freshness
         self._known: dict[str, Known] = {}
-        self._mission_id = ""
+        #: The mission that this is about; '' before the first.
+        self.mission_id = ""
+        #: Grows with every change of which tags are discovered, where they are, and what grows there.
+        self.revision = 0
 
     def begin(self, mission_id: str) -> bool:
         """Take in which mission is told of; a new one forgets all. The empty id is no mission."""
-        if mission_id in ("", self._mission_id):
+        if mission_id in ("", self.mission_id):
             return False
-        self._mission_id = mission_id
+        self.mission_id = mission_id
         self._known.clear()
+        self.revision += 1
         return True
+
+    def restore(self, tags: Iterable[Known]) -> None:
+        """Take in what an earlier process knew of the same mission."""
+        self._known.update({known.id: known for known in tags})
+        self.revision += 1
 
     def is_near(self, distance: float) -> bool:
         """Say whether a view from `distance` metres counts; an unknown (infinite) distance does."""
@@ -78,13 +91,17 @@ class Registry:
             known = self._known[tag_id] = Known(tag_id, pose, distance, 0, now)
         known.sightings += 1
         known.last_seen = now
+        is_news = known.sightings == self._enough
         if distance <= known.distance:
+            is_news |= known.sightings > self._enough and _has_moved(known.pose, pose)
             known.pose, known.distance = pose, distance
+        self.revision += is_news
         return known
 
     def classify(self, tag_id: str, summary: Summary) -> None:
         """Set what grows at a discovered tag: each scan tells it anew."""
         self._known[tag_id].summary = summary
+        self.revision += 1
 
     def find(self, tag_id: str) -> Known | None:
         """Return a tag if it is discovered."""
@@ -106,6 +123,13 @@ class Registry:
             return Confirmation(False, share, error=f"{name} below sighting threshold: {count}")
         age = now - known.last_seen
         if age > self._freshness:
-            since = f"last seen {age:.1f} s ago, allowed {self._freshness:g} s"
+            seen = "not seen since this node began" if math.isinf(age) else f"last seen {age:.1f} s ago"
+            since = f"{seen}, allowed {self._freshness:g} s"
             return Confirmation(False, 0.0, error=f"{name} stale: {since}")
         return Confirmation(True, 1.0, known.pose)
+
+
+def _has_moved(before: Pose, now: Pose) -> bool:
+    """Say whether two poses differ by more than rounding: a millimetre, or about a tenth of a degree."""
+    place = float(np.abs(before.position - now.position).max())
+    return place > _STILL_M or abs(float(before.rotation @ now.rotation)) < _STILL_TURN

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from lupin_sim.floor import Point
 from lupin_sim.layout import LENGTH, WIDTH, Layout, Table, Tag
 from lupin_sim.robot import Pose
 
@@ -43,7 +44,8 @@ class Plate:
 class Camera:
     """The camera on the robot: looks ahead over `field` radians, as far as `reach` metres."""
 
-    def __init__(self, layout: Layout, reach: float, field: float) -> None:
+    def __init__(self, layout: Layout, reach: float, field: float, pests: Sequence[Point] = ()) -> None:
+        self._pests: Numbers = np.array(pests, dtype=float).reshape(-1, 2)
         self.plates = plates_of(layout)
         self._reach, self._half = reach, field / 2.0
         self._faces = np.array([plate.face for plate in self.plates], dtype=float).reshape(-1, 2)
@@ -53,15 +55,24 @@ class Camera:
 
     def sees(self, pose: Pose) -> list[Plate]:
         """Return the plates that are seen from `pose`."""
-        eye = np.array((pose.x, pose.y))
-        off = self._faces - eye
+        off = self._faces - (pose.x, pose.y)
         bearing = np.arctan2(off[:, 1], off[:, 0])
-        seen = np.hypot(off[:, 0], off[:, 1]) <= self._reach
-        seen &= np.abs(_angle(bearing - pose.yaw)) <= self._half
-        seen &= np.abs(_angle(bearing + math.pi - self._yaws)) <= MOST_OBLIQUE
-        candidates = np.flatnonzero(seen)
-        hidden = self._hidden(eye, off[candidates])
-        return [self.plates[index] for index in candidates[~hidden]]
+        readable = np.abs(_angle(bearing + math.pi - self._yaws)) <= MOST_OBLIQUE
+        return [self.plates[index] for index in self._in_view(pose, self._faces, readable)]
+
+    def pests(self, pose: Pose) -> list[Point]:
+        """Return the places of the pests that are seen from `pose`."""
+        seen = self._pests[self._in_view(pose, self._pests, np.ones(len(self._pests), dtype=bool))]
+        return [(x, y) for x, y in seen.tolist()]
+
+    def _in_view(self, pose: Pose, places: Numbers, candidates: NDArray[np.bool_]) -> NDArray[np.intp]:
+        """Return which of the candidates are near enough, in the field of view, and not behind a table."""
+        eye = np.array((pose.x, pose.y))
+        off = places - eye
+        seen = candidates & (np.hypot(off[:, 0], off[:, 1]) <= self._reach)
+        seen &= np.abs(_angle(np.arctan2(off[:, 1], off[:, 0]) - pose.yaw)) <= self._half
+        found = np.flatnonzero(seen)
+        return found[~self._hidden(eye, off[found])]
 
     def _hidden(self, eye: Numbers, off: Numbers) -> NDArray[np.bool_]:
         """Say for each line from `eye` along `off` whether it passes a table.

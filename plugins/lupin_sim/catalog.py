@@ -6,7 +6,7 @@ from lupin_engine.plugin.contract import Plugin
 
 PLUGIN = Plugin(
     name="robot_sim",
-    doc="A simulated robot: navigation, localization, battery, emergency stop, and faults on request.",
+    doc="A simulated robot: navigation, localization, cameras, battery, emergency stop, faults on request.",
     nodes={"lupin_sim": "lupin_sim.node:main"},
     stands_in={"lupin_sim": ("navigate_to_pose",)},
 )

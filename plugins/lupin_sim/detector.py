@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from lupin_sim.camera import PLATE_M, Plate
+from lupin_sim.floor import Point
 from lupin_sim.robot import Pose
 
 #: Height of cameras and plates above the floor.
@@ -45,6 +46,10 @@ class Bloom:
     kind: int
     confidence: float
     fraction: float
+
+
+#: A pest at no tag.
+STRAY = Bloom(PEST, 0.8, 0.0)
 
 
 def blooms_of(tag_id: str) -> tuple[Bloom, ...]:
@@ -90,10 +95,14 @@ def _pixel(forward: float, left: float, up: float) -> list[float]:
     return [min(max(u, 0.0), IMAGE_PX[0]), min(max(v, 0.0), IMAGE_PX[1])]
 
 
-def flower_entries(pose: Pose, plates: Sequence[Plate]) -> list[dict[str, Any]]:
-    """Return a frame of the flower detector: what grows behind the nearest of these plates and is in view."""
+def flower_entries(pose: Pose, plates: Sequence[Plate], pests: Sequence[Point] = ()) -> list[dict[str, Any]]:
+    """Return a frame of the flower detector: what grows behind the nearest of these plates and is in view.
+
+    Where there is none, of the pests those in view.
+    """
     if not plates:
-        return []
+        bearings = (_bearing_of(pose, *place) for place in pests)
+        return [_flower_entry(STRAY, bearing) for bearing in bearings if abs(bearing) <= HALF_FIELD]
     plate = min(plates, key=lambda plate: math.dist((pose.x, pose.y), plate.face))
     views = ((bloom, _bearing(pose, plate, bloom)) for bloom in blooms_of(plate.id))
     return [_flower_entry(bloom, bearing) for bloom, bearing in views if abs(bearing) <= HALF_FIELD]
@@ -105,6 +114,11 @@ def _bearing(pose: Pose, plate: Plate, bloom: Bloom) -> float:
     along = bloom.fraction * BOX_WIDTH_M / 2
     x = plate.face[0] - along * ahead[1] - BOX_DEPTH_M / 2 * ahead[0]
     y = plate.face[1] + along * ahead[0] - BOX_DEPTH_M / 2 * ahead[1]
+    return _bearing_of(pose, x, y)
+
+
+def _bearing_of(pose: Pose, x: float, y: float) -> float:
+    """Return how far to the right of the middle of its view a robot sees a place, in radians."""
     forward, left = _ahead(pose, x, y)
     return -math.atan2(left, forward)
 

@@ -1,20 +1,11 @@
-"""The layout of the greenhouse: its walls, its tables and its tags. Metres, frame `map`.
-
-The file is the one that mdp-greenhouse itself reads: `{"tags": {id: {"x", "y", ...}}, "tables": {name: {"x0",
-"x1", "y0", "y1"}}}`, or the tags alone.
-"""
+"""The greenhouse that is simulated: its walls, its tables and its tags. Metres, frame `map`."""
 
 from __future__ import annotations
 
-import json
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
-from importlib import resources
-from pathlib import Path
-from typing import Any
 
-from lupin_engine.errors import LupinError
+from lupin_engine.world import layout
 
 #: Inner measures of the greenhouse in metres, x and y; it has a wall around.
 WIDTH, LENGTH = 4.0, 8.0
@@ -57,30 +48,13 @@ class Layout:
 
 
 def load_layout(file: str = "") -> Layout:
-    """Read a layout file; the empty name stands for the one of `mdp-greenhouse`.
+    """Read a layout file; the empty name stands for the bundled greenhouse.
 
     Raises:
         LupinError: the file is missing or is no layout.
     """
-    try:
-        text = Path(file).expanduser().read_text(encoding="utf-8") if file else _bundled()
-        return layout_of(json.loads(text))
-    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
-        raise LupinError(f"layout {file or 'of mdp-greenhouse'} cannot be used: {error}") from error
-
-
-def layout_of(data: Mapping[str, Any]) -> Layout:
-    """Return what a parsed layout says; one that is a bare map of tags has no tables."""
-    sides, tables = ("x0", "y0", "x1", "y1"), data.get("tables", {}) if "tags" in data else {}
-    tags = data.get("tags", data)
+    known = layout.load(file)
     return Layout(
-        tuple(Table(*(float(table[side]) for side in sides)) for table in tables.values()),
-        tuple(Tag(str(name), float(tag["x"]), float(tag["y"])) for name, tag in tags.items()),
+        tuple(Table(table.x0, table.y0, table.x1, table.y1) for table in known.tables),
+        tuple(Tag(tag.id, tag.x, tag.y) for tag in known.tags.values()),
     )
-
-
-def _bundled() -> str:
-    try:
-        return (resources.files("greenhouse_sim") / "configs" / "tag_locations.json").read_text("utf-8")
-    except ModuleNotFoundError as error:
-        raise LupinError("the greenhouse is not installed: pip install mdp-greenhouse") from error

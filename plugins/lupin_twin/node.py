@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import array
 import math
-import os
 from collections.abc import Callable, Sequence
-from pathlib import Path
 from typing import Any
 
 from builtin_interfaces.msg import Time
@@ -20,8 +18,9 @@ from lupin_engine.plugin.types import COUNT, NUMBER, TEXT, number_in
 from lupin_msgs.msg import DiscoveredTags, FlowerPoint, Observation, SensorReading, TwinState, TwinTagState
 from lupin_msgs.srv import GetField
 from lupin_twin import wire
-from lupin_twin.field import DEFAULTS, Settings
+from lupin_twin.field import DEFAULTS, OccupancyMap, Settings
 from lupin_twin.heatmap import Heatmap, Heatmaps, Refused, Request
+from lupin_twin.place import store_path
 from lupin_twin.records import Anomaly, Bloom, Pin, Record
 from lupin_twin.state import HISTORY, Tag, Twin
 from lupin_twin.store import Store, StoreError
@@ -32,6 +31,9 @@ STALE_AFTER_S = 10.0
 #: Seconds in which the same complaint is not repeated, and how many different ones are remembered.
 COMPLAINT_PERIOD_S = 10.0
 MAX_COMPLAINTS = 100
+
+#: Seconds between two maps that are kept.
+MAP_PERIOD_S = 30.0
 
 #: A true half turn has w = 0, which on this wire means "never observed"; this is close enough to it.
 SMALLEST_W = 1e-9
@@ -58,7 +60,7 @@ PARAMETERS = {
         number_in("m"), DEFAULTS.max_distance, "cells farther from every tag have no value", minimum=0.0
     ),
     "store_file": Parameter(
-        TEXT, "", "SQLite file of all records; empty: twin.sqlite in the user's state; :memory: keeps nothing"
+        TEXT, "", "SQLite file of all records; empty: one in the user's state folder; :memory: keeps nothing"
     ),
 }
 
@@ -76,8 +78,10 @@ class TwinNode:
         self._message = TwinState(header=Header(frame_id=self._frame))
         self._told_revision = 0
         self._complaints: dict[str, float] = {}
-        self._store = Store(_store_path(values["store_file"]))
+        self._store = Store(store_path(values["store_file"]))
         self._store_fails = False
+        self._new_map: OccupancyMap | None = None
+        self._map_kept = -math.inf
         self._remember()
         self._connect(values)
 
@@ -85,6 +89,9 @@ class TwinNode:
         """Take in all that earlier runs have kept."""
         for record, received in self._store.rows():
             self._twin.apply(record, received)
+        occupancy = self._store.map()
+        if occupancy is not None:
+            self._heatmaps.explore(occupancy)
         if self._store.put_aside:
             self._ros.log.error(self._store.put_aside)
         for problem in self._store.unreadable:
@@ -124,7 +131,8 @@ class TwinNode:
             self._take(record)
 
     def _on_map(self, message: OccupancyGrid) -> None:
-        self._heatmaps.explore(wire.occupancy(message, self._frame))
+        self._new_map = wire.occupancy(message, self._frame)
+        self._heatmaps.explore(self._new_map)
 
     def _take(self, record: Record) -> None:
         """Keep a record, then know it: what the twin has told is still known after a crash."""
@@ -183,7 +191,19 @@ class TwinNode:
     def _tick(self) -> None:
         if self._store.waiting:
             self._keep(self._store.flush)
+        if self._ros.elapsed() - self._map_kept >= MAP_PERIOD_S:
+            self._keep_map()
         self._publish()
+
+    def _keep_map(self) -> None:
+        """Keep the latest map; who makes one tells it again and again, and it may be large."""
+        occupancy = self._new_map
+        if occupancy is None:
+            return
+        self._map_kept = self._ros.elapsed()
+        self._keep(lambda: self._store.keep_map(occupancy))
+        if not self._store_fails:
+            self._new_map = None
 
     def _publish(self) -> None:
         now = self._ros.now()
@@ -209,17 +229,8 @@ class TwinNode:
         """Write what waits, if that can be, and let go of the store."""
         if self._store.waiting:
             self._keep(self._store.flush)
+        self._keep_map()
         self._store.close()
-
-
-def _store_path(given: str) -> str:
-    """Return the path of the store: the given one, else a file in the user's state folder."""
-    if given:
-        return os.path.expanduser(given)
-    base = os.environ.get("XDG_STATE_HOME", "")
-    # The specification says that relative ones are ignored.
-    folder = Path(base) if Path(base).is_absolute() else Path.home() / ".local" / "state"
-    return str(folder / "lupin" / "twin.sqlite")
 
 
 def fill(response: GetField.Response, heatmap: Heatmap) -> None:

@@ -15,7 +15,18 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from lupin_twin.field import Floats
-from lupin_twin.records import Anomaly, Bloom, Box, Corners, Discovery, Flowers, Pin, Reading, Record
+from lupin_twin.records import (
+    Anomaly,
+    Bloom,
+    Box,
+    Corners,
+    Discovery,
+    Flowers,
+    Observed,
+    Pin,
+    Reading,
+    Record,
+)
 
 #: Sensors of the interface; further ones are known once they have been read.
 SENSORS = ("temperature", "humidity", "co2", "light", "soil_moisture")
@@ -29,6 +40,15 @@ NEAR_M = 2.0
 
 #: Values beyond this cannot be sent in a field, which has 32 bits for each.
 LARGEST = float(np.finfo(np.float32).max)
+
+
+def observed_at(record: Observed, received: float) -> float:
+    """Return when something was observed that arrived at time `received`, in seconds of the twin's clock.
+
+    Nothing was observed later than it arrived, so a stamp of another computer's clock that is ahead of ours
+    does not keep a tag fresh.
+    """
+    return min(record.stamp, received or math.inf)
 
 
 @dataclass
@@ -112,18 +132,13 @@ class Twin:
         return True
 
     def apply(self, record: Record, received: float) -> None:
-        """Take in a record that arrived at time `received`; 0 if the clock had not begun by then.
-
-        Nothing was observed later than it arrived, so a stamp of another computer's clock that is ahead of
-        ours does not keep a tag fresh.
-        """
+        """Take in a record that arrived at time `received`; 0 if the clock had not begun by then."""
         self.revision += 1
-        latest = received or math.inf
         match record:
             case Reading():
-                self._apply_reading(record, min(record.stamp, latest))
+                self._apply_reading(record, observed_at(record, received))
             case Flowers():
-                self._apply_flowers(record, min(record.stamp, latest))
+                self._apply_flowers(record, observed_at(record, received))
             case Anomaly():
                 self._anomalies.append(record)
             case Discovery():

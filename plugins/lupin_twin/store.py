@@ -1,8 +1,10 @@
 """Records on disk: SQLite with a write-ahead log, one row for each record, in the order of their arrival.
 
 A record is on the disk when `add` returns; what the twin knows is what the rows add up to, so there is
-nothing else to keep. A file that is no store is put aside, never overwritten. While records cannot be written
-they wait in memory and are tried again with the next one.
+nothing else to keep but the latest map. A file that is no store is put aside, never overwritten. While
+records cannot be written they wait in memory and are tried again with the next one.
+
+`read` is for everybody else: it looks at a store that a twin may be writing to, and changes nothing.
 """
 
 from __future__ import annotations
@@ -11,12 +13,18 @@ import fcntl
 import hashlib
 import os
 import sqlite3
+import zlib
 from collections import deque
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
+from urllib.parse import quote
+
+import numpy as np
 
 from lupin_engine.errors import LupinError
+from lupin_twin.field import OccupancyMap
 from lupin_twin.records import Anomaly, Flowers, Reading, Record, from_json, to_json
 
 #: The path that means: keep nothing.
@@ -44,7 +52,22 @@ _TABLE = f"""
     COMMIT;
 """
 
+#: The latest map, if one was told; `cells` are compressed, row by row, one signed byte each.
+_MAP = """
+    CREATE TABLE IF NOT EXISTS map (
+        number INTEGER PRIMARY KEY CHECK (number = 1),
+        x REAL NOT NULL,
+        y REAL NOT NULL,
+        yaw REAL NOT NULL,
+        resolution REAL NOT NULL,
+        width INTEGER NOT NULL,
+        height INTEGER NOT NULL,
+        cells BLOB NOT NULL
+    )
+"""
+
 _INSERT = "INSERT OR IGNORE INTO record (received, digest, json) VALUES (?, ?, ?)"
+_KEEP_MAP = "INSERT OR REPLACE INTO map VALUES (1, ?, ?, ?, ?, ?, ?, ?)"
 
 
 class StoreError(LupinError):
@@ -60,6 +83,15 @@ class Row(NamedTuple):
 
     record: Record
     received: float
+
+
+@dataclass(frozen=True)
+class Content:
+    """What is in a store: its records in the order of their arrival, the latest map, and what is damaged."""
+
+    rows: list[Row]
+    map: OccupancyMap | None
+    unreadable: list[str]
 
 
 class Store:
@@ -116,13 +148,27 @@ class Store:
 
     def rows(self) -> Iterator[Row]:
         """Yield all records in the order of their arrival; `unreadable` tells of those that are damaged."""
-        for number, received, text in self._db.execute(
-            "SELECT number, received, json FROM record ORDER BY 1"
-        ):
-            try:
-                yield Row(from_json(text), received)
-            except ValueError as error:
-                self.unreadable.append(f"{self.path}: row {number} left out: {error}")
+        yield from _rows(self._db, self.path, self.unreadable)
+
+    def map(self) -> OccupancyMap | None:
+        """Return the map that was kept last; None without one, `unreadable` tells where it is damaged."""
+        return _map(self._db, self.path, self.unreadable)
+
+    def keep_map(self, occupancy: OccupancyMap) -> bool:
+        """Write a map to the disk in the place of the one before; always True, as what was told is news.
+
+        Raises:
+            StoreError: it could not be written.
+        """
+        height, width = occupancy.cells.shape
+        cells = zlib.compress(occupancy.cells.astype(np.int8).tobytes(), level=1)
+        place = occupancy.x, occupancy.y, occupancy.yaw, occupancy.resolution
+        try:
+            with self._db:
+                self._db.execute(_KEEP_MAP, (*place, width, height, cells))
+        except sqlite3.Error as error:
+            raise StoreError(f"{self.path}: {error}; the map is in memory only") from None
+        return True
 
     @property
     def waiting(self) -> int:
@@ -219,12 +265,17 @@ def _opened(path: str) -> sqlite3.Connection:
 
 
 def _check(db: sqlite3.Connection, path: str) -> None:
-    """Make the table in an empty file; see that any other one is whole and ours."""
-    version = db.execute("PRAGMA user_version").fetchone()[0]
-    tables = [name for (name,) in db.execute("SELECT name FROM sqlite_master WHERE type = 'table'")]
+    """Make the tables in an empty file; see that any other one is whole and ours."""
+    version, tables = _state(db)
     if version == 0 and not tables:
         db.executescript(_TABLE)
-        return
+    else:
+        _check_ours(db, path, version, tables)
+    db.execute(_MAP)
+
+
+def _check_ours(db: sqlite3.Connection, path: str, version: int, tables: list[str]) -> None:
+    """See that a file that is not empty is whole and ours."""
     if "record" not in tables or version == 0:
         raise _Corrupt("another program's database")
     if version > VERSION:
@@ -232,6 +283,81 @@ def _check(db: sqlite3.Connection, path: str) -> None:
     verdict = db.execute("PRAGMA quick_check(1)").fetchone()[0]
     if verdict != "ok":
         raise _Corrupt(verdict)
+
+
+def _state(db: sqlite3.Connection) -> tuple[int, list[str]]:
+    """Return the version and the names of the tables."""
+    version = db.execute("PRAGMA user_version").fetchone()[0]
+    return version, [name for (name,) in db.execute("SELECT name FROM sqlite_master WHERE type = 'table'")]
+
+
+def _rows(db: sqlite3.Connection, path: str, unreadable: list[str]) -> Iterator[Row]:
+    for number, received, text in db.execute("SELECT number, received, json FROM record ORDER BY 1"):
+        try:
+            yield Row(from_json(text), received)
+        except ValueError as error:
+            unreadable.append(f"{path}: row {number} left out: {error}")
+
+
+def _map(db: sqlite3.Connection, path: str, unreadable: list[str]) -> OccupancyMap | None:
+    found = db.execute("SELECT x, y, yaw, resolution, width, height, cells FROM map").fetchone()
+    if found is None:
+        return None
+    x, y, yaw, resolution, width, height, cells = found
+    try:
+        grid = np.frombuffer(zlib.decompress(cells), dtype=np.int8).reshape(height, width)
+    except (ValueError, TypeError, zlib.error) as error:
+        unreadable.append(f"{path}: the map left out: {error}")
+        return None
+    return OccupancyMap(x, y, yaw, resolution, grid)
+
+
+def read(path: str) -> Content:
+    """Return what is in a store, also while a twin writes to it; nothing is changed.
+
+    Raises:
+        StoreError: there is no store, or it cannot be read; the text says why.
+    """
+    if not os.path.isfile(path):
+        raise StoreError(f"there is no store {path}; a twin makes it: lupin run, or lupin node lupin_twin")
+    try:
+        db = _opened_for_reading(path)
+    except sqlite3.Error as error:
+        raise StoreError(f"{path} cannot be read: {error}") from None
+    try:
+        _check_ours(db, path, *_state(db))
+        unreadable: list[str] = []
+        rows = list(_rows(db, path, unreadable))
+        has_map = "map" in _state(db)[1]
+        return Content(rows, _map(db, path, unreadable) if has_map else None, unreadable)
+    except _Corrupt as reason:
+        raise StoreError(f"{path} is not a store of the twin, or is damaged: {reason}") from None
+    except sqlite3.DatabaseError as error:
+        raise StoreError(f"{path} is not a store of the twin, or is damaged: {error}") from None
+    finally:
+        db.close()
+
+
+def _opened_for_reading(path: str) -> sqlite3.Connection:
+    """Return a connection that does not write.
+
+    SQLite wants to make its index of the log beside the file. Where that is not allowed, and there is no log,
+    nobody is writing, and the file can be read as it is.
+    """
+    place = f"file:{quote(os.path.abspath(path))}"
+    db = sqlite3.connect(f"{place}?mode=ro", uri=True, timeout=BUSY_S)
+    try:
+        db.execute("BEGIN")  # all that is read is of one moment
+        db.execute("SELECT 1 FROM sqlite_master").fetchone()
+    except sqlite3.OperationalError:
+        db.close()
+        if os.path.exists(f"{path}-wal"):
+            raise
+        return sqlite3.connect(f"{place}?mode=ro&immutable=1", uri=True)
+    except BaseException:
+        db.close()
+        raise
+    return db
 
 
 def _close(db: sqlite3.Connection | None) -> None:

@@ -6,12 +6,15 @@ import shutil
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from lupin_engine.chart import binding_file
 from lupin_engine.chart.binding_file import BindingNode
-from lupin_engine.chart.bindings import Binding, check_definition
+from lupin_engine.chart.binding_meaning import Definition
+from lupin_engine.chart.binding_reader import check_definition
+from lupin_engine.chart.bindings import Binding, Outcome
 from lupin_engine.chart.documents import Node, validate
 from lupin_engine.chart.findings import Findings
 from lupin_engine.chart.load import LIFECYCLE, check_chart, inspect_chart, load_chart
@@ -35,6 +38,20 @@ RESPONSE = Type(
     f"{FIELD}.Response",
     fields={"ok": BOOL, "error_message": TEXT, "values": list_of(NUMBER), "width": COUNT},
 )
+
+
+#: What expressions see besides arguments and answer.
+AROUND: dict[str, Any] = {"param": {}, "constant": {}, "now": 0.0}
+
+
+def definition(request: Type = REQUEST, response: Type = RESPONSE) -> Definition:
+    """What is installed, when anything is."""
+    return {"request": request, "response": response, "constant": Type("record", "constant")}
+
+
+def answer(**fields: Any) -> dict[str, Any]:
+    """An answer of the service."""
+    return {"response": {"ok": True, "values": [], "width": 0, "error_message": "", **fields}}
 
 
 @pytest.fixture
@@ -90,25 +107,25 @@ def test_missions_see_it_like_any_plugin(survey: Binding) -> None:
     ]
     assert (operation.uses, operation.on_hold) == (("base", "arm"), OnHold.CANCEL)
     assert (operation.mock.after, operation.mock.result) == (0.5, {"values": [1.5], "first": 1.5, "cells": 1})
-    assert survey.calls["ask"].deadline == 120.0
+    assert survey.calls["ask"].endpoint.deadline == 120.0
 
 
 def test_what_is_sent_is_computed_from_the_arguments(survey: Binding) -> None:
     """Units are gone: metres on the wire."""
     place = {"x": 10.0, "y": 0.0, "yaw": 0.0}
-    sent = survey.calls["ask"].sent({"sensor": "co2", "place": place, "reach": 2.0})
+    sent = survey.calls["ask"].sending.sent({"sensor": "co2", "place": place, "reach": 2.0}, AROUND)
     assert sent == {"sensor_type": "co2", "resolution": 0.5, "bbox_min_x": 8.0, "bbox_max_x": 12.0}
 
 
 def test_what_an_answer_means(survey: Binding) -> None:
     """Done with the result, or not with the detail."""
     call = survey.calls["ask"]
-    good = call.outcome({"ok": True, "values": [2.5, 3.0], "width": 2, "error_message": ""})
+    good = call.outcome(answer(ok=True, values=[2.5, 3.0], width=2), AROUND)
     assert good.result == {"values": [2.5, 3.0], "first": 2.5, "cells": 2}
-    bad = call.outcome({"ok": False, "values": [], "width": 0, "error_message": "no such sensor"})
-    assert (bad.result, bad.detail) == (None, "no such sensor")
+    bad = call.outcome(answer(ok=False, error_message="no such sensor"), AROUND)
+    assert bad == Outcome(None, "no_field", "no such sensor")
     with pytest.raises(ValueError, match="expected count of at least 0, got -1"):
-        call.outcome({"ok": True, "values": [1.0], "width": -1, "error_message": ""})
+        call.outcome(answer(ok=True, values=[1.0], width=-1), AROUND)
 
 
 def test_it_is_simulated(catalog: Catalog) -> None:
@@ -157,7 +174,7 @@ def test_a_text_that_is_edited_is_read_in_place_of_its_file(folder: Path, catalo
 def misfits(binding: Binding, request: Type = REQUEST, response: Type = RESPONSE) -> list[str]:
     """What does not fit a definition, as `place: problem`, without the folder."""
     findings = Findings()
-    check_definition(binding, lambda _: (request, response), findings)
+    check_definition(binding, lambda _: definition(request, response), findings)
     return [str(found).replace(f"{BOUND}/", "") for found in findings.all]
 
 
@@ -214,7 +231,8 @@ def test_messages_in_messages(folder: Path, catalog: Catalog) -> None:
     binding.write_text(text.replace("resolution: 0.5", nested), encoding="utf-8")
     chart = load_chart(folder / LIFECYCLE, [folder / "survey_mission.yaml"], catalog)
     place = {"x": 10.0, "y": 0.0, "yaw": 0.0}
-    sent = chart.bindings["survey"].calls["ask"].sent({"sensor": "co2", "place": place, "reach": 2.0})
+    call = chart.bindings["survey"].calls["ask"]
+    sent = call.sending.sent({"sensor": "co2", "place": place, "reach": 2.0}, AROUND)
     assert sent["resolution"] == {"middle": {"x": 10.0, "z": 0.5}}
     area = Type("record", "Area", fields={"middle": POSE})
     told = misfits(chart.bindings["survey"], replace(REQUEST, fields={**REQUEST.fields, "resolution": area}))
@@ -224,7 +242,7 @@ def test_messages_in_messages(folder: Path, catalog: Catalog) -> None:
     ]
 
 
-def refuse(_: str) -> tuple[Type, Type]:
+def refuse(_: str) -> Definition:
     """Know no type."""
     raise LookupError("lupin_msgs has no service 'GetField'; did you mean 'GetFields'?")
 
@@ -245,7 +263,7 @@ def refuse(_: str) -> tuple[Type, Type]:
     ],
 )
 def test_a_type_that_is_not_there(
-    survey: Binding, definitions: Callable[[str], tuple[Type, Type] | None], told: str
+    survey: Binding, definitions: Callable[[str], Definition | None], told: str
 ) -> None:
     """An error where it should be; where nothing of its package is, only a warning."""
     findings = Findings()

@@ -9,7 +9,7 @@ import pytest
 
 from lupin_engine.cli.tasks.check import check_paths
 from lupin_engine.errors import UsageError
-from lupin_engine.middleware.definitions import knows_services
+from lupin_engine.middleware.definitions import knows_interfaces
 
 TUTORIAL = Path(__file__).parents[2] / "docs" / "tutorial"
 
@@ -57,7 +57,7 @@ def test_a_binding_in_the_wrong_place(binding: Path) -> None:
         check_paths([astray])
 
 
-@pytest.mark.skipif(not knows_services(), reason="no interface packages are installed here")
+@pytest.mark.skipif(not knows_interfaces(), reason="no interface packages are installed here")
 def test_the_service_is_looked_up(binding: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Without importing ROS: what its package installed says what it takes."""
     binding.write_text(binding.read_text().replace("response.message", "response.messages"))

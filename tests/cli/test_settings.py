@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from lupin_engine.cli.settings import read_settings
+from lupin_engine.cli.settings import of_nodes, of_the_mission, read_settings
 from lupin_engine.errors import UsageError
 from lupin_engine.plugin.contract import Parameter
 from lupin_engine.plugin.types import BOOL, COUNT, DURATION, POSE, TEXT, list_of, number_in
@@ -65,3 +65,12 @@ def test_every_problem_is_told() -> None:
         "--set: parameter share: expected number, got '5 s'",
         "--set: parameter dock: expected pose with the fields x, y, yaw, got [1, 2]",
     ]
+
+
+GIVEN = ["preset=a.b", "reader.backend=mqtt", "reader.topic=a/{tag}=b", "other.x=1", "nothing"]
+
+
+def test_a_setting_with_a_node_before_it_is_the_nodes() -> None:
+    """Only a dot of the name counts."""
+    assert of_the_mission(GIVEN) == ["preset=a.b", "nothing"]
+    assert of_nodes(GIVEN) == {"reader": ["backend=mqtt", "topic=a/{tag}=b"], "other": ["x=1"]}

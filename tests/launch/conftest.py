@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from tests.domains import claimed_domain
+from lupin_engine.harness.domains import claimed_domain
 from tests.launch.processes import Lupin
 
 

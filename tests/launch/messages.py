@@ -49,6 +49,20 @@ def observation(
     }
 
 
+def flowers(tag: str, species: str, blooms: int = 1, anomaly: bool = False) -> tuple[str, dict[str, Any]]:
+    """An Observation of flowers."""
+    flower = {"tag_id": tag, "species": species, "confidence": 0.9 if species else 0.0, "anomaly": anomaly}
+    flower["flowers"] = [{}] * blooms
+    return "observation", {"mission_id": MISSION_ID, "kind": 1, "status": 0, "flower": flower}
+
+
+def anomaly(description: str, kind: int = 2) -> tuple[str, dict[str, Any]]:
+    """An Observation of an anomaly at no tag."""
+    pose = {"pose": {"position": {"x": 1.0, "y": 2.5}}}
+    report = {"description": description, "pose": pose, "severity": 1}
+    return "observation", {"mission_id": MISSION_ID, "kind": kind, "status": 0, "anomaly": report}
+
+
 def step(
     attempts: Sequence[tuple[str, int, float | None]],
     configuration: Sequence[str] = (),

@@ -38,7 +38,12 @@ class Lupin:
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             text=True,
-            env={**os.environ, "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST", name: value},
+            env={
+                **os.environ,
+                "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+                "XDG_STATE_HOME": str(log_dir.parent / "state"),
+                name: value,
+            },
             start_new_session=True,
         )
         self.lines: list[str] = []

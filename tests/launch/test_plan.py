@@ -16,11 +16,18 @@ CATALOG: Catalog = build_catalog(
         Plugin("drive", "Driving.", operations={"go": Operation("Go.")}),
         Plugin("read", "Reading.", operations={"scan": Operation("Scan.")}, nodes={"reader": "r:main"}),
         Plugin("other", "Not used.", operations={"op": Operation("Op.")}, nodes={"unused": "o:main"}),
-        Plugin("twin", "Watches.", nodes={"twin": "t:main"}),
+        Plugin("twin", "Watches.", nodes={"twin": "t:main"}, companions=("twin",)),
         Plugin("fake", "A robot.", nodes={"fake_robot": "f:main"}, stands_in={"fake_robot": ("navigate",)}),
+        Plugin(
+            "hand",
+            "An arm.",
+            client="h:Client",
+            nodes={"hand": "h:main", "fake_hand": "h:fake"},
+            stands_in={"fake_hand": ("grip",)},
+        ),
     ]
 )
-EVERYTHING = ("fake_robot", "reader", "mission_orchestrator")
+EVERYTHING = ("fake_robot", "reader", "twin", "mission_orchestrator")
 
 
 def plan(present: Present = Present(), simulate: bool = True) -> tuple[tuple[str, ...], tuple[str, ...]]:  # noqa: B008
@@ -29,16 +36,23 @@ def plan(present: Present = Present(), simulate: bool = True) -> tuple[tuple[str
 
 
 def test_an_empty_network_needs_everything_that_is_used() -> None:
-    """The simulated robot first, the orchestrator last; nodes of other plugins and consumers stay out."""
+    """The simulated robot first, the orchestrator last; nodes of plugins that nobody uses stay out."""
     assert plan() == (EVERYTHING, ())
+
+
+def test_what_missions_do_not_use_is_not_simulated() -> None:
+    """An arm only for missions that move it; the robot itself is part of them all."""
+    assert "fake_hand" not in plan()[0]
+    with_the_arm = make_plan(["drive", "hand"], CATALOG, Present(), {})
+    assert with_the_arm.starts == ("fake_robot", "fake_hand", "twin", "hand", "mission_orchestrator")
 
 
 @pytest.mark.parametrize(
     ("present", "starts", "joined"),
     [
-        (Present(nodes=frozenset({"reader"})), ("fake_robot", "mission_orchestrator"), ("reader",)),
-        (Present(actions=frozenset({"/navigate"})), ("reader", "mission_orchestrator"), ("navigate",)),
-        (Present(services=frozenset({"/navigate"})), ("reader", "mission_orchestrator"), ("navigate",)),
+        (Present(nodes=frozenset({"reader"})), ("fake_robot", "twin", "mission_orchestrator"), ("reader",)),
+        (Present(actions=frozenset({"/navigate"})), ("reader", "twin", "mission_orchestrator"), ("navigate",)),
+        (Present(services=frozenset({"/navigate"})), ("reader", "twin", "mission_orchestrator"), ("navigate",)),
         (Present(actions=frozenset({"/robot/navigate"})), EVERYTHING, ()),
         (Present(nodes=frozenset(EVERYTHING)), (), EVERYTHING),
     ],
@@ -51,7 +65,7 @@ def test_what_is_there_is_used(present: Present, starts: tuple[str, ...], joined
 
 def test_no_robot_is_simulated_when_that_is_not_wanted() -> None:
     """`--no-sim` waits for the real one."""
-    assert plan(simulate=False) == (("reader", "mission_orchestrator"), ())
+    assert plan(simulate=False) == (("reader", "twin", "mission_orchestrator"), ())
 
 
 def test_parameters_reach_their_node(tmp_path: Path) -> None:

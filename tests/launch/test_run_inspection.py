@@ -158,7 +158,7 @@ def test_nodes_that_run_are_used_and_left_alone(lupin: Start) -> None:
 
     first = lupin(*THREE)
     first.until_line("NAVIGATING  tag 1")
-    assert "using what is there: lupin_sim, greenhouse_bridge, mission_orchestrator" in first.output
+    assert "using what is there: lupin_sim, greenhouse_bridge, lupin_twin, mission_orchestrator" in first.output
 
     second = lupin("run", "inspection", "--tags", "3")
     assert second.end() == 2, second.output

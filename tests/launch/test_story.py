@@ -8,7 +8,7 @@ import pytest
 
 from lupin_engine.errors import Severity
 from lupin_engine.launch.story import Story
-from tests.launch.messages import observation, state, step
+from tests.launch.messages import anomaly, flowers, observation, state, step
 
 ID = "lupin-1"
 
@@ -58,6 +58,28 @@ def test_readings_and_failures_become_events() -> None:
     ]
     assert [h.severity for h in story.happenings] == [Severity.INFO, Severity.WARN]
     assert story.readings["5"].status == "SCAN_FAILED"
+
+
+def test_flowers_and_anomalies_are_events_and_no_readings() -> None:
+    """What the cameras find is told; targets are counted by their readings alone."""
+    story = told(
+        flowers("5", "tulip_red", blooms=3),
+        flowers("6", "", anomaly=True),
+        anomaly("bug seen"),
+    )
+    assert [(h.severity, h.text) for h in story.happenings] == [
+        (Severity.INFO, "tag 5: tulip_red (0.90), blooms: 3"),
+        (Severity.WARN, "tag 6: no species (0.00), blooms: 1, anomaly"),
+        (Severity.WARN, "anomaly at x 1.00 m, y 2.50 m: bug seen"),
+    ]
+    assert (story.readings, story.observed) == ({}, 0)
+
+
+def test_an_observation_of_a_later_build_is_passed_over() -> None:
+    """A kind that is not known yet."""
+    story = Story(ID, 0.0)
+    assert not story.take(*anomaly("", kind=7), 1.0)
+    assert story.happenings == []
 
 
 def test_flags_and_errors_become_events_once() -> None:

@@ -9,8 +9,9 @@ from pathlib import Path
 
 import pytest
 
+from lupin_bridge.backend import Clocks, ReadingFailed, UnknownTag
 from lupin_bridge.catalog import PLUGIN, READING, mock_reading
-from lupin_bridge.greenhouse import Greenhouse, ReadingFailed, Settings, UnknownTag
+from lupin_bridge.greenhouse import Greenhouse, Settings
 from lupin_engine.errors import LupinError
 from lupin_engine.plugin.types import convert
 
@@ -31,8 +32,14 @@ def layout(tmp_path: Path) -> Path:
 
 def test_a_tag_has_its_own_sensors_in_the_order_of_the_layout(layout: Path) -> None:
     bundled, own = Greenhouse(), Greenhouse(Settings(str(layout)))
-    assert [name for name, _ in bundled.read("12").sensors] == ["temperature", "humidity", "co2"]
-    assert [name for name, _ in own.read("7").sensors] == ["light", "temperature"]
+    assert [one.sensor for one in bundled.read("12").sensors] == ["temperature", "humidity", "co2"]
+    assert [one.sensor for one in own.read("7").sensors] == ["light", "temperature"]
+
+
+def test_a_reading_is_of_now_and_has_its_unit(layout: Path) -> None:
+    greenhouse = Greenhouse(Settings(str(layout)), Clocks(wall=lambda: 1000.0))
+    found = [(one.sensor, one.unit, one.stamp, one.age) for one in greenhouse.read("7").sensors]
+    assert found == [("light", "lx", 1000.0, 0.0), ("temperature", "°C", 1000.0, 0.0)]
 
 
 def test_the_bundled_layout_has_29_tags_that_can_all_be_read() -> None:
@@ -42,9 +49,22 @@ def test_the_bundled_layout_has_29_tags_that_can_all_be_read() -> None:
     assert all(0.0 <= greenhouse.read(tag).time_of_day < 86400.0 for tag in greenhouse.tags)
 
 
-def test_an_unknown_tag_is_named() -> None:
-    with pytest.raises(UnknownTag, match=r"^unknown tag '8'; the layout has 29 tags$"):
-        Greenhouse().read("8")
+@pytest.mark.parametrize(
+    ("asked", "told"),
+    [
+        ("8", "'8'"),
+        ("", "''"),
+        ("01", "'01'"),
+        (" 1", "' 1'"),
+        ("../1", "'../1'"),
+        ("1\x00\n", r"'1\x00\n'"),
+        ("9" * 100_000, f"'{'9' * 60}'... (100000 characters)"),
+    ],
+)
+def test_an_unknown_tag_is_named_and_a_long_name_is_cut(asked: str, told: str) -> None:
+    with pytest.raises(UnknownTag) as refused:
+        Greenhouse().read(asked)
+    assert str(refused.value) == f"unknown tag {told}; the layout has 29 tags"
 
 
 def test_a_sensor_without_climate_is_named(layout: Path) -> None:
@@ -81,7 +101,7 @@ def test_the_time_of_day_can_be_fixed(hours: float, seconds: float) -> None:
 
 def test_a_seed_makes_the_noise_repeatable() -> None:
     def readings(seed: int) -> list[object]:
-        greenhouse = Greenhouse(Settings(debug_seed=seed))
+        greenhouse = Greenhouse(Settings(debug_seed=seed), Clocks(wall=lambda: 0.0))
         return [greenhouse.read(tag) for tag in greenhouse.tags]
 
     assert readings(3) == readings(3)

@@ -11,8 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lupin_engine.world import layout
-from lupin_nav.approach import Approach, Source, Tables, approach, approach_discovered, clamp_standoff
 from lupin_engine.world.layout import Table
+from lupin_nav.approach import Approach, Source, Tables, approach, approach_discovered, clamp_standoff
 from lupin_nav.overrides import Override
 
 FACING_X = (0.0, math.sin(math.pi / 4), 0.0, math.cos(math.pi / 4))  # +Z of the plate along +X of the map

@@ -15,8 +15,9 @@ from geometry_msgs.msg import PoseWithCovarianceStamped
 from sensor_msgs.msg import BatteryState
 from std_msgs.msg import Bool
 
+from lupin_engine.middleware.action_driver import SERVER_GRACE_S
 from lupin_nav.catalog import PLUGIN
-from lupin_nav.client import SERVER_GRACE_S, NavClient
+from lupin_nav.client import NavClient
 from tests.plugins.fakes import FakeGoal, FakeOutlet, FakeRos, defaults
 
 SUCCEEDED, CANCELED, ABORTED = 4, 5, 6

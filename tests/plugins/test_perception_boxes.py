@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from lupin_engine.world.poses import Pose, pose_of
 from lupin_perception.boxes import (
     Box,
     Size,
@@ -19,7 +20,6 @@ from lupin_perception.boxes import (
     column_of,
     is_inside,
 )
-from lupin_perception.transforms import Pose, pose_of
 from lupin_sim.camera import facing
 
 SIZE = Size(0.8, 0.4)

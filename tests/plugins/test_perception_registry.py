@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from lupin_engine.world.poses import Pose
 from lupin_perception import registry
 from lupin_perception.flowers import Summary
 from lupin_perception.registry import Confirmation, Registry
-from lupin_perception.transforms import Pose
 
 RED = Summary("tulip_red", 0.9, False, ())
 

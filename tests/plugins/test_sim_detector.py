@@ -97,3 +97,18 @@ def test_only_the_nearest_box_is_looked_into_and_only_what_is_in_view_is_seen() 
     assert 0 < len(aside) < len(blooms_of("7"))
     assert all(detection.bearing > 0.0 for detection in aside), "it looks to the left of them"
     assert flowers(Pose(0.0, 0.0, math.pi), PLATE) == []
+
+
+def test_a_stray_pest_is_seen_where_no_tag_is_and_only_there() -> None:
+    """Beside a tag the camera looks into its box."""
+
+    def bearings(pose: Pose, *plates: Plate) -> list[float]:
+        frame = json.dumps(flower_entries(pose, plates, [(2.0, 0.0)]))
+        found, problems = read_flowers(frame, CLASSES, IMAGE_PX[0])
+        assert problems == []
+        return [detection.bearing for detection in found if detection.name == CLASSES[PEST]]
+
+    assert bearings(ORIGIN) == [pytest.approx(0.0)]
+    assert bearings(Pose(0.0, 0.0, 0.25)) == [pytest.approx(0.5)], "to the right of where it looks"
+    assert bearings(Pose(0.0, 0.0, math.pi)) == []
+    assert bearings(ORIGIN, PLATE) == []

@@ -1,4 +1,4 @@
-"""What the simulated robot sees: the map ray by ray, tags by camera, and what it remembers of a mission."""
+"""What the simulated robot sees: the map ray by ray, tags and pests by camera."""
 
 from __future__ import annotations
 
@@ -17,15 +17,9 @@ from lupin_sim.floor import Floor
 from lupin_sim.layout import LENGTH, WIDTH, Layout, Table, Tag, load_layout
 from lupin_sim.lidar import FREE, OCCUPIED, ORIGIN_X, ORIGIN_Y, RESOLUTION, UNKNOWN, GrowingMap, Lidar
 from lupin_sim.robot import Pose
-from lupin_sim.sightings import Sightings
 
 TABLE = Table(1.0, 3.0, 3.0, 4.0)
 HALL = Layout((TABLE,))
-
-
-def greenhouse() -> Layout:
-    pytest.importorskip("greenhouse_sim", reason="mdp-greenhouse is not installed here")
-    return load_layout()
 
 
 def seen_from(layout: Layout, x: float, y: float, reach: float = 5.0) -> GrowingMap:
@@ -106,7 +100,7 @@ def test_free_is_free_and_solid_is_solid_wherever_one_looks_from(x: float, y: fl
 
 def test_driving_from_frontier_to_frontier_reveals_the_greenhouse_and_ends() -> None:
     """The two halves together, without ROS: the search of the mission, on the map of the simulation."""
-    layout = greenhouse()
+    layout = load_layout()
     floor, grown = Floor(layout.tables), GrowingMap(Lidar(layout, 1.5))
     place, legs = (0.5, 0.5), 0
     grown.reveal(*place)
@@ -212,7 +206,7 @@ def test_the_orientation_is_a_rotation_of_z_to_the_heading_and_never_looks_unpop
 
 
 def test_every_tag_of_the_greenhouse_can_be_seen_and_stood_before() -> None:
-    layout = greenhouse()
+    layout = load_layout()
     floor, eye = Floor(layout.tables), Camera(layout, 1.0, 1.05)
     for plate in plates_of(layout):
         goal = approach_discovered((plate.x, plate.y), facing(plate.yaw), 0.5, 0.0)
@@ -221,49 +215,9 @@ def test_every_tag_of_the_greenhouse_can_be_seen_and_stood_before() -> None:
         assert plate in eye.sees(Pose(*path[-1], goal.yaw)), plate
 
 
-# --- the memory
-
-
-PLATE = Plate("7", 2.0, 3.0, 0.0, (2.0, 3.0))
-
-
-def test_a_tag_is_discovered_after_enough_sightings_and_they_go_on_counting() -> None:
-    memory = Sightings(3, now=0.0)
-    memory.follow("m1", "EXPLORING", 1.0)
-    memory.add([PLATE], 2.0)
-    memory.add([PLATE], 3.0)
-    assert memory.discovered == []
-    memory.add([PLATE], 4.0)
-    assert memory.discovered == [(PLATE, 3)]
-    memory.add([PLATE], 5.0)
-    assert (memory.discovered, memory.since) == ([(PLATE, 4)], 5.0)
-
-
-def test_a_new_mission_begins_with_nothing() -> None:
-    """War stories A17 and A41: tags of the last run do not count in the next."""
-    memory = Sightings(1, now=0.0)
-    assert memory.follow("m1", "EXPLORING", 1.0)
-    memory.add([PLATE], 2.0)
-    assert not memory.follow("m1", "MONITORING", 3.0)
-    assert memory.discovered == [(PLATE, 1)]
-    assert memory.follow("m2", "PREPARE", 9.0)
-    assert (memory.discovered, memory.since) == ([], 9.0)
-
-
-@pytest.mark.parametrize("lifecycle", ["", "BOOT", "READY", "DONE", "FAULT"])
-def test_between_missions_nothing_is_added_so_that_an_old_list_stays_old(lifecycle: str) -> None:
-    memory = Sightings(1, now=0.0)
-    memory.add([PLATE], 0.5)
-    memory.follow("m1", "EXPLORING", 1.0)
-    memory.add([PLATE], 2.0)
-    memory.follow("m1", lifecycle, 3.0)
-    memory.add([PLATE], 4.0)
-    assert (memory.discovered, memory.since) == ([(PLATE, 1)], 2.0)
-
-
-def test_a_state_without_a_mission_forgets_nothing() -> None:
-    memory = Sightings(1, now=0.0)
-    memory.follow("m1", "EXPLORING", 1.0)
-    memory.add([PLATE], 2.0)
-    assert not memory.follow("", "READY", 3.0)
-    assert memory.discovered == [(PLATE, 1)]
+def test_pests_are_seen_like_tags_but_from_all_sides() -> None:
+    eye = Camera(HALL, 2.0, 1.0, [(2.0, 2.0), (2.0, 5.0)])
+    assert eye.pests(Pose(2.0, 1.0, math.pi / 2)) == [(2.0, 2.0)], "the table hides the other one"
+    assert eye.pests(Pose(2.0, 6.0, -math.pi / 2)) == [(2.0, 5.0)]
+    assert eye.pests(Pose(2.0, 1.0, 0.0)) == []
+    assert Camera(HALL, 2.0, 1.0).pests(Pose(2.0, 1.0, 0.0)) == []

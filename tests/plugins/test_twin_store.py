@@ -258,7 +258,7 @@ def big(n: int) -> Reading:
 
 def test_with_a_full_disk_records_wait_and_are_written_when_there_is_room(path: str) -> None:
     store = Store(path)
-    fill_the_disk(store, 4)
+    fill_the_disk(store, 5)
     fits = 0
     with contextlib.suppress(StoreError):
         for fits in range(10):

@@ -11,6 +11,7 @@ import pytest
 
 pytest.importorskip("rclpy", reason="ROS 2 is not installed here")
 
+from builtin_interfaces.msg import Time
 from geometry_msgs.msg import TransformStamped
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
@@ -30,6 +31,8 @@ MakeNode = Callable[..., RosNode]
 
 #: Often, so that no test waits for the next list.
 OFTEN = ["-p", "publish_rate_hz:=50.0"]
+#: Nothing outlives a test but where it says so.
+FORGETFUL = ["-p", "memory_file:=none"]
 #: Facing +X: the tag's +Z along the map's X.
 FACING_X = (0.0, math.sqrt(0.5), 0.0, math.sqrt(0.5))
 FLAT = (0.0, 0.0, 0.0, 1.0)
@@ -52,7 +55,7 @@ class Scene:
     """The aggregator, and somebody who is camera, arm, mission and audience at once."""
 
     def __init__(self, make_node: MakeNode, *arguments: str) -> None:
-        self.node = make_node(NAME, ["--ros-args", *OFTEN, *arguments], PARAMETERS)
+        self.node = make_node(NAME, ["--ros-args", *OFTEN, *FORGETFUL, *arguments], PARAMETERS)
         self.log = Log()
         self.node.log = self.log  # type: ignore[assignment]
         self.taken: dict[str, int] = {}
@@ -68,6 +71,7 @@ class Scene:
         self.transforms = world.publisher(TFMessage, "/tf", Qos.TRANSFORMS)
         self.states = world.publisher(MissionState, "/mission/state", Qos.LATCHED)
         self.joints = world.publisher(JointState, "/joint_states", Qos.DETECTION)
+        self.box_frames: Any = None
         self.confirmer = world.service(ConfirmTag, "/perception/confirm_tag")
         outlets = (self.tag_frames, self.flower_frames, self.transforms, self.states, self.joints)
         self.until(lambda: all(outlet.get_subscription_count() == 1 for outlet in outlets))
@@ -96,9 +100,15 @@ class Scene:
         self.until(lambda: self.taken.get(outlet.topic_name, 0) > count, f"{outlet.topic_name} taken in")
 
     def place(
-        self, tag: int, x: float = 2.0, y: float = 0.0, q: tuple[float, ...] = FACING_X, robot: float = 3.0
+        self,
+        tag: int,
+        x: float = 2.0,
+        y: float = 0.0,
+        q: tuple[float, ...] = FACING_X,
+        robot: float = 3.0,
+        ahead: int = 0,
     ) -> None:
-        """Say by transforms that the robot is at (robot, 0) and sees a tag at (x, y)."""
+        """Say by transforms that the robot is at (robot, 0) and sees a tag at (x, y), `ahead` s from now."""
         moving = [
             transform("map", "odom", (0.0, 0.0, 0.0), FLAT),
             transform("odom", "base_link", (robot, 0.0, 0.0), FLAT),
@@ -107,6 +117,7 @@ class Scene:
         stamp = self.world.stamp()
         for stamped in moving:
             stamped.header.stamp = stamp
+        moving[-1].header.stamp = Time(sec=stamp.sec + ahead, nanosec=stamp.nanosec)
         self.send(self.transforms, TFMessage(transforms=moving))
 
     def see(self, *tags: int, dist: float = 1.0, times: int = 1) -> None:
@@ -129,6 +140,12 @@ class Scene:
         state = MissionState(mission_id=mission_id, lifecycle_state=lifecycle)
         state.mission_phase, state.current_target = phase, target
         self.send(self.states, state)
+
+    def tell_boxes(self, text: str) -> None:
+        if self.box_frames is None:
+            self.box_frames = self.world.publisher(String, "/perception/box_geometry_json", Qos.LATCHED)
+            self.until(lambda: self.box_frames.get_subscription_count() == 1)
+        self.send(self.box_frames, String(data=text))
 
     def tags(self) -> dict[str, int]:
         """The tags of the last list with their sightings."""
@@ -242,13 +259,26 @@ def test_tags_that_cannot_be_placed_are_told_of_once_with_what_is_missing(make_n
     scene = Scene(make_node)
     scene.see(5, times=4)
     text = (
-        "tags are seen but none can be placed: no transform from tag_5 to map;"
-        " is the camera calibrated, and the robot localized?"
+        "tags are seen but none can be placed: no transform leads from tag_5 to map: nothing says where tag_5"
+        " is; is the camera calibrated, the robot localized?"
     )
     assert scene.log.warnings == [text]
     scene.discover()
     scene.see(6)
     assert scene.log.warnings == [text, text.replace("tag_5", "tag_6")]
+
+
+def test_a_camera_whose_clock_is_ahead_is_told_apart_from_one_without_transforms(make_node: MakeNode) -> None:
+    """Nothing is placed by a guess; in step again, it goes on."""
+    scene = Scene(make_node)
+    scene.place(5, ahead=3600)
+    scene.see(5, times=4)
+    (text,) = scene.log.warnings
+    assert "no moment has all transforms from tag_5 to map: those of base_link end 3600.0 s before" in text
+    assert "or two clocks disagree" in text
+    scene.discover()
+    scene.next_list()
+    assert scene.tags() == {"5": 3}
 
 
 def test_a_tag_is_confirmed_while_it_is_in_sight(make_node: MakeNode) -> None:
@@ -349,10 +379,11 @@ def test_a_box_that_turns_out_to_be_elsewhere_is_told_again(make_node: MakeNode)
 
 
 def test_a_neighbours_flowers_are_left_out_by_the_arms_pan(make_node: MakeNode) -> None:
-    """War story 50."""
-    scene = Scene(make_node)
+    """War story 50. The box is told by another node, in either of two forms."""
+    scene = Scene(make_node, "-p", "register_layout:=false")
     scene.mission("MONITORING", "SCANNING", "5")
     scene.discover()
+    scene.tell_boxes('{"boxes": [{"box_id": 5, "x": 1.875, "y": 0, "yaw": 0, "width": 1.1, "depth": 0.25}]}')
     strange = JointState(name=["wrist", "shoulder_pan_joint"], position=[0.3, math.nan])
     pan = JointState(name=["wrist", "shoulder_pan_joint"], position=[0.3, 1.6])
     scene.send(scene.joints, pan)
@@ -362,7 +393,31 @@ def test_a_neighbours_flowers_are_left_out_by_the_arms_pan(make_node: MakeNode) 
     assert scene.observations == []
     scene.send(scene.joints, JointState(name=["shoulder_pan_joint"], position=[0.0]))
     scene.flowers(RED)
-    assert not scene.told(1).flower.anomaly
+    told = scene.told(1).flower
+    assert not told.anomaly
+    corners = [(point.x, point.y) for point in told.box_footprint.points]
+    assert corners == [pytest.approx(c) for c in ((2.0, 0.55), (2.0, -0.55), (1.75, -0.55), (1.75, 0.55))]
+
+
+def test_hostile_boxes_are_told_once_and_change_nothing(make_node: MakeNode) -> None:
+    scene = Scene(make_node, "-p", "register_layout:=false")
+    bad = ["{", "{}", '[{"id": "5"}]', '[{"id": "5", "x": NaN, "y": 0, "yaw": 0, "width": 1, "depth": 1}]']
+    bad.append('[{"id": "5", "x": 0, "y": 0, "yaw": 0, "width": -1, "depth": 1}]')
+    for text in [*bad, *bad]:
+        scene.tell_boxes(text)
+    assert scene.log.warnings == [
+        f"/perception/box_geometry_json: {reason}"
+        for reason in (
+            "no JSON",
+            "no list",
+            "a box has no id, or x, y, yaw, width and depth are not all finite numbers",
+            "a box has no area",
+        )
+    ]
+    scene.mission("MONITORING", "SCANNING", "5")
+    scene.discover()
+    scene.flowers(RED)
+    assert len(scene.told(1).flower.box_footprint.points) == 4, "the box behind the tag"
 
 
 def test_a_scanned_tag_that_lies_on_its_back_has_flowers_but_no_box(make_node: MakeNode) -> None:
@@ -500,6 +555,21 @@ def test_transforms_without_numbers_are_left_out_and_told_once(make_node: MakeNo
     assert scene.log.warnings == ["/tf: a transform without a finite place and rotation left out"]
     scene.see(5, times=3)
     assert scene.next_list().tags == []
+
+
+@pytest.mark.parametrize(
+    "wanted", ["", "x" * 100_000, "../../etc/passwd", "5\n", "-5", "NaN", "\u0665", "tag_5"]
+)
+def test_a_strange_tag_is_not_confirmed_and_the_answer_says_so_briefly(
+    make_node: MakeNode, wanted: str
+) -> None:
+    scene = Scene(make_node)
+    scene.discover()
+    answer = scene.confirm(wanted)
+    assert (answer.detected, answer.detection_confidence) == (False, 0.0)
+    assert answer.error_message == f"tag {wanted[:20]!r} not discovered"
+    assert answer.tag_pose_in_map.orientation.w == 0.0
+    assert scene.confirm("5").detected
 
 
 def test_more_tags_than_there_is_room_for_are_told_once(

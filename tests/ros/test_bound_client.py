@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable
 from typing import Any
 
 import pytest
@@ -14,20 +13,20 @@ from geometry_msgs.msg import PoseWithCovariance
 from rcl_interfaces.srv import SetParameters
 from std_srvs.srv import SetBool, Trigger
 
-from lupin_engine.chart.bindings import Outcome
 from lupin_engine.errors import LupinError
 from lupin_engine.middleware.bound_client import BoundClient
 from lupin_engine.middleware.definitions import (
     fill,
     installed_types,
+    interface_class,
+    interface_types,
     plain,
-    service_class,
-    service_types,
 )
-from lupin_engine.middleware.node import RosNode
+from lupin_engine.middleware.node import RosNode, peer_mismatches
 from lupin_engine.plugin.contract import Parameter
 from lupin_engine.plugin.types import COUNT, DURATION, NUMBER, TEXT, Type, list_of
 from tests.plugins.fakes import FakeOutlet
+from tests.ros.bound import binding_of
 from tests.ros.helpers import spin_for, spin_until
 
 pytestmark = pytest.mark.ros
@@ -35,36 +34,42 @@ pytestmark = pytest.mark.ros
 MakeNode = Callable[..., RosNode]
 
 
-@dataclass
-class Lamp:
-    """An operation that calls a SetBool; `sends` and `means` are what its file would say."""
-
-    sends: Callable[[Mapping[str, Any]], dict[str, Any]] = lambda arguments: {"data": arguments["on"]}
-    means: Callable[[Mapping[str, Any]], Outcome] = lambda r: Outcome(
-        {"said": r["message"]} if r["success"] else None, r["message"]
-    )
-    service: str = "/lamp"
-    type: str = "std_srvs/srv/SetBool"
-    code: str = "lamp_failed"
-    place: str = "lamp.yaml:7:3"
-    deadline: float | None = field(default=None)
-
-    def sent(self, arguments: Mapping[str, Any]) -> dict[str, Any]:
-        return self.sends(arguments)
-
-    def outcome(self, response: Mapping[str, Any]) -> Outcome:
-        return self.means(response)
+LAMP = """
+binding: lamp
+summary: A lamp.
+codes:
+  lamp_failed: {label: no light}
+  lamp_gone: {label: no lamp}
+operations:
+  switch:
+    summary: Switch it.
+    arguments:
+      on: {type: bool, summary: on or off}
+    service: {name: /lamp, type: std_srvs/srv/SetBool}
+    with: {data: "${ on }"}
+    done_when: response.success
+    detail: ${ response.message }
+    result:
+      said: {type: text, from: "${ response.message }"}
+    code: lamp_failed
+    unavailable: lamp_gone
+    mock: {result: {said: lit}}
+"""
 
 
 class Bench:
     """A client, and where a lamp may stand."""
 
-    def __init__(self, make_node: MakeNode, lamp: Lamp) -> None:
+    def __init__(self, make_node: MakeNode, *changes: tuple[str, str]) -> None:
+        text = LAMP
+        for old, new in changes:
+            assert text.count(old) == 1, old
+            text = text.replace(old, new)
         self._make = make_node
         self.nodes = [make_node("engine")]
         self.outlet = FakeOutlet()
         self.asked: list[bool] = []
-        self.client = BoundClient(self.nodes[0], "lamp", {"switch": lamp}, self.outlet)
+        self.client = BoundClient(self.nodes[0], binding_of(text), self.outlet, {})
 
     def serve(self, answers: bool = True, success: bool = True) -> None:
         """Let a lamp appear."""
@@ -87,7 +92,7 @@ class Bench:
 @pytest.fixture
 def bench(make_node: MakeNode) -> Callable[..., Bench]:
     """Make the client of a lamp."""
-    return lambda **words: Bench(make_node, Lamp(**words))
+    return lambda *changes: Bench(make_node, *changes)
 
 
 def test_a_call_and_its_result(bench: Callable[..., Bench]) -> None:
@@ -129,7 +134,7 @@ def test_a_server_that_says_no(bench: Callable[..., Bench]) -> None:
 
 def test_a_server_that_says_nothing(bench: Callable[..., Bench]) -> None:
     """The deadline of the file counts."""
-    one = bench(deadline=0.3)
+    one = bench(("SetBool}", "SetBool, deadline: 300 ms}"))
     one.serve(answers=False)
     assert one.switch("accepted", "failed") == (
         "failed",
@@ -143,27 +148,52 @@ def test_nobody_is_there(bench: Callable[..., Bench], monkeypatch: pytest.Monkey
     """After the time that discovery takes, that is said at once."""
     monkeypatch.setattr("lupin_engine.middleware.bound_client.DISCOVERY_S", 0.0)
     one = bench()
-    assert one.switch("accepted", "failed") == ("failed", "a1", "lamp_failed", "/lamp: no server")
+    assert one.switch("accepted", "failed") == ("failed", "a1", "lamp_gone", "/lamp: no server")
+
+
+def test_a_server_of_another_type_is_told(
+    bench: Callable[..., Bench], make_node: MakeNode, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Nobody answers, and the reason is said with the attempt: the peers do not speak of the same."""
+    monkeypatch.setattr("lupin_engine.middleware.bound_client.DISCOVERY_S", 0.0)
+    one = bench()
+    one.nodes.append(make_node("other_lamp"))
+    one.nodes[-1].serve(Trigger, "/lamp", lambda _, response: response)
+    spin_until(one.nodes, lambda: peer_mismatches(one.nodes[0]), what="the other one is seen")
+    *_, code, detail = one.switch("accepted", "failed")
+    assert code == "lamp_gone"
+    assert detail.startswith(
+        "/lamp: no server; answer of /lamp: node /other_lamp uses another definition: "
+        "here std_srvs/srv/SetBool_Response RIHS01_"
+    )
+    assert "there std_srvs/srv/Trigger_Response RIHS01_" in detail
 
 
 def test_what_cannot_be_sent(bench: Callable[..., Bench]) -> None:
-    """A value that the field cannot hold, and an expression that fails, are told with their place."""
-    one = bench(sends=lambda _: {"data": "yes"})
+    """A value that the field cannot hold is told with its place."""
+    one = bench(("on: {type: bool", "on: {type: any"))
     one.serve()
     spin_until(one.nodes, lambda: not one.client.missing())
-    reported = one.switch("failed")
-    problem = "lamp.yaml:7:3: std_srvs/srv/SetBool.Request.data: expected bool, got 'yes'"
-    assert reported[2:] == ("lamp_failed", problem)
-    one.client.start("a2", "switch", {})
-    assert one.outlet.reports[-1][0] == "failed"
+    one.client.start("a1", "switch", {"on": "yes"})
+    problem = "bound.yaml:8:3: std_srvs/srv/SetBool.Request.data: expected bool, got 'yes'"
+    assert one.outlet.reports == [("failed", "a1", "lamp_failed", problem)]
 
 
 def test_an_answer_that_nobody_foresaw(bench: Callable[..., Bench]) -> None:
     """An expression about the answer that fails is an error of the attempt."""
-    one = bench(means=lambda r: Outcome({"said": r["message"][99]}))
+    one = bench(('from: "${ response.message }"', "from: \"${ ['lit'][len(response.message)] }\""))
     one.serve()
     reported = one.switch("accepted", "failed")
-    assert reported[2:] == ("lamp_failed", "lamp.yaml:7:3: string index out of range")
+    assert reported[2:] == ("lamp_failed", "bound.yaml:8:3: list index out of range")
+
+
+def test_operations_that_are_none(bench: Callable[..., Bench]) -> None:
+    """Nobody else's are taken."""
+    one = bench()
+    with pytest.raises(ValueError, match="lamp has no operation 'burn'"):
+        one.client.start("a1", "burn", {})
+    with pytest.raises(ValueError, match="lamp has no action 'burn'"):
+        one.client.act("burn", {})
 
 
 def test_a_closed_client_lets_go(bench: Callable[..., Bench]) -> None:
@@ -181,9 +211,10 @@ def test_a_closed_client_lets_go(bench: Callable[..., Bench]) -> None:
 
 def test_types_of_a_service_are_read_without_importing_it() -> None:
     """Names and kinds of fields, messages inside, whole numbers with their range."""
-    request, response = service_types("std_srvs/srv/Trigger")
-    assert (request.fields, list(response.fields)) == ({}, ["success", "message"])
-    reading = service_types("lupin_msgs/srv/GetTagReading").response
+    trigger = interface_types("std_srvs/srv/Trigger")
+    assert list(trigger) == ["request", "response", "constant"]
+    assert (trigger["request"].fields, list(trigger["response"].fields)) == ({}, ["success", "message"])
+    reading = interface_types("lupin_msgs/srv/GetTagReading")["response"]
     assert [(name, kind.kind) for name, kind in reading.fields.items()] == [
         ("status", "integer"),
         ("error_message", "text"),
@@ -216,20 +247,20 @@ def test_types_of_a_service_are_read_without_importing_it() -> None:
 def test_a_type_that_is_not_installed(name: str, problem: str) -> None:
     """What is meant, or what to do."""
     with pytest.raises(LookupError) as told:
-        service_types(name)
+        interface_types(name)
     assert told.value.args[0] == problem
 
 
 def test_whether_a_package_is_there() -> None:
     """A checker passes over what it cannot see."""
     assert installed_types("qwxz/srv/Lamp") is None
-    assert installed_types("std_srvs/srv/Trigger") == service_types("std_srvs/srv/Trigger")
-    assert service_class("std_srvs/srv/Trigger") is Trigger
+    assert installed_types("std_srvs/srv/Trigger") == interface_types("std_srvs/srv/Trigger")
+    assert interface_class("std_srvs/srv/Trigger") is Trigger
 
 
 def test_messages_are_filled_and_read() -> None:
     """Lists of messages, messages in messages, whole numbers where digits are meant."""
-    kind = service_types("rcl_interfaces/srv/SetParameters").request
+    kind = interface_types("rcl_interfaces/srv/SetParameters")["request"]
     value = {"type": 3, "double_value": 2, "integer_array_value": [1]}
     data = {"parameters": [{"name": "speed", "value": value}]}
     message = fill(SetParameters.Request(), data, kind)

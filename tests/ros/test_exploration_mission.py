@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import math
+import signal
 from collections import Counter
+from typing import Any
 
 import pytest
 
@@ -14,13 +17,16 @@ from geometry_msgs.msg import PoseWithCovarianceStamped
 from lupin_engine.middleware.node import Qos
 from lupin_msgs.msg import DiscoveredTag, DiscoveredTags, Observation
 from lupin_msgs.srv import StartMission
-from lupin_sim.camera import facing, plates_of
+from lupin_sim.camera import Plate, plates_of
+from lupin_sim.detector import CLASSES, PEST, blooms_of
 from lupin_sim.layout import load_layout
 from tests.ros.world import Operator, World
 
 pytestmark = [pytest.mark.ros, pytest.mark.timeout(180)]
 
 SEEDED, WATCHED = "ExplorationMission", "MonitoringMission"
+AGGREGATOR = "perception_aggregator"
+PLATES = {plate.id: plate for plate in plates_of(load_layout())}
 
 
 def explore(operator: Operator, goal: int) -> str:
@@ -38,30 +44,70 @@ def tags(operator: Operator, source: str) -> list[str]:
     return [o.tag_reading.tag_id for o in operator.observations if o.source == source]
 
 
-def test_tags_are_read_when_they_are_seen_and_again_when_they_are_visited(
+def readings(operator: Operator, mission_id: str) -> list[Any]:
+    """The readings of a mission; without one the aggregator reads what is in sight."""
+    told = [o for o in operator.observations if o.mission_id == mission_id]
+    return [o for o in told if o.kind == Observation.KIND_TAG_READING]
+
+
+def beds(operator: Operator, mission_id: str) -> dict[str, Any]:
+    """What was told of flowers, by tag."""
+    told = [o for o in operator.observations if o.kind == Observation.KIND_FLOWER]
+    return {o.flower.tag_id: o.flower for o in told if o.mission_id == mission_id}
+
+
+def is_there(pose: Any, plate: Plate) -> bool:
+    """Say whether a tag is told where its plate hangs, and facing as it does."""
+    place, q = pose.position, pose.orientation
+    normal = 2.0 * (q.x * q.z + q.w * q.y), 2.0 * (q.y * q.z - q.w * q.x)
+    aims = normal == pytest.approx((math.cos(plate.yaw), math.sin(plate.yaw)), abs=1e-3)
+    return bool(aims) and math.dist((place.x, place.y), (plate.x, plate.y)) < 1e-3
+
+
+def test_tags_are_read_when_seen_and_again_when_visited_and_their_flowers_are_told(
     world: World, operator: Operator
 ) -> None:
     """Each once as a seed and once in the sweep, where its plate is; the published mission stays the same."""
-    world.start_all(speed=4.0, monitoring_sweeps=1)
+    world.start_search(speed=4.0, monitoring_sweeps=1, flower_scan_dwell_s=1.0)
     mission_id = explore(operator, 4)
     operator.in_state("DONE")
     visited = tags(operator, WATCHED)
     assert len(visited) == len(set(visited)) == operator.state.targets_total >= 4
     assert max(Counter(tags(operator, SEEDED)).values()) == 1
-    plates = {plate.id: plate for plate in plates_of(load_layout())}
-    for observation in operator.observations:
+    for observation in readings(operator, mission_id):
         assert (observation.status, observation.status_detail) == (Observation.STATUS_OK, "")
-        assert (observation.kind, observation.mission_id) == (Observation.KIND_TAG_READING, mission_id)
-        plate, pose = plates[observation.tag_reading.tag_id], observation.tag_pose_in_map
-        assert (pose.position.x, pose.position.y) == (plate.x, plate.y)
-        q = pose.orientation
-        assert (q.x, q.y, q.z, q.w) == pytest.approx(facing(plate.yaw))
+        assert is_there(observation.tag_pose_in_map, PLATES[observation.tag_reading.tag_id])
     assert {s.mission_type for s in operator.states if s.mission_id} == {SEEDED}
+    found = beds(operator, mission_id)
+    assert set(found) == set(visited)
+    for tag_id, bed in found.items():
+        blooms = blooms_of(tag_id)
+        pest = any(bloom.kind == PEST for bloom in blooms)
+        assert (bed.species, bed.anomaly) == (CLASSES[blooms[0].kind], pest)
+        assert is_there(bed.pose.pose, PLATES[tag_id])
+        assert len(bed.box_footprint.points) == 4
+
+
+def test_an_aggregator_that_is_killed_and_started_again_changes_nothing(
+    world: World, operator: Operator
+) -> None:
+    """In the middle of the search: what was found stays found, and the mission goes on to its end."""
+    world.start_search(speed=4.0, monitoring_sweeps=1, flower_scan_dwell_s=1.0)
+    mission_id = explore(operator, 5)
+    operator.until(lambda: operator.state.tags_discovered >= 2, "two tags")
+    world.processes[AGGREGATOR].send_signal(signal.SIGKILL)
+    world.processes[AGGREGATOR].wait(10.0)
+    world.start(AGGREGATOR)
+    operator.in_state("DONE")
+    found = [s.tags_discovered for s in operator.states if s.lifecycle_state == "EXPLORING"]
+    assert found == sorted(found), "nothing that was found was lost"
+    assert operator.state.targets_completed == operator.state.targets_total >= 5
+    assert set(beds(operator, mission_id)) == set(tags(operator, WATCHED))
 
 
 def test_a_second_search_begins_with_nothing(world: World, operator: Operator) -> None:
     """War stories A17 and A41: what the first one found is not there at once in the second."""
-    world.start_all(monitoring_sweeps=1, seed_climate_on_discovery=False)
+    world.start_search(monitoring_sweeps=1, seed_climate_on_discovery=False)
     explore(operator, 3)
     operator.in_state("DONE")
     second = explore(operator, 3)
@@ -79,21 +125,21 @@ def test_a_second_search_begins_with_nothing(world: World, operator: Operator) -
 def test_a_latched_list_of_an_earlier_day_counts_for_nothing(world: World, operator: Operator) -> None:
     """A41: a registry that was never restarted tells its old finds to whoever subscribes."""
     feed = operator.ros.publisher(DiscoveredTags, "/perception/discovered_tags", Qos.LATCHED)
-    plates = plates_of(load_layout())[:3]
+    plates = list(PLATES.values())[:3]
     old = DiscoveredTags()
     old.header.stamp = operator.ros.stamp()
     for plate in plates:
         old.tags.append(_tag(plate.id, plate.x, plate.y))
     feed.publish(old)
     world.start("greenhouse_bridge")
-    world.start("lupin_sim", speed=10.0, feed_tags=False)
+    world.start("lupin_sim", speed=10.0)
     world.start("mission_orchestrator", exploration_timeout_s=2.0)
     mission_id = explore(operator, 3)
     operator.in_state("DONE")
     mine = [s for s in operator.states if s.mission_id == mission_id]
     assert {s.tags_discovered for s in mine} == {0}
     assert operator.state.last_error == "exploration_timeout"
-    assert operator.observations == []
+    assert readings(operator, mission_id) == []
 
 
 def _tag(name: str, x: float, y: float) -> DiscoveredTag:
@@ -117,7 +163,7 @@ def test_without_a_map_the_search_ends_and_says_what_was_missing(world: World, o
 
 def test_docking_while_it_searches_and_resuming_searches_on(world: World, operator: Operator) -> None:
     """The map that was seen stays known, and so do the tags: it is one mission."""
-    world.start_all(speed=4.0, monitoring_sweeps=1)
+    world.start_search(speed=4.0, monitoring_sweeps=1)
     mission_id = explore(operator, 4)
     operator.until(lambda: operator.state.tags_discovered >= 1, "the first tag")
     assert operator.ask("dock").success
@@ -134,7 +180,7 @@ def test_docking_while_it_searches_and_resuming_searches_on(world: World, operat
 
 def test_a_pause_on_the_way_to_a_frontier_stops_the_robot(world: World, operator: Operator) -> None:
     """Nothing new is chosen, driven to or found while it is held."""
-    world.start_all(speed=1.0, monitoring_sweeps=1)
+    world.start_search(speed=1.0, monitoring_sweeps=1)
     explore(operator, 4)
     operator.in_state("EXPLORING")
     assert operator.ask("pause").success

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Callable
 from itertools import pairwise
@@ -10,7 +11,6 @@ from typing import Any
 import pytest
 
 pytest.importorskip("rclpy", reason="ROS 2 is not installed here")
-pytest.importorskip("greenhouse_sim", reason="mdp-greenhouse is not installed here")
 
 from geometry_msgs.msg import PoseWithCovarianceStamped
 from nav2_msgs.action import NavigateToPose
@@ -18,14 +18,15 @@ from nav_msgs.msg import OccupancyGrid
 from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 from rcl_interfaces.srv import SetParameters
 from sensor_msgs.msg import BatteryState
-from std_msgs.msg import Bool
+from std_msgs.msg import Bool, String
 from tf2_msgs.msg import TFMessage
 
 from lupin_engine.errors import LupinError
 from lupin_engine.middleware.node import Goal, Qos, RosNode
-from lupin_msgs.msg import DiscoveredTags, MissionState
-from lupin_nav.approach import approach_discovered
+from lupin_msgs.msg import MissionState
+from lupin_sim.detector import CLASSES, blooms_of
 from lupin_sim.node import PARAMETERS, SimNode
+from lupin_sim.node.senses import TELL_S
 from lupin_sim.robot import Pose
 from tests.ros.helpers import spin_until
 
@@ -33,6 +34,8 @@ pytestmark = pytest.mark.ros
 
 MakeNode = Callable[..., RosNode]
 
+#: Where the cameras tell their frames.
+TAGS, FLOWERS = "/camera/tag_detections_json", "/yolo/detections"
 #: Fast, so that no test waits for wheels.
 FAST = ["-p", "speed:=10.0"]
 
@@ -128,7 +131,7 @@ def test_a_standing_robot_tells_where_and_how_it_is(make_node: MakeNode) -> None
     assert scene.batteries[-1].percentage == 0.75
     assert scene.estops[-1] is False
     frames = [(t.header.frame_id, t.child_frame_id) for t in scene.transforms[-1].transforms]
-    assert frames == [("map", "odom"), ("odom", "base_link")]
+    assert frames[:2] == [("map", "odom"), ("odom", "base_link")]
     assert scene.node._moving is None
 
 
@@ -210,7 +213,7 @@ def test_lost_localization_freezes_the_pose_and_its_variance_grows(make_node: Ma
     assert scene.end_of(scene.drive(0.5, 2.0)) == 4
     scene.until(lambda: scene.poses[-1].pose.covariance[0] == 4.0)
     assert scene.place == (0.5, 0.5)
-    assert [t.child_frame_id for t in scene.transforms[-1].transforms] == ["base_link"]
+    assert "odom" not in [t.child_frame_id for t in scene.transforms[-1].transforms]
     scene.set(fault="none")
     scene.until(lambda: scene.poses[-1].pose.covariance[0] == 0.01)
     assert scene.place == (0.5, 2.0)
@@ -252,35 +255,31 @@ def test_bad_settings_are_refused(make_node: MakeNode) -> None:
 
 # --- what the robot senses
 
-FEED = "/perception/discovered_tags"
-
 
 class Sensed(Scene):
-    """The same, with ears for the map and the tags, and a mission that a test tells of."""
+    """The same, with ears for the map and the cameras, and a mission that a test tells of."""
 
     def __init__(self, make_node: MakeNode, *arguments: str) -> None:
         super().__init__(make_node, *arguments)
         self.maps: list[Any] = []
-        self.lists: list[Any] = []
+        self.tag_frames: list[Any] = []
+        self.flower_frames: list[Any] = []
         self.observer.subscribe(OccupancyGrid, "/map", Qos.LATCHED, self.maps.append)
-        self.observer.subscribe(DiscoveredTags, FEED, Qos.LATCHED, self.lists.append)
+        self.observer.subscribe(
+            String, TAGS, Qos.DETECTION, lambda m: self.tag_frames.append(json.loads(m.data))
+        )
+        self.observer.subscribe(
+            String, FLOWERS, Qos.DETECTION, lambda m: self.flower_frames.append(json.loads(m.data))
+        )
         self.states = self.observer.publisher(MissionState, "/mission/state", Qos.LATCHED)
         self.until(lambda: self.states.get_subscription_count() == 1)
 
     def mission(self, mission_id: str, lifecycle: str) -> None:
         self.states.publish(MissionState(mission_id=mission_id, lifecycle_state=lifecycle))
 
-    def two_more_lists(self) -> None:
-        seen = len(self.lists)
-        self.until(lambda: len(self.lists) >= seen + 2)
-
     def known(self) -> int:
         """How many cells of the last map are known."""
         return sum(1 for value in self.maps[-1].data if value != -1) if self.maps else 0
-
-    def tags(self) -> dict[str, int]:
-        """The tags of the last list, each with its sightings."""
-        return {tag.tag_id: tag.sightings for tag in self.lists[-1].tags} if self.lists else {}
 
 
 def test_the_map_is_latched_and_grows_as_the_robot_drives(make_node: MakeNode) -> None:
@@ -306,25 +305,44 @@ def test_a_map_without_news_is_not_sent_again(make_node: MakeNode) -> None:
     scene = Sensed(make_node)
     scene.until(lambda: scene.maps)
     seen = len(scene.maps)
-    scene.two_more_lists()
+    end = scene.observer.elapsed() + 2.2 * TELL_S
+    scene.until(lambda: scene.observer.elapsed() > end, "two chances to tell it")
     assert len(scene.maps) == seen
 
 
-def test_tags_in_view_are_discovered_with_their_place_and_facing(make_node: MakeNode) -> None:
-    # In front of tag 19, which hangs on the left end of its table.
+def test_the_cameras_tell_every_frame_and_the_place_of_each_tag_in_it(make_node: MakeNode) -> None:
+    """In front of tag 19, which hangs on the left end of its table."""
     scene = Sensed(make_node, "-p", "start_pose:=[0.9, 0.6, 0.0]")
-    scene.mission("m1", "EXPLORING")
-    scene.until(lambda: scene.tags().get("19", 0) >= 3, "tag 19 seen three times")
-    (tag,) = scene.lists[-1].tags
-    pose = tag.pose_in_map
-    assert (pose.position.x, pose.position.y) == (1.5, 0.6)
-    assert pose.orientation.w != 0.0
-    stand = approach_discovered(
-        (1.5, 0.6), (pose.orientation.x, pose.orientation.y, pose.orientation.z, pose.orientation.w), 0.5, 0.0
-    )
-    assert (stand.x, stand.y) == pytest.approx((1.0, 0.6))
-    sightings = scene.tags()["19"]
-    scene.until(lambda: scene.tags()["19"] > sightings, "sightings grow")
+    scene.until(lambda: scene.tag_frames and scene.flower_frames and scene.transforms, "a frame of each")
+    assert [tag["id"] for tag in scene.tag_frames[-1]] == [19]
+    assert {flower["class_name"] for flower in scene.flower_frames[-1]} == {CLASSES[blooms_of("19")[0].kind]}
+    chain = {t.child_frame_id: t for t in scene.transforms[-1].transforms}
+    assert {name: chain[name].header.frame_id for name in ("camera_link", "tag_19")} == {
+        "camera_link": "base_link",
+        "tag_19": "camera_link",
+    }
+    assert chain["tag_19"].transform.translation.x == pytest.approx(0.6)
+    assert chain["tag_19"].header.stamp == chain["base_link"].header.stamp
+
+
+def test_where_other_detectors_are_the_simulated_ones_are_switched_off(make_node: MakeNode) -> None:
+    scene = Sensed(make_node, "-p", "detector:=false", "-p", "start_pose:=[0.9, 0.6, 0.0]")
+    scene.until(lambda: scene.maps and scene.transforms)
+    assert [scene.observer.node.count_publishers(topic) for topic in (TAGS, FLOWERS)] == [0, 0]
+    assert [t.child_frame_id for t in scene.transforms[-1].transforms] == ["odom", "base_link"]
+
+
+def test_the_robot_leaves_to_the_aggregator_what_the_aggregator_tells(make_node: MakeNode) -> None:
+    """One topic has one source."""
+    scene = Sensed(make_node)
+    scene.until(lambda: scene.maps)
+    names = {name for name, _ in scene.observer.node.get_topic_names_and_types()}
+    assert {name for name in names if name.startswith(("/perception", "/floranova"))} == set()
+
+
+def test_a_pest_without_a_place_is_refused(make_node: MakeNode) -> None:
+    with pytest.raises(LupinError, match="parameter 'pests': expected x and y of each place, got 3 numbers"):
+        SimNode(make_node("other", ["--ros-args", "-p", "pests:=[1.0, 2.0, 3.0]"], PARAMETERS))
 
 
 def test_a_fast_robot_looks_around_as_often_on_its_way_as_a_slow_one(
@@ -339,28 +357,12 @@ def test_a_fast_robot_looks_around_as_often_on_its_way_as_a_slow_one(
     assert max(gaps) < 0.11
 
 
-def test_a_new_mission_begins_with_no_tags_and_no_map(make_node: MakeNode) -> None:
-    """War stories A17 and A41: what an earlier mission found never looks like a find of this one."""
-    scene = Sensed(make_node, "-p", "start_pose:=[0.9, 0.6, 0.0]")
+def test_a_new_mission_begins_with_no_map(make_node: MakeNode) -> None:
+    scene = Sensed(make_node)
     scene.mission("m1", "EXPLORING")
-    scene.until(lambda: "19" in scene.tags())
     assert scene.end_of(scene.drive(0.5, 7.5)) == 4
     scene.until(lambda: scene.known() > 3000)
     scene.mission("m1", "DONE")
-    scene.until(lambda: not scene.node._senses._sightings._active)
-    scene.two_more_lists()
-    tags, old = scene.tags(), scene.lists[-1].header.stamp
-    scene.two_more_lists()
-    assert scene.tags() == tags
-    assert scene.lists[-1].header.stamp == old, "an old list stays old"
+    scene.mission("", "READY")
     scene.mission("m2", "PREPARE")
-    scene.until(lambda: scene.tags() == {}, "the tags are forgotten")
-    stamp = scene.lists[-1].header.stamp
-    assert (stamp.sec, stamp.nanosec) > (old.sec, old.nanosec)
-    scene.until(lambda: scene.known() < 3000, "the map begins anew, from where the robot stands")
-
-
-def test_where_an_aggregator_is_the_feed_is_switched_off(make_node: MakeNode) -> None:
-    scene = Sensed(make_node, "-p", "feed_tags:=false")
-    scene.until(lambda: scene.maps)
-    assert scene.observer.node.count_publishers(FEED) == 0
+    scene.until(lambda: 0 < scene.known() < 3000, "the map begins anew, from where the robot stands")

@@ -127,15 +127,15 @@ def run_check(paths: Sequence[str | Path], catalog: Catalog) -> Checked:
 
 
 def _misfits(bound: BoundCatalog | None) -> tuple[Diagnostic, ...]:
-    """Return where bindings do not fit the services that are installed here."""
+    """Return where bindings do not fit the interfaces that are installed here."""
     bindings = bound.bindings.values() if bound is not None else ()
     if not bindings:
         return ()
-    from lupin_engine.chart.bindings import check_definition
-    from lupin_engine.middleware.definitions import installed_types, knows_services
+    from lupin_engine.chart.binding_reader import check_definition
+    from lupin_engine.middleware.definitions import installed_types, knows_interfaces
 
     findings = Findings()
-    for binding in bindings if knows_services() else ():
+    for binding in bindings if knows_interfaces() else ():
         check_definition(binding, installed_types, findings)
     return findings.all
 

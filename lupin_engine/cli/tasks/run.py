@@ -11,7 +11,7 @@ from rich.console import Console
 from lupin_engine.cli.bring_up import Wanted, session_settings
 from lupin_engine.cli.observers import JsonObserver, LiveObserver, PlainObserver, SavingPicture
 from lupin_engine.cli.options import PATIENCE_S
-from lupin_engine.cli.settings import read_settings
+from lupin_engine.cli.settings import of_the_mission, read_settings
 from lupin_engine.cli.terminal import quiet_terminal
 from lupin_engine.errors import LupinError, Severity
 from lupin_engine.launch.interrupts import Interrupted, Interrupts
@@ -36,7 +36,7 @@ def work(
     catalog = load_catalog()
     loaded = load_missions([mission], catalog)
     shared = Wanted(**wanted)
-    values = read_settings("--set", shared.settings, loaded.chart.parameters)
+    values = read_settings("--set", of_the_mission(shared.settings), loaded.chart.parameters)
     check_request(loaded, values, tags, goal)
     if patience is None and (as_json or not sys.stdout.isatty()):
         patience = PATIENCE_S

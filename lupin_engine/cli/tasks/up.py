@@ -10,7 +10,7 @@ import click
 from lupin_engine.cli import view
 from lupin_engine.cli.bring_up import Wanted, session_settings
 from lupin_engine.cli.observers import PlainObserver
-from lupin_engine.cli.settings import read_settings
+from lupin_engine.cli.settings import of_the_mission, read_settings
 from lupin_engine.errors import LupinError, Severity
 from lupin_engine.launch.environment import current_domain
 from lupin_engine.launch.interrupts import Interrupted, Interrupts
@@ -24,7 +24,7 @@ def work(missions: tuple[str, ...], **wanted: Any) -> int:
     catalog = load_catalog()
     loaded = load_missions(missions, catalog)
     shared = Wanted(**wanted)
-    values = read_settings("--set", shared.settings, loaded.chart.parameters)
+    values = read_settings("--set", of_the_mission(shared.settings), loaded.chart.parameters)
     settings = session_settings(shared, loaded, catalog, values)
     from lupin_engine.launch.session import Session  # needs rclpy
 

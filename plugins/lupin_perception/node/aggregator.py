@@ -6,6 +6,7 @@ No callback waits for anything. What comes in damaged is told once for each kind
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Sequence
 
 import numpy as np
@@ -13,17 +14,22 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from tf2_msgs.msg import TFMessage
 
+from lupin_engine.errors import LupinError
 from lupin_engine.middleware.node import Qos, RosNode
+from lupin_engine.world.frames import Frames
+from lupin_engine.world.poses import Array
 from lupin_msgs.msg import DiscoveredTags, MissionState, Observation
 from lupin_msgs.srv import ConfirmTag
 from lupin_perception.anomalies import Watch
 from lupin_perception.boxes import Box, Size, box_from_tag, column_depth, column_fraction
 from lupin_perception.detections import Detection, TagSeen, read_flowers, read_tags
 from lupin_perception.flowers import Bloom, Scan, is_active, scanned_tag
+from lupin_perception.memory import Memory, Past, memory_path
 from lupin_perception.node import messages
+from lupin_perception.node.layout import KnownBoxes
+from lupin_perception.node.passive import PassiveObserver
 from lupin_perception.node.settings import PARAMETERS, fusion_rules
 from lupin_perception.registry import MAX_TAGS, Registry
-from lupin_perception.transforms import MAX_FRAMES, Array, Frames, pose_of
 
 __all__ = ["NAME", "PARAMETERS", "Aggregator", "main"]
 
@@ -31,6 +37,8 @@ NAME = "perception_aggregator"
 
 #: Requests older than this, in seconds, are not answered: they waited out a broken link, nobody listens.
 STALE_AFTER_S = 10.0
+#: Seconds for which a node that was started again waits to hear of the mission that it remembers.
+RECALL_S = 2.0
 #: A box that has moved (m) or turned (rad) by more is told again with its flowers.
 MOVED_M, TURNED = 0.05, 0.1
 
@@ -53,7 +61,11 @@ class Aggregator:
         )
         self._mission = MissionState()
         self._mission_heard = -math.inf
-        self._mission_id = ""
+        self._memory = Memory(memory_path(values["memory_file"], os.environ))
+        self._past = self._recall()
+        #: What was last written to the memory: revision of the tags, reports of pests.
+        self._kept = 0, 0
+        self._begun = ros.elapsed()
         #: Tags of the last frames: distance in metres, and when.
         self._sights: dict[str, tuple[float, float]] = {}
         self._pan = 0.0
@@ -64,32 +76,35 @@ class Aggregator:
         self._unplaced = False
         self._warned: set[str] = set()
         self._connect()
+        self._boxes = KnownBoxes(ros, values, self._tags, self._warn_once)
+        if values["passive_climate"]:
+            PassiveObserver(ros, values, self._tags, self._observations, lambda: not self._is_under_way())
 
     def _connect(self) -> None:
         ros, names = self._ros, self._values
         self._lists = ros.publisher(DiscoveredTags, names["discovered_tags_topic"], Qos.LATCHED)
         self._observations = ros.publisher(Observation, names["observations_topic"], Qos.BACKLOG)
         # Transforms first: those of a frame are then known before what was seen in it.
-        ros.subscribe(TFMessage, "/tf_static", Qos.STATIC_TRANSFORMS, lambda m: self._on_transforms(m, True))
-        ros.subscribe(TFMessage, "/tf", Qos.TRANSFORMS, lambda m: self._on_transforms(m, False))
+        ros.subscribe(TFMessage, "/tf_static", Qos.STATIC_TRANSFORMS, self._on_static_transforms)
+        ros.subscribe(TFMessage, "/tf", Qos.TRANSFORMS, self._on_transforms)
         ros.subscribe(MissionState, names["mission_state_topic"], Qos.LATCHED, self._on_mission)
         ros.subscribe(JointState, names["joint_states_topic"], Qos.DETECTION, self._on_joints)
         ros.subscribe(String, names["tag_detections_topic"], Qos.DETECTION, self._on_tags)
         ros.subscribe(String, names["yolo_detections_topic"], Qos.DETECTION, self._on_flowers)
-        ros.serve(ConfirmTag, names["confirm_service"], self._confirm, stale_after=STALE_AFTER_S)
-        ros.timer(1.0 / names["publish_rate_hz"], self._tell_tags)
+        ros.serve(
+            ConfirmTag, names["confirm_service"], self._confirm, stale_after=STALE_AFTER_S, refuse=_refuse
+        )
+        ros.timer(1.0 / names["publish_rate_hz"], self._tick)
 
     # --- where things are ---------------------------------------------------------------------------------
 
-    def _on_transforms(self, message: TFMessage, static: bool) -> None:
-        for stamped in message.transforms:
-            shift, turn = stamped.transform.translation, stamped.transform.rotation
-            pose = pose_of((shift.x, shift.y, shift.z), (turn.x, turn.y, turn.z, turn.w))
-            parent, child, stamp = stamped.header.frame_id, stamped.child_frame_id, stamped.header.stamp
-            if pose is None:
-                self._warn_once("/tf: a transform without a finite place and rotation left out")
-            elif not self._frames.add(parent, child, pose, stamp.sec + stamp.nanosec * 1e-9, static=static):
-                self._warn_once(f"/tf: more than {MAX_FRAMES} frames; further ones left out")
+    def _on_transforms(self, message: TFMessage) -> None:
+        for problem in self._frames.take(message.transforms):
+            self._warn_once(f"/tf: {problem}")
+
+    def _on_static_transforms(self, message: TFMessage) -> None:
+        for problem in self._frames.take(message.transforms, static=True):
+            self._warn_once(f"/tf_static: {problem}")
 
     def _on_joints(self, message: JointState) -> None:
         for name, angle in zip(message.name, message.position, strict=False):
@@ -101,23 +116,54 @@ class Aggregator:
     def _on_mission(self, message: MissionState) -> None:
         self._mission, self._mission_heard = message, self._ros.elapsed()
         if self._tags.begin(message.mission_id):
-            self._mission_id = message.mission_id
-            self._watch.forget()
-            self._aim("")
-            self._since = self._ros.stamp()
-            self._tell_tags()
+            self._begin(message.mission_id)
         self._aim(self._focus())
+
+    def _begin(self, mission_id: str) -> None:
+        """Forget the last mission; of this one know what a process before this one knew of it."""
+        past, self._past = self._past, None
+        if past is None or past.mission_id != mission_id:
+            past = Past(mission_id)
+        self._tags.restore(past.tags)
+        self._watch.begin(past.reported)
+        self._scan.aim("")
+        self._has_told, self._told_box = False, None
+        self._since = self._ros.stamp()
+        self._tell_tags()
+
+    def _recall(self) -> Past | None:
+        try:
+            return self._memory.read()
+        except LupinError as error:
+            self._ros.log.warning(str(error))
+            return None
+
+    def _keep(self) -> None:
+        """Write down what has changed of a mission."""
+        state = self._tags.revision, len(self._watch.reported)
+        if self._tags.mission_id and state != self._kept:
+            self._kept = state
+            try:
+                past = Past(self._tags.mission_id, self._tags.discovered(), self._watch.reported)
+                self._memory.write(past)
+            except LupinError as error:
+                self._warn_once(str(error))
 
     def _aim(self, tag_id: str) -> None:
         """Credit flowers to this tag from now on; another one than before begins a new scan."""
-        if self._scan.aim(tag_id):
+        box = self._boxes.find(tag_id)
+        if self._scan.aim(tag_id, None if box is None else box.size.width):
             self._has_told, self._told_box = False, None
+
+    def _is_under_way(self) -> bool:
+        """Say whether a mission is under way, as far as was heard lately."""
+        heard = self._ros.elapsed() - self._mission_heard <= self._values["mission_freshness_s"]
+        return heard and is_active(self._mission.lifecycle_state)
 
     def _focus(self) -> str:
         """Name the tag that flowers belong to, '' for none."""
         mission = self._mission
-        heard = self._ros.elapsed() - self._mission_heard <= self._values["mission_freshness_s"]
-        if heard and is_active(mission.lifecycle_state):
+        if self._is_under_way():
             return scanned_tag(mission.lifecycle_state, mission.mission_phase, mission.current_target)
         return self._nearest() if self._values["attribute_when_idle"] else ""
 
@@ -165,11 +211,16 @@ class Aggregator:
             self._unplaced = False
         elif near and not self._unplaced:
             self._unplaced = True
-            frame = f"{self._values['tf_frame_prefix']}{near[0].id}"
+            gap = self._frames.gap(messages.FRAME, f"{self._values['tf_frame_prefix']}{near[0].id}")
             self._ros.log.warning(
-                f"tags are seen but none can be placed: no transform from {frame} to {messages.FRAME};"
-                " is the camera calibrated, and the robot localized?"
+                f"tags are seen but none can be placed: {gap}; is the camera calibrated, the robot localized?"
             )
+
+    def _tick(self) -> None:
+        # A list without what is remembered would tell the mission that its finds are gone.
+        if self._past is None or self._ros.elapsed() - self._begun > RECALL_S:
+            self._keep()
+            self._tell_tags()
 
     def _tell_tags(self) -> None:
         self._lists.publish(messages.discovered_tags(self._tags.discovered(), self._since))
@@ -203,7 +254,9 @@ class Aggregator:
         known, summary = self._tags.find(self._scan.tag_id), self._scan.summary()
         if known is None or summary is None:
             return
-        box = box_from_tag(known.pose, self._size, self._values["tag_lateral_offset"])
+        box = self._boxes.find(known.id)
+        if box is None:
+            box = box_from_tag(known.pose, self._size, self._values["tag_lateral_offset"])
         told = known.summary if self._has_told else None
         if not summary.tells_more_than(told) and _is_alike(box, self._told_box):
             return
@@ -212,7 +265,7 @@ class Aggregator:
         self._since = self._ros.stamp()
         places = np.empty((0, 2)) if box is None else self._places(box, summary.blooms)
         self._observations.publish(
-            messages.flower_observation(known, summary, box, places, self._mission_id, self._since)
+            messages.flower_observation(known, summary, box, places, self._tags.mission_id, self._since)
         )
 
     def _places(self, box: Box, blooms: Sequence[Bloom]) -> Array:
@@ -228,7 +281,9 @@ class Aggregator:
         pest = self._watch.add(detections, place)
         if pest is not None and robot is not None:
             stamp = self._ros.stamp()
-            self._observations.publish(messages.anomaly_observation(pest, robot, self._mission_id, stamp))
+            self._observations.publish(
+                messages.anomaly_observation(pest, robot, self._tags.mission_id, stamp)
+            )
 
     # --- what is wrong ------------------------------------------------------------------------------------
 
@@ -240,6 +295,12 @@ class Aggregator:
         if text not in self._warned:
             self._warned.add(text)
             self._ros.log.warning(text)
+
+
+def _refuse(response: ConfirmTag.Response, reason: str) -> ConfirmTag.Response:
+    response.error_message = reason
+    response.tag_pose_in_map.orientation.w = 0.0
+    return response
 
 
 def _is_alike(box: Box | None, other: Box | None) -> bool:

@@ -8,6 +8,7 @@ from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Point, Point32, Polygon, PoseStamped, Quaternion
 from geometry_msgs.msg import Pose as PoseMessage
 
+from lupin_engine.world.poses import Array, Pose
 from lupin_msgs.msg import (
     AnomalyReport,
     DiscoveredTag,
@@ -15,12 +16,12 @@ from lupin_msgs.msg import (
     FlowerObservation,
     FlowerPoint,
     Observation,
+    TagReading,
 )
 from lupin_perception.anomalies import PEST_SEVERITY, Pest
 from lupin_perception.boxes import Box
 from lupin_perception.flowers import Bloom, Summary
 from lupin_perception.registry import Known
-from lupin_perception.transforms import Array, Pose
 
 #: The frame of every pose on this wire.
 FRAME = "map"
@@ -96,7 +97,15 @@ def anomaly_observation(pest: Pest, robot: Pose, mission_id: str, stamp: Time) -
     return message
 
 
-def _observation(kind: int, mission_id: str, stamp: Time) -> Observation:
-    message = Observation(mission_id=mission_id, source=SOURCE, kind=kind, status=Observation.STATUS_OK)
+def reading_observation(known: Known, reading: TagReading, source: str, stamp: Time) -> Observation:
+    """Return what was measured at a tag without a mission."""
+    message = _observation(Observation.KIND_TAG_READING, "", stamp, source)
+    message.tag_pose_in_map = pose_message(known.pose)
+    message.tag_reading = reading
+    return message
+
+
+def _observation(kind: int, mission_id: str, stamp: Time, source: str = SOURCE) -> Observation:
+    message = Observation(mission_id=mission_id, source=source, kind=kind, status=Observation.STATUS_OK)
     message.header.frame_id, message.header.stamp = FRAME, stamp
     return message

@@ -17,12 +17,21 @@ TOPICS = {
     "tag_detections_topic": Parameter(TEXT, "/camera/tag_detections_json", "tags in each frame (JSON)"),
     "yolo_detections_topic": Parameter(TEXT, "/yolo/detections", "flowers in each frame (JSON)"),
     "mission_state_topic": Parameter(TEXT, "/mission/state", "state of the mission (MissionState)"),
+    "box_geometry_topic": Parameter(
+        TEXT, "/perception/box_geometry_json", "planter boxes by the layout (JSON), told or taken"
+    ),
     "joint_states_topic": Parameter(TEXT, "/joint_states", "joints of the arm (JointState)"),
     "discovered_tags_topic": Parameter(
         TEXT, "/perception/discovered_tags", "tags that were seen (DiscoveredTags)"
     ),
     "observations_topic": Parameter(TEXT, "/floranova/observations", "what was found at tags (Observation)"),
     "confirm_service": Parameter(TEXT, "/perception/confirm_tag", "confirms a tag (ConfirmTag)"),
+    "reading_service": Parameter(
+        TEXT, "/greenhouse_bridge/get_tag_reading", "reads the sensors at a tag (GetTagReading)"
+    ),
+    "memory_file": Parameter(
+        TEXT, "", "what outlives this process (JSON); empty: in the user's state; none: nothing is kept"
+    ),
 }
 TAGS = {
     "base_frame": Parameter(TEXT, "base_link", "frame of the robot: where a pest at no tag is reported"),
@@ -65,10 +74,29 @@ BOXES = {
     "flower_depth_jitter_frac": Parameter(
         NUMBER, 0.18, "share of the depth that drawn blooms scatter by, to either side; cosmetic", 0.0, 0.5
     ),
-    "flower_box_gate": Parameter(BOOL, True, "leave out detections beside the box"),
+    "flower_box_gate": Parameter(BOOL, True, "leave out detections beside a box that the layout knows"),
     "flower_box_gate_margin_m": Parameter(LENGTH, 0.10, "how far beside the box still counts", 0.0, 10.0),
 }
-PARAMETERS: Mapping[str, Parameter] = {**TOPICS, **TAGS, **FLOWERS, **BOXES}
+LAYOUT = {
+    "register_layout": Parameter(
+        BOOL, True, "lay the known layout over the map and tell its boxes; false: take those that others tell"
+    ),
+    "tag_locations_file": Parameter(TEXT, "", "layout of the greenhouse, JSON; empty: the bundled one"),
+    "box_height": Parameter(LENGTH, 0.30, "height of a planter box, told with it", 0.0, 10.0),
+    "layout_max_error_m": Parameter(
+        LENGTH, 0.15, "farthest that a tag may be from where the layout has it", minimum=0.001
+    ),
+    "layout_min_spread_m": Parameter(
+        LENGTH, 0.40, "tags nearer to their middle do not tell how the layout is turned", minimum=0.001
+    ),
+}
+IDLE = {
+    "passive_climate": Parameter(BOOL, True, "without a mission, read the tags that are known"),
+    "refresh_period_s": Parameter(DURATION, 0.0, "read each so often; 0: once", minimum=0.0),
+    "tick_period_s": Parameter(DURATION, 0.5, "time between two looks for tags to read", minimum=0.05),
+    "source_name": Parameter(TEXT, "passive_observer", "source of the readings without a mission"),
+}
+PARAMETERS: Mapping[str, Parameter] = {**TOPICS, **TAGS, **FLOWERS, **BOXES, **LAYOUT, **IDLE}
 
 
 def fusion_rules(values: Mapping[str, Any]) -> Rules:
@@ -83,7 +111,6 @@ def fusion_rules(values: Mapping[str, Any]) -> Rules:
         raise LupinError(f"parameter 'anomaly_class_name': no {anomaly!r} in flower_class_names; {hint}")
     return Rules(
         view=View(values["pan_half_span"], values["camera_half_fov"]),
-        box_width=values["box_width"],
         columns=values["lateral_columns"],
         anomaly=anomaly,
         min_confidence=values["yolo_min_confidence"],

@@ -11,6 +11,7 @@ from std_msgs.msg import String
 from lupin_engine.middleware.node import Qos, RosNode
 from lupin_sim.camera import Plate, facing
 from lupin_sim.detector import HEIGHT_M, flower_entries, readable, tag_entries, tag_in_robot
+from lupin_sim.floor import Point
 from lupin_sim.robot import Pose
 
 BASE, CAMERA = "base_link", "camera_link"
@@ -28,14 +29,14 @@ class Detections:
         self._tags = ros.publisher(String, "/camera/tag_detections_json", Qos.DETECTION)
         self._flowers = ros.publisher(String, "/yolo/detections", Qos.DETECTION)
 
-    def tell(self, pose: Pose, seen: Sequence[Plate]) -> None:
+    def tell(self, pose: Pose, seen: Sequence[Plate], pests: Sequence[Point]) -> None:
         """Publish one frame of each camera, taken from `pose`."""
         plates = readable(seen)
         tags = [_transform(CAMERA, f"tag_{p.id}", tag_in_robot(pose, p), 0.0) for p in plates]
         camera = _transform(BASE, CAMERA, None, HEIGHT_M)
         self._send([camera, *tags])
         self._tags.publish(String(data=json.dumps(tag_entries(pose, plates))))
-        self._flowers.publish(String(data=json.dumps(flower_entries(pose, plates))))
+        self._flowers.publish(String(data=json.dumps(flower_entries(pose, plates, pests))))
 
 
 def _transform(parent: str, child: str, plate: Pose | None, height: float) -> TransformStamped:

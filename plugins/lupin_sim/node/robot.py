@@ -28,6 +28,7 @@ from lupin_engine.errors import LupinError
 from lupin_engine.middleware.node import Qos, RosNode, ServedGoal, Timer
 from lupin_engine.plugin.contract import Parameter
 from lupin_engine.plugin.types import BOOL, COUNT, NUMBER, POSE, TEXT, number_in
+from lupin_engine.world.poses import heading
 from lupin_sim.faults import Fault, Faults
 from lupin_sim.floor import Floor
 from lupin_sim.layout import load_layout
@@ -62,7 +63,7 @@ LIVE = ("speed", "estop", "battery", "drain_per_s", "fault", "fault_count")
 _FAULT_NAMES = ", ".join(fault.value for fault in Fault)
 
 PARAMETERS = {
-    "tag_locations_file": Parameter(TEXT, "", "layout of the greenhouse, JSON; empty: mdp-greenhouse's own"),
+    "tag_locations_file": Parameter(TEXT, "", "layout of the greenhouse, JSON; empty: the bundled one"),
     "start_pose": Parameter(POSE, {"x": 0.5, "y": 0.5, "yaw": 0.0}, "where the robot stands at the start"),
     "speed": Parameter(number_in("m/s"), 0.5, "driving speed", minimum=0.01, maximum=10.0),
     "estop": Parameter(BOOL, False, "whether the emergency stop is engaged, besides /lupin/hmi/estop"),
@@ -183,7 +184,7 @@ class SimNode:
 
     def _admit(self, goal: NavigateToPose.Goal) -> bool:
         frame, place = goal.pose.header.frame_id, goal.pose.pose.position
-        numbers = (place.x, place.y, _yaw(goal.pose.pose.orientation))
+        numbers = (place.x, place.y, heading(goal.pose.pose.orientation))
         if frame not in ("map", "") or not all(map(math.isfinite, numbers)):
             self._ros.log.warning("goal rejected: not a pose in frame map", frame=frame, pose=numbers)
             return False
@@ -205,7 +206,7 @@ class SimNode:
         if path is None:
             self._end_goal("aborted", "no path", NO_VALID_PATH)
             return
-        self._robot.follow(path, _yaw(target.orientation))
+        self._robot.follow(path, heading(target.orientation))
         self._settle()
         if self._moving is None:
             self._moves = 0
@@ -271,7 +272,6 @@ class SimNode:
         self._publish_estop()
         if self._moving is None:
             self._senses.look(self._robot.pose)
-            self._publish_transforms()
         if self._ros.elapsed() >= self._next_pose:
             self._lose_or_find_the_way()
             self._publish_pose()
@@ -335,10 +335,6 @@ def _transform(parent: str, child: str, pose: Pose) -> TransformStamped:
 
 def _quaternion(yaw: float) -> Quaternion:
     return Quaternion(x=0.0, y=0.0, z=math.sin(yaw / 2.0), w=math.cos(yaw / 2.0))
-
-
-def _yaw(q: Quaternion) -> float:
-    return math.atan2(2.0 * (q.w * q.z + q.x * q.y), 1.0 - 2.0 * (q.y * q.y + q.z * q.z))
 
 
 def _duration(seconds: float) -> Duration:

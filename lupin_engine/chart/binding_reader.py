@@ -1,0 +1,542 @@
+"""Reading a binding: from its words to a plugin, and to what its calls send and mean."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from lupin_engine.chart.binding_file import (
+    ArgumentNode,
+    BindingNode,
+    BoundActionNode,
+    BoundEventNode,
+    BoundOperationNode,
+    BoundValueNode,
+    EndpointNode,
+    ServiceNode,
+    TopicNode,
+)
+from lupin_engine.chart.binding_meaning import (
+    FEEDBACK,
+    MESSAGE,
+    RESPONSE,
+    RESULT,
+    TAKEN,
+    Definition,
+    Meaning,
+    Seen,
+)
+from lupin_engine.chart.bindings import (
+    Binding,
+    Endpoint,
+    MessageHeard,
+    MessageSent,
+    OperationCall,
+    Sending,
+)
+from lupin_engine.chart.declare import SEVERITIES, Declarer
+from lupin_engine.chart.documents import Node
+from lupin_engine.chart.expressions import WORDS, Usage
+from lupin_engine.chart.findings import Findings
+from lupin_engine.chart.quantities import describe
+from lupin_engine.chart.values import read_constant
+from lupin_engine.errors import Place, nearest
+from lupin_engine.plugin.contract import (
+    Action,
+    Argument,
+    Code,
+    EventKind,
+    LiveValue,
+    Mock,
+    OnHold,
+    Operation,
+    Parameter,
+    Plugin,
+)
+from lupin_engine.plugin.registry import Catalog
+from lupin_engine.plugin.types import ANY, DURATION, UNITS, Type, parse_type
+
+_NAME = re.compile(r"[a-z][a-z0-9_]*")
+_DOTTED = re.compile(r"[a-z][a-z0-9_]*(\.[a-z][a-z0-9_]*)*")
+_CODE = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
+_CHANNEL = re.compile(r"[~/]?[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*")
+_LETTERS = {
+    _NAME: "lower case letters, digits and underscores",
+    _DOTTED: "lower case letters, digits, underscores and dots",
+    _CODE: "letters, digits and underscores",
+}
+_INTERFACE = re.compile(r"[a-z][a-z0-9_]*/(srv|action|msg)/[A-Z][A-Za-z0-9]*")
+
+#: Returns what an interface consists of (request and response, or goal, result and feedback, or message; and
+#: constant), None when its package is not there to be looked at; LookupError says what is wrong with it.
+Definitions = Callable[[str], "Definition | None"]
+
+
+def read_binding(node: BindingNode, catalog: Catalog, findings: Findings) -> Binding:
+    """Read what a file says; after findings it has holes, but missions can be checked against it.
+
+    `catalog` has the types that arguments, results and values may have.
+    """
+    return _Reader(node, catalog, findings).read()
+
+
+def check_definition(binding: Binding, definitions: Definitions, findings: Findings) -> None:
+    """Read a binding again with the types of its interfaces, and tell what does not fit them."""
+    params = {name: parameter.type for name, parameter in binding.plugin.parameters.items()}
+    for bound in _bound(binding.node):
+        definition = _definition(bound, definitions, findings)
+        if definition is None:
+            continue
+        arguments, fields = bound.declared(binding.plugin)
+        meaning = bound.meaning(arguments, params, definition, findings)
+        bound.read(meaning, fields)
+
+
+def _definition(bound: _Bound, definitions: Definitions, findings: Findings) -> Definition | None:
+    endpoint, path = bound.endpoint, f"{bound.path}.{bound.key}"
+    place = endpoint.at("type")
+    if not _is_type(endpoint):
+        return None  # that has been told
+    try:
+        definition = definitions(endpoint.type)
+    except LookupError as error:
+        problem, _, hint = str(error.args[0]).partition("; ")
+        findings.add(place, "unknown-type", path, problem, hint)
+        return None
+    if definition is None:
+        problem = f"nobody has looked whether this fits {endpoint.type}, which is not installed here"
+        findings.warn(place, "unknown-type", path, problem, "check it where it is")
+    return definition
+
+
+def _is_type(endpoint: EndpointNode) -> bool:
+    found = _INTERFACE.fullmatch(endpoint.type)
+    return found is not None and found[1] == endpoint.KIND
+
+
+# -- one thing that talks to something ---------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class _Bound:
+    """Something of a binding that talks to something: `key` says under which word."""
+
+    path: str
+    name: str
+    node: Any
+    key: str
+    place: Place
+
+    @property
+    def endpoint(self) -> EndpointNode:
+        """What it talks to."""
+        found: EndpointNode = getattr(self.node, self.key)
+        return found
+
+    @property
+    def seen(self) -> Seen:
+        """What its expressions are about."""
+        return {"service": RESPONSE, "action": RESULT}.get(self.key, MESSAGE)
+
+    def meaning(
+        self,
+        arguments: Mapping[str, Type],
+        params: Mapping[str, Type],
+        definition: Definition | None,
+        findings: Findings,
+        usage: Usage | None = None,
+    ) -> Meaning:
+        """Return what reads its expressions."""
+        sends = {"service": "request", "action": "goal"}.get(self.key, "message")
+        return Meaning(self.path, sends, self.seen, arguments, params, definition, findings, usage or Usage())
+
+    def declared(self, plugin: Plugin) -> tuple[Mapping[str, Type], Mapping[str, Type]]:
+        """Return the types of its arguments, and of what is made of what it hears, by name."""
+        if isinstance(self.node, BoundOperationNode):
+            operation = plugin.operations[self.name]
+            return _types(operation.arguments), operation.result
+        if isinstance(self.node, BoundActionNode):
+            return _types(plugin.actions[self.name].arguments), {}
+        if isinstance(self.node, BoundEventNode):
+            return {}, plugin.events[self.name].fields
+        return {}, {"value": plugin.values[self.name].type}
+
+    def read(self, meaning: Meaning, fields: Mapping[str, Type]) -> _Read:
+        """Read all its expressions."""
+        node = self.node
+        found = _Read()
+        if isinstance(node, BoundOperationNode | BoundActionNode):
+            found.sending = Sending(meaning.sent(node))
+        if isinstance(node, BoundOperationNode):
+            found.condition = meaning.condition(node, "done_when", self.seen)
+            found.code_when = meaning.conditions(node, "code_when", self.seen)
+            found.detail = meaning.text(node, "detail", self.seen)
+            if self.key == "action":
+                found.told = meaning.told(node, "progress", FEEDBACK)
+            found.fields = _fields(node, "result", fields, meaning)
+        elif isinstance(node, BoundEventNode):
+            found.condition = meaning.condition(node, "when", self.seen)
+            found.fields = _fields(node, "fields", fields, meaning)
+        elif isinstance(node, BoundValueNode):
+            found.condition = meaning.condition(node, "when", self.seen)
+            value = meaning.taken(node, fields["value"], f"{self.path}.from")
+            found.fields = {} if value is None else {"value": (fields["value"], value)}
+        return found
+
+
+@dataclass
+class _Read:
+    """The expressions of a thing."""
+
+    sending: Sending = field(default_factory=lambda: Sending({}))
+    condition: Any = None
+    code_when: Mapping[str, Any] = field(default_factory=dict)
+    detail: Any = None
+    told: Mapping[str, Any] = field(default_factory=dict)
+    fields: Mapping[str, tuple[Type, Any]] = field(default_factory=dict)
+
+
+def _fields(node: Node, key: str, kinds: Mapping[str, Type], meaning: Meaning) -> dict[str, tuple[Type, Any]]:
+    written = getattr(node, key)
+    read = {n: meaning.taken(written[n], kind, f"{meaning.path}.{key}.{n}") for n, kind in kinds.items()}
+    return {name: (kinds[name], value) for name, value in read.items() if value is not None}
+
+
+def _types(arguments: Mapping[str, Argument]) -> dict[str, Type]:
+    return {name: argument.type for name, argument in arguments.items()}
+
+
+def _bound(node: BindingNode) -> Iterator[_Bound]:
+    """Yield everything in a file that talks to something."""
+    for family in ("operations", "actions", "values", "events"):
+        for name, each in getattr(node, family).items():
+            key = "topic"
+            if isinstance(each, BoundOperationNode):
+                key = "service" if each.service is not None else "action"
+            if getattr(each, key) is not None:
+                yield _Bound(f"{family}.{name}", name, each, key, node.key_at(family, name))
+
+
+# -- the whole file ----------------------------------------------------------------------------------------
+
+
+class _Reader:
+    """Reads one file."""
+
+    def __init__(self, node: BindingNode, catalog: Catalog, findings: Findings) -> None:
+        self._node = node
+        self._catalog = catalog
+        self._types = catalog.known_types
+        self._findings = findings
+        self._usage = Usage()
+
+    def read(self) -> Binding:
+        """Read everything, and tell everything that is wrong."""
+        node = self._node
+        self._good_name(_NAME, "binding", node.binding, node.at("binding"), "binding")
+        parameters = dict(self._parameters())
+        codes = dict(self._codes())
+        values = {name: self._value(name, each) for name, each in node.values.items()}
+        plugin = Plugin(
+            node.binding,
+            node.summary,
+            operations={n: self._operation(n, each, codes, values) for n, each in node.operations.items()},
+            actions={name: self._action(name, each) for name, each in node.actions.items()},
+            values=values,
+            events={name: self._event(name, each) for name, each in node.events.items()},
+            parameters=parameters,
+        )
+        binding = self._talking(plugin)
+        self._unused_codes(codes)
+        self._unused_parameters()
+        return binding
+
+    def _talking(self, plugin: Plugin) -> Binding:
+        """Read what everything sends, and what it makes of what it hears."""
+        found: dict[str, dict[str, Any]] = {"operations": {}, "actions": {}, "values": {}, "events": {}}
+        params = {name: parameter.type for name, parameter in plugin.parameters.items()}
+        for bound in _bound(self._node):
+            arguments, fields = bound.declared(plugin)
+            meaning = bound.meaning(arguments, params, None, self._findings, self._usage)
+            endpoint = self._endpoint(bound)
+            made = self._made(bound, endpoint, bound.read(meaning, fields))
+            found[bound.path.partition(".")[0]][bound.name] = made
+        return Binding(
+            plugin, found["operations"], found["actions"], found["values"], found["events"], self._node
+        )
+
+    def _made(self, bound: _Bound, endpoint: Endpoint, read: _Read) -> Any:
+        node = bound.node
+        if isinstance(node, BoundOperationNode):
+            return OperationCall(
+                endpoint,
+                read.sending,
+                read.condition,
+                read.fields,
+                node.code,
+                read.code_when,
+                node.unavailable or node.code,
+                node.rejected or node.code,
+                read.detail,
+                read.told,
+                moves=node.on_hold == "cancel",
+            )
+        if isinstance(node, BoundActionNode):
+            return MessageSent(endpoint, read.sending)
+        unit = (node.unit or "") if isinstance(node, BoundValueNode) else ""
+        factor = UNITS[unit][1] if unit in UNITS else 1.0
+        return MessageHeard(endpoint, read.condition, read.fields, factor)
+
+    def _endpoint(self, bound: _Bound) -> Endpoint:
+        node, path = bound.endpoint, f"{bound.path}.{bound.key}"
+        such_type, such_name = node.SUCH_AS
+        if not _CHANNEL.fullmatch(node.name):
+            problem = f"{node.name!r} is no name of {'a topic' if bound.key == 'topic' else node.CALLED}"
+            hint = f"write it with slashes, such as {such_name!r}"
+            self._findings.add(node.at("name"), "bad-name", path, problem, hint)
+        if not _is_type(node):
+            problem = f"{node.type!r} is no type of {node.CALLED}"
+            hint = f"write PACKAGE/{node.KIND}/NAME, such as {such_type!r}"
+            self._findings.add(node.at("type"), "bad-name", path, problem, hint)
+        deadline = None
+        if isinstance(node, ServiceNode):
+            deadline = self._duration(node, "deadline", path)
+        qos = node.qos if isinstance(node, TopicNode) else ""
+        return Endpoint(node.KIND, node.name, node.type, bound.place, deadline, qos)
+
+    # -- parameters and codes ------------------------------------------------------------------------------
+
+    def _parameters(self) -> Iterator[tuple[str, Parameter]]:
+        declarer = Declarer(self._catalog, self._findings, self._usage)
+        for name, written in self._node.params.items():
+            place, path = self._node.key_at("params", name), f"params.{name}"
+            self._good_name(_NAME, "parameter", name, place, path, WORDS)
+            parameter = declarer.parameter(written, path)
+            if parameter is not None:
+                yield name, parameter
+
+    def _unused_parameters(self) -> None:
+        for name in self._node.params:
+            if name not in self._usage.parameters:
+                place, problem = self._node.key_at("params", name), f"nothing reads the parameter {name!r}"
+                hint = f"read it as param.{name}, or remove it"
+                self._findings.warn(place, "unused-parameter", f"params.{name}", problem, hint)
+
+    def _codes(self) -> Iterator[tuple[str, Code]]:
+        for name, written in self._node.codes.items():
+            place, path = self._node.key_at("codes", name), f"codes.{name}"
+            if not written.label:
+                problem, hint = f"the code {name!r} has no label for people", "write 'label: ...'"
+                self._findings.add(written.at("label"), "missing-key", path, problem, hint)
+            elif self._good_name(_CODE, "code", name, place, path):
+                yield name, Code(name, written.label, SEVERITIES[written.severity])
+
+    def _unused_codes(self, codes: Mapping[str, Code]) -> None:
+        used = {name for each in self._node.operations.values() for name, _ in _codes_of(each)}
+        for name in codes:
+            if name not in used:
+                place = self._node.key_at("codes", name)
+                problem = f"no operation fails with the code {name!r}"
+                hint = "write 'code: ...' in an operation, or remove it"
+                self._findings.warn(place, "unused-code", f"codes.{name}", problem, hint)
+
+    # -- what missions see ---------------------------------------------------------------------------------
+
+    def _operation(
+        self, name: str, node: BoundOperationNode, known: Mapping[str, Code], values: Mapping[str, LiveValue]
+    ) -> Operation:
+        path = self._named("operations", name, _NAME, "operation")
+        self._one_endpoint(node, path)
+        codes = dict.fromkeys(self._codes_that_fail(node, path, known))
+        arguments = self._arguments(node, path)
+        result = self._result(node, "result", path)
+        for index, resource in enumerate(node.uses):
+            self._good_name(_NAME, "resource", resource, node.at("uses", index), f"{path}.uses")
+        return Operation(
+            node.summary,
+            arguments,
+            result,
+            tuple(codes),
+            tuple(node.uses),
+            OnHold(node.on_hold),
+            self._mock(node, path, result, values),
+        )
+
+    def _one_endpoint(self, node: BoundOperationNode, path: str) -> None:
+        if node.service is None and node.action is None:
+            problem = "it is not said what is called: the key 'service' or 'action' is missing"
+            hint = "write 'service: {name: ..., type: ...}'"
+            self._findings.add(node.place, "missing-key", path, problem, hint)
+        elif node.service is not None:
+            of_actions = [key for key in ("action", "progress", "rejected") if getattr(node, key) is not None]
+            for key in of_actions:
+                problem = f"a service has no {key!r}, only an action has"
+                problem = "an operation has either 'service' or 'action'" if key == "action" else problem
+                hint = "make two operations of it" if key == "action" else "leave it out"
+                self._findings.add(node.key_at(key), "wrong-shape", path, problem, hint)
+
+    def _codes_that_fail(
+        self, node: BoundOperationNode, path: str, known: Mapping[str, Code]
+    ) -> Iterator[Code]:
+        for code, key in _codes_of(node):
+            if code in known:
+                yield known[code]
+            elif code not in self._node.codes:
+                place = node.key_at(key, code) if key == "code_when" else node.at(key)
+                self._findings.unknown(place, "undeclared-code", f"{path}.{key}", "code", code, known)
+
+    def _action(self, name: str, node: BoundActionNode) -> Action:
+        path = self._named("actions", name, _NAME, "action")
+        return Action(node.summary, self._arguments(node, path), node.moves)
+
+    def _value(self, name: str, node: BoundValueNode) -> LiveValue:
+        path = self._named("values", name, _DOTTED, "value")
+        kind = self._type(node.type, node.at("type"), path)
+        initial = None
+        if kind is not None and node.initial is not None:
+            read = read_constant(node.initial, node.at("initial"), kind, self._findings, f"{path}.initial")
+            initial = read.value if read else None
+        if kind is not None and node.unit is not None:
+            self._check_unit(node, kind, path)
+        freshness = self._duration(node, "freshness", path)
+        if freshness == 0:
+            problem = "a message would be old as soon as it is there"
+            self._findings.add(node.at("freshness"), "out-of-range", path, problem, "write a time above 0 s")
+            freshness = None
+        return LiveValue(node.summary, kind or ANY, freshness, initial)
+
+    def _check_unit(self, node: BoundValueNode, kind: Type, path: str) -> None:
+        unit = node.unit or ""
+        units = [each for each, (base, _) in UNITS.items() if kind.kind == "number" and base == kind.unit]
+        if unit in units:
+            return
+        hint = f"its units are {', '.join(map(repr, units))}" if units else "leave 'unit' out"
+        problem = f"{describe(kind)} is not measured in {unit!r}"
+        if unit not in UNITS:
+            problem, hint = f"unknown unit {unit!r}", nearest(unit, UNITS)
+        self._findings.add(node.at("unit"), "wrong-unit", path, problem, hint)
+
+    def _event(self, name: str, node: BoundEventNode) -> EventKind:
+        path = self._named("events", name, _NAME, "event")
+        return EventKind(node.summary, self._result(node, "fields", path))
+
+    def _arguments(self, node: BoundOperationNode | BoundActionNode, path: str) -> dict[str, Argument]:
+        found = {}
+        for name, written in node.arguments.items():
+            place, inner = node.key_at("arguments", name), f"{path}.arguments.{name}"
+            self._good_name(_NAME, "argument", name, place, inner, TAKEN)
+            found[name] = self._argument(written, inner)
+        return found
+
+    def _argument(self, written: ArgumentNode, path: str) -> Argument:
+        kind = self._type(written.type, written.at("type"), path)
+        default = None
+        if written.default is not None and kind is not None:
+            read = read_constant(
+                written.default, written.at("default"), kind, self._findings, f"{path}.default"
+            )
+            default = read.value if read else None
+        return Argument(kind or ANY, written.summary, default)
+
+    def _result(self, node: BoundOperationNode | BoundEventNode, key: str, path: str) -> dict[str, Type]:
+        found = {}
+        for name, written in getattr(node, key).items():
+            place, inner = node.key_at(key, name), f"{path}.{key}.{name}"
+            self._good_name(_NAME, "field", name, place, inner)
+            found[name] = self._type(written.type, written.at("type"), inner) or ANY
+        return found
+
+    # -- how it is simulated -------------------------------------------------------------------------------
+
+    def _mock(
+        self,
+        node: BoundOperationNode,
+        path: str,
+        result: Mapping[str, Type],
+        values: Mapping[str, LiveValue],
+    ) -> Mock:
+        mock = node.mock
+        if mock is None:
+            if result:
+                problem = "nobody says what a simulation gets: the key 'mock' is missing"
+                hint = f"write 'mock: {{after: 1 s, result: {{{next(iter(result))}: ...}}}}'"
+                self._findings.add(node.place, "missing-key", path, problem, hint)
+            return Mock()
+        path = f"{path}.mock"
+        after = self._duration(mock, "after", path) or 0.0
+        given = self._mocked(mock, "result", result, path, "field of the result")
+        for name in result:
+            if name not in mock.result:
+                problem, hint = f"the mock has no {name!r}", f"add '{name}: ...'"
+                self._findings.add(mock.at("result"), "missing-key", f"{path}.result", problem, hint)
+        kinds = {name: value.type for name, value in values.items()}
+        return Mock(after, given, self._mocked(mock, "values", kinds, path, "live value of this binding"))
+
+    def _mocked(
+        self, mock: Node, key: str, kinds: Mapping[str, Type], path: str, what: str
+    ) -> dict[str, Any]:
+        found = {}
+        for name, raw in getattr(mock, key).items():
+            if name not in kinds:
+                rule = "wrong-type" if key == "result" else "unknown-value"
+                self._findings.unknown(mock.key_at(key, name), rule, path, what, name, kinds)
+                continue
+            at = mock.value_at(key, name)
+            read = read_constant(raw, at, kinds[name], self._findings, f"{path}.{key}.{name}")
+            found[name] = read.value if read else None
+        return found
+
+    # -- shared --------------------------------------------------------------------------------------------
+
+    def _named(self, family: str, name: str, form: re.Pattern[str], what: str) -> str:
+        """Check a thing's name; return its path."""
+        path = f"{family}.{name}"
+        self._good_name(form, what, name, self._node.key_at(family, name), path)
+        return path
+
+    def _good_name(
+        self,
+        form: re.Pattern[str],
+        what: str,
+        name: str,
+        place: Place,
+        path: str,
+        taken: frozenset[str] = frozenset(),
+    ) -> bool:
+        """Tell whether a thing can be called that; a finding otherwise."""
+        if form.fullmatch(name) and name not in taken:
+            return True
+        problem = f"{name!r} cannot be used as the name of {'an' if what[0] in 'aeiou' else 'a'} {what}"
+        hint = "it is a word of expressions" if name in taken else f"use {_LETTERS[form]}"
+        self._findings.add(place, "bad-name", path, problem, hint)
+        return False
+
+    def _type(self, text: str, place: Place, path: str) -> Type | None:
+        try:
+            return parse_type(text, self._types)
+        except ValueError as error:
+            problem, _, hint = str(error).partition("; ")
+            self._findings.add(place, "unknown-type", path, problem, hint)
+            return None
+
+    def _duration(self, node: Node, key: str, path: str) -> float | None:
+        raw = getattr(node, key)
+        if raw is None:
+            return None
+        read = read_constant(raw, node.at(key), DURATION, self._findings, f"{path}.{key}")
+        return float(read.value) if read else None
+
+
+def _codes_of(node: BoundOperationNode) -> Iterator[tuple[str, str]]:
+    """Yield every code that an operation names, with the key that names it."""
+    yield node.code, "code"
+    for name in node.code_when:
+        yield name, "code_when"
+    for key in ("unavailable", "rejected"):
+        if getattr(node, key) is not None:
+            yield getattr(node, key), key
+
+
+__all__ = ["Definitions", "check_definition", "read_binding"]

@@ -1,0 +1,351 @@
+"""Where a driver is tried: its servers, or stand-ins of them, on a ROS domain that nobody else is on."""
+
+from __future__ import annotations
+
+import contextlib
+import importlib
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from lupin_engine.errors import LupinError
+from lupin_engine.harness.domains import claimed_domain
+from lupin_engine.harness.examples import arguments_for, defaults_of
+from lupin_engine.harness.referee import Attempt, ContractBroken, Referee
+from lupin_engine.harness.rules import Given
+from lupin_engine.middleware.environment import child_environment
+from lupin_engine.middleware.node import RosNode
+from lupin_engine.plugin.contract import Argument, Driver, Plugin
+
+#: Seconds in which everything that must happen has happened, on a busy machine.
+PATIENCE = 30.0
+#: Seconds that a call of a driver may take; it should be far less, but the machine may be busy.
+AT_ONCE = 0.5
+#: Seconds after which an attempt is cancelled of which nobody knows whether there is a server for it.
+TRY_S = 5.0
+#: Seconds that a process gets to end when it is asked to.
+LEAVING_S = 5.0
+
+#: Runs `module:function` with the ROS arguments that follow.
+_RUN = (
+    "import importlib, sys; from lupin_engine.middleware.environment import prepare; prepare(); "
+    "module, _, name = sys.argv[1].partition(':'); "
+    "sys.exit(getattr(importlib.import_module(module), name)(sys.argv[2:]))"
+)
+
+
+@dataclass(frozen=True)
+class Setting:
+    """What the author of a plugin says about trying it.
+
+    `parameters` differ from the defaults; `arguments` are by operation or action. `nodes` are run as
+    processes of their own, by name `module:function`, with `node_parameters`; `offer` puts stand-ins on a
+    node of this process. `waits` says whether the driver names what it misses while nobody is there. `first`
+    names, by operation, what a mission does before it: a robot is localized before it drives.
+    """
+
+    plugin: Plugin
+    parameters: Mapping[str, Any] = field(default_factory=dict)
+    arguments: Given = field(default_factory=dict)
+    nodes: Mapping[str, str] = field(default_factory=dict)
+    node_parameters: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    offer: Callable[[RosNode], None] | None = None
+    waits: bool = True
+    first: Mapping[str, Sequence[str]] = field(default_factory=dict)
+
+    def arguments_for(self, name: str, declared: Mapping[str, Argument]) -> dict[str, Any]:
+        """Return arguments for the operation or action `name`."""
+        return arguments_for(declared, self.arguments.get(name, {}))
+
+
+class Servers:
+    """The other side: processes, and stand-ins of this process."""
+
+    def __init__(self, setting: Setting) -> None:
+        self._setting = setting
+        self._logs = tempfile.TemporaryDirectory(prefix="lupin-harness-")
+        self._processes: dict[str, subprocess.Popen[bytes]] = {}
+        self.here: RosNode | None = None
+
+    def start(self) -> None:
+        """Start what does not run."""
+        for name, entry in self._setting.nodes.items():
+            if name not in self._processes:
+                self._processes[name] = self._run(name, entry)
+        if self._setting.offer is not None and self.here is None:
+            self.here = RosNode("harness_stand_ins")
+            self._setting.offer(self.here)
+
+    def kill(self) -> None:
+        """End them without a word, as a crash does."""
+        for process in self._processes.values():
+            process.kill()
+            process.wait()
+        self._processes.clear()
+        self._close()
+
+    def stop(self) -> None:
+        """End them as one should; kill whoever does not."""
+        for process in self._processes.values():
+            process.send_signal(signal.SIGINT)
+        for process in self._processes.values():
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                process.wait(LEAVING_S)
+        self.kill()
+        self._logs.cleanup()
+
+    def check(self) -> None:
+        """Raise when a process has ended by itself."""
+        for name, process in self._processes.items():
+            if process.poll() is not None:
+                log = self._log(name).read_text(encoding="utf-8", errors="replace").strip()
+                last = "\n".join(log.splitlines()[-5:]) or "it said nothing"
+                raise ContractBroken(f"node {name!r} has ended with code {process.returncode}: {last}")
+
+    def _run(self, name: str, entry: str) -> subprocess.Popen[bytes]:
+        command = [sys.executable, "-c", _RUN, entry]
+        given = self._setting.node_parameters.get(name, {})
+        if given:
+            command.append("--ros-args")
+        for parameter, value in given.items():
+            said = str(value).lower() if isinstance(value, bool) else str(value)
+            command += ["-p", f"{parameter}:={said}"]
+        environment = {**child_environment(), "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+        with self._log(name).open("ab") as output:
+            return subprocess.Popen(
+                command, stdout=output, stderr=subprocess.STDOUT, env=environment, start_new_session=True
+            )
+
+    def _log(self, name: str) -> Path:
+        return Path(self._logs.name, f"{name}.log")
+
+    def _close(self) -> None:
+        if self.here is not None:
+            self.here.close()
+            self.here = None
+
+
+class Bench:
+    """A driver on a node of its own, with a referee."""
+
+    def __init__(self, setting: Setting, servers: Servers | None) -> None:
+        self._setting = setting
+        self._servers = servers
+        self.plugin = setting.plugin
+        self.waits = setting.waits
+        self.ros = RosNode(f"harness_{self.plugin.name}")
+        self._open: list[Driver] = []
+        self.referee, self.driver = self.make_driver()
+
+    def make_driver(self) -> tuple[Referee, Driver]:
+        """Make a driver with a referee of its own."""
+        referee = Referee(self.plugin, lambda attempt: self.ros.post(lambda: self._cancel_again(attempt)))
+        module, _, name = self.plugin.client.partition(":")
+        parameters = {**defaults_of(self.plugin.parameters), **self._setting.parameters}
+        make: Callable[..., Driver] = getattr(importlib.import_module(module), name)
+        driver = make(self.ros, referee, parameters)
+        self._open.append(driver)
+        return referee, driver
+
+    # --- what the engine does
+
+    def begin(self, operation: str) -> str:
+        """Start an attempt and return its name."""
+        name = self.referee.begin(operation)
+        arguments = self._setting.arguments_for(operation, self.plugin.operations[operation].arguments)
+        self.quickly(f"start of {operation!r}", lambda: self.driver.start(name, operation, arguments))
+        return name
+
+    def cancel(self, attempt: str) -> None:
+        """Ask for an attempt's end."""
+        if attempt in self.referee.attempts:
+            self.referee.attempts[attempt].cancelled = True
+        self.quickly(f"cancel of {attempt!r}", lambda: self.driver.cancel(attempt))
+
+    def act(self, action: str) -> None:
+        """Carry out an action."""
+        arguments = self._setting.arguments_for(action, self.plugin.actions[action].arguments)
+        self.quickly(f"action {action!r}", lambda: self.driver.act(action, arguments))
+
+    def missing(self) -> list[str]:
+        """Return what the driver waits for."""
+        found: list[str] = []
+        self.quickly("missing()", lambda: found.extend(self.driver.missing()))
+        return found
+
+    def close_driver(self) -> None:
+        """Close the driver; the referee takes every report from now on for a mistake."""
+        self._open.remove(self.driver)
+        self.quickly("close()", self.driver.close)
+        self.referee.closed = True
+
+    def _cancel_again(self, attempt: str) -> None:
+        if not self.referee.closed:
+            self.cancel(attempt)
+
+    def quickly(self, what: str, call: Callable[[], object]) -> None:
+        """Call the driver: it must neither block nor raise."""
+        begun = time.monotonic()
+        try:
+            call()
+        except Exception as problem:
+            raise ContractBroken(f"{what} raises {type(problem).__name__}: {problem}") from problem
+        took = time.monotonic() - begun
+        if took > AT_ONCE:
+            raise ContractBroken(f"{what} blocks: it took {took:.1f} s; call back when there is an answer")
+
+    # --- time
+
+    def until(self, condition: Callable[[], Any], what: str, patience: float = PATIENCE) -> None:
+        """Let everybody work until a condition holds."""
+        end = time.monotonic() + patience
+        while not condition():
+            if self._servers is not None:
+                self._servers.check()
+            if time.monotonic() > end:
+                raise ContractBroken(f"{what}: not within {patience:g} s{self._seen()}")
+            self.ros.spin_once(0.005)
+            if self._servers is not None and self._servers.here is not None:
+                self._servers.here.spin_once(0.005)
+
+    def _seen(self) -> str:
+        told = [f"{name}: {attempt}" for name, attempt in self.referee.attempts.items()]
+        return f"; reports so far: {'; '.join(told)}" if told else ""
+
+    def until_ready(self) -> None:
+        """Wait until the driver misses nothing."""
+        self.until(lambda: not self.missing(), f"missing() is to become empty; it names {self.missing()}")
+
+    def until_heard(self, attempt: str) -> None:
+        """Wait until an attempt is accepted, or has ended."""
+        known = self.referee.attempts[attempt]
+        self.until(lambda: known.reports, f"{attempt} is to be accepted")
+
+    def until_ended(self, attempt: str) -> Attempt:
+        """Wait until an attempt has ended."""
+        known = self.referee.attempts[attempt]
+        self.until(lambda: known.ended, f"the end of {attempt}")
+        return known
+
+    def prepare(self, operation: str) -> None:
+        """Do what comes before an operation, and reach its servers where the driver does not name them."""
+        for earlier in self._setting.first.get(operation, ()):
+            self.succeed(earlier)
+        if not self.waits:
+            self._insist(operation)
+
+    def succeed(self, operation: str) -> str:
+        """Do one attempt to its good end; return its name."""
+        self.prepare(operation)
+        attempt = self.begin(operation)
+        known = self.until_ended(attempt)
+        if "done" not in known.reports:
+            raise ContractBroken(f"{attempt}: {known}; give arguments with which it succeeds")
+        return attempt
+
+    def _insist(self, operation: str) -> str:
+        """Try until an attempt is done: a driver that waits for nobody cannot say when it could work."""
+        done: list[str] = []
+        attempt, given_up = self.begin(operation), time.monotonic() + TRY_S
+
+        def has_worked() -> bool:
+            nonlocal attempt, given_up
+            known = self.referee.attempts[attempt]
+            if "done" in known.reports:
+                done.append(attempt)
+            elif known.ended:
+                attempt, given_up = self.begin(operation), time.monotonic() + TRY_S
+            elif time.monotonic() > given_up and not known.cancelled:
+                self.cancel(attempt)
+            return bool(done)
+
+        self.until(has_worked, f"{operation!r} is to be done; give arguments with which it succeeds")
+        return done[0]
+
+    def close(self) -> None:
+        """Release everything; what the referee noted is raised."""
+        try:
+            for driver in self._open:
+                driver.close()
+        finally:
+            self.ros.close()
+        if self.referee.problems:
+            raise ContractBroken("\n".join(self.referee.problems))
+
+
+class Lab:
+    """Makes benches: among servers, and where nobody is."""
+
+    def __init__(self, setting: Setting) -> None:
+        if not setting.plugin.client:
+            raise LupinError(f"plugin {setting.plugin.name!r} has no client: there is no driver to try")
+        self.setting = setting
+        self.plugin = setting.plugin
+        self._domain, self._lonely = 0, 0
+        self.servers = Servers(setting)
+
+    @contextlib.contextmanager
+    def open(self) -> Iterator[Lab]:
+        """Claim the domains; end what was started."""
+        with claimed_domain() as self._domain, claimed_domain() as self._lonely:
+            try:
+                yield self
+            finally:
+                self.servers.stop()
+
+    @contextlib.contextmanager
+    def bench(self) -> Iterator[Bench]:
+        """Make a bench among servers."""
+        self.restart()
+        with _on_domain(self._domain):
+            bench = Bench(self.setting, self.servers)
+        with _closed_after(bench):
+            bench.until_ready()
+            yield bench
+
+    def restart(self) -> None:
+        """Start the servers that do not run."""
+        with _on_domain(self._domain):
+            self.servers.start()
+
+    @contextlib.contextmanager
+    def lonely_bench(self) -> Iterator[Bench]:
+        """Make a bench where nobody is."""
+        with _on_domain(self._lonely):
+            bench = Bench(self.setting, None)
+        with _closed_after(bench):
+            yield bench
+
+
+@contextlib.contextmanager
+def _closed_after(bench: Bench) -> Iterator[None]:
+    try:
+        yield
+    except BaseException:
+        with contextlib.suppress(ContractBroken):  # the first thing that went wrong is told
+            bench.close()
+        raise
+    bench.close()
+
+
+@contextlib.contextmanager
+def _on_domain(domain: int) -> Iterator[None]:
+    """Let nodes that are made, and processes that are started, be on a domain of this machine only."""
+    wanted = {"ROS_DOMAIN_ID": str(domain), "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
+    before = {name: os.environ.get(name) for name in wanted}
+    os.environ.update(wanted)
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                del os.environ[name]
+            else:
+                os.environ[name] = value

@@ -1,0 +1,122 @@
+"""The harness as classes of tests: derive from them in a module of tests, and pytest runs the rules.
+
+    class TestCatalog(CatalogContract):
+        plugin = "lamp"
+
+    class TestDriver(DriverContract):
+        plugin = "lamp"
+        arguments = {"switch": {"name": "red"}}
+
+`CatalogContract` needs no ROS. `DriverContract` starts the plugin's own nodes, and whatever `offer` puts in
+their place, on a ROS domain of its own; without ROS it is skipped.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from contextlib import ExitStack
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import pytest
+
+from lupin_engine.errors import UsageError, nearest
+from lupin_engine.harness.live import apply, cases
+from lupin_engine.harness.referee import ContractBroken
+from lupin_engine.harness.rules import RULES, Given, find_subject
+from lupin_engine.plugin.registry import load_catalog
+
+if TYPE_CHECKING:
+    from lupin_engine.harness.bench import Lab
+    from lupin_engine.middleware.node import RosNode
+
+
+class CatalogContract:
+    """What every catalog keeps. `arguments` are by operation, action or function; the rest is made up."""
+
+    plugin: ClassVar[str]
+    arguments: ClassVar[Given] = {}
+
+    def pytest_generate_tests(self, metafunc: pytest.Metafunc) -> None:
+        """Make one test of each rule."""
+        metafunc.parametrize("rule", RULES)
+
+    def test_catalog(self, rule: str) -> None:
+        """The catalog keeps the rule."""
+        problems = list(RULES[rule](find_subject(self.plugin, self.arguments)))
+        if problems:
+            pytest.fail("\n".join([f"{rule}: {RULES[rule].__doc__}", *problems]), pytrace=False)
+
+
+class DriverContract:
+    """What every driver keeps.
+
+    `arguments` are by operation or action: with them an operation must succeed. `parameters` differ from the
+    defaults. `nodes` names the nodes that are started, by default all of the plugin; `node_parameters` are by
+    node. `waits` is False for a driver that works, or does without, whoever is there. `first` names, by
+    operation, those that a mission does before it.
+    """
+
+    plugin: ClassVar[str]
+    arguments: ClassVar[Given] = {}
+    parameters: ClassVar[Mapping[str, Any]] = {}
+    nodes: ClassVar[Sequence[str] | None] = None
+    node_parameters: ClassVar[Mapping[str, Mapping[str, Any]]] = {}
+    waits: ClassVar[bool] = True
+    first: ClassVar[Mapping[str, Sequence[str]]] = {}
+
+    _stack: ClassVar[ExitStack]
+    _lab: ClassVar[Lab]
+
+    @staticmethod
+    def offer(ros: RosNode) -> None:
+        """Put stand-ins of servers on a node of this process; there are none unless this is overridden."""
+
+    @classmethod
+    def node_entries(cls) -> dict[str, str]:
+        """Return the nodes to start, with what runs each: `module:function`."""
+        own = find_subject(cls.plugin).plugin.nodes
+        known = {
+            name: entry for plugin in load_catalog().plugins.values() for name, entry in plugin.nodes.items()
+        }
+        wanted = list(own) if cls.nodes is None else cls.nodes
+        for name in wanted:
+            if name not in known:
+                raise UsageError(f"no plugin has a node {name!r}; {nearest(name, known)}")
+        return {name: known[name] for name in wanted}
+
+    @classmethod
+    def setup_class(cls) -> None:
+        """Claim ROS domains."""
+        pytest.importorskip("rclpy", reason="ROS 2 is not installed here")
+        from lupin_engine.harness.bench import Lab, Setting
+
+        setting = Setting(
+            find_subject(cls.plugin).plugin,
+            cls.parameters,
+            cls.arguments,
+            cls.node_entries(),
+            cls.node_parameters,
+            cls.offer,
+            cls.waits,
+            cls.first,
+        )
+        cls._stack = ExitStack()
+        cls._lab = cls._stack.enter_context(Lab(setting).open())
+
+    @classmethod
+    def teardown_class(cls) -> None:
+        """End what was started."""
+        cls._stack.close()
+
+    def pytest_generate_tests(self, metafunc: pytest.Metafunc) -> None:
+        """Make one test of each rule, for each operation that it is about."""
+        found = list(cases(find_subject(self.plugin).plugin))
+        names = [f"{rule}-{operation}" if operation else rule for rule, operation in found]
+        metafunc.parametrize(("rule", "operation"), found, ids=names)
+
+    def test_driver(self, rule: str, operation: str) -> None:
+        """The driver keeps the rule."""
+        try:
+            apply(rule, operation, self._lab)
+        except ContractBroken as broken:
+            pytest.fail(f"{rule}: {broken}", pytrace=False)

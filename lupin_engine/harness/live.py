@@ -1,0 +1,197 @@
+"""What a driver must keep, tried over ROS 2: each rule raises `ContractBroken` with what is wrong."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from types import MappingProxyType
+from typing import TYPE_CHECKING
+
+from lupin_engine.harness.referee import ContractBroken
+from lupin_engine.plugin.contract import Plugin
+
+if TYPE_CHECKING:
+    from lupin_engine.harness.bench import Bench, Lab
+
+
+def waits_alone(lab: Lab) -> None:
+    """Where nobody is: the driver says whom it misses, and attempts end, at the latest when cancelled."""
+    with lab.lonely_bench() as bench:
+        missing = bench.missing()
+        if lab.setting.waits and not missing:
+            raise ContractBroken(
+                "missing() is empty although nobody is there; set `waits = False` if so meant"
+            )
+        if not all(isinstance(name, str) and name for name in missing):
+            raise ContractBroken(f"missing() must name what is missing, in words; it returns {missing}")
+        for action in lab.plugin.actions:
+            bench.act(action)
+        for operation in lab.plugin.operations:
+            _give_up(bench, operation)
+
+
+def ends_once(lab: Lab, operation: str) -> None:
+    """An attempt that is left alone is done, with the declared result; a cancel afterwards is ignored."""
+    with lab.bench() as bench:
+        attempt = bench.succeed(operation)
+        bench.cancel(attempt)
+        bench.succeed(operation)
+
+
+def is_cancelled(lab: Lab, operation: str) -> None:
+    """An attempt that was accepted ends, once, when it is cancelled; twice does no harm."""
+    with lab.bench() as bench:
+        bench.prepare(operation)
+        attempt = bench.begin(operation)
+        bench.until_heard(attempt)
+        bench.cancel(attempt)
+        bench.cancel(attempt)
+        bench.until_ended(attempt)
+        bench.succeed(operation)
+
+
+def is_cancelled_at_once(lab: Lab, operation: str) -> None:
+    """An attempt that is cancelled before anybody took it ends, once; what comes after it works."""
+    with lab.bench() as bench:
+        bench.prepare(operation)
+        attempt = bench.begin(operation)
+        bench.cancel(attempt)
+        bench.until_ended(attempt)
+        bench.succeed(operation)
+
+
+def keeps_attempts_apart(lab: Lab, operation: str) -> None:
+    """Of two attempts at the same time each ends once, and cancelling one leaves the other alone."""
+    with lab.bench() as bench:
+        bench.prepare(operation)
+        first, second = bench.begin(operation), bench.begin(operation)
+        bench.cancel(first)
+        bench.until_ended(first)
+        if "cancelled" in bench.until_ended(second).reports:
+            raise ContractBroken(f"{second} is cancelled, and only {first} was to be")
+
+
+def ignores_strangers(lab: Lab) -> None:
+    """A cancel of an attempt that nobody knows is ignored."""
+    with lab.bench() as bench:
+        bench.cancel("nobody_knows_this_one")
+        for operation in lab.plugin.operations:
+            bench.succeed(operation)
+
+
+def acts(lab: Lab) -> None:
+    """Actions are sent and not waited for."""
+    with lab.bench() as bench:
+        for action in lab.plugin.actions:
+            bench.act(action)
+            bench.act(action)
+
+
+def is_silent_when_closed(lab: Lab) -> None:
+    """After close no report follows, whatever was under way; another driver on the node is not disturbed."""
+    with lab.bench() as bench:
+        for operation in lab.plugin.operations:
+            bench.prepare(operation)
+        for operation in _together(lab.plugin):
+            bench.begin(operation)
+        closed = bench.referee
+        bench.close_driver()
+        bench.referee, bench.driver = bench.make_driver()
+        bench.until_ready()
+        for operation in lab.plugin.operations:  # by then the answers to the first driver have come
+            bench.succeed(operation)
+        if closed.problems:
+            raise ContractBroken("\n".join(closed.problems))
+
+
+def survives_its_servers(lab: Lab) -> None:
+    """When the servers die, attempts end at the latest when cancelled, and the driver names what is gone."""
+    with lab.bench() as bench:
+        for operation in lab.plugin.operations:
+            bench.prepare(operation)
+        attempts = [bench.begin(operation) for operation in _together(lab.plugin)]
+        for attempt in attempts:
+            bench.until_heard(attempt)
+        lab.servers.kill()
+        for attempt in attempts:
+            bench.cancel(attempt)
+        for attempt in attempts:
+            bench.until_ended(attempt)
+        if lab.setting.waits:
+            bench.until(bench.missing, "missing() is to name the servers that have died")
+            for operation in lab.plugin.operations:
+                _give_up(bench, operation)
+        for action in lab.plugin.actions:
+            bench.act(action)
+
+
+def finds_its_servers_again(lab: Lab) -> None:
+    """Servers that are started anew are found, and work is done as before."""
+    with lab.bench() as bench:
+        for operation in lab.plugin.operations:
+            bench.prepare(operation)
+        lab.servers.kill()
+        if lab.setting.waits:
+            bench.until(bench.missing, "missing() is to name the servers that have died")
+        lab.restart()
+        bench.until_ready()
+        for operation in lab.plugin.operations:
+            bench.succeed(operation)
+
+
+def _give_up(bench: Bench, operation: str) -> None:
+    """Begin an attempt where nobody is, and cancel it at once."""
+    attempt = bench.begin(operation)
+    bench.cancel(attempt)
+    bench.until_ended(attempt)
+
+
+def _together(plugin: Plugin) -> Iterator[str]:
+    """Yield operations that may run at the same time: none uses what another one does."""
+    used: set[str] = set()
+    for name, operation in plugin.operations.items():
+        if not used.intersection(operation.uses):
+            used.update(operation.uses)
+            yield name
+
+
+#: Rules about the whole driver, and rules about each of its operations.
+RULES: Mapping[str, Callable[[Lab], None]] = MappingProxyType(
+    {
+        rule.__name__: rule
+        for rule in (
+            waits_alone,
+            ignores_strangers,
+            acts,
+            is_silent_when_closed,
+            survives_its_servers,
+            finds_its_servers_again,
+        )
+    }
+)
+OPERATION_RULES: Mapping[str, Callable[[Lab, str], None]] = MappingProxyType(
+    {rule.__name__: rule for rule in (ends_once, is_cancelled, is_cancelled_at_once, keeps_attempts_apart)}
+)
+
+
+def cases(plugin: Plugin) -> Iterator[tuple[str, str]]:
+    """Yield the rules that say something about a plugin, each with its operation, or ''."""
+    for rule in RULES:
+        if rule != acts.__name__ or plugin.actions:
+            yield rule, ""
+    for rule in OPERATION_RULES:
+        for name, operation in plugin.operations.items():
+            # Of two attempts that use the same, the engine lets the second wait for the end of the first.
+            if rule != keeps_attempts_apart.__name__ or not operation.uses:
+                yield rule, name
+
+
+def apply(rule: str, operation: str, lab: Lab) -> None:
+    """Try one case.
+
+    Raises:
+        ContractBroken: the driver does not keep the rule.
+    """
+    if operation:
+        OPERATION_RULES[rule](lab, operation)
+    else:
+        RULES[rule](lab)

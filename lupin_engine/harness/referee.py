@@ -1,0 +1,148 @@
+"""An outlet that keeps what a driver reports, and notes at once what it should not have reported."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from lupin_engine.errors import nearest
+from lupin_engine.harness.rules import result_problems
+from lupin_engine.plugin.contract import EventKind, LiveValue, Operation, Plugin
+from lupin_engine.plugin.types import Type, convert
+
+
+class ContractBroken(AssertionError):
+    """A driver does not keep the contract; the text says in what."""
+
+
+@dataclass
+class Attempt:
+    """What became of an attempt: `reports` are the words about it in order, without progress."""
+
+    operation: str
+    reports: list[str] = field(default_factory=list)
+    cancelled: bool = False
+    code: str = ""
+    detail: str = ""
+
+    @property
+    def ended(self) -> bool:
+        """Whether it has ended."""
+        return any(word in ("done", "failed", "cancelled") for word in self.reports)
+
+    def __str__(self) -> str:
+        why = f" ({self.code}: {self.detail})" if self.code else ""
+        return f"{', '.join(self.reports) or 'nothing'}{why}"
+
+
+class Referee:
+    """The engine's side of a driver: see `Outlet` for the calls; `problems` has what breaks the contract.
+
+    Like the engine it asks once more for the end of an attempt that is accepted although it was cancelled:
+    `again` is called with its name.
+    """
+
+    def __init__(self, plugin: Plugin, again: Callable[[str], None] = lambda _: None) -> None:
+        self._plugin = plugin
+        self._again = again
+        self.attempts: dict[str, Attempt] = {}
+        self.values: list[tuple[str, Any]] = []
+        self.events: list[tuple[str, Mapping[str, Any]]] = []
+        self.problems: list[str] = []
+        self.closed = False
+
+    def begin(self, operation: str) -> str:
+        """Return the name of a new attempt."""
+        name = f"{operation}_{len(self.attempts) + 1}"
+        self.attempts[name] = Attempt(operation)
+        return name
+
+    def accepted(self, attempt: str) -> None:
+        known = self._hears("accepted", attempt)
+        if known is None:
+            return
+        if "accepted" in known.reports[:-1]:
+            self.problems.append(f"{attempt} is accepted twice")
+        if known.cancelled:
+            self._again(attempt)
+
+    def progress(self, attempt: str, detail: str) -> None:
+        known = self._known("progress", attempt)
+        if known is not None and known.ended:
+            self.problems.append(f"{attempt} reports progress after its end")
+        if not isinstance(detail, str) or not detail:
+            self.problems.append(f"{attempt} reports progress without a text: {detail!r}")
+
+    def done(self, attempt: str, result: Mapping[str, Any]) -> None:
+        known = self._hears("done", attempt)
+        if known is not None:
+            problems = result_problems(self._operation(known), result)
+            self.problems += [f"{attempt} is done, but {problem}" for problem in problems]
+
+    def failed(self, attempt: str, code: str, detail: str = "") -> None:
+        known = self._hears("failed", attempt)
+        if known is None:
+            return
+        known.code, known.detail = code, detail
+        declared = {declared.name for declared in self._operation(known).codes}
+        if code not in declared:
+            said = nearest(code, declared)
+            self.problems.append(f"{attempt} fails with {code!r}, which is no code of its operation; {said}")
+
+    def cancelled(self, attempt: str) -> None:
+        known = self._hears("cancelled", attempt)
+        if known is not None and not known.cancelled:
+            self.problems.append(f"{attempt} reports that it is cancelled, and nobody asked for it")
+
+    def value(self, name: str, value: Any, stamp: float) -> None:
+        self._open(f"value {name!r}")
+        self.values.append((name, value))
+        declared: LiveValue | None = self._plugin.values.get(name)
+        if declared is None:
+            said = nearest(name, self._plugin.values)
+            self.problems.append(f"value {name!r} is reported and not declared; {said}")
+            return
+        if not isinstance(stamp, (int, float)) or not math.isfinite(stamp):
+            self.problems.append(f"value {name!r} has the stamp {stamp!r}; it must be seconds")
+        self._fits(f"value {name!r}", value, declared.type)
+
+    def event(self, name: str, data: Mapping[str, Any]) -> None:
+        self._open(f"event {name!r}")
+        self.events.append((name, data))
+        known = {f"{self._plugin.name}.{local}": event for local, event in self._plugin.events.items()}
+        declared: EventKind | None = known.get(name)
+        if declared is None:
+            self.problems.append(f"event {name!r} is reported and not declared; {nearest(name, known)}")
+            return
+        self._fits(f"event {name!r}", data, Type("record", name, fields=declared.fields))
+
+    def _hears(self, word: str, attempt: str) -> Attempt | None:
+        """Note a report about an attempt; None when nobody knows the attempt."""
+        known = self._known(word, attempt)
+        if known is not None:
+            if known.ended:
+                self.problems.append(f"{attempt} reports {word!r} after its end {known.reports}")
+            known.reports.append(word)
+        return known
+
+    def _known(self, word: str, attempt: str) -> Attempt | None:
+        self._open(f"{word!r} of {attempt}")
+        known = self.attempts.get(attempt)
+        if known is None:
+            self.problems.append(f"{word!r} is reported of {attempt!r}, an attempt that was never started")
+        return known
+
+    def _open(self, what: str) -> None:
+        if self.closed:
+            self.problems.append(f"{what} is reported after close")
+
+    def _operation(self, attempt: Attempt) -> Operation:
+        return self._plugin.operations[attempt.operation]
+
+    def _fits(self, what: str, value: Any, kind: Type) -> None:
+        try:
+            convert(value, kind)
+        except ValueError as problem:
+            self.problems.append(f"{what}: {problem}")

@@ -1,0 +1,161 @@
+"""What a plugin offers, in words: the one text behind `lupin plugin show` and the page of the catalog."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+from lupin_engine.plugin.contract import Argument, Code, OnHold, Operation, Parameter, Plugin
+from lupin_engine.plugin.types import Type
+
+#: What a hold does to an attempt.
+HOLDS: Mapping[OnHold, str] = {
+    OnHold.CANCEL: "cancelled, and begun again on release",
+    OnHold.FINISH: "it may finish; its end waits for the release",
+}
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One thing that is offered: its name, what it does, its arguments, and facts about it."""
+
+    name: str
+    doc: str
+    arguments: tuple[tuple[str, str, str], ...] = ()
+    facts: tuple[tuple[str, str], ...] = ()
+
+
+@dataclass(frozen=True)
+class Section:
+    """Things of one kind."""
+
+    title: str
+    entries: tuple[Entry, ...]
+
+
+def sections(plugin: Plugin) -> list[Section]:
+    """Return what a plugin offers, kind by kind; kinds that it has none of are left out."""
+    found = (
+        Section("Operations", tuple(_operations(plugin))),
+        Section("Actions", tuple(_actions(plugin))),
+        Section("Functions", tuple(_functions(plugin))),
+        Section("Live values", tuple(_values(plugin))),
+        Section("Events", tuple(_events(plugin))),
+        Section("Types", tuple(_types(plugin))),
+        Section("Parameters", tuple(_parameters(plugin))),
+        Section("Nodes", tuple(_nodes(plugin))),
+    )
+    return [section for section in found if section.entries]
+
+
+def _operations(plugin: Plugin) -> Iterator[Entry]:
+    for name, operation in plugin.operations.items():
+        facts = tuple(_operation_facts(operation))
+        yield Entry(f"{plugin.name}.{name}", operation.doc, _arguments(operation.arguments), facts)
+
+
+def _operation_facts(operation: Operation) -> Iterator[tuple[str, str]]:
+    if operation.result:
+        yield "gives", _fields(operation.result)
+    if operation.codes:
+        yield "fails with", _codes(operation.codes)
+    yield "when held", HOLDS[operation.on_hold]
+    if operation.uses:
+        yield "uses", ", ".join(operation.uses)
+
+
+def _actions(plugin: Plugin) -> Iterator[Entry]:
+    for name, action in plugin.actions.items():
+        held = "it waits for the release" if action.moves else "it is carried out"
+        yield Entry(f"{plugin.name}.{name}", action.doc, _arguments(action.arguments), (("when held", held),))
+
+
+def _functions(plugin: Plugin) -> Iterator[Entry]:
+    for name, function in plugin.functions.items():
+        returns = (("returns", type_text(function.returns)),)
+        yield Entry(
+            f"{name}({', '.join(function.arguments)})", function.doc, _arguments(function.arguments), returns
+        )
+
+
+def _values(plugin: Plugin) -> Iterator[Entry]:
+    for name, value in plugin.values.items():
+        facts = [("type", type_text(value.type))]
+        if value.initial is not None:
+            facts.append(("before the first report", value_text(value.initial)))
+        if value.freshness is not None:
+            facts.append(("known for", f"{value.freshness:g} s after a report"))
+        yield Entry(name, value.doc, facts=tuple(facts))
+
+
+def _events(plugin: Plugin) -> Iterator[Entry]:
+    for name, event in plugin.events.items():
+        facts = (("carries", _fields(event.fields)),) if event.fields else ()
+        yield Entry(f"{plugin.name}.{name}", event.doc, facts=facts)
+
+
+def _types(plugin: Plugin) -> Iterator[Entry]:
+    for name, kind in plugin.types.items():
+        doc = f"A record of {_fields(kind.fields)}." if kind.fields else f"A {type_text(kind)}."
+        code = plugin.readers[name].code if name in plugin.readers else None
+        facts = (("what a request carries is refused with", _codes((code,))),) if code else ()
+        yield Entry(name, doc, facts=facts)
+
+
+def _parameters(plugin: Plugin) -> Iterator[Entry]:
+    for name, parameter in plugin.parameters.items():
+        facts = (("type", _parameter_type(parameter)), ("default", value_text(parameter.default)))
+        yield Entry(name, parameter.doc, facts=facts)
+
+
+def _parameter_type(parameter: Parameter) -> str:
+    limits = _limits(parameter.minimum, parameter.maximum)
+    return f"{type_text(parameter.type)}{limits}"
+
+
+def _nodes(plugin: Plugin) -> Iterator[Entry]:
+    for name, target in plugin.nodes.items():
+        instead = ", ".join(plugin.stands_in.get(name, ()))
+        facts = (("not started where there is", instead),) if instead else ()
+        yield Entry(name, f"Runs {target}.", facts=facts)
+
+
+def _arguments(declared: Mapping[str, Argument]) -> tuple[tuple[str, str, str], ...]:
+    return tuple((name, _argument_type(argument), argument.doc) for name, argument in declared.items())
+
+
+def _argument_type(argument: Argument) -> str:
+    if argument.default is not None:
+        return f"{type_text(argument.type)}, default {value_text(argument.default)}"
+    return f"{type_text(argument.type)}{', optional' if argument.optional else ''}"
+
+
+def type_text(kind: Type) -> str:
+    """Return a type with its unit, its limits and its values."""
+    unit = f" in {kind.unit}" if kind.unit and kind.unit not in kind.name.split() else ""
+    values = f", one of {', '.join(kind.values)}" if kind.values else ""
+    return f"{kind.name}{unit}{_limits(kind.minimum, kind.maximum)}{values}"
+
+
+def value_text(value: object) -> str:
+    """Return a value as a mission would write it."""
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, Mapping):
+        return "{" + ", ".join(f"{name}: {value_text(inner)}" for name, inner in value.items()) + "}"
+    if isinstance(value, (list, tuple)):
+        return "[" + ", ".join(map(value_text, value)) + "]"
+    return f"{value:g}" if isinstance(value, float) else f"{value}" or '""'
+
+
+def _fields(fields: Mapping[str, Type]) -> str:
+    return ", ".join(f"{name} ({type_text(kind)})" for name, kind in fields.items())
+
+
+def _codes(codes: tuple[Code, ...]) -> str:
+    return ", ".join(f"{code.name} ({code.label})" for code in codes)
+
+
+def _limits(minimum: float | None, maximum: float | None) -> str:
+    lowest = "" if minimum is None else f", at least {minimum:g}"
+    return lowest + ("" if maximum is None else f", at most {maximum:g}")

@@ -1,0 +1,61 @@
+"""What messages of ROS mean to the language: times are seconds, a pose has a yaw.
+
+Everything else on the wire is what it is: numbers, texts, lists and messages inside of messages.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from lupin_engine.plugin.types import POSE, Type, parse_quantity
+
+#: Messages that are a number of seconds to an expression.
+TIMES = frozenset({"builtin_interfaces/msg/Time", "builtin_interfaces/msg/Duration"})
+#: The message that is filled from a `pose`, and read as one.
+POSE_MESSAGE = "geometry_msgs/msg/Pose"
+
+_NANOSECONDS = 1_000_000_000
+
+
+def time_fields(seconds: Any) -> dict[str, int]:
+    """Return the fields of a time or duration; a text is a quantity such as '5 s'.
+
+    Raises:
+        ValueError: it is no number of seconds.
+    """
+    quantity = parse_quantity(seconds) if isinstance(seconds, str) else (seconds, "s")
+    number = quantity[0] if quantity is not None and quantity[1] == "s" else None
+    if isinstance(number, bool) or not isinstance(number, (int, float)) or not math.isfinite(number):
+        raise ValueError(f"expected seconds, got {seconds!r}")
+    whole = math.floor(number)
+    carried, nanoseconds = divmod(round((number - whole) * _NANOSECONDS), _NANOSECONDS)
+    return {"sec": whole + carried, "nanosec": nanoseconds}
+
+
+def seconds_of(fields: Mapping[str, Any]) -> float:
+    """Return a time or duration as seconds."""
+    return float(fields["sec"]) + float(fields["nanosec"]) / _NANOSECONDS
+
+
+def pose_fields(pose: Mapping[str, float]) -> dict[str, dict[str, float]]:
+    """Return the fields of the message for a place on the floor."""
+    half = pose["yaw"] / 2.0
+    return {
+        "position": {"x": float(pose["x"]), "y": float(pose["y"])},
+        "orientation": {"z": math.sin(half), "w": math.cos(half)},
+    }
+
+
+def pose_from(value: Any, kind: Type) -> Any:
+    """Return the message as a `pose` where that is wanted; anything else as it is."""
+    if kind.name != POSE.name or not isinstance(value, Mapping) or "orientation" not in value:
+        return value
+    position, turned = value["position"], value["orientation"]
+    x, y, z, w = (turned[name] for name in "xyzw")
+    yaw = math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+    return {"x": position["x"], "y": position["y"], "yaw": yaw}
+
+
+__all__ = ["POSE_MESSAGE", "TIMES", "pose_fields", "pose_from", "seconds_of", "time_fields"]

@@ -1,0 +1,99 @@
+"""Poses in space: composed, turned, interpolated. Pure.
+
+Metres; rotations are unit quaternions (x, y, z, w) as in ROS, x forward, y left, z up (REP 103). The formulas
+are those of any textbook on rotations, written for Hamilton's quaternions, ij = k.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+#: A shorter quaternion has no direction.
+_SHORTEST = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class Pose:
+    """A place (x, y, z) and a rotation (x, y, z, w) in some frame, or a frame in its parent."""
+
+    position: Array
+    rotation: Array
+
+    def __matmul__(self, inner: Pose) -> Pose:
+        """Return `inner`, which is told in this frame, in the frame that this one is told in.
+
+        p = p1 + R(q1) p2 and q = q1 q2.
+        """
+        turned = matrix(self.rotation) @ inner.position
+        return Pose(self.position + turned, product(self.rotation, inner.rotation))
+
+    @property
+    def plane(self) -> tuple[float, float]:
+        """The place on the floor: x and y in metres."""
+        x, y = self.position[:2].tolist()
+        return x, y
+
+
+def pose_of(position: Iterable[float], rotation: Iterable[float]) -> Pose | None:
+    """Return a pose with a unit quaternion; None when numbers are not finite or say no rotation."""
+    place, turn = (*position,), (*rotation,)
+    length = math.hypot(*turn)  # does not overflow where a sum of squares would
+    if not all(map(math.isfinite, (*place, *turn, length))) or length < _SHORTEST:
+        return None
+    # Plain numbers until here: numpy takes ten times as long for so few, and robots tell a hundred a second.
+    return Pose(np.array(place, dtype=float), np.array([part / length for part in turn], dtype=float))
+
+
+def heading(rotation: Any) -> float:
+    """Return the turn about the vertical of a quaternion message, in radians from -pi to pi.
+
+    atan2(2 (w z + x y), 1 - 2 (y^2 + z^2)): where the turned x axis points on the plane.
+    """
+    x, y, z, w = rotation.x, rotation.y, rotation.z, rotation.w
+    return math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+
+
+def product(first: Array, second: Array) -> Array:
+    """Return the quaternion that turns by `second` and then by `first` (Hamilton's product)."""
+    x1, y1, z1, w1 = first.tolist()
+    x2, y2, z2, w2 = second.tolist()
+    return np.array(
+        (
+            w1 * x2 + x1 * w2 + y1 * z2 - z1 * y2,
+            w1 * y2 - x1 * z2 + y1 * w2 + z1 * x2,
+            w1 * z2 + x1 * y2 - y1 * x2 + z1 * w2,
+            w1 * w2 - x1 * x2 - y1 * y2 - z1 * z2,
+        )
+    )
+
+
+def matrix(rotation: Array) -> Array:
+    """Return the rotation matrix of a unit quaternion; its columns are where the axes point."""
+    x, y, z, w = rotation.tolist()
+    return np.array(
+        (
+            (1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)),
+            (2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)),
+            (2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)),
+        )
+    )
+
+
+def between(first: Pose, second: Pose, share: float) -> Pose:
+    """Return the pose at `share` (0 to 1) of the way: a line, and a rotation by the shorter way.
+
+    q ∝ (1 - s) q1 ± s q2: off the true great circle by less than 1 % of the angle for turns up to 60°, and
+    two transforms of one frame are closer than that.
+    """
+    other = second.rotation if float(first.rotation @ second.rotation) >= 0.0 else -second.rotation
+    turn = (1.0 - share) * first.rotation + share * other
+    place = (1.0 - share) * first.position + share * second.position
+    return Pose(place, turn / np.linalg.norm(turn))

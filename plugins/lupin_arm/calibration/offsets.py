@@ -1,0 +1,79 @@
+"""What a calibration reckons: from where a servo stands, and what it has for an offset, to the new offset.
+
+Units. A servo tells its position in counts of a hundredth of a degree: the limits that were measured on the
+robot are (count - home) / 100 degrees. Offsets are told and written in hundredths of a degree as well, so
+counts and offsets add up as they are. In the servo itself an offset is a number of steps from -125 to 125,
+and a step is 24 hundredths of a degree: that is why no offset can be more than 30 degrees, and where the
+numbers 24 and 125 of older programs come from. They said nothing about how much an arm may be off.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+#: Counts at which a servo stands when its joint is at zero. The pan servo's is not trusted.
+HOMES: Mapping[str, int] = {
+    "shoulder_lift": 11450,
+    "elbow": 11750,
+    "wrist": 12200,
+    "gripper": 10524,
+}
+#: Hundredths of a degree in a step of the servo's own offset, and how many of those it can hold.
+STEP, STEPS = 24, 125
+#: The largest offset that a servo can hold, in radians.
+HIGHEST = math.radians(STEP * STEPS / 100)
+#: An offset this small is not worth writing, in hundredths of a degree.
+SMALL = 200
+
+
+@dataclass(frozen=True)
+class Correction:
+    """What becomes of a servo; offsets and differences are in hundredths of a degree.
+
+    `offset` is what it needs in all, `difference` how far it stood from its home. `refused` says why nothing
+    is written, '' where something is, or where it is `in_place` already.
+    """
+
+    joint: str
+    difference: int
+    offset: int
+    in_place: bool = False
+    refused: str = ""
+
+
+def corrections(counts: Mapping[str, int], offsets: Mapping[str, int], largest: float) -> list[Correction]:
+    """Return what becomes of each servo that stands at `counts`.
+
+    Args:
+        counts: where every servo stands while its joint is held at zero.
+        offsets: what every servo has for an offset; one that could not be read is left out.
+        largest: the largest offset that may be written, in radians.
+    """
+    return [_correction(joint, counts[joint], offsets.get(joint), largest) for joint in HOMES]
+
+
+def _correction(joint: str, count: int, offset: int | None, largest: float) -> Correction:
+    difference = count - HOMES[joint]
+    if offset is None:
+        return Correction(joint, difference, 0, refused="its offset could not be read")
+    total = difference + offset
+    if abs(total) <= SMALL:
+        return Correction(joint, difference, total, in_place=True)
+    highest = math.degrees(min(largest, HIGHEST))
+    if abs(total) > round(highest * 100):
+        wrong = f"it is off by {total / 100:.1f} deg, more than {highest:.1f} deg: mount its horn anew"
+        return Correction(joint, difference, total, refused=wrong)
+    return Correction(joint, difference, total)
+
+
+def to_write(found: Iterable[Correction], before: Mapping[str, int]) -> dict[str, int]:
+    """Return what is written: the new offsets, and the old one of a servo that stays uncorrected."""
+    moved = (one for one in found if not one.in_place)
+    return {one.joint: before.get(one.joint, 0) if one.refused else one.offset for one in moved}
+
+
+def refusals(found: Iterable[Correction]) -> str:
+    """Say which servos could not be corrected and why, '' when all could."""
+    return "; ".join(f"{one.joint}: {one.refused}" for one in found if one.refused)

@@ -1,0 +1,486 @@
+"""The operator's own poses and sequences: what may be in the library, and the file that keeps it.
+
+The file is JSON, written as a whole with every change. There is always a main file: the new one is complete
+on the disk before it takes the old one's place, and the old ones are kept as backups. What cannot be read is
+put aside under another name and told in `notices`; nothing that a person has made is ever thrown away.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import itertools
+import json
+import math
+import os
+import re
+import shutil
+from collections.abc import Callable, Iterable, Mapping
+from pathlib import Path
+from typing import Any, Literal, TypeVar
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from lupin_arm.joints import (
+    ARM,
+    JAW_CLOSED,
+    JAW_OPEN,
+    OutsideLimits,
+    check_pose,
+    clamp_jaw,
+    clamp_pose,
+    jaw_to_degrees,
+)
+from lupin_engine.errors import LupinError, nearest
+from lupin_engine.plugin.files import write_atomically
+
+#: Version of the file; one of a later version is left alone.
+VERSION = 1
+#: Earlier states of the file that are kept: `.bak` is the newest, then `.bak2`, `.bak3`.
+BACKUPS = 3
+#: Entries of each kind; a library is read and written as a whole.
+MAX_ENTRIES = 500
+#: What rounding may add to a limit, in radians.
+ROUNDING = 1e-6
+
+KINDS = ("pose", "sequence")
+MODES = ("teleop", "kinesthetic")
+
+_NAME = re.compile(r"[a-z0-9][a-z0-9_-]{0,31}")
+_MODEL = ConfigDict(frozen=True, extra="allow", allow_inf_nan=False, strict=True)
+
+
+class Refused(LupinError):
+    """What was asked for cannot be done; the text says why and what can."""
+
+
+class StoreFailed(LupinError):
+    """The library could not be written; what was to be written is not lost by that."""
+
+
+class Pose(BaseModel):
+    """A pose of the arm in radians, and of the jaw where it has one."""
+
+    model_config = _MODEL
+    arm: list[float] = Field(min_length=len(ARM), max_length=len(ARM))
+    gripper: float | None = None
+    created: str = ""
+    note: str = ""
+
+
+class Waypoint(BaseModel):
+    """Where the arm is `t` seconds after the beginning of its sequence."""
+
+    model_config = _MODEL
+    t: float = Field(ge=0.0)
+    arm: list[float] = Field(min_length=len(ARM), max_length=len(ARM))
+    gripper: float | None = None
+
+
+class Sequence(BaseModel):
+    """A movement that was recorded, as waypoints in the order of time."""
+
+    model_config = _MODEL
+    mode: Literal["teleop", "kinesthetic"] = "teleop"
+    include_gripper: bool = False
+    duration_s: float = Field(ge=0.0)
+    created: str = ""
+    note: str = ""
+    waypoints: list[Waypoint] = Field(min_length=1)
+
+    @model_validator(mode="after")
+    def _times_go_on(self) -> Sequence:
+        times = [waypoint.t for waypoint in self.waypoints]
+        if any(later < earlier for earlier, later in itertools.pairwise(times)):
+            raise ValueError("the times of the waypoints go back")
+        return self
+
+
+Entry = TypeVar("Entry", Pose, Sequence)
+
+
+def valid_name(text: str) -> str:
+    """Return the name that a text stands for: without blanks around it, in lower case.
+
+    Raises:
+        Refused: no entry can be called so.
+    """
+    name = text.strip().lower()
+    if not _NAME.fullmatch(name):
+        shown = name if len(name) <= 40 else f"{name[:40]}..."
+        rule = "1 to 32 letters a to z, digits, - and _, beginning with a letter or digit"
+        raise Refused(f"invalid name {shown!r}: a name has {rule}")
+    return name
+
+
+def checked_pose(arm: Iterable[float], gripper: float | None, created: str) -> tuple[Pose, list[str]]:
+    """Return a pose within the limits, and what had to be changed for that.
+
+    Raises:
+        Refused: not one finite number for each joint.
+    """
+    given = list(arm)
+    if not all(map(math.isfinite, given if gripper is None else [*given, gripper])):
+        raise Refused("a pose has finite numbers in radians only, no NaN and no infinity")
+    try:
+        inside = clamp_pose(given)
+    except OutsideLimits as reason:
+        raise Refused(str(reason)) from None
+    jaw = None if gripper is None else clamp_jaw(gripper)
+    moves = zip((joint.name for joint in ARM), given, inside, strict=True)
+    told = [
+        f"{name} {math.degrees(before):.1f} deg is beyond its limit, kept as {math.degrees(after):g} deg"
+        for name, before, after in moves
+        if abs(before - after) > ROUNDING
+    ]
+    if gripper is not None and jaw is not None and abs(gripper - jaw) > ROUNDING:
+        told.append(f"the gripper is beyond its limit, kept as {jaw_to_degrees(jaw):g} deg")
+    return Pose(arm=list(inside), gripper=jaw, created=created), told
+
+
+def beyond_limits(entry: Pose | Sequence) -> str:
+    """Say what of an entry is beyond the limits of the arm, '' when nothing is.
+
+    Nothing that was saved here is; but the file can be written by hand.
+    """
+    moments: Iterable[Pose | Waypoint] = entry.waypoints if isinstance(entry, Sequence) else [entry]
+    for number, moment in enumerate(moments, start=1):
+        problem = _beyond_limits(moment.arm, moment.gripper)
+        if problem:
+            return f"waypoint {number}: {problem}" if isinstance(entry, Sequence) else problem
+    return ""
+
+
+def _beyond_limits(arm: list[float], gripper: float | None) -> str:
+    try:
+        check_pose(arm)
+    except OutsideLimits as reason:
+        return str(reason)
+    if gripper is not None and abs(clamp_jaw(gripper) - gripper) > ROUNDING:
+        return f"gripper: {gripper:g} rad is not within {JAW_OPEN:g} to {JAW_CLOSED:g}"
+    return ""
+
+
+class Library:
+    """The library in the file at `path`, which need not exist yet.
+
+    `notices` tells people what was found instead of a sound file. A file that changes under our feet is read
+    again before it is used; one of a later version is never touched.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._told: list[str] = []
+        self._poses: dict[str, Pose] = {}
+        self._sequences: dict[str, Sequence] = {}
+        self._others: dict[str, Any] = {}  # what a program that knows more has put into the file
+        self._unusable = ""
+        self._seen: tuple[int, ...] | None = None
+        self._load()
+
+    @property
+    def notices(self) -> list[str]:
+        """What people should know: what was put aside, and why nothing can be read now."""
+        return [*self._told, *filter(None, [self._unusable])]
+
+    # --- what is asked for --------------------------------------------------------------------------------
+
+    def listing(self) -> dict[str, list[dict[str, Any]]]:
+        """Return names and what is to be known of the entries, by name; never the waypoints.
+
+        Raises:
+            Refused: the file was written by a later version.
+        """
+        self._refresh()
+        poses = [
+            {"name": name, "note": pose.note, "has_gripper": pose.gripper is not None}
+            for name, pose in sorted(self._poses.items())
+        ]
+        sequences = [
+            {
+                "name": name,
+                "mode": found.mode,
+                "duration_s": found.duration_s,
+                "n_waypoints": len(found.waypoints),
+                "include_gripper": found.include_gripper,
+            }
+            for name, found in sorted(self._sequences.items())
+        ]
+        return {"poses": poses, "sequences": sequences}
+
+    def pose(self, name: str) -> Pose:
+        """Return a pose that can be moved to.
+
+        Raises:
+            Refused: there is none of that name, or it is beyond the limits.
+        """
+        self._refresh()
+        return self._found("pose", name, self._poses)
+
+    def sequence(self, name: str) -> Sequence:
+        """Return a sequence that can be replayed.
+
+        Raises:
+            Refused: there is none of that name, or it is beyond the limits.
+        """
+        self._refresh()
+        return self._found("sequence", name, self._sequences)
+
+    def check_free(self, kind: str, name: str, overwrite: bool) -> str:
+        """Return the name that an entry can be saved under.
+
+        Raises:
+            Refused: the name is none, or it is taken and may not be overwritten, or the library is full.
+        """
+        self._refresh()
+        name = valid_name(name)
+        entries = self._of(kind)
+        if name in entries:
+            if not overwrite:
+                raise Refused(f"{kind} {name!r} exists; choose another name or overwrite it")
+        elif len(entries) >= MAX_ENTRIES:
+            raise Refused(f"the library is full: {MAX_ENTRIES} {kind}s; delete some")
+        return name
+
+    def save_pose(self, name: str, pose: Pose, overwrite: bool) -> str:
+        """Keep a pose; what is overwritten leaves its note. Return the name.
+
+        Raises:
+            Refused: as for `check_free`.
+            StoreFailed: it could not be written; the library is as it was.
+        """
+        return self._save("pose", name, pose, overwrite)
+
+    def save_sequence(self, name: str, sequence: Sequence, overwrite: bool) -> str:
+        """Keep a sequence; otherwise as `save_pose`."""
+        return self._save("sequence", name, sequence, overwrite)
+
+    def edit(self, kind: str, name: str, new_name: str) -> str:
+        """Rename an entry, or delete it when the new name is empty; return what was done.
+
+        Raises:
+            Refused: unknown kind or entry, a new name that is none or that is taken.
+            StoreFailed: it could not be written; the library is as it was.
+        """
+        self._refresh()
+        if kind not in KINDS:
+            raise Refused(f"unknown kind {kind[:40]!r}; {nearest(kind, KINDS)}")
+        name, entries = valid_name(name), self._of(kind)
+        if name not in entries:
+            raise Refused(_unknown(kind, name, entries))
+        if not new_name.strip():
+            self._write(kind, {other: entry for other, entry in entries.items() if other != name})
+            return f"deleted {kind} {name!r}"
+        new_name = valid_name(new_name)
+        if new_name in entries and new_name != name:
+            raise Refused(f"{kind} {new_name!r} exists; delete it first or choose another name")
+        self._write(kind, {new_name if other == name else other: e for other, e in entries.items()})
+        return f"renamed {kind} {name!r} to {new_name!r}"
+
+    # --- entries ------------------------------------------------------------------------------------------
+
+    def _of(self, kind: str) -> Mapping[str, Pose | Sequence]:
+        return self._poses if kind == "pose" else self._sequences
+
+    def _found(self, kind: str, name: str, entries: Mapping[str, Entry]) -> Entry:
+        name = valid_name(name)
+        if name not in entries:
+            raise Refused(_unknown(kind, name, entries))
+        wrong = beyond_limits(entries[name])
+        if wrong:
+            raise Refused(f"{kind} {name!r} is beyond the limits: {wrong}; record it again or delete it")
+        return entries[name]
+
+    def _save(self, kind: str, name: str, entry: Pose | Sequence, overwrite: bool) -> str:
+        name = self.check_free(kind, name, overwrite)
+        entries = self._of(kind)
+        if name in entries:
+            entry = entry.model_copy(update={"note": entries[name].note})
+        self._write(kind, {**entries, name: entry})
+        return name
+
+    # --- the file -----------------------------------------------------------------------------------------
+
+    def _refresh(self) -> None:
+        if self._seen != _identity(self.path):
+            self._load()
+        if self._unusable:
+            raise Refused(self._unusable)
+
+    def _load(self) -> None:
+        """Take in what the file says; see the class for what is done where it cannot be read."""
+        self._poses, self._sequences, self._others, self._unusable = {}, {}, {}, ""
+        try:
+            if not self._take_in(self.path):
+                self._recover("is missing")
+        except _Corrupt as problem:
+            self._recover(f"cannot be read ({problem}), is kept as {self._put_aside().name}")
+        except OSError as error:
+            # Nothing is taken for an empty library that may be full: the next save would be the end of it.
+            self._unusable = f"{self.path} cannot be read: {error.strerror}"
+        self._seen = _identity(self.path)
+
+    def _take_in(self, file: Path) -> bool:
+        """Read a file; False when there is none. What is wrong of its entries is put aside with a copy of it.
+
+        Raises:
+            _Corrupt: it is no library.
+        """
+        try:
+            raw = file.read_bytes()
+        except FileNotFoundError:
+            return False
+        data = _object(raw)
+        version = data.get("version")
+        if isinstance(version, int) and version > VERSION:
+            self._unusable = (
+                f"{file} was written by a later version of this program "
+                f"(format {version}, known: {VERSION}); it is left as it is"
+            )
+            return True
+        if version != VERSION or isinstance(version, bool):
+            raise _Corrupt(f"its version is {version!r}, not {VERSION}")
+        wrong: list[str] = []
+        self._poses = _entries(data, "poses", Pose, wrong)
+        self._sequences = _entries(data, "sequences", Sequence, wrong)
+        self._others = {key: value for key, value in data.items() if key not in _KEYS}
+        if wrong:
+            self._drop(file, raw, wrong)
+        return True
+
+    def _drop(self, file: Path, raw: bytes, wrong: list[str]) -> None:
+        """Go on without the entries that are wrong, keeping the file as it was."""
+        kept = self._free_name()
+        shown = "; ".join(wrong[:3]) + (f" and {len(wrong) - 3} more" if len(wrong) > 3 else "")
+        self._told.append(f"{file.name}: {shown}; left out, the file is kept as {kept.name}")
+        with contextlib.suppress(
+            OSError, StoreFailed
+        ):  # a folder that cannot be written to is told with a save
+            kept.write_bytes(raw)
+            self._persist(self._poses, self._sequences)
+
+    def _recover(self, what: str) -> None:
+        """Take the newest backup that can be read; without one the library is empty, and says so if told."""
+        for backup in self._backups():
+            with contextlib.suppress(_Corrupt, OSError):
+                if self._take_in(backup):
+                    self._told.append(f"{self.path.name} {what}; taken from {backup.name}")
+                    return
+        if what != "is missing":
+            self._told.append(f"{self.path.name} {what}; the library is empty")
+
+    def _put_aside(self) -> Path:
+        kept = self._free_name()
+        with contextlib.suppress(OSError):  # then it stays where it is until a save can move it
+            os.rename(self.path, kept)
+        return kept
+
+    def _free_name(self) -> Path:
+        names = (self.path.with_name(f"{self.path.stem}.corrupt-{n}.json") for n in range(1, 100_000))
+        return next(name for name in names if not os.path.lexists(name))
+
+    def _backups(self) -> list[Path]:
+        numbers = ["", *map(str, range(2, BACKUPS + 1))]
+        return [self.path.with_suffix(f".bak{number}") for number in numbers]
+
+    def _write(self, kind: str, entries: Mapping[str, Any]) -> None:
+        """Write the library with other entries of a kind, and only then have them."""
+        poses = dict(entries) if kind == "pose" else self._poses
+        sequences = dict(entries) if kind == "sequence" else self._sequences
+        self._persist(poses, sequences)
+        self._poses, self._sequences = poses, sequences
+
+    def _persist(self, poses: Mapping[str, Pose], sequences: Mapping[str, Sequence]) -> None:
+        data = {
+            **self._others,
+            "version": VERSION,
+            "poses": {name: pose.model_dump() for name, pose in poses.items()},
+            "sequences": {name: found.model_dump() for name, found in sequences.items()},
+        }
+        text = json.dumps(data, ensure_ascii=False, allow_nan=False, indent=1)
+        try:
+            self.path.parent.mkdir(parents=True, exist_ok=True)
+            keep_backups(self.path, lambda: write_atomically(self.path, text.encode()), self._backups())
+        except OSError as error:
+            raise StoreFailed(
+                f"{self.path} cannot be written: {error.strerror}; nothing was changed"
+            ) from None
+        self._seen = _identity(self.path)
+
+
+_KEYS = ("version", "poses", "sequences")
+
+
+class _Corrupt(Exception):
+    """The file is no library."""
+
+
+def _unknown(kind: str, name: str, entries: Iterable[str]) -> str:
+    known = sorted(entries)
+    return f"unknown {kind} {name!r}; " + (nearest(name, known) if known else f"no {kind} is saved")
+
+
+def _identity(path: Path) -> tuple[int, ...] | None:
+    """Return what is different after somebody else has written the file; None when there is none."""
+    try:
+        found = path.stat()
+    except OSError:
+        return None
+    return found.st_ino, found.st_size, found.st_mtime_ns
+
+
+def _object(raw: bytes) -> dict[str, Any]:
+    try:
+        data = json.loads(raw)
+    except (ValueError, RecursionError) as error:  # bytes that are no text raise a ValueError, too
+        raise _Corrupt(f"no JSON: {error}") from None
+    if not isinstance(data, dict):
+        raise _Corrupt(f"a {type(data).__name__} instead of an object")
+    return data
+
+
+def _entries(data: Mapping[str, Any], key: str, model: type[Entry], wrong: list[str]) -> dict[str, Entry]:
+    """Return the sound entries under a key; `wrong` is told of the others."""
+    found = data.get(key, {})
+    if not isinstance(found, dict):
+        wrong.append(f"{key}: a {type(found).__name__} instead of an object")
+        return {}
+    sound: dict[str, Entry] = {}
+    for name, entry in found.items():
+        try:
+            sound[valid_name(name)] = model.model_validate(entry)
+        except Refused as reason:
+            wrong.append(f"{key}: {reason}")
+        except ValidationError as error:
+            problem: Any = error.errors()[0]
+            where = ".".join(map(str, (key, name, *problem["loc"])))
+            wrong.append(f"{where}: {problem['msg']}")
+    return sound
+
+
+def keep_backups(path: Path, write: Callable[[], None], backups: list[Path]) -> None:
+    """Write a file anew, and keep what it was under the first of `backups`.
+
+    Older backups move on by one name, the oldest is given up; where writing fails all stay as they were.
+    """
+    old = path.with_name(f"{path.name}.old")
+    old.unlink(missing_ok=True)
+    if path.exists():
+        _link_or_copy(path, old)
+    try:
+        write()
+    except OSError:
+        old.unlink(missing_ok=True)
+        raise
+    if not old.exists():
+        return
+    for older, newer in zip(backups[::-1], backups[-2::-1], strict=False):
+        if newer.exists():
+            os.replace(newer, older)
+    os.replace(old, backups[0])
+
+
+def _link_or_copy(path: Path, copy: Path) -> None:
+    try:
+        os.link(path, copy)
+    except OSError:  # a file system without links, such as that of a USB stick
+        shutil.copy2(path, copy)

@@ -1,0 +1,289 @@
+"""The arm: the one place that commands it, and decides who may.
+
+Everybody else asks here: presets, sliders, the library, calibration. Nothing is sent while the emergency stop
+is engaged, while the servos are off, while somebody else has the arm for himself, or before it is known where
+the arm is; and nothing that is outside the limits.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from builtin_interfaces.msg import Duration
+from std_msgs.msg import Bool
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+from lupin_arm.joints import ARM, JAW_CLOSED, JAW_OPEN, Pose
+from lupin_arm.node.feedback import Feedback, Listener
+from lupin_arm.node.gripper import Gripper
+from lupin_arm.node.refused import Refused
+from lupin_arm.node.torque import Done, Torque
+from lupin_arm.trajectory import FIRST_POINT_S, START_TOLERANCE, VELOCITY_HINT, Point, Trajectory
+from lupin_engine.middleware.node import Qos, RosNode
+
+#: Seconds without feedback after which the arm counts as gone; when it is back it is pinned like a new one.
+LOST_S = 2.0
+#: Seconds for which a motion may still be under way after its last point: servos lag.
+SETTLE_S = 0.5
+#: Seconds in which a motion is stopped.
+HOLD_S = 0.3
+
+
+@dataclass(frozen=True)
+class _Motion:
+    """What was sent last."""
+
+    trajectory: Trajectory
+    start: Pose
+    began: float
+
+    def at(self, now: float) -> Pose:
+        """Return where the arm should be."""
+        return self.trajectory.at(now - self.began, self.start)
+
+    def under_way(self, now: float) -> bool:
+        """Tell whether the arm may still be moving."""
+        return now - self.began < self.trajectory.duration + SETTLE_S
+
+    def on_the_way(self, joint: int, angle: float) -> bool:
+        """Tell whether a joint is where this motion takes it some time."""
+        passed = [self.start[joint], *(point.pose[joint] for point in self.trajectory.points)]
+        return min(passed) - START_TOLERANCE <= angle <= max(passed) + START_TOLERANCE
+
+
+@dataclass(frozen=True)
+class _Claim:
+    """Somebody has the arm for himself."""
+
+    owner: str
+    what: str
+    interrupted: Callable[[str], None]
+
+
+class Arm:
+    """The arm and its jaw over ROS. Owners are names of who asks, such as `preset`."""
+
+    def __init__(self, ros: RosNode, parameters: Mapping[str, Any]) -> None:
+        self._ros = ros
+        self._estop_topic: str = parameters["estop_topic"]
+        self._states_topic: str = parameters["joint_states_topic"]
+        self._trajectories = ros.publisher(JointTrajectory, parameters["trajectory_topic"], Qos.EVENT)
+        self._gripper = Gripper(ros, parameters["gripper_action"])
+        self._torque = Torque(ros, parameters["torque_service"], parameters["gate_service"], self._pin)
+        self._motion: _Motion | None = None
+        self._claim: _Claim | None = None
+        self._heard = float("-inf")
+        self.stopped = False
+        self._feedback = Feedback(ros, self._states_topic)
+        self._feedback.listen(self._on_feedback)
+        ros.subscribe(Bool, self._estop_topic, Qos.EVENT, self._on_estop)
+
+    # --- where it is --------------------------------------------------------------------------------------
+
+    def pose(self) -> Pose | None:
+        """Return where the arm is, in radians; None while that has not been told just now."""
+        return self._feedback.pose()
+
+    def jaw(self) -> float | None:
+        """Return the angle of the jaw's joint, in radians; None while it has not been told just now."""
+        return self._feedback.jaw()
+
+    def listen(self, listener: Listener) -> None:
+        """Call `listener(stamp, pose, jaw)` whenever it is told where the arm is."""
+        self._feedback.listen(listener)
+
+    def here(self) -> Pose:
+        """Return where the arm is, or should be while that is not told.
+
+        Raises:
+            Refused: nothing is known of the arm.
+        """
+        self._must_be_known()
+        return self.pose() or self._should_be()
+
+    def commanded(self) -> Pose:
+        """Return the pose that the arm is to keep or to reach.
+
+        A joint that is elsewhere, because somebody has moved it, is to stay where it is.
+
+        Raises:
+            Refused: nothing is known of the arm.
+        """
+        self._must_be_known()
+        motion, pose = self._motion, self.pose()
+        assert motion is not None  # it was pinned when it became known
+        if pose is None:
+            return motion.trajectory.target
+        under_way = motion.under_way(self._ros.elapsed())
+        pan, lift, elbow, wrist = (
+            target if self._belongs(motion, under_way, joint, angle) else angle
+            for joint, (target, angle) in enumerate(zip(motion.trajectory.target, pose, strict=True))
+        )
+        return pan, lift, elbow, wrist
+
+    @staticmethod
+    def _belongs(motion: _Motion, under_way: bool, joint: int, angle: float) -> bool:
+        if under_way:
+            return motion.on_the_way(joint, angle)
+        return abs(angle - motion.trajectory.target[joint]) <= START_TOLERANCE
+
+    def _should_be(self) -> Pose:
+        assert self._motion is not None
+        return self._motion.at(self._ros.elapsed())
+
+    # --- who may move it ----------------------------------------------------------------------------------
+
+    def claim(self, owner: str, what: str, interrupted: Callable[[str], None]) -> None:
+        """Have the arm for `owner` alone until `release`; `what` tells the others why they may not.
+
+        `interrupted(reason)` comes when the emergency stop is engaged meanwhile: the arm has been stopped;
+        what becomes of the claim is the owner's business.
+
+        Raises:
+            Refused: somebody else has it, or the emergency stop is engaged.
+        """
+        reason = self._stop_reason() or self._claim_reason(owner)
+        if reason is not None:
+            raise Refused(reason)
+        self._claim = _Claim(owner, what, interrupted)
+
+    def release(self, owner: str) -> None:
+        """Let others have the arm; nothing happens to somebody else's claim."""
+        if self._claim is not None and self._claim.owner == owner:
+            self._claim = None
+
+    def refusal(self, owner: str) -> str | None:
+        """Say why `owner` may not move anything now; None if he may."""
+        return self._stop_reason() or self._claim_reason(owner) or self._torque_reason()
+
+    def _stop_reason(self) -> str | None:
+        return f"the emergency stop is engaged ({self._estop_topic})" if self.stopped else None
+
+    def _claim_reason(self, owner: str) -> str | None:
+        busy = self._claim is not None and self._claim.owner != owner
+        return f"the arm is busy: {self._claim.what}" if self._claim is not None and busy else None
+
+    def _torque_reason(self) -> str | None:
+        if self._torque.switching:
+            return "the servos are being switched on or off"
+        if self._torque.state is False:
+            return "the servos are off; switch them on first (/lupin/arm/set_torque)"
+        return None
+
+    def _must_be_known(self) -> None:
+        if self._ros.elapsed() - self._heard <= LOST_S:
+            return
+        if self._heard == float("-inf"):
+            raise Refused(f"it is not known where the arm is: no {self._states_topic} with its joints yet")
+        raise Refused(f"it is not known where the arm is: no {self._states_topic} for more than {LOST_S:g} s")
+
+    # --- moving it ----------------------------------------------------------------------------------------
+
+    def send(self, trajectory: Trajectory, owner: str) -> None:
+        """Let the arm do a motion instead of what it does.
+
+        Raises:
+            Refused: it may not, or the motion is outside the limits; nothing was sent.
+        """
+        reason = self.refusal(owner)
+        if reason is None:
+            reason = trajectory.problem(self.here())
+        if reason is not None:
+            raise Refused(reason)
+        self._publish(trajectory)
+
+    def hold(self, seconds: float = HOLD_S) -> None:
+        """Let the arm stay where it is now; where its servos are off it hangs, and nothing is sent."""
+        if self._motion is not None and self._torque.state is not False:
+            self._publish(Trajectory((Point(self.pose() or self._should_be(), seconds),)))
+
+    def move_jaw(self, angle: float, owner: str, done: Done | None = None) -> None:
+        """Send the jaw to an angle of its joint, in radians; `done(None)` when sent, else `done(reason)`.
+
+        Raises:
+            Refused: it may not be moved, or not there; nothing was sent, `done` does not come.
+        """
+        reason = self.refusal(owner)
+        if reason is None and not JAW_OPEN <= angle <= JAW_CLOSED:
+            reason = f"gripper: {angle:.2f} rad is not within {JAW_OPEN:g} to {JAW_CLOSED:g}"
+        if reason is not None:
+            raise Refused(reason)
+        self._gripper.move(angle, lambda: self.refusal(owner), done or self._log_problem)
+
+    def _log_problem(self, problem: str | None) -> None:
+        if problem is not None:
+            self._ros.log.warning(f"jaw not moved: {problem}")
+
+    def _publish(self, trajectory: Trajectory) -> None:
+        start = self.pose() or (trajectory.target if self._motion is None else self._should_be())
+        self._motion = _Motion(trajectory, start, self._ros.elapsed())
+        self._trajectories.publish(_message(trajectory))
+
+    def _pin(self) -> None:
+        """Make where the arm is its target, so that whatever was asked of it before is forgotten."""
+        pose = self.pose()
+        if pose is not None:
+            self._publish(Trajectory((Point(pose, FIRST_POINT_S),)))
+
+    # --- the servos ---------------------------------------------------------------------------------------
+
+    @property
+    def torque(self) -> bool | None:
+        """Whether the servos are on, as was confirmed last; None before that."""
+        return self._torque.state
+
+    def set_torque(self, on: bool, owner: str, done: Done) -> None:
+        """Switch the servos on or off; `done(None)` when that is confirmed, else `done(reason)`.
+
+        Raises:
+            Refused: somebody else has the arm; or, for on, the emergency stop is engaged, or it is not known
+                where the arm is, so that it might jump.
+        """
+        reason = (self._stop_reason() if on else None) or self._claim_reason(owner)
+        if reason is not None:
+            raise Refused(reason)
+        if on:
+            self._must_be_known()
+        self._torque.set(on, done)
+
+    # --- what is told -------------------------------------------------------------------------------------
+
+    def _on_feedback(self, _stamp: float, _pose: Pose, _jaw: float | None) -> None:
+        now = self._ros.elapsed()
+        lost, self._heard = now - self._heard > LOST_S, now
+        if lost:
+            self._pin()
+            self._ros.log.info("the arm is there; it is pinned to where it is")
+
+    def _on_estop(self, message: Bool) -> None:
+        engaged = bool(message.data)
+        if engaged == self.stopped:
+            return
+        self.stopped = engaged
+        if not engaged:
+            self._ros.log.info("emergency stop released")
+            return
+        self._ros.log.warning("emergency stop engaged: the arm stays where it is")
+        self.hold()
+        self._gripper.stop()
+        if self._claim is not None:
+            self._claim.interrupted("the emergency stop was engaged")
+
+
+def _message(trajectory: Trajectory) -> JointTrajectory:
+    points = [
+        JointTrajectoryPoint(
+            positions=list(point.pose),
+            velocities=[VELOCITY_HINT] * len(ARM),
+            time_from_start=_duration(point.time),
+        )
+        for point in trajectory.points
+    ]
+    return JointTrajectory(joint_names=[joint.state_name for joint in ARM], points=points)
+
+
+def _duration(seconds: float) -> Duration:
+    whole, rest = divmod(round(seconds * 1e9), 10**9)
+    return Duration(sec=whole, nanosec=rest)

@@ -1,0 +1,240 @@
+"""`/lupin/arm/calibrate`: the calibration's chart, run by the engine in the arm's process.
+
+The service says nothing of its own about what may be done when: a request is an event of the chart, and the
+chart's refusal is the answer. What the chart accepts is answered when it has come to rest: in the pose that a
+person brings the arm into, or back in IDLE.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple
+
+from lupin_arm.calibration.offsets import Correction, refusals
+from lupin_arm.node.arm import Arm
+from lupin_arm.node.calibration_chart import CHART
+from lupin_arm.node.calibration_servos import Servos
+from lupin_arm.node.hardware import Hardware
+from lupin_arm.node.mission import Mission
+from lupin_arm.node.refused import Refused
+from lupin_arm.node.serving import STALE_AFTER_S, refuse
+from lupin_engine.errors import nearest
+from lupin_engine.machine.event import Event
+from lupin_engine.machine.step import Step
+from lupin_engine.middleware.node import RosNode, Timer
+from lupin_engine.plugin.contract import Driver
+from lupin_engine.runtime.engine import Engine, EngineOutlet
+from lupin_engine.runtime.setup import make_machine
+from lupin_msgs.srv import CalibrateArm
+
+SERVICE = "/lupin/arm/calibrate"
+#: What the chart calls what operators ask for.
+EVENTS: Mapping[str, Event] = {
+    "start": Event("mission.start", {"mission_type": "Calibration", "mission_id": "calibration"}),
+    "commit": Event("operator.resume"),
+    "cancel": Event("operator.abort"),
+}
+ACTIONS = (*EVENTS, "status")
+#: The two states that callers know; everything else is IDLE to them.
+IDLE, AWAITING_POSE = "IDLE", "AWAITING_POSE"
+#: Where the chart waits for a person.
+POSING = "POSING"
+
+#: Seconds that the end of the process waits for the arm to have its torque again.
+LAST_WAIT_S = 3.0
+
+POSE_NOW = "the arm has no torque: bring it into its zero pose by hand, then commit"
+
+
+class Gates(NamedTuple):
+    """What must be so for a calibration: real servos, and no mission that moves the robot."""
+
+    hardware: Hardware
+    mission: Mission
+
+    def require(self) -> None:
+        """Let a calibration begin.
+
+        Raises:
+            Refused: this is a simulation, or a mission is running.
+        """
+        self.hardware.require("calibration")
+        reason = self.mission.refusal()
+        if reason is not None:
+            raise Refused(reason)
+
+
+class _Clock:
+    """The time of the node's timers."""
+
+    def __init__(self, ros: RosNode) -> None:
+        self._ros = ros
+
+    def now(self) -> float:
+        """Return seconds."""
+        return self._ros.elapsed()
+
+
+class _Pending(NamedTuple):
+    """A request that the chart has accepted; `began` says whether a calibration was under way then."""
+
+    action: str
+    began: bool
+    response: CalibrateArm.Response
+    answer: Callable[[Any], None]
+
+
+class Calibration:
+    """The chart, its loop, and its service."""
+
+    def __init__(self, ros: RosNode, arm: Arm, gates: Gates, parameters: Mapping[str, Any]) -> None:
+        self._ros = ros
+        self._gates = gates
+        self._pending: list[_Pending] = []
+        self._deadline: Timer | None = None
+        self._machine = make_machine(CHART, {name: parameters[name] for name in CHART.parameters})
+        drivers: dict[str, Driver] = {}
+        self._engine = Engine(self._machine, _Clock(ros), drivers, ros.guarded(self._stepped))
+        self._servos = Servos(ros, arm, EngineOutlet(self._engine, self._work), parameters["gate_service"])
+        drivers["calibration"] = self._servos
+        self._engine.start()
+        gates.mission.listen(self._call_off)
+        ros.on_stop(self._close)
+        ros.serve_later(CalibrateArm, SERVICE, self._ask, stale_after=STALE_AFTER_S, refuse=self._refuse)
+
+    # --- requests -----------------------------------------------------------------------------------------
+
+    def _ask(
+        self,
+        request: CalibrateArm.Request,
+        response: CalibrateArm.Response,
+        answer: Callable[[CalibrateArm.Response], None],
+    ) -> None:
+        action = request.action.strip().lower()
+        began = self._where() != IDLE
+        try:
+            accepted = self._asked(action)
+        except Refused as reason:
+            answer(self._refuse(response, str(reason)))
+            return
+        if accepted:
+            self._pending.append(_Pending(action, began, response, answer))
+            self._answer()
+        else:
+            response.success, response.state, response.message = True, self.state, self._doing()
+            answer(response)
+
+    def _asked(self, action: str) -> bool:
+        """Hand a request to the chart; whether there was one.
+
+        Raises:
+            Refused: there is no such action, no servos, or the chart does not take it now.
+        """
+        if action == "status":
+            return False
+        if action not in EVENTS:
+            raise Refused(f"unknown action {action[:40]!r}; {nearest(action[:40], ACTIONS)}")
+        if action == "start":
+            self._gates.require()
+        self._servos.tell_stopped()
+        step = self._engine.request(EVENTS[action])
+        self._work()
+        if step.refusal is not None:
+            known = CHART.codes.get(step.refusal.code)
+            raise Refused(known.label if known else step.refusal.text)
+        return True
+
+    def _refuse(self, response: CalibrateArm.Response, reason: str) -> CalibrateArm.Response:
+        response.state = self.state
+        return refuse(response, reason)
+
+    def _call_off(self, reason: str) -> None:
+        """Give the arm its torque back: the robot drives off, or nobody will be there to do it."""
+        if self._where() != IDLE and self._engine.request(EVENTS["cancel"]).refusal is None:
+            self._ros.log.warning("calibration cancelled", reason=reason)
+            self._work()
+
+    # --- the loop -----------------------------------------------------------------------------------------
+
+    def _work(self) -> None:
+        """Step what is queued and due, then sleep until the next deadline."""
+        self._engine.drain()
+        if self._deadline is not None:
+            self._deadline.cancel()
+        due = self._engine.next_deadline
+        self._deadline = None if due is None else self._ros.call_later(due - self._ros.elapsed(), self._work)
+
+    def _stepped(self, step: Step) -> None:
+        if step.taken:
+            view = self._machine.view
+            reason = f"{view.code}: {view.detail}" if view.detail else view.code
+            self._ros.log.info("calibration", on=step.event.name, now=self._where(), reason=reason)
+        self._ros.post(self._answer)  # the answers of this step's operations may be in the queue
+
+    # --- answers ------------------------------------------------------------------------------------------
+
+    @property
+    def state(self) -> str:
+        """The state as callers know it."""
+        return AWAITING_POSE if self._machine.view.lifecycle == AWAITING_POSE else IDLE
+
+    def _where(self) -> str:
+        return self._machine.view.configuration[-1].rpartition(".")[2]
+
+    def _doing(self) -> str:
+        where = self._where()
+        if where == IDLE:
+            return "ready"
+        return POSE_NOW if where == POSING else f"under way: {where.lower().replace('_', ' ')}"
+
+    def _answer(self) -> None:
+        """Answer what has been waiting, once the chart rests."""
+        where = self._where()
+        if where not in (IDLE, POSING):
+            return
+        pending, self._pending = self._pending, []
+        for action, began, response, answer in pending:
+            response.state = self.state
+            if action == "cancel" and not began:
+                response.success, response.message = True, CHART.codes["nothing_to_cancel"].label
+            else:
+                response.success, response.message = self._outcome(action, where)
+            if action == "commit":
+                _fill(response, self._found())
+            answer(response)
+
+    def _outcome(self, action: str, where: str) -> tuple[bool, str]:
+        """Say what became of a calibration."""
+        if where == POSING:
+            return True, POSE_NOW
+        view = self._machine.view
+        if view.code:
+            label = CHART.codes[view.code].label if view.code in CHART.codes else view.code
+            return False, f"{label}: {view.detail}" if view.detail else label
+        found = self._found()
+        if action == "commit" and found:
+            wrong = refusals(found)
+            return not wrong, wrong or "calibrated; the arm keeps its pose, with torque"
+        return action == "cancel", CHART.codes["cancelled"].label
+
+    def _found(self) -> list[Correction]:
+        """Return what was measured and written in the last calibration."""
+        return [Correction(**one) for one in self._machine.memory.context["found"]]
+
+    def _close(self) -> None:
+        """Leave no limp arm behind."""
+        self._call_off("the program ends")
+        self._ros.work_until(lambda: self._where() == IDLE, LAST_WAIT_S)
+        self._servos.close()
+
+
+def _fill(response: CalibrateArm.Response, found: list[Correction]) -> None:
+    """Tell what was written to which servo, and how far each of them was off."""
+    response.joint_names = [one.joint for one in found]
+    response.offsets_applied = [0 if one.in_place or one.refused else one.offset for one in found]
+    response.diffs_observed = [one.difference for one in found]
+
+
+def serve(ros: RosNode, arm: Arm, gates: Gates, parameters: Mapping[str, Any]) -> Calibration:
+    """Offer the service."""
+    return Calibration(ros, arm, gates, parameters)

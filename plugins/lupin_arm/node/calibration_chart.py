@@ -1,0 +1,16 @@
+"""The chart of the calibration, read when this is imported: a mistake in it keeps the node from starting."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import lupin_arm.calibration
+from lupin_arm.calibration.catalog import PLUGIN
+from lupin_engine.chart.load import LIFECYCLE, load_chart
+from lupin_engine.chart.model import Chart
+from lupin_engine.plugin.registry import build_catalog
+
+#: Where the chart is written down.
+FOLDER = Path(lupin_arm.calibration.__file__).parent
+
+CHART: Chart = load_chart(FOLDER / LIFECYCLE, [FOLDER / "calibration.yaml"], build_catalog([PLUGIN]))

@@ -1,0 +1,252 @@
+"""What the calibration's chart does to the servos: its plugin's driver, over the vendor's services.
+
+Servos are dealt with one after the other, and the first that fails ends the operation: the chart then
+restores all of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from typing import Any, NamedTuple
+
+from mirte_msgs.msg import ServoPosition
+from mirte_msgs.srv import GetServoOffset, SetServoAngle, SetServoOffset
+from std_srvs.srv import SetBool
+
+from lupin_arm.calibration.offsets import HOMES, Correction, corrections, to_write
+from lupin_arm.node.arm import Arm
+from lupin_arm.node.refused import Refused
+from lupin_arm.node.waiting import when_ready
+from lupin_engine.middleware.node import Failure, Qos, RosNode, ServiceCaller
+from lupin_engine.plugin.contract import Outlet
+
+#: The name under which the arm is calibrated.
+OWNER = "calibration"
+SERVO = "/io/servo/hiwonder"
+#: Seconds in which a service must be found, and in which it must answer.
+LOOK_UP_S, ANSWER_S = 2.0, 3.0
+
+
+class Call(NamedTuple):
+    """A call of a servo's service."""
+
+    service: ServiceCaller
+    request: Any
+
+
+#: Gets the answers in order; a `Failure` ends them.
+Answers = Callable[[list[Any]], None]
+
+
+class Servos:
+    """See `plugin.contract.Driver` for what every call promises."""
+
+    def __init__(self, ros: RosNode, arm: Arm, outlet: Outlet, gate: str) -> None:
+        """`gate` is the vendor's service that lets the controller command the servos."""
+        self._ros = ros
+        self._arm = arm
+        self._outlet = outlet
+        self._counts: dict[str, int] = {}
+        self._running: set[str] = set()
+        self._gate = ros.service(SetBool, gate)
+        self._read = {j: ros.service(GetServoOffset, f"{SERVO}/{j}/_offset") for j in HOMES}
+        self._write = {j: ros.service(SetServoOffset, f"{SERVO}/{j}/_set_offset") for j in HOMES}
+        self._turn = {j: ros.service(SetServoAngle, f"{SERVO}/{j}/set_angle") for j in HOMES}
+        for joint in HOMES:
+            hear = partial(self._on_position, joint)
+            ros.subscribe(ServoPosition, f"{SERVO}/{joint}/position", Qos.SENSOR, hear)
+        self._operations: Mapping[str, Callable[[str, Mapping[str, Any]], None]] = {
+            "take_arm": self._take_arm,
+            "read_offsets": self._read_offsets,
+            "clear_offsets": self._clear_offsets,
+            "write_offsets": self._write_offsets,
+            "move_to_zero": self._move_to_zero,
+            "release": self._release,
+            "measure": self._measure,
+            "correct": self._correct,
+            "enable": self._enable,
+        }
+
+    # --- the driver ---------------------------------------------------------------------------------------
+
+    def missing(self) -> list[str]:
+        """Nothing: what is missing is told when it is needed."""
+        return []
+
+    def start(self, attempt: str, operation: str, arguments: Mapping[str, Any]) -> None:
+        """Begin an operation."""
+        self._running.add(attempt)
+        self._outlet.accepted(attempt)
+        self._operations[operation](attempt, arguments)
+
+    def cancel(self, attempt: str) -> None:
+        """Ask nothing more of the servos; what they were asked last they do."""
+        if attempt in self._running:
+            self._running.discard(attempt)
+            self._outlet.cancelled(attempt)
+
+    def act(self, action: str, arguments: Mapping[str, Any]) -> None:
+        """Refuse: there are no actions."""
+        raise ValueError(f"calibration has no action {action!r}")
+
+    def close(self) -> None:
+        """Report nothing more."""
+        self._running.clear()
+
+    def _done(self, attempt: str, **result: Any) -> None:
+        if attempt in self._running:
+            self._running.discard(attempt)
+            self._outlet.done(attempt, result)
+
+    def _failed(self, attempt: str, code: str, detail: str) -> None:
+        if attempt in self._running:
+            self._running.discard(attempt)
+            self._outlet.failed(attempt, code, detail)
+
+    # --- the arm ------------------------------------------------------------------------------------------
+
+    def _take_arm(self, attempt: str, _: Mapping[str, Any]) -> None:
+        try:
+            self._arm.claim(OWNER, "it is being calibrated", self._interrupted)
+        except Refused as reason:
+            self._failed(attempt, "arm_not_free", str(reason))
+            return
+        call = Call(self._gate, SetBool.Request(data=False))
+        self._ask(attempt, [call], lambda _: self._done(attempt), "arm_not_free")
+
+    def _interrupted(self, _: str) -> None:
+        self.tell_stopped()
+
+    def tell_stopped(self) -> None:
+        """Tell the chart whether the arm is stopped."""
+        self._outlet.value("calibration.stopped", self._arm.stopped, self._ros.elapsed())
+
+    def _release(self, attempt: str, _: Mapping[str, Any]) -> None:
+        self._switch(attempt, False, "servo_failed")
+
+    def _enable(self, attempt: str, _: Mapping[str, Any]) -> None:
+        self._switch(attempt, True, "still_limp")
+
+    def _switch(self, attempt: str, on: bool, code: str) -> None:
+        def switched(problem: str | None) -> None:
+            if on:
+                self._arm.release(OWNER)
+            if problem is None:
+                self._done(attempt)
+            else:
+                self._failed(attempt, code, problem)
+
+        try:
+            self._arm.set_torque(on, OWNER, switched)
+        except Refused as reason:
+            switched(str(reason))
+
+    # --- the servos ---------------------------------------------------------------------------------------
+
+    def _read_offsets(self, attempt: str, _: Mapping[str, Any]) -> None:
+        def read(answers: list[Any]) -> None:
+            told = zip(HOMES, answers, strict=True)
+            offsets = [{"joint": joint, "centidegrees": answer.centidegrees} for joint, answer in told]
+            self._done(attempt, offsets=offsets)
+
+        self._ask(attempt, self._reads(), read)
+
+    def _reads(self) -> list[Call]:
+        return [Call(service, GetServoOffset.Request()) for service in self._read.values()]
+
+    def _clear_offsets(self, attempt: str, _: Mapping[str, Any]) -> None:
+        self._ask(attempt, self._writes(dict.fromkeys(HOMES, 0)), lambda _: self._done(attempt))
+
+    def _write_offsets(self, attempt: str, arguments: Mapping[str, Any]) -> None:
+        self._ask(attempt, self._writes(_offsets(arguments["offsets"])), lambda _: self._done(attempt))
+
+    def _writes(self, offsets: Mapping[str, int]) -> list[Call]:
+        return [Call(self._write[j], SetServoOffset.Request(centidegrees=o)) for j, o in offsets.items()]
+
+    def _move_to_zero(self, attempt: str, _: Mapping[str, Any]) -> None:
+        self._ask(attempt, self._turns(HOMES), lambda _: self._done(attempt))
+
+    def _turns(self, joints: Sequence[str] | Mapping[str, int]) -> list[Call]:
+        return [Call(self._turn[joint], SetServoAngle.Request(angle=0.0, degrees=False)) for joint in joints]
+
+    def _measure(self, attempt: str, arguments: Mapping[str, Any]) -> None:
+        """Look at positions that come from now on: older ones are of before the pose."""
+        self._counts.clear()
+        self._ros.call_later(arguments["window"], lambda: self._measured(attempt, arguments["largest"]))
+
+    def _measured(self, attempt: str, largest: float) -> None:
+        counts = dict(self._counts)
+        silent = [joint for joint in HOMES if joint not in counts]
+        if silent:
+            self._failed(attempt, "no_position", f"nothing was heard of {', '.join(silent)}")
+            return
+
+        def read(answers: list[Any]) -> None:
+            told = zip(HOMES, answers, strict=True)
+            offsets = {j: answer.centidegrees for j, answer in told if not isinstance(answer, Failure)}
+            found = corrections(counts, offsets, largest)
+            self._done(attempt, corrections=[_record(one) for one in found])
+
+        self._ask(attempt, self._reads(), read, code=None)
+
+    def _correct(self, attempt: str, arguments: Mapping[str, Any]) -> None:
+        found = [Correction(**one) for one in arguments["corrections"]]
+        writes = self._writes(to_write(found, _offsets(arguments["before"])))
+        turns = self._turns([one.joint for one in found if not one.refused])
+        self._ask(attempt, [*writes, *turns], lambda _: self._done(attempt))
+
+    def _on_position(self, joint: str, message: ServoPosition) -> None:
+        self._counts[joint] = int(message.raw)
+
+    # --- calls --------------------------------------------------------------------------------------------
+
+    def _ask(
+        self, attempt: str, calls: Sequence[Call], then: Answers, code: str | None = "servo_failed"
+    ) -> None:
+        """Make calls one after the other, then `then`; the first that fails ends the attempt in `code`.
+
+        Without a code all are made, and failures are among the answers.
+        """
+        answers: list[Any] = []
+
+        def next_one() -> None:
+            if attempt not in self._running:
+                return
+            if len(answers) == len(calls):
+                then(answers)
+                return
+            service = calls[len(answers)].service
+            self._outlet.progress(attempt, f"{service.name} was asked")
+            when_ready(self._ros, service.ready, LOOK_UP_S, lambda _: call())
+
+        def call() -> None:
+            service, request = calls[len(answers)]
+            service.call(request, ANSWER_S, answered)
+
+        def answered(answer: Any) -> None:
+            problem = _problem(calls[len(answers)].service, answer)
+            if problem is not None and code is not None:
+                self._failed(attempt, code, problem)
+                return
+            answers.append(answer)
+            next_one()
+
+        next_one()
+
+
+def _problem(service: ServiceCaller, answer: Any) -> str | None:
+    """Say what is wrong with an answer; None when nothing is."""
+    if isinstance(answer, Failure):
+        return answer.detail
+    if not getattr(answer, "status", True) or not getattr(answer, "success", True):
+        return f"{service.name} refused: {getattr(answer, 'message', '') or 'no reason given'}"
+    return None
+
+
+def _offsets(records: Sequence[Mapping[str, Any]]) -> dict[str, int]:
+    return {record["joint"]: record["centidegrees"] for record in records}
+
+
+def _record(one: Correction) -> dict[str, Any]:
+    return {name: getattr(one, name) for name in ("joint", "difference", "offset", "in_place", "refused")}

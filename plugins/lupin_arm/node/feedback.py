@@ -1,0 +1,63 @@
+"""Where the arm really is, as `/joint_states` tells: the wheels are in there too."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+from sensor_msgs.msg import JointState
+
+from lupin_arm.joints import ARM, JAW, Pose, read_pose
+from lupin_engine.middleware.node import Qos, RosNode
+
+#: Seconds for which a joint counts as being where it was said to be.
+FRESH_S = 0.5
+
+#: Gets the seconds of the message's stamp (of its arrival where it has none), the arm and the jaw.
+Listener = Callable[[float, Pose, float | None], None]
+
+_NAMES = frozenset((*(joint.state_name for joint in ARM), JAW))
+
+
+class Feedback:
+    """The last angles of the arm's joints and of the jaw; others are ignored."""
+
+    def __init__(self, ros: RosNode, topic: str) -> None:
+        self._ros = ros
+        self._angles: dict[str, float] = {}
+        self._seen: dict[str, float] = {}
+        self._listeners: list[Listener] = []
+        ros.subscribe(JointState, topic, Qos.DETECTION, self._on_states)
+
+    def listen(self, listener: Listener) -> None:
+        """Call `listener` with every message that has something of the arm, once all of it is known."""
+        self._listeners.append(listener)
+
+    def pose(self) -> Pose | None:
+        """Return where the arm is; None while a joint has not been heard of just now."""
+        return read_pose(self._fresh())
+
+    def jaw(self) -> float | None:
+        """Return the angle of the jaw's joint; None while it has not been heard of just now."""
+        return self._fresh().get(JAW)
+
+    def age(self) -> float:
+        """Return how long ago the joint that was heard of least lately was heard of, in seconds."""
+        seen = [self._seen.get(joint.state_name, -math.inf) for joint in ARM]
+        return self._ros.elapsed() - min(seen)
+
+    def _fresh(self) -> dict[str, float]:
+        now = self._ros.elapsed()
+        return {name: angle for name, angle in self._angles.items() if now - self._seen[name] <= FRESH_S}
+
+    def _on_states(self, message: JointState) -> None:
+        told = zip(message.name, message.position, strict=False)  # a driver may leave positions out
+        found = {name: angle for name, angle in told if name in _NAMES and math.isfinite(angle)}
+        now = self._ros.elapsed()
+        self._angles.update(found)
+        self._seen.update(dict.fromkeys(found, now))
+        pose = self.pose()
+        if pose is not None and found.keys() - {JAW}:
+            stamp = message.header.stamp.sec + message.header.stamp.nanosec * 1e-9
+            for listener in self._listeners:
+                listener(stamp or self._ros.now(), pose, self.jaw())

@@ -1,0 +1,49 @@
+"""Whether there is a real arm: what only makes sense with one is refused in a simulation."""
+
+from __future__ import annotations
+
+from mirte_msgs.srv import SetServoOffset
+
+from lupin_arm.node.refused import Refused
+from lupin_engine.errors import LupinError, nearest
+from lupin_engine.middleware.node import RosNode
+
+#: A service that only real servos have; the simulated arm has nothing to calibrate.
+SIGN = "/io/servo/hiwonder/shoulder_lift/_set_offset"
+
+#: What the parameter `hardware` may be.
+CHOICES = ("auto", "yes", "no")
+
+
+class Hardware:
+    """The gate of what needs real servos."""
+
+    def __init__(self, ros: RosNode, said: str) -> None:
+        """`said` is the parameter: `yes`, `no`, or `auto` for whether the servos' own services are there.
+
+        Raises:
+            LupinError: it is none of them.
+        """
+        if said not in CHOICES:
+            raise LupinError(
+                f"parameter 'hardware': expected one of {', '.join(CHOICES)}, got {said!r}; "
+                f"{nearest(said, CHOICES)}"
+            )
+        self._said = said
+        self._sign = ros.service(SetServoOffset, SIGN) if said == "auto" else None
+
+    @property
+    def present(self) -> bool:
+        """Whether this is a real robot."""
+        return self._said == "yes" if self._sign is None else self._sign.ready()
+
+    def require(self, what: str) -> None:
+        """Refuse `what` where there are no real servos.
+
+        Raises:
+            Refused: this is a simulation, or the robot's drivers are not up.
+        """
+        if self.present:
+            return
+        why = "parameter hardware is no" if self._said == "no" else f"there is no service {SIGN}"
+        raise Refused(f"{what} needs the real servos, and this is a simulation: {why}")

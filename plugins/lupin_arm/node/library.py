@@ -1,0 +1,296 @@
+"""The services of the library: its entries, recordings, replays, and what is going on."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Callable
+from datetime import datetime, timezone
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from std_msgs.msg import String
+from std_srvs.srv import Trigger
+
+from lupin_arm.library import Library, Pose, StoreFailed, checked_pose, valid_name
+from lupin_arm.library import Refused as NotInLibrary
+from lupin_arm.node.arm import Arm
+from lupin_arm.node.mission import Mission
+from lupin_arm.node.player import Player, if_on
+from lupin_arm.node.recorder import Recorder, Result
+from lupin_arm.node.refused import Refused
+from lupin_arm.node.serving import STALE_AFTER_S, refuse
+from lupin_arm.trajectory import clamp_speed, move
+from lupin_engine.errors import nearest
+from lupin_engine.middleware.node import Qos, RosNode
+from lupin_msgs.srv import (
+    ArmLibraryEdit,
+    ArmRecord,
+    GetArmLibrary,
+    PlayArmSequence,
+    SaveArmPose,
+    SetArmPreset,
+)
+
+#: The name under which saved poses move the arm.
+OWNER = "library"
+BASE = "/lupin/arm/library"
+#: Seconds that a move to a saved pose takes, longer where it is far; and between two states that are told.
+MOVE_S, TOLD_EVERY_S = 3.0, 0.2
+
+#: Whatever keeps a request from being carried out; its text is the answer.
+PROBLEMS = (Refused, NotInLibrary, StoreFailed)
+
+ACTIONS = ("start", "save", "cancel")
+
+
+class LibraryServer:
+    """All that operators do with the library; one thing at a time moves the arm."""
+
+    def __init__(self, ros: RosNode, arm: Arm, mission: Mission, path: Path) -> None:
+        self._ros = ros
+        self._arm = arm
+        self._library = Library(path)
+        self._told: list[str] = []
+        self._mission = mission
+        self._player = Player(ros, arm)
+        self._recorder = Recorder(ros, arm, self._library, _now)
+        self._on_the_way_until = 0.0
+        self._states = ros.publisher(String, f"{BASE}/state", Qos.LATCHED)
+        self._mission.listen(self._mission_began)
+        self._serve()
+        ros.steady_timer(TOLD_EVERY_S, self._tell)
+        self._tell()
+        ros.log.info("arm library ready", file=str(self._library.path))
+
+    def _serve(self) -> None:
+        now = partial(self._ros.serve, stale_after=STALE_AFTER_S)
+        later = partial(self._ros.serve_later, stale_after=STALE_AFTER_S, refuse=refuse)
+        now(GetArmLibrary, f"{BASE}/list", self._list, refuse=_refuse_list)
+        now(SaveArmPose, f"{BASE}/save_pose", _answering(self._save_pose), refuse=refuse)
+        now(ArmLibraryEdit, f"{BASE}/delete", _answering(self._edit), refuse=refuse)
+        later(SetArmPreset, f"{BASE}/goto_pose", _answering_later(self._go_to))
+        later(PlayArmSequence, f"{BASE}/play", _answering_later(self._play))
+        later(ArmRecord, f"{BASE}/record", self._record)
+        # Stopping late is better than not at all.
+        self._ros.serve(Trigger, f"{BASE}/stop", _answering(self._stop))
+
+    # --- the entries --------------------------------------------------------------------------------------
+
+    def _list(self, _: GetArmLibrary.Request, response: GetArmLibrary.Response) -> GetArmLibrary.Response:
+        try:
+            found: dict[str, Any] = dict(self._library.listing())
+            response.success = True
+        except NotInLibrary:
+            found = {"poses": [], "sequences": []}
+        response.json = json.dumps(found | self._notices())
+        return response
+
+    def _notices(self) -> dict[str, list[str]]:
+        """Return what people should know, under its key; nothing when there is nothing."""
+        told = [*self._library.notices, *filter(None, [self._recorder.notice()])]
+        for notice in told:
+            if notice not in self._told:
+                self._told.append(notice)
+                self._ros.log.error(notice)
+        return {"notices": told} if told else {}
+
+    def _save_pose(self, request: SaveArmPose.Request) -> str:
+        if request.from_current:
+            arm, jaw = self._arm.pose(), self._arm.jaw()
+            if arm is None:
+                raise Refused(
+                    "it is not known where the arm is: no joint states with all its joints just now"
+                )
+            pose, changed = checked_pose(arm, jaw, _now())
+        else:
+            jaw = request.gripper_rad if request.has_gripper else None
+            pose, changed = checked_pose(request.arm_rad, jaw, _now())
+        name = self._library.save_pose(request.name, pose, request.overwrite)
+        return "; ".join([f"saved {name!r}", *changed])
+
+    def _edit(self, request: ArmLibraryEdit.Request) -> str:
+        return self._library.edit(request.kind, request.name, request.new_name)
+
+    # --- moving -------------------------------------------------------------------------------------------
+
+    def _must_be_free(self) -> None:
+        reason = self._mission.refusal() or self._recorder.refusal()
+        if self._player.name:
+            reason = f"{self._player.name!r} is being played; stop it first"
+        if reason is not None:
+            raise Refused(reason)
+
+    def _go_to(self, request: SetArmPreset.Request, answer: Callable[[str | None, str], None]) -> None:
+        self._must_be_free()
+        name, pose = valid_name(request.name), self._library.pose(request.name)
+        if_on(self._arm, OWNER, lambda problem: answer(*self._went(name, pose, problem)))
+
+    def _went(self, name: str, pose: Pose, problem: str | None) -> tuple[str | None, str]:
+        """Send the arm to a pose now that it has torque; return the problem, or None and what to say."""
+        if problem is not None:
+            return problem, ""
+        try:
+            self._must_be_free()  # torque took its time
+            motion = move(pose.arm, MOVE_S, self._arm.here())
+            self._arm.send(motion, OWNER)
+        except Refused as reason:
+            return str(reason), ""
+        self._on_the_way_until = self._ros.elapsed() + motion.duration
+        return None, f"{name}: sent, there in {motion.duration:.1f} s{self._jaw(pose.gripper)}"
+
+    def _jaw(self, angle: float | None) -> str:
+        try:
+            if angle is not None:
+                self._arm.move_jaw(angle, OWNER)
+        except Refused as reason:
+            return f"; the jaw stays where it is: {reason}"
+        return ""
+
+    def _play(self, request: PlayArmSequence.Request, answer: Callable[[str | None, str], None]) -> None:
+        self._must_be_free()
+        if self._recorder.recording:
+            raise Refused("a recording is under way; save or cancel it first")
+        name, sequence = valid_name(request.name), self._library.sequence(request.name)
+        try:
+            speed = clamp_speed(request.speed)
+        except ValueError as reason:
+            raise Refused(str(reason)) from None
+
+        def sent(problem: str | None) -> None:
+            answer(problem, f"playing {name!r} at {speed:g}, {self._player.duration:.1f} s in all")
+
+        self._player.play(name, sequence, speed, sent)
+
+    def _stop(self, _: Trigger.Request) -> str:
+        reason = "stopped by the operator"
+        if self._player.stop(reason):
+            return "stopped; the arm stays where it is"
+        if self._recorder.stop(reason):
+            return "stopped; the recording by hand is discarded, the servos are switched on"
+        if self._ros.elapsed() < self._on_the_way_until:
+            self._on_the_way_until = 0.0
+            self._arm.hold()
+            return "stopped; the arm stays where it is"
+        return "there was nothing to stop"
+
+    def _mission_began(self, reason: str) -> None:
+        self._player.stop(reason)
+        self._recorder.leave(reason)
+
+    # --- recording ----------------------------------------------------------------------------------------
+
+    def _record(
+        self,
+        request: ArmRecord.Request,
+        response: ArmRecord.Response,
+        answer: Callable[[ArmRecord.Response], None],
+    ) -> None:
+        def told(result: Result) -> None:
+            response.success, response.message = result.success, result.message
+            if result.sequence is not None:
+                response.duration_s = result.sequence.duration_s
+                response.n_waypoints = len(result.sequence.waypoints)
+            answer(response)
+
+        try:
+            self._recorded(request, told)
+        except PROBLEMS as reason:
+            told(Result(False, str(reason)))
+
+    def _recorded(self, request: ArmRecord.Request, answer: Callable[[Result], None]) -> None:
+        action = request.action.strip().lower()
+        if action == "start":
+            if self._player.name:
+                raise Refused(f"{self._player.name!r} is being played; stop it first")
+            reason = self._mission.refusal()
+            if reason is not None:
+                raise Refused(reason)
+            self._recorder.start(request.mode, request.name, request.include_gripper, answer)
+        elif action == "save":
+            self._recorder.save(request.name, request.overwrite, answer)
+        elif action == "cancel":
+            self._recorder.cancel(answer)
+        else:
+            raise Refused(f"unknown action {action[:40]!r}; {nearest(action[:40], ACTIONS)}")
+
+    # --- what is going on ---------------------------------------------------------------------------------
+
+    def _tell(self) -> None:
+        self._states.publish(String(data=json.dumps(self.state())))
+
+    def state(self) -> dict[str, Any]:
+        """Return what is published."""
+        player, recorder = self._player, self._recorder
+        played, duration = player.sequence, player.duration
+        progress = min(player.elapsed / duration, 1.0) if duration else 0.0
+        return {
+            "recording": recorder.recording,
+            "playing": bool(player.name),
+            "name": player.name or recorder.name,
+            "mode": played.mode if played else recorder.mode,
+            "progress": round(progress, 3),
+            "elapsed_s": round(player.elapsed if played else recorder.elapsed, 2),
+            "n_waypoints": len(played.waypoints) if played else recorder.waypoints,
+            "torque": self._arm.torque is not False,
+            "unsaved": recorder.unsaved,
+            **self._notices(),
+        }
+
+
+def serve(ros: RosNode, arm: Arm, mission: Mission, given_path: str) -> LibraryServer:
+    """Offer the services of the library in the file `given_path`, '' for the user's own."""
+    return LibraryServer(ros, arm, mission, library_path(given_path))
+
+
+def library_path(given: str) -> Path:
+    """Return the file of the library: the given one, else one among the user's settings."""
+    if given:
+        return Path(given).expanduser()
+    base = os.environ.get("XDG_CONFIG_HOME", "")
+    # The specification says that relative ones are ignored.
+    folder = Path(base) if Path(base).is_absolute() else Path.home() / ".config"
+    return folder / "lupin" / "arm_library.json"
+
+
+def _now() -> str:
+    """Return the time as entries of the library have it: the wall clock's, for people."""
+    return datetime.now(timezone.utc).isoformat(timespec="seconds")
+
+
+def _answering(do: Callable[[Any], str]) -> Callable[[Any, Any], Any]:
+    """Return a service that does something and says what, or why not."""
+
+    def answer(request: Any, response: Any) -> Any:
+        try:
+            response.message = do(request)
+            response.success = True
+        except PROBLEMS as reason:
+            return refuse(response, str(reason))
+        return response
+
+    return answer
+
+
+def _answering_later(
+    do: Callable[[Any, Callable[[str | None, str], None]], None],
+) -> Callable[[Any, Any, Callable[[Any], None]], None]:
+    """Return a service that answers when `do` says: with a problem, or with None and what was done."""
+
+    def serve_it(request: Any, response: Any, answer: Callable[[Any], None]) -> None:
+        def told(problem: str | None, done: str = "") -> None:
+            response.success, response.message = problem is None, done if problem is None else problem
+            answer(response)
+
+        try:
+            do(request, told)
+        except PROBLEMS as reason:
+            told(str(reason))
+
+    return serve_it
+
+
+def _refuse_list(response: GetArmLibrary.Response, reason: str) -> GetArmLibrary.Response:
+    response.json = json.dumps({"poses": [], "sequences": [], "notices": [reason]})
+    return response

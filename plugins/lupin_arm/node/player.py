@@ -1,0 +1,153 @@
+"""Plays a sequence: the arm's motion at once, the jaw's in time, and an end that others can count on."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+from lupin_arm.library import Refused as NotInLibrary
+from lupin_arm.library import Sequence
+from lupin_arm.node.arm import Arm
+from lupin_arm.node.refused import Refused
+from lupin_arm.player import JawEvent, Replay, plan
+from lupin_engine.middleware.node import RosNode, Timer
+
+#: The name under which sequences move the arm.
+OWNER = "library: playing"
+
+#: Gets None when it was done, or the reason why not.
+Answer = Callable[[str | None], None]
+
+
+@dataclass(eq=False)
+class _Playing:
+    """A sequence that is about to be played, or is."""
+
+    name: str
+    sequence: Sequence
+    speed: float
+    answer: Answer
+    replay: Replay | None = None
+    began: float = 0.0
+    jaw: deque[JawEvent] = field(default_factory=deque)
+    timers: list[Timer] = field(default_factory=list)
+
+
+class Player:
+    """At most one sequence at a time. The arm is claimed for it: nobody else moves it meanwhile."""
+
+    def __init__(self, ros: RosNode, arm: Arm) -> None:
+        self._ros = ros
+        self._arm = arm
+        self._now: _Playing | None = None
+
+    @property
+    def name(self) -> str:
+        """The sequence that is played, '' when none is."""
+        return self._now.name if self._now else ""
+
+    @property
+    def sequence(self) -> Sequence | None:
+        """What is played."""
+        return self._now.sequence if self._now else None
+
+    @property
+    def elapsed(self) -> float:
+        """Seconds since the arm was sent off."""
+        started = self._now is not None and self._now.replay is not None
+        return self._ros.elapsed() - self._now.began if self._now is not None and started else 0.0
+
+    @property
+    def duration(self) -> float:
+        """How long it takes in all; 0 before that is known."""
+        return self._now.replay.duration if self._now is not None and self._now.replay is not None else 0.0
+
+    def play(self, name: str, sequence: Sequence, speed: float, answer: Answer) -> None:
+        """Play a sequence; `answer` comes when the arm was sent off, or with the reason why it was not.
+
+        Raises:
+            Refused: it cannot be played now; `answer` does not come.
+        """
+        self._arm.claim(OWNER, f"playing {name!r}", self._interrupted)
+        self._now = playing = _Playing(name, sequence, speed, answer)
+        try:
+            if_on(self._arm, OWNER, lambda problem: self._begin(playing, problem))
+        except Refused:
+            self._end()
+            raise
+
+    def _begin(self, playing: _Playing, problem: str | None) -> None:
+        """Send the arm off, now that its torque is confirmed."""
+        if self._now is not playing:
+            return  # stopped meanwhile; it has been answered
+        if problem is None:
+            problem = self._send(playing)
+        if problem is not None:
+            self._end()
+        playing.answer(problem)
+
+    def _send(self, playing: _Playing) -> str | None:
+        try:
+            replay = plan(playing.sequence, playing.speed, self._arm.here())
+            self._arm.send(replay.trajectory, OWNER)
+        except (Refused, NotInLibrary) as reason:
+            return str(reason)
+        playing.replay, playing.began = replay, self._ros.elapsed()
+        playing.timers, playing.jaw = [self._ros.call_later(replay.duration, self._end)], deque(replay.jaw)
+        self._next_jaw(playing)
+        return None
+
+    def _next_jaw(self, playing: _Playing) -> None:
+        """Wait for the jaw's next event; one timer at a time, a recording has hundreds."""
+        if playing.jaw:
+            event = playing.jaw.popleft()
+            delay = playing.began + event.time - self._ros.elapsed()
+            timer = self._ros.call_later(delay, lambda: self._move_jaw(playing, event.angle))
+            playing.timers = [playing.timers[0], timer]
+
+    def _move_jaw(self, playing: _Playing, angle: float) -> None:
+        try:
+            self._arm.move_jaw(angle, OWNER)
+        except Refused as reason:
+            self._ros.log.warning(f"jaw not moved: {reason}", sequence=playing.name)
+        self._next_jaw(playing)
+
+    def stop(self, reason: str) -> bool:
+        """Let the arm stay where it is, and play no more; whether anything was played."""
+        playing = self._now
+        if playing is None:
+            return False
+        self._end()
+        if playing.replay is None:
+            playing.answer(reason)
+        else:
+            self._arm.hold()
+        self._ros.log.info("replay stopped", sequence=playing.name, reason=reason)
+        return True
+
+    def _interrupted(self, reason: str) -> None:
+        self.stop(reason)
+
+    def _end(self) -> None:
+        playing, self._now = self._now, None
+        self._arm.release(OWNER)
+        for timer in playing.timers if playing else ():
+            timer.cancel()
+
+
+def if_on(arm: Arm, owner: str, then: Answer) -> None:
+    """Call `then(None)` once the servos are known to be on, `then(reason)` if they cannot be switched on.
+
+    Servos that somebody has switched off stay off: only where nothing is known of them yet are they asked.
+
+    Raises:
+        Refused: the arm may not be moved; `then` does not come.
+    """
+    reason = arm.refusal(owner)
+    if reason is not None:
+        raise Refused(reason)
+    if arm.torque:
+        then(None)
+    else:
+        arm.set_torque(True, owner, then)

@@ -1,0 +1,35 @@
+"""`/lupin/arm/set_torque`: the servos on or off, answered when that is confirmed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from std_srvs.srv import SetBool
+
+from lupin_arm.node.arm import Arm
+from lupin_arm.node.refused import Refused
+from lupin_arm.node.serving import STALE_AFTER_S, refuse
+from lupin_engine.middleware.node import RosNode
+
+#: The name under which operators switch the servos.
+OWNER = "operator"
+
+
+def serve(ros: RosNode, arm: Arm) -> None:
+    """Offer the service."""
+
+    def switch(request: SetBool.Request, response: Any, answer: Callable[[Any], None]) -> None:
+        on = bool(request.data)
+
+        def done(problem: str | None) -> None:
+            response.success = problem is None
+            response.message = problem or f"the servos are {'on' if on else 'off: support the arm'}"
+            answer(response)
+
+        try:
+            arm.set_torque(on, OWNER, done)
+        except Refused as reason:
+            done(str(reason))
+
+    ros.serve_later(SetBool, "/lupin/arm/set_torque", switch, stale_after=STALE_AFTER_S, refuse=refuse)

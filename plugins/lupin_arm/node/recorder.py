@@ -1,0 +1,323 @@
+"""Makes recordings: of an arm that a person moves by hand, without torque, or of one that is steered.
+
+A recording by hand begins when the servos have said that they are off, and whatever ends it switches them on
+again. What was recorded is kept until it is saved or cancelled, also where saving it fails.
+"""
+
+from __future__ import annotations
+
+import enum
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+from lupin_arm.joints import Pose
+from lupin_arm.library import MODES, Library, Sequence, StoreFailed
+from lupin_arm.library import Refused as NotInLibrary
+from lupin_arm.node.arm import Arm
+from lupin_arm.node.refused import Refused
+from lupin_arm.recorder import Recording
+from lupin_engine.errors import nearest
+from lupin_engine.middleware.node import RosNode
+
+#: The name under which the arm is kept for a recording by hand.
+OWNER = "library: recording"
+BY_HAND = "kinesthetic"
+#: Seconds that the end of the process waits for the servos to be on again.
+LAST_WAIT_S = 2.0
+
+TORQUE_SERVICE = "/lupin/arm/set_torque"
+
+
+@dataclass(frozen=True)
+class Result:
+    """What became of a request."""
+
+    success: bool
+    message: str
+    sequence: Sequence | None = None
+
+
+Answer = Callable[[Result], None]
+
+
+class _Phase(enum.Enum):
+    IDLE = "idle"
+    SWITCHING = "switching"  #: the servos are being switched for a recording
+    RECORDING = "recording"
+    UNSAVED = "unsaved"  #: ended, not yet in the library
+
+
+class Recorder:
+    """At most one recording at a time."""
+
+    def __init__(self, ros: RosNode, arm: Arm, library: Library, created: Callable[[], str]) -> None:
+        """`created` says what time it is, as entries of the library have it."""
+        self._ros = ros
+        self._arm = arm
+        self._library = library
+        self._created = created
+        self._phase = _Phase.IDLE
+        self._recording: Recording | None = None
+        self._unsaved: Sequence | None = None
+        self._called_off = ""  # why a recording that is about to begin is not wanted any more
+        self._mark = Mark(ros, library.path)
+        self.name = ""
+        arm.listen(self._on_feedback)
+        ros.on_stop(self._close)
+
+    # --- what is told -------------------------------------------------------------------------------------
+
+    @property
+    def recording(self) -> bool:
+        """Whether poses are being recorded."""
+        return self._phase is _Phase.RECORDING
+
+    @property
+    def unsaved(self) -> bool:
+        """Whether there is a recording that has ended and is not in the library."""
+        return self._phase is _Phase.UNSAVED
+
+    @property
+    def mode(self) -> str:
+        """The mode of the recording, '' when there is none."""
+        if self._unsaved is not None:
+            return self._unsaved.mode
+        return self._recording.mode if self._recording is not None else ""
+
+    @property
+    def waypoints(self) -> int:
+        """How many poses there are."""
+        if self._unsaved is not None:
+            return len(self._unsaved.waypoints)
+        return len(self._recording.waypoints) if self._recording is not None else 0
+
+    @property
+    def elapsed(self) -> float:
+        """How long the recording is, in seconds."""
+        if self._unsaved is not None:
+            return self._unsaved.duration_s
+        return self._recording.elapsed(self._ros.elapsed()) if self._recording is not None else 0.0
+
+    def notice(self) -> str:
+        """What people should know of a recording that an earlier process did not end."""
+        return self._mark.notice(self._arm.torque)
+
+    def refusal(self) -> str | None:
+        """Say why nothing else may be begun with the arm now; None if it may."""
+        if self._phase is _Phase.SWITCHING:
+            return "the servos are being switched for a recording; try again in a moment"
+        if self._phase is _Phase.RECORDING and self.mode == BY_HAND:
+            return "a recording by hand is under way; save or cancel it first"
+        return None
+
+    # --- start --------------------------------------------------------------------------------------------
+
+    def start(self, mode: str, name: str, include_gripper: bool, answer: Answer) -> None:
+        """Begin to record; by hand as soon as the servos have said that they are off.
+
+        Raises:
+            Refused: it cannot be begun now; `answer` does not come.
+        """
+        mode = mode.strip().lower() or "teleop"
+        if mode not in MODES:
+            raise Refused(f"unknown mode {mode[:40]!r}; {nearest(mode[:40], MODES)}")
+        if self._phase is _Phase.UNSAVED:
+            raise Refused("a recording is not saved yet; save it under a name, or cancel it")
+        if self._phase is not _Phase.IDLE:
+            raise Refused(self.refusal() or "a recording is under way; save or cancel it first")
+        recording = Recording(mode, include_gripper)
+        if mode == BY_HAND:
+            self._let_go(recording, answer)
+        else:
+            self._begin(recording)
+            answer(Result(True, "recording; steer the arm, then save"))
+        self.name = name.strip()[:32]
+
+    def _let_go(self, recording: Recording, answer: Answer) -> None:
+        self._arm.claim(OWNER, "a recording by hand", lambda _: None)  # without torque nothing moves it
+        self._phase, self._called_off = _Phase.SWITCHING, ""
+        self._mark.set()
+        try:
+            self._arm.set_torque(False, OWNER, lambda problem: self._let_go_ended(recording, answer, problem))
+        except Refused:
+            self._mark.remove()
+            self._end()
+            raise
+
+    def _let_go_ended(self, recording: Recording, answer: Answer, problem: str | None) -> None:
+        problem = problem or self._called_off
+        if not problem:
+            self._begin(recording)
+            answer(Result(True, "recording; the arm has no torque: move it by hand, then save"))
+            return
+
+        def restored(still_off: str | None) -> None:
+            self._end()
+            on = f"; and the servos may be off: {still_off}" if still_off else "; the servos are on"
+            answer(Result(False, f"not recording: {problem}{on}"))
+
+        self._restore(restored)
+
+    def _begin(self, recording: Recording) -> None:
+        self._recording, self._phase = recording, _Phase.RECORDING
+
+    def _on_feedback(self, stamp: float, pose: Pose, jaw: float | None) -> None:
+        if self._phase is _Phase.RECORDING and self._recording is not None:
+            self._recording.sample(stamp, self._ros.elapsed(), pose, jaw)
+
+    # --- save and cancel ----------------------------------------------------------------------------------
+
+    def save(self, name: str, overwrite: bool, answer: Answer) -> None:
+        """End the recording and put it into the library; `answer` comes when the arm has torque again.
+
+        Raises:
+            Refused: there is nothing to save, or not under that name; the recording goes on.
+        """
+        name = name or self.name
+        if self._phase is _Phase.SWITCHING:
+            raise Refused(self.refusal() or "")
+        if self._phase is _Phase.IDLE:
+            raise Refused("nothing is being recorded")
+        try:
+            self._library.check_free("sequence", name, overwrite)
+            self._finish()
+        except NotInLibrary as reason:
+            raise Refused(f"{reason}; the recording is not lost") from None
+        self._then_with_torque(lambda problem: answer(self._keep(name, overwrite, problem)))
+
+    def _finish(self) -> None:
+        if self._recording is not None:
+            self._unsaved = self._recording.finish(self._ros.elapsed(), self._created())
+
+    def _keep(self, name: str, overwrite: bool, problem: str | None) -> Result:
+        assert self._unsaved is not None
+        recording, sequence = self._recording, self._unsaved
+        self._phase = _Phase.UNSAVED
+        self._recording = None
+        still_off = f"; the servos are still off: {problem}" if problem else ""
+        try:
+            name = self._library.save_sequence(name, sequence, overwrite)
+        except (NotInLibrary, StoreFailed) as reason:
+            kept = "the recording is kept: save it again, or cancel it"
+            return Result(False, f"{reason}; {kept}{still_off}", sequence)
+        self._end()
+        cut = f", {recording.full}" if recording is not None and recording.full else ""
+        limits = recording.clamped if recording is not None else 0
+        beyond = f", {limits} waypoints beyond the limits were kept at them" if limits else ""
+        return Result(True, f"saved {name!r}{cut}{beyond}{still_off}", sequence)
+
+    def cancel(self, answer: Answer) -> None:
+        """Forget the recording; `answer` comes when the arm has torque again.
+
+        Raises:
+            Refused: there is none.
+        """
+        if self._phase is _Phase.IDLE:
+            raise Refused("nothing is being recorded")
+        if self._phase is _Phase.SWITCHING:
+            raise Refused(self.refusal() or "")
+
+        def ended(problem: str | None) -> None:
+            self._end()
+            still_off = f"; the servos are still off: {problem}" if problem else ""
+            answer(Result(True, f"the recording is discarded{still_off}"))
+
+        self._then_with_torque(ended)
+
+    def stop(self, reason: str) -> bool:
+        """Give the arm its torque back, whatever becomes of a recording by hand; whether there was one."""
+        if self._phase is _Phase.SWITCHING and self._recording is None:
+            self._called_off = reason
+            return True
+        if self._phase is not _Phase.RECORDING or self.mode != BY_HAND:
+            return False
+        self._then_with_torque(lambda _: self._end())
+        return True
+
+    def leave(self, reason: str) -> None:
+        """Give the arm its torque back, keeping what was recorded by hand for a save."""
+        if self._phase is not _Phase.RECORDING or self.mode != BY_HAND:
+            self.stop(reason)
+            return
+        try:
+            self._finish()
+        except NotInLibrary:
+            self.stop(reason)
+            return
+        self._ros.log.warning("recording ended, and not saved yet", reason=reason)
+        self._then_with_torque(self._left)
+
+    def _left(self, _: str | None) -> None:
+        self._phase, self._recording = _Phase.UNSAVED, None
+
+    # --- torque -------------------------------------------------------------------------------------------
+
+    def _then_with_torque(self, then: Callable[[str | None], None]) -> None:
+        """Do `then` when the servos are on again, where this recording has switched them off."""
+        if self._recording is None or self._recording.mode != BY_HAND:
+            then(None)
+            return
+        self._phase = _Phase.SWITCHING
+        self._restore(then)
+
+    def _restore(self, then: Callable[[str | None], None]) -> None:
+        def switched(problem: str | None) -> None:
+            if problem is None:
+                self._mark.remove()
+            else:
+                self._ros.log.error(f"the servos are still off: {problem}", switch=TORQUE_SERVICE)
+            self._arm.release(OWNER)
+            then(problem)
+
+        try:
+            self._arm.set_torque(True, OWNER, switched)
+        except Refused as reason:
+            switched(str(reason))
+
+    def _end(self) -> None:
+        self._phase, self._recording, self._unsaved = _Phase.IDLE, None, None
+        self.name = ""
+        self._arm.release(OWNER)
+
+    def _close(self) -> None:
+        """Leave no limp arm behind; a recording that was not saved ends with the process."""
+        if self.stop("the program ends"):
+            self._ros.work_until(lambda: self._phase is _Phase.IDLE, LAST_WAIT_S)
+
+
+class Mark:
+    """A file that is there while an arm is without torque for a recording, so that a kill is noticed."""
+
+    def __init__(self, ros: RosNode, library: Path) -> None:
+        self._ros = ros
+        self._path = library.with_name(f"{library.stem}.limp")
+        self._left_behind = self._path.exists()
+
+    def set(self) -> None:
+        """Leave the mark; a disk that is full keeps nobody from recording."""
+        self._attempt(partial(self._path.parent.mkdir, parents=True, exist_ok=True))
+        self._attempt(self._path.touch)
+
+    def remove(self) -> None:
+        """Take the mark away."""
+        self._left_behind = False
+        self._attempt(partial(self._path.unlink, missing_ok=True))
+
+    def notice(self, torque: bool | None) -> str:
+        """Say what an earlier process has left; '' when nothing, or when the torque is known to be back."""
+        if self._left_behind and torque:
+            self.remove()
+        if not self._left_behind:
+            return ""
+        return (
+            "a recording by hand was cut off when the program ended: the arm may be without torque; "
+            f"support it, then switch torque on ({TORQUE_SERVICE})"
+        )
+
+    def _attempt(self, change: Callable[[], object]) -> None:
+        try:
+            change()
+        except OSError as error:
+            self._ros.log.warning(f"{self._path} cannot be changed: {error.strerror}")

@@ -1,0 +1,40 @@
+"""The settings of the node `lupin_arm`."""
+
+from __future__ import annotations
+
+from lupin_arm.node.calibration_chart import CHART
+from lupin_engine.plugin.contract import Parameter
+from lupin_engine.plugin.types import TEXT, number_in
+
+PARAMETERS = {
+    "joint_states_topic": Parameter(TEXT, "/joint_states", "JointState: where the joints are"),
+    "trajectory_topic": Parameter(
+        TEXT, "/mirte_master_arm_controller/joint_trajectory", "JointTrajectory: what the arm is to do"
+    ),
+    "gripper_action": Parameter(
+        TEXT, "/mirte_master_gripper_controller/gripper_cmd", "GripperCommand: the jaw's controller"
+    ),
+    "estop_topic": Parameter(TEXT, "/e_stop_state", "Bool: the emergency stop, true while engaged"),
+    "torque_service": Parameter(
+        TEXT, "/io/servo/hiwonder/enable_all_servos", "SetBool: the vendor's switch of the servos' power"
+    ),
+    "gate_service": Parameter(
+        TEXT, "/enable_arm_control", "SetBool: the vendor's gate of commands; a simulation has none"
+    ),
+    "hardware": Parameter(
+        TEXT, "auto", "whether the servos are real: yes, no, or auto (whether their own services are there)"
+    ),
+    "preset_duration": Parameter(
+        number_in("s"), 3.0, "how long a preset takes, more where it is far", minimum=0.5, maximum=60.0
+    ),
+    "init_duration": Parameter(
+        number_in("s"), 5.0, "how long /lupin/arm/init takes to the zero pose", minimum=0.5, maximum=60.0
+    ),
+    "library_path": Parameter(
+        TEXT, "", "JSON file of the operators' poses; empty: lupin/arm_library.json among the user's settings"
+    ),
+    "mission_state_topic": Parameter(
+        TEXT, "/mission/state", "MissionState: while a mission runs the library moves nothing"
+    ),
+    **CHART.parameters,
+}

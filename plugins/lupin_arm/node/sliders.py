@@ -1,0 +1,101 @@
+"""The services of the operator's sliders: one for each joint, one for the jaw, and back to the zero pose.
+
+They turn what operators say, in degrees, into what the controllers take. The vendor's services of the same
+kind must not be used beside them: the vendor's hardware interface puts back what it did not command itself.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+from mirte_msgs.srv import SetServoAngleWithSpeed
+from std_srvs.srv import Trigger
+
+from lupin_arm.joints import ARM, farthest, jaw_from_degrees
+from lupin_arm.node.arm import Arm
+from lupin_arm.node.refused import Refused
+from lupin_arm.node.serving import STALE_AFTER_S, refuse
+from lupin_arm.trajectory import move, time_for
+from lupin_engine.middleware.node import RosNode
+
+#: The name under which sliders move the arm.
+OWNER = "slider"
+
+#: Where `/lupin/arm/init` sends the arm.
+ZERO = (0.0, 0.0, 0.0, 0.0)
+
+
+class Sliders:
+    """Answers `status` only, so what is refused is logged with its reason."""
+
+    def __init__(self, ros: RosNode, arm: Arm, init_duration: float) -> None:
+        self._ros = ros
+        self._arm = arm
+        self._init_duration = init_duration
+        own: dict[str, Any] = {"stale_after": STALE_AFTER_S, "refuse": _refuse_status}
+        for index, joint in enumerate(ARM):
+            name = f"/lupin/arm/{joint.name}/set_angle_with_speed"
+            ros.serve(SetServoAngleWithSpeed, name, partial(self._turn, index), **own)
+        ros.serve_later(SetServoAngleWithSpeed, "/lupin/gripper/set_angle_with_speed", self._move_jaw, **own)
+        ros.serve(Trigger, "/lupin/arm/init", self._init, stale_after=STALE_AFTER_S, refuse=refuse)
+
+    def _turn(self, index: int, request: Any, response: Any) -> Any:
+        """Turn one joint at a rate; the others stay where they are meant to be."""
+        try:
+            angle, rate = _in_radians(request)
+            target = list(self._arm.commanded())
+            target[index] = ARM[index].clamp(angle)
+            here = self._arm.here()
+            # Those that are still under way keep to the rate as well.
+            motion = move(target, 0.0, here)
+            seconds = time_for(farthest(here, motion.target), rate)
+            self._arm.send(move(target, seconds, here), OWNER)
+        except (ValueError, Refused) as reason:
+            self._ros.log.warning(f"{ARM[index].name} not moved: {reason}")
+        else:
+            response.status = True
+        return response
+
+    def _move_jaw(self, request: Any, response: Any, answer: Callable[[Any], None]) -> None:
+        """Send the jaw somewhere; its controller has a speed of its own."""
+
+        def done(problem: str | None) -> None:
+            if problem is not None:
+                self._ros.log.warning(f"jaw not moved: {problem}")
+            response.status = problem is None
+            answer(response)
+
+        try:
+            degrees = request.angle if request.degrees else math.degrees(request.angle)
+            self._arm.move_jaw(jaw_from_degrees(degrees), OWNER, done)
+        except (ValueError, Refused) as reason:
+            done(str(reason))
+
+    def _init(self, request: Any, response: Any) -> Any:
+        try:
+            motion = move(ZERO, self._init_duration, self._arm.here())
+            self._arm.send(motion, OWNER)
+        except Refused as reason:
+            return refuse(response, str(reason))
+        response.success = True
+        response.message = f"zero pose: sent, there in {motion.duration:.1f} s"
+        return response
+
+
+def _in_radians(request: Any) -> tuple[float, float]:
+    if not request.degrees:
+        return request.angle, request.rate
+    return math.radians(request.angle), math.radians(request.rate)
+
+
+def _refuse_status(response: Any, _reason: str) -> Any:
+    response.status = False
+    return response
+
+
+def serve(ros: RosNode, arm: Arm, init_duration: float) -> None:
+    """Offer the services."""
+    Sliders(ros, arm, init_duration)

@@ -1,0 +1,145 @@
+"""Switching the servos on and off: the power of the bus and the gate of commands, always both and in order.
+
+The two switches are the vendor's and know nothing of each other. With the power off and the gate open the
+hardware goes on asking for its last target; the arm then jumps there when the power comes back. So the
+target is set to where the arm is before the power comes on, and changes are made one after the other.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+from functools import partial
+from typing import Any, NamedTuple
+
+from std_srvs.srv import SetBool
+
+from lupin_arm.node.waiting import when_ready
+from lupin_engine.middleware.node import Failure, RosNode
+
+#: Seconds in which a switch must be found, and in which it must answer.
+LOOK_UP_S = 0.5
+ANSWER_S = 2.0
+
+#: Gets None when it is done, or the reason why it is not.
+Done = Callable[[str | None], None]
+
+
+class _Answer(NamedTuple):
+    """What became of a call of a switch: `problem` is None when it did what it was told."""
+
+    there: bool
+    problem: str | None
+
+
+class _Switch:
+    """One of the vendor's switches."""
+
+    def __init__(self, ros: RosNode, name: str) -> None:
+        self._ros = ros
+        self._service = ros.service(SetBool, name)
+
+    def call(self, on: bool, done: Callable[[_Answer], None]) -> None:
+        """Switch; `done` comes once."""
+
+        def found(there: bool) -> None:
+            if there:
+                self._service.call(
+                    SetBool.Request(data=on), ANSWER_S, lambda answer: done(self._read(answer))
+                )
+            else:
+                done(_Answer(False, f"{self._service.name}: no server within {LOOK_UP_S:g} s"))
+
+        when_ready(self._ros, self._service.ready, LOOK_UP_S, found)
+
+    def _read(self, answer: Any) -> _Answer:
+        if isinstance(answer, Failure):
+            return _Answer(True, answer.detail)
+        if not answer.success:
+            return _Answer(True, f"{self._service.name} refused: {answer.message or 'no reason given'}")
+        return _Answer(True, None)
+
+
+class Torque:
+    """The servos' power. `state` is what was confirmed last; None until something was."""
+
+    def __init__(self, ros: RosNode, power: str, gate: str, pin: Callable[[], None]) -> None:
+        """Switch by the services `power` and `gate`; `pin` makes where the arm is the target."""
+        self._ros = ros
+        self._power = _Switch(ros, power)
+        self._gate = _Switch(ros, gate)
+        self._pin = pin
+        self._waiting: deque[tuple[bool, Done]] = deque()
+        self.state: bool | None = None
+        self.switching = False
+
+    def set(self, on: bool, done: Done) -> None:
+        """Switch the servos on or off, after what was asked for before."""
+        self._waiting.append((on, done))
+        self._next()
+
+    def _next(self) -> None:
+        if self.switching or not self._waiting:
+            return
+        self.switching = True
+        on, done = self._waiting.popleft()
+        (self._switch_on if on else self._switch_off)(partial(self._end, done))
+
+    def _end(self, done: Done, problem: str | None) -> None:
+        self.switching = False
+        if problem is not None:
+            self._ros.log.warning(f"servos not switched: {problem}")
+        try:
+            done(problem)
+        finally:
+            self._next()
+
+    def _switch_on(self, end: Done) -> None:
+        self._pin()
+
+        def powered(answer: _Answer) -> None:
+            if answer.problem is not None:
+                end(answer.problem)
+                return
+            self.state = True
+            self._gate.call(True, gated)
+
+        def gated(answer: _Answer) -> None:
+            if answer.problem is None or not answer.there:  # a simulation has no gate
+                end(None)
+            else:
+                self._power.call(False, partial(self._powered_off_again, end, answer.problem))
+
+        self._power.call(True, powered)
+
+    def _powered_off_again(self, end: Done, problem: str, answer: _Answer) -> None:
+        if answer.problem is None:
+            self.state = False
+            end(f"{problem}; the servos are off again")
+        else:
+            end(f"{problem}; and the servos could not be switched off again: {answer.problem}")
+
+    def _switch_off(self, end: Done) -> None:
+        def gated(gate: _Answer) -> None:
+            if gate.there and gate.problem is not None:
+                self._ros.log.warning(f"the gate of commands stays open: {gate.problem}")
+            closed = gate.problem is None
+            self._power.call(False, partial(powered, closed))
+
+        def powered(closed: bool, answer: _Answer) -> None:
+            if answer.problem is None:
+                self.state = False
+                end(None)
+            elif closed:
+                self._pin()
+                self._gate.call(True, partial(self._gate_opened_again, end, answer.problem))
+            else:
+                end(answer.problem)
+
+        self._gate.call(False, gated)
+
+    def _gate_opened_again(self, end: Done, problem: str, answer: _Answer) -> None:
+        if answer.problem is None:
+            end(f"{problem}; commands are taken again")
+        else:
+            end(f"{problem}; and commands are not taken any more: {answer.problem}")

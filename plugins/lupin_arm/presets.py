@@ -1,0 +1,57 @@
+"""The presets that are built in: named poses of the arm. Loads without ROS.
+
+They move the arm and never the jaw. `travel` is the name that missions use for driving; it is the rest pose.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from types import MappingProxyType
+
+from lupin_arm.joints import Pose
+
+
+def _degrees(pan: float, lift: float, elbow: float, wrist: float) -> Pose:
+    return math.radians(pan), math.radians(lift), math.radians(elbow), math.radians(wrist)
+
+
+#: The least load on the servo of the shoulder: where the arm rests, and how it drives.
+_REST = (0.04, -0.01, 0.01, -1.57)
+#: Over a plant in front of the robot; the jaw is what tells picking from having picked.
+_PICK = _degrees(1.0, -58.0, -38.0, -2.0)
+
+PRESETS: Mapping[str, Pose] = MappingProxyType(
+    {
+        "detect_left": _degrees(89.0, 12.0, -62.0, -78.0),
+        "home": _REST,
+        "inspect": (0.0, -0.40, 0.90, -0.80),
+        "pick": (0.0, -0.81, -1.57, -1.04),
+        "pick_closed": _PICK,
+        "pick_open": _PICK,
+        "place": (0.0, -0.23, -1.57, -1.54),
+        "travel": _REST,
+        "tuck": _degrees(1.0, 0.0, 90.0, -90.0),
+        "zero": (0.0, 0.0, 0.0, 0.0),
+    }
+)
+
+#: How much of an unknown name is repeated.
+_SHOWN = 40
+
+
+class UnknownPreset(ValueError):
+    """There is no preset of that name; the text lists those that there are."""
+
+
+def find_preset(name: str) -> tuple[str, Pose]:
+    """Return a preset's own name and pose; blanks around the name and capitals do not matter.
+
+    Raises:
+        UnknownPreset: there is none.
+    """
+    wanted = name.strip().lower()
+    if wanted not in PRESETS:
+        shown = wanted if len(wanted) <= _SHOWN else f"{wanted[:_SHOWN]}..."
+        raise UnknownPreset(f"unknown preset {shown!r}; allowed: {', '.join(sorted(PRESETS))}")
+    return wanted, PRESETS[wanted]

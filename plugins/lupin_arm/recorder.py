@@ -1,0 +1,102 @@
+"""A recording that is being made: which poses are taken, and what they become. Pure; its times are given."""
+
+from __future__ import annotations
+
+import math
+
+from lupin_arm.joints import Pose, clamp_jaw, clamp_pose, farthest
+from lupin_arm.library import Refused, Sequence, Waypoint
+
+#: A pose is taken when so much time has passed since the last one, and a joint has moved so far.
+PERIOD_S = 0.05
+MOVED = math.radians(0.5)
+#: Where a recording ends by itself.
+MAX_WAYPOINTS = 800
+MAX_SECONDS = 60.0
+#: Less than this, in seconds, lies between two waypoints of the same moment.
+_MOMENT_S = 0.001
+
+
+class Recording:
+    """The poses of one recording; times begin with the first of them.
+
+    A pose comes with its stamp, which is what the arm's own computer says, and with the time of its arrival
+    on a clock of ours. What lies beyond the limits, where a hand can push the arm, is taken at the limit.
+    """
+
+    def __init__(self, mode: str, include_gripper: bool) -> None:
+        self.mode = mode
+        self.include_gripper = include_gripper
+        self.waypoints: list[Waypoint] = []
+        #: Why nothing more is taken; '' while the recording goes on.
+        self.full = ""
+        #: Waypoints of which an angle was beyond its limit.
+        self.clamped = 0
+        self._begun = 0.0  # stamp of the first pose
+        self._arrived = 0.0  # its arrival
+        self._last: Waypoint | None = None  # the last that was seen, taken or not
+
+    def sample(self, stamp: float, arrival: float, pose: Pose, jaw: float | None) -> None:
+        """Look at a pose."""
+        if self.full:
+            return
+        if self._last is None:
+            self._begun, self._arrived = stamp, arrival
+        time = stamp - self._begun
+        if self._last is not None and not time > self._last.t:
+            return  # told twice, or by a clock that was set back
+        if time > MAX_SECONDS:
+            self.full = f"cut at {MAX_SECONDS:g} s"
+            return
+        self._look_at(self._waypoint(time, pose, jaw), pose)
+
+    def _waypoint(self, time: float, pose: Pose, jaw: float | None) -> Waypoint:
+        gripper = None if jaw is None or not self.include_gripper else clamp_jaw(jaw)
+        return Waypoint(t=time, arm=list(clamp_pose(pose)), gripper=gripper)
+
+    def _look_at(self, seen: Waypoint, pose: Pose) -> None:
+        self._last = seen
+        if self.waypoints:
+            before = self.waypoints[-1]
+            if seen.t - before.t < PERIOD_S - _MOMENT_S or not self._moved(before, seen):
+                return
+        self.waypoints.append(seen)
+        self.clamped += farthest(_pose(seen), pose) > MOVED
+        if len(self.waypoints) >= MAX_WAYPOINTS:
+            self.full = f"cut at {MAX_WAYPOINTS} waypoints"
+
+    @staticmethod
+    def _moved(before: Waypoint, now: Waypoint) -> bool:
+        jaw = abs((now.gripper or 0.0) - (before.gripper or 0.0))
+        return max(farthest(_pose(before), _pose(now)), jaw) >= MOVED
+
+    def elapsed(self, now: float) -> float:
+        """Return how long the recording is, `now` being on the clock of arrivals."""
+        if self._last is None:
+            return 0.0
+        return self._last.t if self.full else min(max(now - self._arrived, self._last.t), MAX_SECONDS)
+
+    def finish(self, now: float, created: str) -> Sequence:
+        """Return what was recorded until `now`; its last waypoint is at its end.
+
+        Raises:
+            Refused: no pose was seen.
+        """
+        if self._last is None:
+            raise Refused("nothing was recorded: no joint states with all joints of the arm have arrived")
+        waypoints, end = list(self.waypoints), self.elapsed(now)
+        # One who has held still at the end means that, too.
+        if end - waypoints[-1].t > _MOMENT_S and len(waypoints) < MAX_WAYPOINTS:
+            waypoints.append(self._last.model_copy(update={"t": end}))
+        return Sequence(
+            mode="kinesthetic" if self.mode == "kinesthetic" else "teleop",
+            include_gripper=self.include_gripper,
+            duration_s=waypoints[-1].t,
+            created=created,
+            waypoints=waypoints,
+        )
+
+
+def _pose(waypoint: Waypoint) -> Pose:
+    pan, lift, elbow, wrist = waypoint.arm
+    return pan, lift, elbow, wrist

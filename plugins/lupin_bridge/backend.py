@@ -1,0 +1,106 @@
+"""What every source of readings is to the bridge, and the words that they have in common. No ROS."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import Protocol
+
+from lupin_engine.errors import LupinError, Severity
+
+SECONDS_PER_DAY = 86400.0
+
+#: How much of a name that somebody else wrote is repeated to people.
+SHOWN = 60
+
+#: Where a backend tells what people should know; safe from every thread.
+Tell = Callable[[Severity, str], None]
+
+
+class UnknownTag(LupinError):
+    """There is no tag of that id."""
+
+
+class ReadingFailed(LupinError):
+    """A tag that exists has no reading now; the text says why."""
+
+
+@dataclass(frozen=True)
+class Clocks:
+    """Where a backend has the time from, in seconds: of the day and date, and one that is never stepped."""
+
+    wall: Callable[[], float] = time.time
+    steady: Callable[[], float] = time.monotonic
+
+
+REAL_CLOCKS = Clocks()
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """What one sensor measured, in its `unit`; `stamp` is seconds since 1970, `age` is seconds until now."""
+
+    sensor: str
+    value: float
+    unit: str
+    stamp: float
+    age: float = 0.0
+
+
+@dataclass(frozen=True)
+class TagValues:
+    """What can be read at a tag now: time of day in [0, 86400) seconds, and at most one value a sensor."""
+
+    time_of_day: float
+    sensors: tuple[Measurement, ...]
+
+
+class Backend(Protocol):
+    """A source of readings: a simulator, a recording, or sensors on a network."""
+
+    @property
+    def tags(self) -> tuple[str, ...]:
+        """The ids of all tags that are known now."""
+
+    def read(self, tag_id: str) -> TagValues:
+        """Return what is measured at a tag now: values that are too old or absent are left out.
+
+        Raises:
+            UnknownTag: there is no such tag.
+            ReadingFailed: the tag has no value now.
+        """
+
+    def close(self) -> None:
+        """Let go of files and connections."""
+
+
+def shown(name: str) -> str:
+    """Return a name for a message: quoted, control characters escaped, and of bounded length."""
+    text = repr(name[: SHOWN + 1])
+    return text if len(name) <= SHOWN else f"{name[:SHOWN]!r}... ({len(name)} characters)"
+
+
+def unknown_tag(tag_id: str, known: int, where: str) -> UnknownTag:
+    """Return the error for a tag that is not among those `known` to `where`."""
+    return UnknownTag(f"unknown tag {shown(tag_id)}; {where} {known} tag{'' if known == 1 else 's'}")
+
+
+def fresh_only(
+    tag_id: str, found: Iterable[Measurement], absent: Iterable[str], max_age: float
+) -> tuple[Measurement, ...]:
+    """Return those of the values that are at most `max_age` seconds old.
+
+    Raises:
+        ReadingFailed: all are older; the text tells each, and the sensors that are `absent` altogether.
+    """
+    values = tuple(found)
+    fresh = tuple(value for value in values if value.age <= max_age)
+    if fresh:
+        return fresh
+    reasons = [f"{value.sensor} is {value.age:.0f} s old" for value in values]
+    reasons += [f"no {sensor}" for sensor in absent]
+    raise ReadingFailed(
+        f"tag {shown(tag_id)}: nothing measured in the last {max_age:g} s"
+        + (f" ({', '.join(reasons)})" if reasons else "")
+    )

@@ -1,0 +1,113 @@
+"""Readings from a recording, replayed by the time of day or from its beginning.
+
+What is not recorded is not served: values are neither interpolated nor kept for longer than `max_age`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from datetime import datetime, time, timedelta
+
+from lupin_bridge.backend import (
+    REAL_CLOCKS,
+    SECONDS_PER_DAY,
+    Clocks,
+    Measurement,
+    ReadingFailed,
+    TagValues,
+    fresh_only,
+    unknown_tag,
+)
+from lupin_bridge.layout import Sensors
+from lupin_bridge.recording import Recording, load_recording
+from lupin_bridge.stamps import time_of_day
+from lupin_bridge.units import unit_of
+from lupin_engine.errors import LupinError, nearest
+
+#: The ways to replay.
+TIME_OF_DAY, SINCE_START = "time_of_day", "since_start"
+CLOCKS = (TIME_OF_DAY, SINCE_START)
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Which file is replayed, and how.
+
+    `clock` is one of CLOCKS. `fixed_hour` from 0 on holds the replay at that hour of its first day;
+    `speed` is how many recorded seconds pass in a second since the start. `max_age` is in seconds.
+    """
+
+    file: str
+    clock: str = TIME_OF_DAY
+    max_age: float = 900.0
+    fixed_hour: float = -1.0
+    speed: float = 1.0
+
+
+class Recorded:
+    """A recording as a greenhouse.
+
+    Raises:
+        LupinError: the file cannot be used; the text has every mistake with its place.
+    """
+
+    def __init__(self, settings: Settings, sensors: Sensors | None, clocks: Clocks = REAL_CLOCKS) -> None:
+        """`sensors` are those of a layout, which alone are served; without one whatever is recorded."""
+        if settings.clock not in CLOCKS:
+            raise LupinError(f"unknown recording_clock {settings.clock!r}; {nearest(settings.clock, CLOCKS)}")
+        self._recording = load_recording(settings.file)
+        self._settings = settings
+        self._sensors = sensors or {tag: tuple(own) for tag, own in self._recording.series.items()}
+        self._now = _replay(self._recording, settings, clocks)
+
+    @property
+    def tags(self) -> tuple[str, ...]:
+        """All tags of the layout, or of the recording where no layout was given."""
+        return tuple(self._sensors)
+
+    def read(self, tag_id: str) -> TagValues:
+        """Return what was measured at a tag by the time that is replayed now."""
+        if tag_id not in self._sensors:
+            raise unknown_tag(tag_id, len(self._sensors), "the recording has")
+        now = self._now()
+        own = self._recording.series.get(tag_id, {})
+        found, absent = [], []
+        for sensor in self._sensors[tag_id]:
+            last = own[sensor].at(now) if sensor in own else None
+            if last is None:
+                absent.append(sensor)
+            else:
+                found.append(Measurement(sensor, last[1], unit_of(sensor), last[0], now - last[0]))
+        try:
+            values = fresh_only(tag_id, found, absent, self._settings.max_age)
+        except ReadingFailed as error:
+            moment = datetime.fromtimestamp(now).isoformat(" ", "seconds")
+            over = ", after its end" if now > self._recording.last else ""
+            raise ReadingFailed(f"{error}; the recording is at {moment}{over}") from None
+        return TagValues(time_of_day(now), values)
+
+    def close(self) -> None:
+        """Nothing is held open."""
+
+
+def _replay(recording: Recording, settings: Settings, clocks: Clocks) -> Callable[[], float]:
+    """Return the function that says which moment of the recording is now."""
+    first_day = datetime.fromtimestamp(recording.first).date()
+    if settings.fixed_hour >= 0.0:
+        seconds = settings.fixed_hour * 3600.0 % SECONDS_PER_DAY
+        fixed = (datetime.combine(first_day, time()) + timedelta(seconds=seconds)).timestamp()
+        return lambda: fixed
+    if settings.clock == SINCE_START:
+        start = clocks.steady()
+        return lambda: recording.first + (clocks.steady() - start) * settings.speed
+    days = (datetime.fromtimestamp(recording.last).date() - first_day).days + 1
+    start_day = datetime.fromtimestamp(clocks.wall()).date()
+
+    def by_time_of_day() -> float:
+        # One recorded day for each day; after the last one the first one again.
+        now = datetime.fromtimestamp(clocks.wall())
+        day = first_day + timedelta(days=(now.date() - start_day).days % days)
+        return datetime.combine(day, now.time()).timestamp()
+
+    return by_time_of_day

@@ -1,0 +1,161 @@
+"""Topics and payloads of sensors on MQTT: what a message says about which tag. Pure, and never surprised.
+
+A topic is told by a template such as `greenhouse/{tag}/{sensor}`. The payload is a number, or a JSON object
+with `value` and, if wanted, `unit` and `stamp`. Without `{sensor}` in the template a message carries several
+sensors of a tag: a JSON object with a number for each, and `stamp` if wanted.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from lupin_bridge.stamps import seconds_since_1970
+from lupin_bridge.units import QUANTITIES, checked
+from lupin_engine.errors import LupinError
+
+#: A payload that says more than one sensor has to say is none, in bytes.
+MAX_PAYLOAD = 4096
+#: Names of tags and sensors are no longer than this.
+MAX_NAME = 64
+
+_PLACEHOLDER = re.compile(r"\{(\w*)\}")
+_NAME = re.compile(rf"[^\s/+#\x00-\x1f\x7f]{{1,{MAX_NAME}}}")
+
+
+class Rejected(ValueError):
+    """A message that says nothing about a sensor; `kind` is why, in words that do not change."""
+
+    def __init__(self, kind: str, detail: str = "") -> None:
+        super().__init__(f"{kind}: {detail}" if detail else kind)
+        self.kind = kind
+
+
+@dataclass(frozen=True)
+class Sample:
+    """A value in the unit of its sensor; `stamp` is when it was measured, if the message tells."""
+
+    sensor: str
+    value: float
+    stamp: float | None = None
+
+
+class Template:
+    """A topic template.
+
+    Raises:
+        LupinError: it is none.
+    """
+
+    def __init__(self, text: str) -> None:
+        names = _PLACEHOLDER.findall(text)
+        if sorted(names) not in (["tag"], ["sensor", "tag"]):
+            raise LupinError(
+                f"mqtt_topic {text!r}: expected {{tag}} once, and {{sensor}} at most once,"
+                " such as greenhouse/{tag}/{sensor}"
+            )
+        if re.search(r"[+#\x00]", text):
+            raise LupinError(
+                f"mqtt_topic {text!r}: wildcards are made of {{tag}} and {{sensor}}; leave + and # out"
+            )
+        levels = text.split("/")
+        self.text = text
+        #: What to subscribe to.
+        self.filter = "/".join("+" if _PLACEHOLDER.search(level) else level for level in levels)
+        #: Whether each sensor of a tag has a topic of its own.
+        self.one_sensor = "sensor" in names
+        # Split keeps the names of the placeholders at the odd places.
+        parts = _PLACEHOLDER.split(text)
+        self._topic = re.compile(
+            "".join(f"(?P<{part}>[^/]+?)" if i % 2 else re.escape(part) for i, part in enumerate(parts))
+        )
+
+    def names(self, topic: str) -> tuple[str, str]:
+        """Return tag and sensor of a topic; the sensor is '' where the template has none.
+
+        Raises:
+            Rejected: the topic is not of this form, or a name is none.
+        """
+        match = self._topic.fullmatch(topic)
+        if match is None:
+            raise Rejected("topic of another form")
+        found = match.groupdict()
+        for name in found.values():
+            if not _NAME.fullmatch(name):
+                raise Rejected("no name of a tag or sensor", repr(name[:MAX_NAME]))
+        return found["tag"], found.get("sensor", "")
+
+
+def samples(
+    payload: bytes, sensor: str, allowed: Iterable[str] | None = None
+) -> tuple[list[Sample], list[Rejected]]:
+    """Read a payload: of one `sensor`, or where that is '' of those of the `allowed` sensors that it names.
+
+    Returns what can be used, and why the rest cannot.
+
+    Raises:
+        Rejected: it says nothing that can be used.
+    """
+    data = _decoded(payload)
+    if sensor:
+        return [_one(data, sensor)], []
+    if not isinstance(data, dict):
+        raise Rejected("no JSON object", "the topic has no {sensor}, so the payload must name them")
+    stamp = _stamp(data)
+    found: list[Sample] = []
+    wrong: list[Rejected] = []
+    for name in QUANTITIES if allowed is None else allowed:
+        try:
+            if data.get(name) is not None:  # gateways write null for what they do not know
+                found.append(Sample(name, _checked(name, data[name], ""), stamp))
+        except Rejected as reason:
+            wrong.append(reason)
+    if not found and not wrong:
+        raise Rejected("no sensor in it")
+    return found, wrong
+
+
+def _one(data: object, sensor: str) -> Sample:
+    if not isinstance(data, dict):
+        return Sample(sensor, _checked(sensor, data, ""))
+    if "value" not in data:
+        raise Rejected("no 'value' in it")
+    unit = data.get("unit", "")
+    if not isinstance(unit, str):
+        raise Rejected("unit is no text")
+    return Sample(sensor, _checked(sensor, data["value"], unit), _stamp(data))
+
+
+def _decoded(payload: bytes) -> object:
+    if len(payload) > MAX_PAYLOAD:
+        raise Rejected("payload too long", f"{len(payload)} bytes, at most {MAX_PAYLOAD}")
+    try:
+        # Whole numbers as well become floats, infinite if need be: Python's own are without bounds.
+        return json.loads(payload.decode("utf-8"), parse_int=float)
+    except UnicodeDecodeError:
+        raise Rejected("payload is not UTF-8") from None
+    except (ValueError, RecursionError):
+        raise Rejected("payload is neither a number nor JSON", repr(payload[:MAX_NAME])) from None
+
+
+def _checked(sensor: str, value: object, unit: str) -> float:
+    if not isinstance(value, float):
+        raise Rejected("value is no number", repr(value)[:MAX_NAME])
+    try:
+        return checked(sensor, value, unit)
+    except ValueError as error:
+        raise Rejected("value cannot be", str(error)) from None
+
+
+def _stamp(data: dict[str, object]) -> float | None:
+    written = data.get("stamp")
+    if written is None:
+        return None
+    if not isinstance(written, (str, float)):
+        raise Rejected("stamp is no time", repr(written)[:MAX_NAME])
+    try:
+        return seconds_since_1970(written)
+    except ValueError as error:
+        raise Rejected("stamp is no time", str(error)) from None

@@ -1,0 +1,84 @@
+"""The unit of each sensor, other units that are converted to it, and what it cannot have measured."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+
+from lupin_engine.errors import nearest
+
+#: A sensor that is not known here has no unit; its values must be smaller than this.
+UNKNOWN_LIMIT = 1e9
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A unit, the range of what can be, and other units as (factor, offset): value · factor + offset."""
+
+    unit: str
+    minimum: float
+    maximum: float
+    others: Mapping[str, tuple[float, float]]
+
+
+#: The ranges are what can be at all, not what is good for plants: outside of them a sensor is broken.
+QUANTITIES: Mapping[str, Quantity] = MappingProxyType(
+    {
+        "temperature": Quantity(
+            "°C",
+            -60.0,
+            100.0,
+            {
+                "c": (1.0, 0.0),
+                "degc": (1.0, 0.0),
+                "celsius": (1.0, 0.0),
+                "k": (1.0, -273.15),
+                "°f": (5.0 / 9.0, -160.0 / 9.0),
+                "f": (5.0 / 9.0, -160.0 / 9.0),
+            },
+        ),
+        # Sensors that are wet show a little more than 100 %.
+        "humidity": Quantity("%", 0.0, 110.0, {"%rh": (1.0, 0.0), "1": (100.0, 0.0)}),
+        "co2": Quantity("ppm", 0.0, 100_000.0, {"%": (10_000.0, 0.0)}),
+        "light": Quantity("lx", 0.0, 300_000.0, {"lux": (1.0, 0.0), "klx": (1000.0, 0.0)}),
+        "soil_moisture": Quantity("1", 0.0, 1.0, {"%": (0.01, 0.0), "m³/m³": (1.0, 0.0)}),
+    }
+)
+
+
+def unit_of(sensor: str) -> str:
+    """Return the unit in which the bridge serves a sensor; '' for one that is not known."""
+    return QUANTITIES[sensor].unit if sensor in QUANTITIES else ""
+
+
+def checked(sensor: str, value: float, unit: str = "") -> float:
+    """Return a value in the unit of its sensor; without `unit` it is in that one already.
+
+    Raises:
+        ValueError: not finite, a unit of something else, or out of the range of what can be.
+    """
+    if not math.isfinite(value):
+        raise ValueError(f"{value} is no measurement")
+    quantity = QUANTITIES.get(sensor)
+    if quantity is None:
+        if abs(value) >= UNKNOWN_LIMIT:
+            raise ValueError(f"{value:g} is too large")
+        return value
+    factor, offset = _conversion(sensor, quantity, unit)
+    converted = value * factor + offset
+    if not quantity.minimum <= converted <= quantity.maximum:
+        limits = f"{quantity.minimum:g} ... {quantity.maximum:g} {quantity.unit}"
+        raise ValueError(f"{converted:g} {quantity.unit} is outside of {limits}")
+    return converted
+
+
+def _conversion(sensor: str, quantity: Quantity, unit: str) -> tuple[float, float]:
+    written = unit.strip().lower()
+    if written in ("", quantity.unit.lower()):
+        return 1.0, 0.0
+    if written not in quantity.others:
+        allowed = (quantity.unit, *quantity.others)
+        raise ValueError(f"{unit[:20]!r} is no unit of {sensor}; {nearest(unit[:20], allowed)}")
+    return quantity.others[written]

@@ -1,0 +1,136 @@
+"""What the aggregator knows of a mission, kept in a file: one that is killed and started again goes on.
+
+Plain JSON, because a file that someone can write must not be a program that runs. It is replaced as a whole,
+so that whoever reads it finds the old one or the new one.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from lupin_engine.errors import LupinError
+from lupin_engine.world.poses import pose_of
+from lupin_perception.anomalies import Point
+from lupin_perception.flowers import Bloom, Summary
+from lupin_perception.registry import Known
+
+#: The name of a file that keeps nothing.
+NOWHERE = "none"
+
+
+@dataclass(frozen=True)
+class Past:
+    """A mission's tags, and the places at which pests were reported."""
+
+    mission_id: str
+    tags: Sequence[Known] = ()
+    reported: Sequence[Point] = ()
+
+
+class Memory:
+    """The file of the past; without a path nothing is kept."""
+
+    def __init__(self, path: Path | None) -> None:
+        """Nothing is read or written yet."""
+        self._path = path
+
+    def read(self) -> Past | None:
+        """Return what was kept; None when that is nothing.
+
+        Raises:
+            LupinError: there is a file, but it holds something else.
+        """
+        if self._path is None or not self._path.exists():
+            return None
+        try:
+            return _past(json.loads(self._path.read_text(encoding="utf-8")))
+        except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
+            reason = f"{type(error).__name__}: {error}"
+            raise LupinError(f"memory_file {str(self._path)!r} cannot be used: {reason}") from error
+
+    def write(self, past: Past) -> None:
+        """Keep this, and nothing else.
+
+        Raises:
+            LupinError: the file cannot be written.
+        """
+        if self._path is None:
+            return
+        text = json.dumps(_data(past))
+        new = self._path.with_name(f"{self._path.name}.{os.getpid()}.new")
+        try:
+            self._path.parent.mkdir(parents=True, exist_ok=True)
+            new.write_text(text, encoding="utf-8")
+            new.replace(self._path)
+        except OSError as error:
+            raise LupinError(
+                f"memory_file {str(self._path)!r} cannot be written: {error.strerror}"
+            ) from error
+
+
+def memory_path(given: str, environment: Mapping[str, str]) -> Path | None:
+    """Return where to keep the past; without a name in the user's state, one file for each ROS domain."""
+    if given == NOWHERE:
+        return None
+    if given:
+        return Path(given).expanduser()
+    base = environment.get("XDG_STATE_HOME", "")
+    # The specification says that relative ones are ignored.
+    folder = Path(base) if Path(base).is_absolute() else Path.home() / ".local" / "state"
+    return folder / "lupin" / f"perception-{environment.get('ROS_DOMAIN_ID', '').strip() or '0'}.json"
+
+
+def _data(past: Past) -> dict[str, Any]:
+    return {
+        "mission_id": past.mission_id,
+        "tags": [_tag_data(known) for known in past.tags],
+        "reported": list(past.reported),
+    }
+
+
+def _tag_data(known: Known) -> dict[str, Any]:
+    summary = known.summary
+    return {
+        "id": known.id,
+        "position": known.pose.position.tolist(),
+        "rotation": known.pose.rotation.tolist(),
+        "distance": None if math.isinf(known.distance) else known.distance,
+        "sightings": known.sightings,
+        "summary": None if summary is None else _summary_data(summary),
+    }
+
+
+def _summary_data(summary: Summary) -> dict[str, Any]:
+    blooms = [[bloom.column, bloom.species, bloom.confidence, bloom.anomaly] for bloom in summary.blooms]
+    return {
+        "species": summary.species,
+        "confidence": summary.confidence,
+        "anomaly": summary.anomaly,
+        "blooms": blooms,
+    }
+
+
+def _past(data: Any) -> Past:
+    reported = [(float(x), float(y)) for x, y in data["reported"]]
+    return Past(str(data["mission_id"]), [_tag(entry) for entry in data["tags"]], reported)
+
+
+def _tag(entry: Any) -> Known:
+    pose = pose_of(map(float, entry["position"]), map(float, entry["rotation"]))
+    if pose is None or len(pose.position) != 3 or len(pose.rotation) != 4:
+        raise ValueError(f"tag {entry['id']!r} has no pose")
+    distance = math.inf if entry["distance"] is None else float(entry["distance"])
+    known = Known(str(entry["id"]), pose, distance, int(entry["sightings"]), last_seen=-math.inf)
+    known.summary = None if entry["summary"] is None else _summary(entry["summary"])
+    return known
+
+
+def _summary(entry: Any) -> Summary:
+    blooms = tuple(Bloom(int(k), str(name), float(c), bool(a)) for k, name, c, a in entry["blooms"])
+    return Summary(str(entry["species"]), float(entry["confidence"]), bool(entry["anomaly"]), blooms)

@@ -1,0 +1,76 @@
+"""The planter boxes of the known layout, told to others once a second; or taken from whoever tells them.
+
+One of the two, never both: a topic has one source.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from std_msgs.msg import String
+
+from lupin_engine.middleware.node import Qos, RosNode
+from lupin_engine.world import layout
+from lupin_perception.boxes import Box
+from lupin_perception.detections import read_boxes
+from lupin_perception.layout import Quality, entries, register
+from lupin_perception.registry import Registry
+
+#: Seconds between two messages about the boxes: consumers in browsers need them again and again.
+TELL_S = 1.0
+
+
+class KnownBoxes:
+    """The box of each tag that was found where the layout has it."""
+
+    def __init__(
+        self, ros: RosNode, values: Mapping[str, Any], tags: Registry, warn: Callable[[str], None]
+    ) -> None:
+        """`warn` tells a text, each only once.
+
+        Raises:
+            LupinError: the layout cannot be used.
+        """
+        self._tags, self._warn = tags, warn
+        self._boxes: Mapping[str, Box] = {}
+        self._topic: str = values["box_geometry_topic"]
+        if not values["register_layout"]:
+            ros.subscribe(String, self._topic, Qos.DETECTION, self._take)
+            return
+        self._layout = layout.load(values["tag_locations_file"])
+        self._quality = Quality(values["layout_max_error_m"], values["layout_min_spread_m"])
+        self._height: float = values["box_height"]
+        self._registered = tags.revision
+        self._text = ""
+        self._teller = ros.publisher(String, self._topic, Qos.LATCHED)
+        ros.timer(TELL_S, self._tell)
+
+    def find(self, tag_id: str) -> Box | None:
+        """Return the box at a tag; None when the layout knows none."""
+        return self._boxes.get(tag_id)
+
+    def _tell(self) -> None:
+        if self._registered != self._tags.revision:
+            self._registered = self._tags.revision
+            self._register()
+        if self._text:
+            self._teller.publish(String(data=self._text))
+
+    def _register(self) -> None:
+        found = {known.id: known.pose for known in self._tags.discovered()}
+        result = register(self._layout, found, self._quality)
+        self._boxes = result.boxes
+        self._text = json.dumps(entries(result.boxes, self._height)) if result.boxes else ""
+        if result.reason and len(found) > len(result.misplaced) + 1:
+            self._warn(f"no boxes from the layout: {result.reason}")
+        for tag_id in result.misplaced:
+            self._warn(f"tag {tag_id} is not where the layout has it: it has no box from there")
+
+    def _take(self, message: String) -> None:
+        boxes, problems = read_boxes(message.data)
+        for problem in problems:
+            self._warn(f"{self._topic}: {problem}")
+        if boxes or not problems:
+            self._boxes = boxes

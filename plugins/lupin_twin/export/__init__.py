@@ -1,0 +1,1 @@
+"""What a mission has recorded, in the formats that others read."""

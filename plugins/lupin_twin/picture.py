@@ -1,0 +1,244 @@
+"""A sensor's field as a picture: what is known between the tags, on the map of the greenhouse."""
+
+from __future__ import annotations
+
+import io
+import math
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from lupin_engine.errors import LupinError
+from lupin_twin.field import DEFAULTS, Field, Grid, OccupancyMap, Settings, interpolate
+from lupin_twin.missions import MissionRecord
+from lupin_twin.state import Tag
+from lupin_twin.units import QUANTITIES, with_unit
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+ENDINGS = (".png", ".svg")
+
+#: Cells along the longer side of the field, and metres that are shown around the tags where there is no map.
+CELLS = 400
+MARGIN_M = 0.75
+
+#: Metres of the longer side up to which a picture is drawn: one stray tag must not make it a speck.
+WIDEST_M = 1000.0
+
+#: Inches of the longer side of the field, and dots of each.
+SIDE_IN, DPI = 6.5, 150
+
+#: An occupied cell of the map has this value or more, of 100.
+OCCUPIED = 65
+
+_MISSING = "pictures need a package that is not installed: pip install 'lupin-engine[sim]'"
+
+#: Dark ink on white; the colour scale is one that people who see few colours can read as well.
+_INK, _FAINT, _HATCH, _COLOURS = "#1b1f24", "#8a929c", "#c3c8ce", "viridis"
+_WALL = (0.32, 0.35, 0.38)
+
+
+class NoPicture(LupinError):
+    """The picture cannot be drawn; the text says why."""
+
+
+def picture(
+    record: MissionRecord,
+    sensor: str,
+    occupancy: OccupancyMap | None,
+    ending: str,
+    distance: float | None = None,
+) -> bytes:
+    """Return the picture of a sensor's field as PNG or SVG, the same bytes for the same record.
+
+    Raises:
+        NoPicture: matplotlib is not installed, or the tags are too far apart.
+    """
+    try:
+        import matplotlib as mpl
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+        from matplotlib.figure import Figure
+    except ImportError:
+        raise NoPicture(_MISSING) from None
+    reach = DEFAULTS.max_distance if distance is None else distance
+    tags = [tag for tag in record.twin.tags.values() if tag.pin is not None]
+    grid = _grid(tags, occupancy)
+    explored = None if occupancy is None else occupancy.explored(grid)
+    field = interpolate(
+        grid, *record.twin.samples(sensor), Settings(falloff=reach, max_distance=reach), explored
+    )
+    with mpl.rc_context({"svg.fonttype": "path", "svg.hashsalt": "lupin", "hatch.linewidth": 0.6}):
+        figure = Figure(figsize=_size(grid), dpi=DPI, layout="constrained", facecolor="white")
+        FigureCanvasAgg(figure)
+        _draw(figure.add_subplot(), record, sensor, field, occupancy, tags)
+        file = io.BytesIO()
+        # Neither date nor version of the drawing program: the same record is the same file.
+        metadata = (
+            {"Date": None, "Creator": "Lupin engine"} if ending == ".svg" else {"Software": "Lupin engine"}
+        )
+        figure.savefig(file, format=ending.removeprefix("."), metadata=metadata)
+    return file.getvalue()
+
+
+def _grid(tags: list[Tag], occupancy: OccupancyMap | None) -> Grid:
+    """Return cells over the tags, and over all of the map that is known."""
+    places = [(tag.pin.x, tag.pin.y) for tag in tags if tag.pin is not None]
+    low = np.min(places, axis=0) - MARGIN_M
+    high = np.max(places, axis=0) + MARGIN_M
+    if occupancy is not None and (occupancy.cells >= 0).any():
+        rows, columns = np.nonzero(occupancy.cells >= 0)
+        x, y = _on_map(occupancy, columns + 0.5, rows + 0.5)
+        low = np.minimum(low, (x.min(), y.min()))
+        high = np.maximum(high, (x.max(), y.max()))
+    side = float(np.max(high - low))
+    if not side <= WIDEST_M:
+        raise NoPicture(f"the tags are {side:g} m apart, too far for a picture (at most {WIDEST_M:g} m)")
+    (min_x, min_y), (max_x, max_y) = low.tolist(), high.tolist()
+    return Grid.over(min_x, min_y, max_x, max_y, side / CELLS)
+
+
+def _on_map(occupancy: OccupancyMap, columns: Any, rows: Any) -> tuple[Any, Any]:
+    """Return where cells of the map are, in metres."""
+    cos, sin = math.cos(occupancy.yaw), math.sin(occupancy.yaw)
+    along, across = columns * occupancy.resolution, rows * occupancy.resolution
+    return occupancy.x + cos * along - sin * across, occupancy.y + sin * along + cos * across
+
+
+def _size(grid: Grid) -> tuple[float, float]:
+    """Return the figure's width and height in inches; around the field there is room for scale and text."""
+    longest = max(grid.width, grid.height)
+    width, height = SIDE_IN * grid.width / longest, SIDE_IN * grid.height / longest
+    return max(width + 1.8, 4.2), max(height + 1.1, 3.0)
+
+
+def _draw(
+    axes: Axes,
+    record: MissionRecord,
+    sensor: str,
+    field: Field,
+    occupancy: OccupancyMap | None,
+    tags: list[Tag],
+) -> None:
+    grid = field.grid
+    extent = (
+        grid.min_x,
+        grid.min_x + grid.width * grid.resolution,
+        grid.min_y,
+        grid.min_y + grid.height * grid.resolution,
+    )
+    axes.set(xlim=extent[:2], ylim=extent[2:], aspect="equal", xlabel="x [m]", ylabel="y [m]")
+    axes.set_facecolor("#f4f5f7")
+    _unexplored(axes, grid, occupancy)
+    lowest, highest = _range(field)
+    image = axes.imshow(
+        np.ma.masked_invalid(field.values),
+        origin="lower",
+        extent=extent,
+        cmap=_COLOURS,
+        vmin=lowest,
+        vmax=highest,
+        interpolation="nearest",
+        zorder=1,
+    )
+    if occupancy is not None:
+        _walls(axes, grid, occupancy, extent)
+    _tags(axes, tags, sensor)
+    bar = axes.figure.colorbar(image, ax=axes, fraction=0.05, pad=0.03)
+    bar.set_label(with_unit(sensor), color=_INK)
+    bar.outline.set_visible(False)
+    title, key = _title(record, sensor, field), _key(occupancy)
+    axes.set_title(title, loc="left", fontsize=9.5, color=_INK, pad=16)
+    axes.text(0.0, 1.01, key, transform=axes.transAxes, fontsize=7, color=_FAINT, va="bottom")
+    axes.tick_params(colors=_INK, labelsize=8)
+    for spine in axes.spines.values():
+        spine.set_color(_FAINT)
+
+
+def _key(occupancy: OccupancyMap | None) -> str:
+    return "filled: read here · hollow: not read" + ("" if occupancy is None else " · hatched: not explored")
+
+
+def _range(field: Field) -> tuple[float, float]:
+    """Return the ends of the colour scale; a field of one value is in its middle."""
+    if field.minimum < field.maximum:
+        return field.minimum, field.maximum
+    room = max(abs(field.minimum) * 0.01, 0.01)
+    return field.minimum - room, field.maximum + room
+
+
+def _unexplored(axes: Axes, grid: Grid, occupancy: OccupancyMap | None) -> None:
+    """Hatch what nobody has looked at yet."""
+    if occupancy is None:
+        return
+    unknown = ~occupancy.explored(grid)
+    if unknown.any() and min(unknown.shape) > 1:  # contours need two rows and columns
+        area = axes.contourf(
+            grid.x,
+            grid.y,
+            unknown.astype(float),
+            levels=[0.5, 1.5],
+            colors="none",
+            hatches=["////"],
+            zorder=0,
+        )
+        area.set_edgecolor(_HATCH)
+        area.set_linewidth(0.0)
+
+
+def _walls(
+    axes: Axes, grid: Grid, occupancy: OccupancyMap, extent: tuple[float, float, float, float]
+) -> None:
+    """Draw what is in the way, over the field."""
+    occupied = OccupancyMap(
+        occupancy.x,
+        occupancy.y,
+        occupancy.yaw,
+        occupancy.resolution,
+        np.where(occupancy.cells >= OCCUPIED, 0, -1).astype(np.int8),
+    ).explored(grid)
+    ink = np.zeros((*occupied.shape, 4))
+    ink[occupied] = (*_WALL, 1.0)
+    axes.imshow(ink, origin="lower", extent=extent, interpolation="nearest", zorder=2)
+
+
+def _tags(axes: Axes, tags: list[Tag], sensor: str) -> None:
+    """Mark each tag with its id; those without a reading of this sensor are hollow."""
+    from matplotlib.patheffects import withStroke
+
+    for tag in tags:
+        assert tag.pin is not None
+        measured = math.isfinite(tag.readings.get(sensor, math.nan))
+        axes.plot(
+            tag.pin.x,
+            tag.pin.y,
+            marker="o",
+            markersize=4.5,
+            markerfacecolor=_INK if measured else "white",
+            markeredgecolor="white" if measured else _INK,
+            markeredgewidth=0.8,
+            zorder=3,
+        )
+        axes.annotate(
+            # matplotlib would read a dollar sign as the beginning of a formula.
+            tag.tag_id[:12].replace("$", r"\$"),
+            (tag.pin.x, tag.pin.y),
+            xytext=(4, 4),
+            textcoords="offset points",
+            fontsize=7,
+            color=_INK,
+            path_effects=[withStroke(linewidth=2.0, foreground="white")],
+            zorder=4,
+        )
+
+
+def _title(record: MissionRecord, sensor: str, field: Field) -> str:
+    quantity = QUANTITIES.get(sensor)
+    symbol = "" if quantity is None or quantity.symbol == "1" else f" {quantity.symbol}"
+    what = sensor.replace("_", " ").replace("$", r"\$")
+    names = [mission.mission_id for mission in record.missions if mission.mission_id]
+    of = (
+        f"mission {names[0][:20]}" if len(names) == 1 else f"{len(names)} missions" if names else "no mission"
+    )
+    told = f"{field.minimum:.4g} to {field.maximum:.4g}{symbol} from {field.sample_count} tags, {of}"
+    return f"{what}: {told}"

@@ -1,0 +1,72 @@
+"""What outlives the aggregator: written and read back, whole or not at all."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from lupin_engine.errors import LupinError
+from lupin_engine.world.poses import pose_of
+from lupin_perception.flowers import Bloom, Summary
+from lupin_perception.memory import Memory, Past, memory_path
+from lupin_perception.registry import Known
+
+SUMMARY = Summary("tulip_red", 0.9, True, (Bloom(3, "tulip_red", 0.9, False), Bloom(5, "", 0.0, True)))
+
+
+def known(tag_id: str, distance: float = 1.5, summary: Summary | None = None) -> Known:
+    pose = pose_of((1.0, 2.0, 0.1), (0.0, 0.0, 0.6, 0.8))
+    assert pose is not None
+    return Known(tag_id, pose, distance, 7, 123.0, summary)
+
+
+def test_what_was_written_is_read(tmp_path: Path) -> None:
+    """All but when a tag was last seen, which is of another process' clock."""
+    memory = Memory(tmp_path / "new" / "memory.json")
+    assert memory.read() is None
+    memory.write(Past("m0"))
+    memory.write(Past("m1", [known("5", summary=SUMMARY), known("6", math.inf)], [(1.0, 2.0)]))
+    past = memory.read()
+    assert past is not None
+    assert (past.mission_id, past.reported) == ("m1", [(1.0, 2.0)])
+    five, six = past.tags
+    assert (five.id, five.distance, five.sightings, five.summary) == ("5", 1.5, 7, SUMMARY)
+    assert np.allclose(five.pose.position, (1.0, 2.0, 0.1))
+    assert np.allclose(five.pose.rotation, (0.0, 0.0, 0.6, 0.8))
+    assert (six.distance, six.summary, six.last_seen) == (math.inf, None, -math.inf)
+    assert [file.name for file in (tmp_path / "new").iterdir()] == ["memory.json"]
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [{"position": [1, 2]}, {"position": [1, 2, math.nan]}, {"rotation": [0, 0, 0, 0]}, {"sightings": "many"}],
+)
+def test_a_tag_without_sense_makes_the_whole_unusable(tmp_path: Path, wrong: dict[str, Any]) -> None:
+    file = tmp_path / "memory.json"
+    Memory(file).write(Past("m1", [known("5")]))
+    data = json.loads(file.read_text())
+    data["tags"][0].update(wrong)
+    file.write_text(json.dumps(data))
+    with pytest.raises(LupinError, match=r"memory_file .* cannot be used: ValueError: "):
+        Memory(file).read()
+
+
+def test_where_nothing_is_kept_nothing_is_read() -> None:
+    memory = Memory(memory_path("none", {}))
+    memory.write(Past("m1"))
+    assert memory.read() is None
+
+
+def test_the_file_is_in_the_users_state_and_of_its_ros_domain(tmp_path: Path) -> None:
+    """Two robots on one machine do not take each other's tags for their own."""
+    state = {"XDG_STATE_HOME": str(tmp_path)}
+    assert memory_path("", state) == tmp_path / "lupin" / "perception-0.json"
+    assert memory_path("", {**state, "ROS_DOMAIN_ID": "42"}) == tmp_path / "lupin" / "perception-42.json"
+    home = Path.home() / ".local" / "state"
+    assert memory_path("", {"XDG_STATE_HOME": "relative"}) == home / "lupin" / "perception-0.json"
+    assert memory_path("~/x.json", state) == Path.home() / "x.json"

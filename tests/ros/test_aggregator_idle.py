@@ -1,0 +1,189 @@
+"""What the aggregator does besides missions: it reads the climate while idle, and outlives its own death."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+pytest.importorskip("rclpy", reason="ROS 2 is not installed here")
+
+from lupin_engine.middleware.node import RosNode
+from lupin_msgs.msg import Observation, SensorReading
+from lupin_msgs.srv import GetTagReading
+from tests.ros.test_aggregator_node import BUG, RED, Scene
+
+pytestmark = pytest.mark.ros
+
+MakeNode = Callable[..., RosNode]
+
+#: Looks often, so that no test waits for the next look.
+SOON = ["-p", "tick_period_s:=0.05", "-p", "attribute_when_idle:=false"]
+
+
+class Bridge:
+    """A bridge in the scene's world; `answers` says what comes for which tag, else a temperature."""
+
+    def __init__(self, scene: Scene) -> None:
+        self.asked: list[str] = []
+        self.answers: dict[str, tuple[int, str]] = {}
+        scene.world.serve(GetTagReading, "/greenhouse_bridge/get_tag_reading", self._answer)
+
+    def _answer(self, request: Any, response: Any) -> Any:
+        self.asked.append(request.tag_id)
+        response.status, response.reading.tag_id = self.answers.get(request.tag_id, (0, request.tag_id))
+        response.reading.readings = [SensorReading(name="temperature", value=20.0)]
+        return response
+
+
+def discover(scene: Scene, *tags: int) -> None:
+    for tag in tags:
+        scene.place(tag)
+        scene.see(tag, times=3)
+
+
+def test_without_a_mission_each_tag_is_read_once(make_node: MakeNode) -> None:
+    """War story 25: a map that stays empty until a mission comes by."""
+    scene = Scene(make_node, *SOON)
+    bridge = Bridge(scene)
+    discover(scene, 5, 6)
+    told = scene.told(2)
+    assert sorted(bridge.asked) == ["5", "6"]
+    assert sorted(o.tag_reading.tag_id for o in scene.observations) == ["5", "6"]
+    assert (told.source, told.mission_id, told.kind) == ("passive_observer", "", Observation.KIND_TAG_READING)
+    assert (told.status, told.header.frame_id) == (Observation.STATUS_OK, "map")
+    assert (told.tag_pose_in_map.position.x, told.tag_pose_in_map.orientation.w) == pytest.approx(
+        (2.0, 0.5**0.5)
+    )
+    assert [(r.name, r.value) for r in told.tag_reading.readings] == [("temperature", 20.0)]
+
+
+def test_a_period_reads_them_again_and_again(make_node: MakeNode) -> None:
+    scene = Scene(make_node, *SOON, "-p", "refresh_period_s:=0.05")
+    bridge = Bridge(scene)
+    discover(scene, 5)
+    scene.until(lambda: bridge.asked == ["5"] * 3 and len(scene.observations) == 3, "three readings")
+
+
+def test_a_mission_reads_for_itself(make_node: MakeNode) -> None:
+    """While it is under way nobody else asks; afterwards what is left."""
+    scene = Scene(make_node, *SOON)
+    bridge = Bridge(scene)
+    scene.mission("INSPECTING", "NAVIGATING", "5")
+    discover(scene, 5)
+    scene.next_list()
+    assert bridge.asked == []
+    scene.mission("DONE")
+    assert scene.told(1).tag_reading.tag_id == "5"
+
+
+def test_what_the_greenhouse_does_not_know_or_mixes_up_is_not_published(make_node: MakeNode) -> None:
+    """An unknown tag is asked for once; the reading of another tag would stand on the wrong plant."""
+    scene = Scene(make_node, *SOON)
+    bridge = Bridge(scene)
+    unknown = GetTagReading.Response.STATUS_UNKNOWN_TAG
+    bridge.answers = {"5": (unknown, ""), "6": (0, "7"), "7": (2, "7")}
+    discover(scene, 5, 6, 7, 8)
+    assert scene.told(1).tag_reading.tag_id == "8"
+    assert sorted(bridge.asked) == ["5", "6", "7", "8"]
+
+
+def test_an_absent_bridge_is_told_once_and_waited_for(make_node: MakeNode) -> None:
+    scene = Scene(make_node, *SOON)
+    discover(scene, 5)
+    scene.until(lambda: scene.log.warnings, "the warning")
+    scene.next_list()
+    assert scene.log.warnings == ["tags are known but nobody reads them"]
+    Bridge(scene)
+    assert scene.told(1).tag_reading.tag_id == "5"
+
+
+def test_it_can_be_switched_off(make_node: MakeNode) -> None:
+    scene = Scene(make_node, *SOON, "-p", "passive_climate:=false")
+    bridge = Bridge(scene)
+    discover(scene, 5)
+    scene.next_list()
+    assert (bridge.asked, scene.log.warnings) == ([], [])
+
+
+# --- a new process
+
+
+def remembering(make_node: MakeNode, file: Path) -> Scene:
+    given = ["-p", f"memory_file:={file}", "-p", "passive_climate:=false", "-p", "tag_in_sight_s:=0.1"]
+    return Scene(make_node, *given)
+
+
+def test_a_node_that_was_killed_knows_its_mission_again(make_node: MakeNode, tmp_path: Path) -> None:
+    """Tags, places, species and reported pests: nothing of what is published goes back."""
+    file = tmp_path / "state" / "memory.json"
+    first = remembering(make_node, file)
+    first.mission("MONITORING", "SCANNING", "5")
+    discover(first, 5, 6)
+    first.flowers(RED)
+    first.told(1)
+    first.place(9, robot=7.0)
+    first.mission("EXPLORING")
+    end = first.node.elapsed() + 0.1
+    first.until(lambda: first.node.elapsed() > end, "no tag in sight")
+    for _ in range(3):
+        first.flowers(BUG)
+    before = first.told(2)
+    assert before.kind == Observation.KIND_ANOMALY
+    first.until(lambda: file.exists() and "7.0" in file.read_text(), "it is kept")
+    poses = {tag.tag_id: tag.pose_in_map for tag in first.next_list().tags}
+    first.node.close()
+
+    second = remembering(make_node, file)
+    assert all(told.tags for told in second.lists), "never an empty list, which would take the finds away"
+    assert {tag.tag_id: tag.pose_in_map for tag in second.lists[0].tags} == poses
+    assert [tag.species for tag in second.lists[0].tags] == ["tulip_red", ""]
+    answer = second.confirm("5")
+    assert answer.error_message == "tag '5' stale: not seen since this node began, allowed 5 s"
+    second.place(9, robot=7.0)
+    for _ in range(4):
+        second.flowers(BUG)
+    second.next_list()
+    assert second.observations == [], "reported already"
+
+
+def test_what_is_remembered_of_another_mission_is_forgotten(make_node: MakeNode, tmp_path: Path) -> None:
+    file = tmp_path / "memory.json"
+    first = remembering(make_node, file)
+    first.mission("EXPLORING", mission_id="m1")
+    discover(first, 5)
+    first.until(lambda: file.exists() and '"5"' in file.read_text(), "it is kept")
+    first.mission("PREPARE", mission_id="m2")
+    first.node.close()
+    second = remembering(make_node, file)
+    assert second.next_list().tags == []
+
+
+@pytest.mark.parametrize(
+    "text", ["", "[]", "{}", '{"mission_id": "m1", "reported": [], "tags": [{"id": "5"}]}']
+)
+def test_a_damaged_memory_is_told_and_is_none(make_node: MakeNode, tmp_path: Path, text: str) -> None:
+    file = tmp_path / "memory.json"
+    file.write_text(text)
+    scene = remembering(make_node, file)
+    (warning,) = scene.log.warnings
+    assert warning.startswith(f"memory_file {str(file)!r} cannot be used: ")
+    scene.mission("EXPLORING")
+    discover(scene, 5)
+    scene.until(lambda: json.loads(file.read_text() or "{}").get("tags"), "it is written anew")
+    assert scene.tags() == {"5": 3}
+
+
+def test_a_memory_that_cannot_be_written_is_told_once_and_nothing_else_happens(
+    make_node: MakeNode, tmp_path: Path
+) -> None:
+    (tmp_path / "file").write_text("")
+    scene = remembering(make_node, tmp_path / "file" / "memory.json")
+    scene.mission("EXPLORING")
+    discover(scene, 5)
+    scene.until(lambda: scene.tags() == {"5": 3}, "the tag")
+    (warning,) = scene.log.warnings
+    assert warning == f"memory_file {str(tmp_path / 'file' / 'memory.json')!r} cannot be written: File exists"

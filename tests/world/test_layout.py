@@ -1,0 +1,79 @@
+"""The layout of the greenhouse: what is read, and what is refused."""
+
+from __future__ import annotations
+
+import json
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from lupin_engine.errors import LupinError
+from lupin_engine.world import layout
+
+
+def package_layout() -> Any:
+    spec = find_spec("greenhouse_sim")
+    if spec is None or spec.origin is None:
+        pytest.skip("mdp-greenhouse is not installed")
+    file = Path(spec.origin).with_name("configs") / "tag_locations.json"
+    return json.loads(file.read_text(encoding="utf-8"))
+
+
+def test_the_bundled_layout_is_that_of_the_simulated_greenhouse() -> None:
+    theirs = package_layout()
+    ours = json.loads(layout.BUNDLED.read_text(encoding="utf-8"))
+    assert ours == {"units": "m", "tags": theirs["tags"], "tables": theirs["tables"]}
+
+
+def test_the_bundled_layout_has_29_tags_and_10_tables() -> None:
+    known = layout.load()
+    assert [tag.id for tag in known.numeric_order()] == [str(n) for n in range(1, 31) if n != 8]
+    assert len(known.tables) == 10
+    assert known.tag("12") == layout.Tag("12", 1.6, 3.2, ("temperature", "humidity", "co2"))
+
+
+def test_numbers_come_by_value_before_names_by_letter() -> None:
+    tags = {tag_id: {"x": 0, "y": 0} for tag_id in ("b", "10", "a", "2", "1")}
+    assert [tag.id for tag in layout.parse({"tags": tags}).numeric_order()] == ["1", "2", "10", "a", "b"]
+
+
+def test_a_file_without_the_key_tags_is_the_tag_map_itself() -> None:
+    known = layout.parse({"7": {"x": 1, "y": 2}})
+    assert (list(known.tags), known.tables) == (["7"], ())
+
+
+@pytest.mark.parametrize(
+    "raw", [None, {}, {"x0": 0, "x1": 1, "y0": 0}, {"x0": 0, "x1": 1, "y0": 0, "y1": "wide"}, [1, 2, 3, 4]]
+)
+def test_malformed_tables_are_left_out(raw: Any) -> None:
+    good = {"x0": 1, "x1": 0, "y0": 0, "y1": 1}
+    known = layout.parse({"tags": {"1": {"x": 0, "y": 0}}, "tables": {"good": good, "bad": raw}})
+    assert known.tables == (layout.Table("good", 0.0, 1.0, 0.0, 1.0),)
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        ("{", "cannot be used"),
+        ("[]", "expected a JSON object"),
+        ('{"tags": []}', "must be JSON objects"),
+        ('{"tags": {}}', "no tags"),
+        ('{"tags": {"4": {"x": 1.0}}}', "tag '4' has no position"),
+        ('{"tags": {"4": {"x": 1.0, "y": NaN}}}', "tag '4' has no position"),
+    ],
+)
+def test_a_layout_that_cannot_be_used_is_refused_with_its_name(
+    tmp_path: Path, content: str, said: str
+) -> None:
+    file = tmp_path / "layout.json"
+    file.write_text(content)
+    with pytest.raises(LupinError, match=said) as caught:
+        layout.load(str(file))
+    assert str(file) in str(caught.value)
+
+
+def test_a_missing_file_is_refused_with_its_name(tmp_path: Path) -> None:
+    with pytest.raises(LupinError, match="gone"):
+        layout.load(str(tmp_path / "gone"))
