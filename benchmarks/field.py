@@ -5,8 +5,9 @@
 Beside it, where scipy is installed, the same field by way of its cKDTree: the nearest sample and those within
 the falloff are asked of the tree, and weighted by numpy, a row of cells at a time. Both must have the same
 values. Shown are the median and the fastest round, in milliseconds; a method that takes more than a second is
-run twice, and the second counted. "Remembered" is the answer to a request that came before; "as a message",
-where there is a ROS, with the response of GetField made from it.
+run twice, and the second counted. "One changed" is the field kept up to date when one sample of it has
+another value each time. "Remembered" is the answer to a request that came before; "as a message", where there
+is a ROS, with the response of GetField made from it.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from importlib.util import find_spec
 
 import numpy as np
 
-from lupin_twin.field import DEFAULTS, Floats, Grid, interpolate
+from lupin_twin.field import DEFAULTS, Floats, Grid, Interpolation, interpolate
 from lupin_twin.heatmap import Heatmap, Heatmaps, Request
 from lupin_twin.records import Pin, Reading
 from lupin_twin.state import Twin
@@ -37,6 +38,20 @@ def samples_of(count: int) -> tuple[Floats, Floats]:
 def ours(positions: Floats, values: Floats) -> Floats:
     """Return the field by the twin's own method."""
     return interpolate(Grid.over(0.0, 0.0, WIDTH, HEIGHT, RESOLUTION), positions, values).values
+
+
+def one_changed(positions: Floats, values: Floats) -> Callable[[], object]:
+    """Return what keeps a field up to date of which one sample, in its middle, changes with every call."""
+    followed = Interpolation(Grid.over(0.0, 0.0, WIDTH, HEIGHT, RESOLUTION))
+    followed.update(positions, values)
+    middle = int(np.argmin(np.hypot(*(positions - (WIDTH / 2, HEIGHT / 2)).T)))
+    changing = values.copy()
+
+    def change() -> object:
+        changing[middle] += 0.125
+        return followed.update(positions, changing)
+
+    return change
 
 
 def by_tree(positions: Floats, values: Floats) -> Floats:
@@ -99,6 +114,7 @@ def main() -> None:
     for count in given.samples:
         positions, values = samples_of(count)
         measure(f"{count} samples", given.rounds, lambda p=positions, v=values: ours(p, v))
+        measure(f"{count} samples, one changed", given.rounds, one_changed(positions, values))
         answer = remembered(positions, values)
         measure(f"{count} samples, remembered", given.rounds, answer)
         if find_spec("rclpy") is not None:

@@ -8,7 +8,7 @@ folder of their own that begins empty, as a reader would:
 
 - a file: the block after `<!-- file: steps/01-first.yaml -->` is that file, which the reader saves under the
   name in the block's title; what is new since the file's last state is highlighted;
-- a look: the block after `<!-- shows: lupin-lamp/README.md -->` is that file of the reader's folder, as it is;
+- a look: the block after `<!-- shows: lamp/README.md -->` is that file of the reader's folder, as it is;
 - `console`: a line with `$ lupin ...` is carried out, what follows is what it prints; it may be piped through
   head, tail and grep; `$ pip install --editable FOLDER` lets the plugins there be found;
 - `diff`, with a title: the reader's change to that file, undone where the next file, change or heading comes.
@@ -43,6 +43,7 @@ BOOKS: Mapping[str, tuple[Path, ...]] = MappingProxyType(
         "guide": (DOCS / "guide" / "index.md", *sorted((DOCS / "guide").glob("[0-9]*.md"))),
         "cookbook": (DOCS / "cookbook.md",),
         "tutorial": (DOCS / "tutorial-new-mission.md",),
+        "bindings": (DOCS / "bindings.md",),
         "plugins": (DOCS / "plugins.md",),
     }
 )

@@ -240,19 +240,36 @@ ACTION_TEXTS: Mapping[str, str] = {
 BINDINGS_HEAD = """\
 ## Bindings
 
-A service that somebody offers over ROS becomes an operation by a file in the folder `bindings` beside the
-missions: no Python, and every mission of the folder can invoke it as `BINDING.OPERATION`. All that `lupin
-check`, the simulation and your editor need to know stands in it. Where the service's package is installed,
-`lupin check` holds the file against the definition of the service, and the orchestrator does so whenever it
-loads the file.
+What somebody offers over ROS becomes a plugin by a file in the folder `bindings` beside the missions,
+without Python. A service or an action is an operation (`BINDING.OPERATION`), a topic that is listened to a
+live value or an event (`BINDING.EVENT`), a message that is published an action (`BINDING.ACTION`). All that
+`lupin check`, the simulation and your editor need to know stands in it. Where the packages of the
+interfaces are installed, `lupin check` holds the file against their definitions, and the orchestrator does
+so whenever it loads the file.
 
-`with` is what is sent: fields of the request, with the arguments of the operation by their names.
-`done_when`, `result` and `detail` are about the answer, `response`. Fields carry no units: a duration is
-sent in seconds, a length in metres, an angle in radians. An attempt that does not end well ends in the one
-`code`, with a detail that says why: `detail` where the server said no, and where nobody answered or is
-there, just that.
+| written in | is about | sees, beside `param` and `constant` |
+|---|---|---|
+| `with` | what is sent: request, goal or message | the arguments by their names, `now` |
+| `done_when`, `code_when`, `detail`, `result` | the answer of a service | `response` |
+| the same | how a goal ended | `status` (`succeeded`, `aborted` or `canceled`), `result` |
+| `progress` | what an action tells meanwhile | `feedback` |
+| `from`, `when` | a message of a topic | `message` |
 
-The [tutorial](tutorial-new-mission.md) builds a mission with one.
+`param` has the parameters of the binding, `constant` the constants of the interface by name, those of
+messages inside it by the message's name: `constant.DiagnosticStatus.ERROR`. `now` is the time of the node,
+for stamps.
+
+Fields carry no units: a duration is sent in seconds, a length in metres, an angle in radians. Times and
+durations of ROS are seconds, and a `geometry_msgs/Pose` is filled from a `pose`, and read as one. What
+comes over the wire may be calculated with; what it really is shows where the definition is installed, or
+when it comes.
+
+An attempt that does not end well ends in a code, with a detail that says why: the first of `code_when` that
+is true; `rejected` where the server of an action does not take the goal; `unavailable` where no server is
+there, or it goes; otherwise `code`.
+
+[A plugin without Python](bindings.md) shows a whole one; the [tutorial](tutorial-new-mission.md) builds a
+mission with a service.
 """
 EVENTS: tuple[tuple[str, str], ...] = (
     (
@@ -494,7 +511,8 @@ def catalog() -> Iterator[str]:
 def _section(section: Section) -> Iterator[str]:
     """Yield things with arguments one by one, others as a table."""
     if section.title in ("Operations", "Actions", "Functions"):
-        for entry in section.entries:
+        for number, entry in enumerate(section.entries):
+            yield from ("",) * (number > 0)
             yield from _offer(entry)
         return
     facts = list(dict.fromkeys(name for entry in section.entries for name, _ in entry.facts))
@@ -509,7 +527,6 @@ def _offer(entry: Entry) -> Iterator[str]:
     yield from (f"**`{entry.name}`**: {entry.doc}", "")
     rows = [*((f"`{name}`", f"{kind}: {doc}") for name, kind, doc in entry.arguments), *entry.facts]
     yield from _table(("", ""), rows)
-    yield ""
 
 
 #: The pages by name; the name is also that of the file in docs.

@@ -52,6 +52,8 @@ class ActionReader:
         self._variables = variables
         self._codes = set(codes)
         self._findings = findings
+        #: Names of all actions that were read.
+        self.used: set[str] = set()
 
     def read(self, nodes: Sequence[ActionNode], scope: Scope, path: str) -> tuple[ActionCall, ...]:
         """Read a list of actions; those with findings are left out."""
@@ -79,6 +81,7 @@ class ActionReader:
         arguments = read_arguments(node.name, wanted, given, node.place, scope, self._findings, path)
         if node.name.startswith("itinerary."):
             self._check_close(arguments, path)
+        self.used.add(node.name)
         return ActionCall(node.name, arguments, node.place, action.moves if action else False)
 
     def _set(self, node: ActionNode, given: Map | None, scope: Scope, path: str) -> ActionCall | None:
@@ -107,7 +110,7 @@ class ActionReader:
             )
             return None
         words = name.split(".")
-        if not all(NAME.fullmatch(word) for word in words):
+        if not all(map(NAME.fullmatch, words)):
             hint = "use words of letters, digits and underscores, with dots between"
             self._findings.add(name.place, "bad-name", path, f"{str(name)!r} cannot be an event", hint)
             return None

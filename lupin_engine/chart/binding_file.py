@@ -52,8 +52,8 @@ class EndpointNode(Node):
     #: A type of it, and a name.
     SUCH_AS: ClassVar[tuple[str, str]]
 
-    name: str
-    type: str
+    name: str = Field(description="its name over ROS")
+    type: str = Field(description="its type as PACKAGE/KIND/NAME")
 
 
 class ServiceNode(EndpointNode):

@@ -45,7 +45,6 @@ from lupin_engine.chart.model import (
     State,
     Timer,
     Transition,
-    Value,
 )
 from lupin_engine.chart.source import Text
 from lupin_engine.chart.tree import Draft, Forest
@@ -124,7 +123,8 @@ class _Composer:
         self._codes: dict[str, Code] = {}
         self._events: dict[str, None] = {}
         self._event_types: dict[str, Type] = {}
-        self._names: dict[tuple[_Names, str, str | None], Mapping[str, Type]] = {}
+        self._heard: set[str] = set()
+        self._after_work: dict[tuple[Scope, _Names, str, str | None], Scope] = {}
 
     @property
     def _declared(self) -> Declared:
@@ -160,7 +160,7 @@ class _Composer:
             summary=self._lifecycle.summary,
             catalog=self._catalog,
         )
-        plugins = self._plugins(states.values())
+        plugins = self._plugins()
         bindings = {name: self._bindings[name] for name in plugins if name in self._bindings}
         chart = replace(chart, plugins=plugins, parameters=self._parameters(plugins), bindings=bindings)
         return Composed(chart, self._forest.drafts, self._usage, self._declared)
@@ -170,11 +170,10 @@ class _Composer:
     def _all_codes(self) -> dict[str, Code]:
         """Join declared codes with those of the operations and request types that the chart uses."""
         codes = dict(self._declared.codes)
-        for draft in self._forest.drafts.values():
-            for name in _invoked(draft):
-                operation = self._catalog.operations.get(name)
-                for code in operation.codes if operation else ():
-                    codes.setdefault(code.name, code)
+        for name in dict.fromkeys(chain.from_iterable(map(_invoked, self._forest.drafts.values()))):
+            operation = self._catalog.operations.get(name)
+            for code in operation.codes if operation else ():
+                codes.setdefault(code.name, code)
         for mission in self._missions:
             for node in mission.request.values():
                 reader = self._catalog.readers.get(node.type.split()[-1] if node.type else "")
@@ -188,15 +187,10 @@ class _Composer:
         levels = level_events(self._declared.inputs)
         return dict.fromkeys([*REQUESTS, *levels, *self._catalog.events, *sorted(raised)])
 
-    def _plugins(self, states: Iterable[State]) -> tuple[str, ...]:
+    def _plugins(self) -> tuple[str, ...]:
         """Return the plugins that anything of theirs is used from, sorted, without the built-in one."""
-        names, actions, events = set(), set(), set()
-        for state in states:
-            names.update([invoke.name for invoke in _invokes(state)])
-            actions.update([call.name for call in _calls(state)])
-            events.update([transition.event for transition in state.transitions])
-        names |= actions & self._catalog.actions.keys()
-        for event in events:
+        names = self._invokes.used | (self._actions.used & self._catalog.actions.keys())
+        for event in self._heard:
             names.update(self._plugin_events(event))
         found = {name.partition(".")[0] for name in names}
         owners = self._catalog.owners
@@ -342,15 +336,15 @@ class _Composer:
             draft.inner = self._part_scope(draft, node, draft.scope)
         initial = self._initial(draft)
         return State(
-            name=draft.name,
-            kind=draft.kind,
-            place=draft.place,
-            parent=draft.parent.name if draft.parent else None,
-            children=tuple([child.name for child in draft.children.values()]),
-            initial=initial,
-            label=draft.label,
-            mission=draft.mission,
-            slot=draft.slot,
+            draft.name,
+            draft.kind,
+            draft.place,
+            draft.parent.name if draft.parent else None,
+            tuple([child.name for child in draft.children.values()]),
+            initial,
+            draft.label,
+            draft.mission,
+            draft.slot,
             depth=draft.depth,
             itinerary=itinerary,
             **self._written(draft),
@@ -377,28 +371,27 @@ class _Composer:
 
     def _of_state(self, draft: Draft, node: StateNode) -> dict[str, Any]:
         scope = self._any_event(draft)
-        works = draft.kind not in (Kind.FINAL, Kind.HISTORY)
+        works = draft.kind is not Kind.FINAL and draft.kind is not Kind.HISTORY
         assert draft.scope is not None
-        invoke = for_each = budget = None
+        invoke = None
+        found: dict[str, Any] = {"summary": node.summary, "phase": node.phase, "paused": node.paused}
         if node.invoke and works:
             invoke = self._invokes.read(node.invoke, scope, _path(draft.name, "invoke"))
+            found["invoke"] = invoke
         if node.for_each and works:
-            for_each = self._invokes.for_each(node.for_each, draft.scope, _path(draft.name, "for_each"))
+            path = _path(draft.name, "for_each")
+            found["for_each"] = self._invokes.for_each(node.for_each, draft.scope, path)
         if node.budget and works:
-            budget = self._budget(draft, node.budget)
-        return {
-            "summary": node.summary,
-            "phase": node.phase,
-            "paused": node.paused,
-            "entry": self._read_actions(node.entry, scope, draft, "entry") if node.entry else (),
-            "exit": self._read_actions(node.exit, scope, draft, "exit") if node.exit else (),
-            "invoke": invoke,
-            "for_each": for_each,
-            "budget": budget,
-            "transitions": tuple(self._transitions(draft, node, invoke, scope)),
-            "timers": tuple(self._timers(draft, node, scope)) if node.after else (),
-            "resume_at": self._resume_at(draft, node),
-        }
+            found["budget"] = self._budget(draft, node.budget)
+        if node.entry:
+            found["entry"] = self._read_actions(node.entry, scope, draft, "entry")
+        if node.exit:
+            found["exit"] = self._read_actions(node.exit, scope, draft, "exit")
+        found["transitions"] = self._transitions(draft, node, invoke, scope)
+        if node.after:
+            found["timers"] = tuple(self._timers(draft, node, scope))
+        found["resume_at"] = self._resume_at(draft, node)
+        return found
 
     def _read_actions(
         self, nodes: Sequence[ActionNode], scope: Scope, draft: Draft, key: str
@@ -507,69 +500,71 @@ class _Composer:
 
     def _transitions(
         self, draft: Draft, node: StateNode, invoke: Invoke | None, any_event: Scope
-    ) -> Iterator[Transition]:
+    ) -> tuple[Transition, ...]:
         """Compose what a state does about endings, events and time, in the order of the language."""
         assert draft.scope is not None
         scope = draft.scope
+        found: list[Transition] = []
         if node.on_done:
-            ended = scope.with_names(self._names_after(names_when_done, invoke))
-            yield from self._list(draft, draft, node.on_done, "on_done", "done", ended)
+            ended = self._after(scope, names_when_done, invoke)
+            found += self._list(draft, draft, node.on_done, "on_done", "done", ended)
         if node.on_error:
-            failed = scope.with_names(self._names_after(names_when_failed, invoke))
-            yield from self._list(draft, draft, node.on_error, "on_error", "error", failed)
-        yield from self._handlers(draft, node, node.on)
+            failed = self._after(scope, names_when_failed, invoke)
+            found += self._list(draft, draft, node.on_error, "on_error", "error", failed)
+        if node.on:
+            found += self._handlers(draft, node, node.on)
         if node.always:
-            yield from self._list(draft, draft, node.always, "always", "", any_event)
+            found += self._list(draft, draft, node.always, "always", "", any_event)
         for index, nodes in enumerate(node.after.values()):
-            yield from self._list(draft, draft, nodes, f"after.{index}", f"after.{index}", any_event)
+            found += self._list(draft, draft, nodes, f"after.{index}", f"after.{index}", any_event)
         if node.budget is not None:
-            yield self._when_used_up(draft, node.budget)
+            found.append(self._when_used_up(draft, node.budget))
+        return tuple(found)
 
-    def _names_after(self, names: _Names, invoke: Invoke | None) -> Mapping[str, Type]:
+    def _after(self, scope: Scope, names: _Names, invoke: Invoke | None) -> Scope:
         """Return what is seen after an operation, worked out once for all states that invoke it."""
-        key = (names, invoke.name, invoke.timeout_code) if invoke is not None else (names, "", None)
-        found = self._names.get(key)
+        key = (scope, names, invoke.name if invoke else "", invoke.timeout_code if invoke else None)
+        found = self._after_work.get(key)
         if found is None:
-            found = self._names[key] = names(invoke)
+            found = self._after_work[key] = scope.with_names(names(invoke))
         return found
 
     def _handlers(
         self, draft: Draft, holder: StateNode | FileNode, handlers: Mapping[str, list[TransitionNode]]
-    ) -> Iterator[Transition]:
+    ) -> list[Transition]:
+        found: list[Transition] = []
         for event, nodes in handlers.items():
             # What an unknown event leads to is read all the same: a slip in its name hides no other.
             known = self._is_event(event, holder, draft) or event.startswith("operator.")
-            yield from self._handler(draft, event, nodes, event if known else f"unknown.{event}")
+            found += self._handler(draft, event, nodes, event if known else f"unknown.{event}")
+        return found
 
-    def _handler(
-        self, draft: Draft, event: str, nodes: list[TransitionNode], heard: str
-    ) -> Iterator[Transition]:
+    def _handler(self, draft: Draft, event: str, nodes: list[TransitionNode], heard: str) -> list[Transition]:
         copies = [node for node in nodes if node.use is not None]
         if not copies:
             scope = self._event_scope(draft, event)
-            yield from self._list(draft, draft, nodes, f"on.{event}", heard, scope)
-            return
+            return self._list(draft, draft, nodes, f"on.{event}", heard, scope)
         node, path = copies[0], _path(draft.name, f"on.{event}")
         if len(nodes) > 1 or node.model_fields_set != {"use"}:
             problem, hint = "'use' copies all that the other state answers", "let it stand alone"
             self._findings.add(node.key_at("use"), "wrong-shape", path, problem, hint)
-            return
-        yield from self._copy(draft, event, node, path)
+            return []
+        return self._copy(draft, event, node, path)
 
-    def _copy(self, draft: Draft, event: str, node: TransitionNode, path: str) -> Iterator[Transition]:
+    def _copy(self, draft: Draft, event: str, node: TransitionNode, path: str) -> list[Transition]:
         """Compose another state's transitions for an event again, with this state as their source."""
         name = self._forest.resolve(node.use or "", draft, node, "use", path)
         other = self._forest.drafts[name] if name is not None else None
         if other is None:
-            return
+            return []
         answers = other.node.on.get(event, []) if other.node else []
         if not answers or any(answer.use for answer in answers):
             problem = f"{other.name!r} has no answer of its own to {event!r}"
             self._findings.add(node.at("use"), "unknown-state", path, problem, "name a state that answers it")
-            return
+            return []
         if other.scope is None:
             other.scope = self._outer(other)
-        yield from self._list(draft, other, answers, f"on.{event}", event, self._event_scope(other, event))
+        return self._list(draft, other, answers, f"on.{event}", event, self._event_scope(other, event))
 
     def _when_used_up(self, draft: Draft, node: BudgetNode) -> Transition:
         """Compose what happens when the time of a state is used up."""
@@ -627,39 +622,40 @@ class _Composer:
         self, source: Draft, owner: Draft, nodes: Sequence[TransitionNode], key: str, event: str, scope: Scope
     ) -> list[Transition]:
         """Compose transitions that `owner` writes and `source` takes (they differ for copies only)."""
-        prefix, found = _path(source.name, key), []
+        self._heard.add(event)
+        prefix, path, found = _path(source.name, key), _path(owner.name, key), []
         for index, node in enumerate(nodes):
             id = prefix if index == 0 and key.startswith("after.") else f"{prefix}.{index}"
-            found.append(self._transition(node, id, event, source, owner, scope, key))
+            found.append(self._transition(node, id, event, source, owner, scope, path))
         return found
 
     def _transition(
-        self, node: TransitionNode, id: str, event: str, source: Draft, owner: Draft, scope: Scope, key: str
+        self, node: TransitionNode, id: str, event: str, source: Draft, owner: Draft, scope: Scope, path: str
     ) -> Transition:
-        path = _path(owner.name, key)
         if node.use is not None:
             problem = "only the answer to an event can be copied"
             self._findings.add(node.key_at("use"), "wrong-shape", path, problem)
-        target = None
-        if node.target is not None:
-            target = self._forest.resolve(node.target, owner, node, "target", path)
-        if node.refuse is not None or node.code is not None:
+        target, refuse, code = node.target, node.refuse, node.code
+        resolved = None
+        if target is not None:
+            resolved = self._forest.resolve(target, owner, node, "target", path)
+        if refuse is not None or code is not None:
             self._check_codes(node, path)
-        if node.refuse is not None or node.target is None:
+        if refuse is not None or target is None:
             self._check_sense(node, event, path)
         return Transition(
-            id=id,
-            event=event,
-            source=source.name,
-            place=node.place,
-            target=target,
-            guard=self._guard(node, scope, path) if node.guard is not None else None,
-            actions=self._actions.read(node.do, scope, f"{path}.do") if node.do else (),
-            refuse=node.refuse,
-            during=self._hold_names(node, "during", path) if node.during else _NO_HOLDS,
-            releases=self._hold_names(node, "releases", path) if node.releases else _NO_HOLDS,
-            code=node.code,
-            internal=node.internal,
+            id,
+            event,
+            source.name,
+            node.place,
+            resolved,
+            self._guard(node, scope, path) if node.guard is not None else None,
+            self._actions.read(node.do, scope, f"{path}.do") if node.do else (),
+            refuse,
+            self._hold_names(node, "during", path) if node.during else _NO_HOLDS,
+            self._hold_names(node, "releases", path) if node.releases else _NO_HOLDS,
+            code,
+            node.internal,
         )
 
     def _guard(self, node: TransitionNode, scope: Scope, path: str) -> Expression | None:
@@ -726,19 +722,17 @@ class _Composer:
 
     def _timers(self, draft: Draft, node: StateNode, scope: Scope) -> Iterator[Timer]:
         for index, key in enumerate(node.after):
-            text = node.text_of_key("after", key)
-            value = self._duration(text, scope, _path(draft.name, f"after.{index}"))
+            text, event = node.text_of_key("after", key), f"after.{index}"
+            place = text.place
+            value = read_value(text, place, DURATION, scope, self._findings, _path(draft.name, event))
             if value is not None:
-                yield Timer(f"after.{index}", value, text.place)
+                yield Timer(event, value, place)
 
     def _budget(self, draft: Draft, node: BudgetNode) -> Timer | None:
         assert draft.scope is not None
         scope = draft.scope.without("event", "the time is counted over all visits")
         value = read_key(node, "after", DURATION, scope, self._findings, _path(draft.name, "budget"))
         return None if value is None else Timer("budget", value, node.place)
-
-    def _duration(self, text: Text, scope: Scope, path: str) -> Value | None:
-        return read_value(text, text.place, DURATION, scope, self._findings, path)
 
 
 def _path(state: str, word: str) -> str:
@@ -754,41 +748,28 @@ def _invoked(draft: Draft) -> Iterator[str]:
         yield node.for_each.invoke.do
 
 
-def _invokes(state: State) -> Iterator[Invoke]:
-    if state.invoke is not None:
-        yield state.invoke
-    if state.for_each is not None:
-        yield state.for_each.invoke
-
-
-def _calls(state: State) -> Iterator[ActionCall]:
-    """Yield every action of a state."""
-    yield from (*state.entry, *state.exit)
-    for transition in (*state.transitions, *state.resume_at):
-        yield from transition.actions
-    if state.for_each is not None:
-        yield from (*state.for_each.on_done, *state.for_each.on_error)
-
-
-def _actions(draft: Draft) -> Iterator[ActionNode]:
-    """Yield every action that a state's text writes."""
+def _actions(draft: Draft) -> list[ActionNode]:
+    """Return every action that a state's text writes."""
     node, file = draft.node, draft.file
+    found: list[ActionNode] = []
     if node is None:
         if isinstance(file, MissionNode):
-            yield from (*file.entry, *file.exit)
+            found += (*file.entry, *file.exit)
         if isinstance(file, (LifecycleNode, MissionNode)):
-            yield from _done_by(chain(*file.on.values()))
-        return
-    yield from (*node.entry, *node.exit)
-    yield from _done_by(chain(node.on_done, node.on_error, node.always, *node.on.values()))
-    yield from _done_by(chain(*node.after.values()))
+            _add_done(found, *file.on.values())
+        return found
+    found += (*node.entry, *node.exit)
+    _add_done(found, node.on_done, node.on_error, node.always, *node.on.values(), *node.after.values())
     if node.budget is not None:
-        yield from node.budget.do
+        found += node.budget.do
     if node.for_each is not None:
         for ending in (node.for_each.on_done, node.for_each.on_error):
-            yield from ending.do if ending is not None else ()
+            found += ending.do if ending is not None else ()
+    return found
 
 
-def _done_by(nodes: Iterable[TransitionNode]) -> Iterator[ActionNode]:
-    for node in nodes:
-        yield from node.do
+def _add_done(found: list[ActionNode], *lists: Sequence[TransitionNode]) -> None:
+    """Add what transitions do."""
+    for nodes in lists:
+        for node in nodes:
+            found += node.do

@@ -65,7 +65,7 @@ class Usage:
     inputs: set[str] = field(default_factory=set)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Scope:
     """What an expression may see where it stands.
 
@@ -90,7 +90,9 @@ class Scope:
     # was derived from it, and the names and expressions that were read in it.
     _derived: dict[Any, Scope] = field(init=False, repr=False, compare=False, default_factory=dict)
     _names: dict[tuple[str, str], Typed] = field(init=False, repr=False, compare=False, default_factory=dict)
-    _compiled: dict[Any, _Checked] = field(init=False, repr=False, compare=False, default_factory=dict)
+    _compiled: dict[tuple[str, int], _Checked] = field(
+        init=False, repr=False, compare=False, default_factory=dict
+    )
 
     def with_names(self, names: Mapping[str, Type]) -> Scope:
         """Return this scope with further names, or other types for the same ones."""
@@ -147,8 +149,9 @@ class Typed(NamedTuple):
 
 
 class _Checked(NamedTuple):
-    """What is the same wherever an expression stands in a scope."""
+    """What is the same wherever an expression of type `wanted` stands in a scope."""
 
+    wanted: Type
     type: Type
     evaluate: Compiled
     parts: tuple[tuple[str, Compiled], ...]
@@ -180,15 +183,15 @@ def compile_expression(
     after reading something of type `any` also KeyError and TypeError, where that was not as expected.
     """
     source = fragment.source.strip()
-    key = (source, wanted)
+    key = (source, id(wanted))  # what is kept under it keeps the type alive; to hash a type takes longer
     checked = scope._compiled.get(key)
     if checked is None:
         checker = _Checker(fragment, scope, findings, path)
         typed = checker.check(wanted)
         if typed is None:
             return None
-        parts = tuple((text, _later(part)) for text, part in checker.parts)
-        checked = _Checked(typed.type, _later(typed), parts)
+        parts = tuple([(text, _later(part)) for text, part in checker.parts])
+        checked = _Checked(wanted, typed.type, _later(typed), parts)
         if not checker.warned:
             scope._compiled[key] = checked
     indent = 0 if source is fragment.source else _indent(fragment.source)
@@ -558,7 +561,7 @@ class _Checker:
         operands = [(operand, self._wanted(operand, BOOL)) for operand in node.values]
         self._operands = operands  # those of the outermost come last
         sign = " and " if isinstance(node.op, ast.And) else " or "
-        return Typed(BOOL, f"({sign.join(typed.code for _, typed in operands)})")
+        return Typed(BOOL, f"({sign.join([typed.code for _, typed in operands])})")
 
     def _wanted(self, node: ast.expr, wanted: Type) -> Typed:
         typed = self._visit(node)
@@ -582,6 +585,8 @@ class _Checker:
         return Typed(kind, f"(-{operand.code})")
 
     def _no_number(self, node: ast.expr, got: Type) -> Typed:
+        if self._failed and got.kind == "any":
+            return _NOTHING  # what it is has been told to be wrong already
         shown = self._text_of(node)
         hint = f"write '{shown}.value'" if "value" in got.fields else ""
         problem = f"expected a number, but {shown!r} is {q.describe(got)}"
@@ -594,9 +599,9 @@ class _Checker:
         left, right = map(_calculable, self._pair(node.left, node.right))
         for operand, typed in ((node.left, left), (node.right, right)):
             if not q.is_number(typed.type) and typed.type is not q.WIRE:
-                told = self._failed and typed.type.kind == "any"
-                return left if told else self._no_number(operand, typed.type)
-        kind = q.WIRE if q.WIRE in (left.type, right.type) else q.arithmetic(sign, left.type, right.type)
+                return self._no_number(operand, typed.type)
+        wire = left.type is q.WIRE or right.type is q.WIRE
+        kind = q.WIRE if wire else q.arithmetic(sign, left.type, right.type)
         if kind is None:
             problem = f"cannot compute {q.describe(left.type)} {sign} {q.describe(right.type)}"
             return self._wrong(node, "wrong-unit", problem, q.unit_hint(left.type, right.type))
@@ -889,7 +894,7 @@ def _conditional(test: str, body: Typed, other: Typed) -> str:
 
 
 def _listed(found: Iterable[Typed]) -> str:
-    return ", ".join(typed.code for typed in found)
+    return ", ".join([typed.code for typed in found])
 
 
 def _tree(source: str) -> ast.expr:

@@ -40,6 +40,8 @@ class InvokeReader:
         self._codes = set(codes)
         self._actions = actions
         self._findings = findings
+        #: Names of all operations that were read.
+        self.used: set[str] = set()
 
     def read(self, node: InvokeNode, scope: Scope, path: str) -> Invoke | None:
         """Read an operation with its limits; None when there is none of that name."""
@@ -48,6 +50,7 @@ class InvokeReader:
             known = self._catalog.operations
             self._findings.unknown(node.at("do"), "unknown-operation", path, "operation", node.do, known)
             return None
+        self.used.add(node.do)
         given = node.mapping("with")
         arguments = read_arguments(
             node.do, operation.arguments, given, node.at("do"), scope, self._findings, f"{path}.with"
@@ -72,11 +75,8 @@ class InvokeReader:
     ) -> Retry | None:
         kinds = {"attempts": COUNT, "backoff": DURATION, "factor": _FACTOR, "jitter": _SHARE}
         found = {key: read_key(node, key, kind, scope, self._findings, path) for key, kind in kinds.items()}
-        possible = {code.name for code in operation.codes} | ({timeout_code} if timeout_code else set())
-        for index, code in enumerate(node.unless):
-            if code not in possible:
-                at = node.at("unless", index)
-                self._findings.unknown(at, "undeclared-code", path, "code of this operation", code, possible)
+        if node.unless:
+            self._check_unless(node, operation, timeout_code, path)
         for key in ("factor", "jitter"):
             if getattr(node, key) is not None and node.backoff is None:
                 problem = f"{key!r} changes the pauses between attempts, and there are none"
@@ -85,6 +85,16 @@ class InvokeReader:
             return None
         pauses = (found["factor"], found["jitter"])
         return Retry(found["attempts"], found["backoff"], frozenset(node.unless), *pauses)
+
+    def _check_unless(
+        self, node: RetryNode, operation: Operation, timeout_code: str | None, path: str
+    ) -> None:
+        """Refuse a code that the operation cannot end in."""
+        possible = {code.name for code in operation.codes} | ({timeout_code} if timeout_code else set())
+        for index, code in enumerate(node.unless):
+            if code not in possible:
+                at = node.at("unless", index)
+                self._findings.unknown(at, "undeclared-code", path, "code of this operation", code, possible)
 
     # -- one for every element -----------------------------------------------------------------------------
 

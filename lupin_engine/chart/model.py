@@ -29,7 +29,7 @@ else:
 
         One that is frozen at run time takes three times as long to make, and a large chart has thousands.
         """
-        return dataclass(unsafe_hash=frozen)
+        return dataclass(unsafe_hash=frozen, slots=True)
 
 
 #: What an operator may ask for at any time, as `operator.NAME`; the other request is `mission.start`.

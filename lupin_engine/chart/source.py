@@ -17,6 +17,7 @@ import errno
 import re
 import stat
 from collections.abc import Callable, Iterator, Mapping
+from functools import cached_property
 from itertools import islice
 from pathlib import Path
 from typing import Any, NamedTuple, NoReturn, Protocol
@@ -25,6 +26,7 @@ import yaml
 from yaml import (
     AliasEvent,
     MappingEndEvent,
+    MappingStartEvent,
     ScalarEvent,
     SequenceEndEvent,
     SequenceStartEvent,
@@ -52,7 +54,8 @@ _WORDS: Mapping[str, bool | None] = {
 }
 _INTEGER = re.compile(r"[-+]?[0-9]+|0o[0-7]+|0x[0-9a-fA-F]+")
 _FLOAT = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?")
-_NUMBER_STARTS = frozenset("+-.0123456789")
+#: What a plain scalar begins with that is perhaps no text.
+_STARTS = frozenset([*"+-.0123456789", *(word[:1] for word in _WORDS)])
 _QUOTES = ("'", '"')
 #: What may stand between the beginning of a node and that of its value.
 _ANCHOR = re.compile(r"&\S+[ \t]*")
@@ -90,24 +93,19 @@ class _Spot(NamedTuple):
 class File:
     """What all places of a file share: what it is called, and its lines, which are split when asked for."""
 
-    __slots__ = ("_lines", "_text", "name")
-
     def __init__(self, name: str, text: str) -> None:
         self.name = name
         self._text = text
-        self._lines: list[str] | None = None
 
-    @property
+    @cached_property
     def lines(self) -> list[str]:
         """The lines without their ends, as YAML counts them."""
-        if self._lines is None:
-            # Python also ends lines at some control characters, which no YAML text may contain.
-            self._lines = self._text.splitlines()
-        return self._lines
+        # Python also ends lines at some control characters, which no YAML text may contain.
+        return self._text.splitlines()
 
     def place(self, mark: Mark) -> Place:
         """Return the place of a mark."""
-        return self.at(mark.line, mark.column)
+        return _new(Place, (self.name, mark.line + 1, mark.column + 1))
 
     def at(self, line: int, column: int) -> Place:
         """Return the place of a line and column, counted from 0."""
@@ -140,8 +138,10 @@ class Text(str):
         value is the n-th of the file; blanks may have been folded.
         """
         file, line, first = self.file, self.start.line, self.start.column + bool(self.style)
-        if offset < len(self) and not self[offset].isspace() and self._stands_at(line, first):
-            return file.at(line, first + offset)
+        if offset < len(self) and not self[offset].isspace():
+            lines = file.lines
+            if line < len(lines) and lines[line].startswith(self, first):  # it stands there as it is
+                return file.at(line, first + offset)
         wanted, there = _ink(self[:offset]), _ink(self)
         if wanted < there or self.style in _QUOTES:
             return file.place(self._inked(wanted))  # behind the last one stands the closing quote
@@ -151,11 +151,6 @@ class Text(str):
     def _inked(self, number: int) -> Mark:
         """Return where the character with that number stands, blanks not counted."""
         return next(islice(_inked(self), number, None), self.start)
-
-    def _stands_at(self, line: int, column: int) -> bool:
-        """Tell whether the file has exactly these characters there, in one line."""
-        lines = self.file.lines
-        return line < len(lines) and lines[line].startswith(self, column)
 
 
 def text_at(value: str, place: Place) -> Text:
@@ -248,8 +243,9 @@ class Map(dict[str, Any]):
 
     def value_place(self, key: str) -> Place:
         """Return where a value stands."""
-        start = None if self._elsewhere is None else self._elsewhere.get(key)
-        return self.file.place(self[key].start if start is None else start)
+        if self._elsewhere is not None and key in self._elsewhere:
+            return self.file.place(self._elsewhere[key])
+        return self.file.place(self[key].start)
 
     def key_place(self, key: str) -> Place:
         """Return where a key stands."""
@@ -436,14 +432,7 @@ class _Builder:
             self._refuse_node(event, start, depth)
         if event.anchor is not None:
             return self._anchored(event, start, depth)
-        return self._value(event, kind, start, depth)
-
-    def _value(self, event: Any, kind: type, start: Mark, depth: int) -> Any:
-        if kind is ScalarEvent:
-            return self._scalar(event, start)
-        if kind is SequenceStartEvent:
-            return self._sequence(start, depth + 1)
-        return self._mapping(start, depth + 1)
+        return _BUILDERS[kind](self, event, start, depth + 1)
 
     def _refuse_node(self, event: Any, start: Mark, depth: int) -> NoReturn:
         self._check_count(start)
@@ -454,7 +443,7 @@ class _Builder:
     def _anchored(self, event: Any, start: Mark, depth: int) -> Any:
         self._anchors[event.anchor] = None
         before = self._nodes
-        value = self._value(event, type(event), start, depth)
+        value = _BUILDERS[type(event)](self, event, start, depth + 1)
         self._anchors[event.anchor] = (value, self._nodes - before + 1)
         return value
 
@@ -468,7 +457,7 @@ class _Builder:
         self._check_count(start)
         return value
 
-    def _sequence(self, start: Mark, depth: int) -> Seq:
+    def _sequence(self, _: Any, start: Mark, depth: int) -> Seq:
         found = Seq(self._file, start)
         while type(event := self._next()) is not SequenceEndEvent:
             at = event.start_mark
@@ -476,12 +465,16 @@ class _Builder:
             found.append(self._node(event, at, depth))
         return found
 
-    def _mapping(self, start: Mark, depth: int) -> Map:
+    def _mapping(self, _: Any, start: Mark, depth: int) -> Map:
         found = Map(self._file, start)
         following, key_starts = self._next, found.key_starts
         while type(event := following()) is not MappingEndEvent:
             key_start = event.start_mark
-            key = self._key(event, key_start)
+            self._nodes += 1
+            plain = type(event) is ScalarEvent and event.tag is None and event.anchor is None
+            if not plain or self._nodes > MAX_NODES:
+                self._check_key(event, key_start)
+            key: str = event.value
             event = following()
             at = event.start_mark
             value = self._node(event, at, depth)
@@ -498,14 +491,6 @@ class _Builder:
         problem = f"the key {key!r} stands twice, in line {first.line} and in line {second.line}"
         self._findings.add(second, "duplicate-key", "", problem, "remove or rename one")
 
-    def _key(self, event: Any, start: Mark) -> str:
-        self._nodes += 1
-        plain = type(event) is ScalarEvent and event.tag is None and event.anchor is None
-        if not plain or self._nodes > MAX_NODES:
-            self._check_key(event, start)
-        key: str = event.value
-        return key
-
     def _check_key(self, event: Any, start: Mark) -> None:
         """Look at a key that is not just a word: with an anchor it may be, and is remembered by it."""
         if type(event) is not ScalarEvent:
@@ -515,17 +500,20 @@ class _Builder:
             self._refuse(start, "wrong-yaml", f"the tag {event.tag!r} is not allowed", "write the plain key")
         self._anchors[event.anchor or ""] = (self._text_of(event, start), 1)
 
-    def _scalar(self, event: Any, start: Mark) -> Any:
+    def _scalar(self, event: Any, start: Mark, _: int) -> Any:
         value: str = event.value
-        if event.style or not (value in _WORDS or value[0] in _NUMBER_STARTS):
-            return _text(value, self._file, start, event.style or None)
-        if value in _WORDS:
-            return _WORDS[value]
-        if _INTEGER.fullmatch(value):
-            return self._number(value, start, _integer)
-        if _FLOAT.fullmatch(value):
-            return self._number(value, start, float)
-        return _text(value, self._file, start, None)
+        if not event.style and value[:1] in _STARTS:
+            if value in _WORDS:
+                return _WORDS[value]
+            if _INTEGER.fullmatch(value):
+                return self._number(value, start, _integer)
+            if _FLOAT.fullmatch(value):
+                return self._number(value, start, float)
+        text = _new_text(Text, value)  # as `_text` does it, but there are thousands of them
+        text.file = self._file
+        text.start = start
+        text.style = event.style or None
+        return text
 
     def _number(self, value: str, start: Mark, convert: Callable[[str], Any]) -> Any:
         if len(value) > MAX_NUMBER:
@@ -535,6 +523,14 @@ class _Builder:
 
     def _text_of(self, event: Any, start: Mark) -> Text:
         return _text(event.value, self._file, start, event.style or None)
+
+
+#: What makes a node of an event.
+_BUILDERS: Mapping[type, Callable[[_Builder, Any, Mark, int], Any]] = {
+    ScalarEvent: _Builder._scalar,
+    SequenceStartEvent: _Builder._sequence,
+    MappingStartEvent: _Builder._mapping,
+}
 
 
 def _integer(text: str) -> int:

@@ -32,7 +32,7 @@ _KINDS: Mapping[str | None, Kind] = {
 _DEPTHS: Mapping[str | None, int | None] = {"shallow": 1, "deep": None, None: 1}
 
 
-@dataclass
+@dataclass(slots=True)
 class Draft:
     """A state that is being composed.
 
@@ -113,8 +113,9 @@ class Forest:
         missions: list[MissionNode] | None = None,
     ) -> None:
         holder = parent.part or parent.node or file
+        written = holder.mapping("states")
         for name, node in states.items():
-            place = holder.key_at("states", name)
+            place = holder.place if written is None else written.key_place(name)
             if not NAME.fullmatch(name):
                 problem, hint = (
                     f"{name!r} cannot be the name of a state",
@@ -278,7 +279,7 @@ class Forest:
 
         A state that uses a part looks around itself first: what a part calls its states is its own affair.
         """
-        first, *rest = name.split(".")
+        first, dot, rest = name.partition(".")
         scope = start if start.part is None else start.parent
         found = []
         while scope is not None:
@@ -287,7 +288,7 @@ class Forest:
             scope = scope.parent
         if start.part is not None and first in start.children:
             found.append(start.children[first])
-        for word in rest:
+        for word in rest.split(".") if dot else ():
             found = [draft.children[word] for draft in found if word in draft.children]
         return found
 

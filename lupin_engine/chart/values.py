@@ -51,7 +51,12 @@ def read_under(
 def read_key(node: Node, key: str, wanted: Type, scope: Scope, findings: Findings, path: str) -> Value | None:
     """Read what a mapping says under `key`; None when it says nothing, or after findings."""
     raw = getattr(node, key)
-    return None if raw is None else read_value(raw, node.at(key), wanted, scope, findings, f"{path}.{key}")
+    if raw is None:
+        return None
+    fragment, path = fragment_of(raw) if is_expression(raw) else None, f"{path}.{key}"
+    if fragment is not None:
+        return compile_expression(fragment, scope, wanted, findings, path)
+    return read_value(raw, node.at(key), wanted, scope, findings, path)
 
 
 def read_per_element(
@@ -121,11 +126,11 @@ def read_constant(raw: Any, place: Place, wanted: Type, findings: Findings, path
 
 def plain(raw: Any) -> Any:
     """Return what was read as plain data, without places."""
+    if isinstance(raw, str):
+        return str(raw)
     if isinstance(raw, Mapping):
         return {str(key): plain(value) for key, value in raw.items()}
-    if isinstance(raw, list):
-        return [plain(value) for value in raw]
-    return str(raw) if isinstance(raw, str) else raw
+    return [plain(value) for value in raw] if isinstance(raw, list) else raw
 
 
 def _fits(raw: Any, place: Place, wanted: Type, findings: Findings, path: str) -> bool:

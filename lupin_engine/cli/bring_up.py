@@ -57,6 +57,7 @@ def session_settings(
         folder=folder,
         environment=for_children(folder),
         parameters=parameters,
+        known=loaded.chart.parameters,
         insisted=_insisted(wanted, given),
         simulate=not wanted.no_sim,
         settle=bool(wanted.sim),

@@ -194,7 +194,7 @@ class _Completion:
             case Meaning.PART:
                 yield from self._parts(spot)
             case Meaning.OPERATION:
-                for name, operation in self._catalog.operations.items():
+                for name, operation in self._catalog.for_missions.operations.items():
                     yield Offer(name, Sort.OPERATION, operation.doc, docs.operation(name, operation))
             case Meaning.ACTION:
                 yield from (offer for offer in self._actions() if not offer.insert)
@@ -214,7 +214,7 @@ class _Completion:
             case Meaning.UNIT:
                 yield from (Offer(name, Sort.UNIT, docs.unit(name)) for name in UNITS)
             case Meaning.LIVE_VALUE:
-                for name, value in self._catalog.values.items():
+                for name, value in self._catalog.for_missions.values.items():
                     yield Offer(name, Sort.VALUE, str(value.type), docs.live_value(name, value))
             case _:
                 yield from self._plain(spot)
@@ -324,9 +324,10 @@ class _Completion:
                 yield Offer(name, Sort.HOLD, f"engaged by {hold.engage}", docs.hold(hold))
 
     def _types(self) -> Iterator[Offer]:
-        for name, kind in self._catalog.known_types.items():
+        known = self._catalog.for_missions.known_types
+        for name, kind in known.items():
             yield Offer(name, Sort.TYPE, docs.type_text(kind))
-        for name in self._catalog.known_types:
+        for name in known:
             yield Offer(f"list of {name}", Sort.TYPE)
 
     def _typed(self) -> str:

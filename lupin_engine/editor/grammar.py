@@ -17,7 +17,13 @@ from typing import Any
 from pydantic.fields import FieldInfo
 
 from lupin_engine.chart import binding_file
-from lupin_engine.chart.binding_file import ArgumentNode, BindingNode, BoundOperationNode, ResultNode
+from lupin_engine.chart.binding_file import (
+    ArgumentNode,
+    BindingNode,
+    BoundOperationNode,
+    BoundValueNode,
+    ResultNode,
+)
 from lupin_engine.chart.documents import (
     KINDS,
     ActionNode,
@@ -131,7 +137,9 @@ MEANINGS: Mapping[tuple[type[Node], str], Meaning] = {
     (BindingNode, "binding"): Meaning.FILE,
     (ArgumentNode, "type"): Meaning.TYPE,
     (ResultNode, "type"): Meaning.TYPE,
-    (BoundOperationNode, "code"): Meaning.CODE,
+    **{(BoundOperationNode, key): Meaning.CODE for key in ("code", "unavailable", "rejected")},
+    (BoundValueNode, "type"): Meaning.TYPE,
+    (BoundValueNode, "unit"): Meaning.UNIT,
 }
 #: What the keys stand for in a mapping of names.
 NAMES: Mapping[str, Meaning] = {

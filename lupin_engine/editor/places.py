@@ -127,16 +127,22 @@ def _key(folder: Folder, file: Path, steps: Steps) -> list[Spanned]:
 def _in_binding(folder: Folder, meaning: Meaning, mention: Mention) -> list[Spanned]:
     """Return where a binding declares what a mission uses."""
     plugin, _, local = (mention.of if meaning is Meaning.ARGUMENT else mention.name).partition(".")
-    steps: dict[Meaning, Steps] = {
-        Meaning.OPERATION: ("operations", local),
-        Meaning.ARGUMENT: ("operations", local, "arguments", mention.name),
-        Meaning.CODE: ("codes", mention.name),
+    of_it: dict[Meaning, tuple[Steps, ...]] = {
+        Meaning.OPERATION: (("operations", local),),
+        Meaning.ACTION: (("actions", local),),
+        Meaning.EVENT: (("events", local),),
+        Meaning.ARGUMENT: tuple(
+            (family, local, "arguments", mention.name) for family in ("operations", "actions")
+        ),
     }
-    if meaning not in steps:
-        return []
-    files = binding_files(folder.path)
-    places = (_key(folder, f, steps[meaning]) for f in files if meaning is Meaning.CODE or f.stem == plugin)
-    return next(filter(None, places), [])
+    of_any: dict[Meaning, tuple[Steps, ...]] = {
+        Meaning.CODE: (("codes", mention.name),),
+        Meaning.LIVE_VALUE: (("values", mention.name),),
+        Meaning.PARAMETER: (("params", mention.name),),
+    }
+    files = [f for f in binding_files(folder.path) if meaning in of_any or f.stem == plugin]
+    steps = of_it.get(meaning, ()) + of_any.get(meaning, ())
+    return next(filter(None, (_key(folder, f, way) for f in files for way in steps)), [])
 
 
 # -- in plugins ----------------------------------------------------------------------------------------------

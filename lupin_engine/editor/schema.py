@@ -71,7 +71,7 @@ def schema(
             _let_one_stand_alone(definitions[holder]["properties"][key])
     definitions["Action"] = _action()
     if catalog is not None:
-        _add_names(made, definitions, catalog)
+        _add_names(made, definitions, catalog.for_missions)
     definitions = {
         name: _with_short_form(name, definition, forms) for name, definition in definitions.items()
     }
@@ -230,11 +230,11 @@ def _add_names(made: Schema, definitions: dict[str, Schema], catalog: Catalog) -
     if "Input" in owners:
         values = {n: docs.live_value(n, value) for n, value in catalog.values.items()}
         owners["Input"]["properties"]["value"].update(_named(values))
-    for name in ("Parameter", "Variable", "RequestField", "Argument", "Result"):
+    for name in ("Parameter", "Variable", "RequestField", "Argument", "Result", "BoundValue"):
         if name in owners:
             owners[name]["properties"]["type"].update(_types(catalog))
-    if "Parameter" in owners:
-        owners["Parameter"]["properties"]["unit"].update(_named({name: docs.unit(name) for name in UNITS}))
+    for name in {"Parameter", "BoundValue"} & owners.keys():
+        owners[name]["properties"]["unit"].update(_named({name: docs.unit(name) for name in UNITS}))
     _add_actions(definitions["Action"], catalog)
 
 

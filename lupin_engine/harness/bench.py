@@ -27,7 +27,7 @@ from lupin_engine.plugin.contract import Argument, Driver, Plugin
 #: Seconds in which everything that must happen has happened, on a busy machine.
 PATIENCE = 30.0
 #: Seconds that a call of a driver may take; it should be far less, but the machine may be busy.
-AT_ONCE = 0.5
+AT_ONCE = 1.0
 #: Seconds after which an attempt is cancelled of which nobody knows whether there is a server for it.
 TRY_S = 5.0
 #: Seconds that a process gets to end when it is asked to.
@@ -203,14 +203,14 @@ class Bench:
 
     # --- time
 
-    def until(self, condition: Callable[[], Any], what: str, patience: float = PATIENCE) -> None:
+    def until(self, condition: Callable[[], Any], what: str) -> None:
         """Let everybody work until a condition holds."""
-        end = time.monotonic() + patience
+        end = time.monotonic() + PATIENCE
         while not condition():
             if self._servers is not None:
                 self._servers.check()
             if time.monotonic() > end:
-                raise ContractBroken(f"{what}: not within {patience:g} s{self._seen()}")
+                raise ContractBroken(f"{what}: not within {PATIENCE:g} s{self._seen()}")
             self.ros.spin_once(0.005)
             if self._servers is not None and self._servers.here is not None:
                 self._servers.here.spin_once(0.005)
@@ -289,12 +289,13 @@ class Lab:
         self.setting = setting
         self.plugin = setting.plugin
         self._domain, self._lonely = 0, 0
-        self.servers = Servers(setting)
+        self.servers: Servers
 
     @contextlib.contextmanager
     def open(self) -> Iterator[Lab]:
         """Claim the domains; end what was started."""
         with claimed_domain() as self._domain, claimed_domain() as self._lonely:
+            self.servers = Servers(self.setting)
             try:
                 yield self
             finally:
@@ -328,8 +329,14 @@ class Lab:
 def _closed_after(bench: Bench) -> Iterator[None]:
     try:
         yield
+    except ContractBroken as broken:
+        try:
+            bench.close()
+        except ContractBroken as noted:  # what the referee saw is often the reason
+            raise ContractBroken(f"{broken}\n{noted}") from None
+        raise
     except BaseException:
-        with contextlib.suppress(ContractBroken):  # the first thing that went wrong is told
+        with contextlib.suppress(ContractBroken):
             bench.close()
         raise
     bench.close()

@@ -38,6 +38,18 @@ class Loaded:
         """The missions, as requests call them."""
         return tuple(self.chart.missions)
 
+    @property
+    def plugins(self) -> tuple[str, ...]:
+        """The plugins that the missions use, and those whose nodes serve what their bindings call."""
+        bound = [each for binding in self.chart.bindings.values() for each in binding.calls.values()]
+        called = {call.endpoint.name.strip("/") for call in bound}
+        serving = (
+            name
+            for name, plugin in self.chart.catalog.plugins.items()
+            if any(served.strip("/") in called for served in plugin.serves)
+        )
+        return tuple(dict.fromkeys((*self.chart.plugins, *serving)))
+
     def parameters(self) -> dict[str, Any]:
         """Return what the orchestrator needs to load the same."""
         return {

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Container, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -68,6 +68,7 @@ def make_plan(
     parameters: Mapping[str, Values],
     *,
     simulate: bool = True,
+    known: Container[str] = (),
 ) -> Plan:
     """Decide what to start for missions that use `plugins`.
 
@@ -77,15 +78,27 @@ def make_plan(
         present: what is on the network.
         parameters: by node name; nodes not named get none.
         simulate: whether simulated robots may be started.
+        known: names of the parameters that the missions have.
     """
-    launches, joined = [], []
+    starting, joined = [], []
     for node in _needed(set(plugins), catalog, simulate):
         there = _already(node, catalog, present)
         if there:
             joined.append(there)
         else:
-            launches.append(Launch(node, parameters.get(node.name, {})))
-    return Plan(tuple(launches), tuple(joined))
+            starting.append(node)
+    given = {
+        **parameters,
+        ORCHESTRATOR: {**_assumed(starting, catalog, known), **parameters.get(ORCHESTRATOR, {})},
+    }
+    return Plan(tuple(Launch(node, given.get(node.name, {})) for node in starting), tuple(joined))
+
+
+def _assumed(starting: Iterable[Node], catalog: Catalog, known: Container[str]) -> Values:
+    """Return what parameters of the missions are where these simulations run."""
+    simulated = simulators(catalog)
+    plugins = [catalog.plugins[node.plugin] for node in starting if node.name in simulated]
+    return {name: v for plugin in plugins for name, v in plugin.simulated_defaults.items() if name in known}
 
 
 def _needed(plugins: set[str], catalog: Catalog, simulate: bool) -> Iterator[Node]:

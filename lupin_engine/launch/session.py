@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Protocol
@@ -70,14 +70,16 @@ class Observer(Protocol):
 class Settings:
     """How the nodes are to be started.
 
-    `parameters` are by node name. `insisted` names nodes that must be started here, with the option that
-    wants it: using one that runs already would ignore the option. `patience` is how long a mission may wait
-    for an operator, in seconds; None is for ever. `respawn` says whether a node that dies is started again.
+    `parameters` are by node name, `known` the names of those that the missions have. `insisted` names nodes
+    that must be started here, with the option that wants it: using one that runs already would ignore the
+    option. `patience` is how long a mission may wait for an operator, in seconds; None is for ever.
+    `respawn` says whether a node that dies is started again.
     """
 
     folder: Path
     environment: Mapping[str, str]
     parameters: Mapping[str, Values] = field(default_factory=dict)
+    known: Container[str] = ()
     insisted: Mapping[str, str] = field(default_factory=dict)
     simulate: bool = True
     settle: bool = False
@@ -116,7 +118,14 @@ class Session:
         self._observer.note("looking for nodes that run already")
         present = self._look_around()
         settings = self._settings
-        self.plan = make_plan(plugins, catalog, present, settings.parameters, simulate=settings.simulate)
+        self.plan = make_plan(
+            plugins,
+            catalog,
+            present,
+            settings.parameters,
+            simulate=settings.simulate,
+            known=settings.known,
+        )
         used = make_plan(plugins, catalog, Present(), {}, simulate=settings.simulate).starts
         for name, option in settings.insisted.items():
             if name not in self.plan.starts:

@@ -145,9 +145,10 @@ class Structure:
         self.chart = chart
         self.machine = build_machine(chart)
         self.order: dict[str, int] = {name: index for index, name in enumerate(chart.states)}
-        self._lineage: dict[str, tuple[str, ...]] = {
-            name: (name, *chart.ancestors(name)) for name in chart.states
-        }
+        self._lineage: dict[str, tuple[str, ...]] = {}
+        for name, state in chart.states.items():  # parents come before their children
+            above = () if state.parent is None else self._lineage[state.parent]
+            self._lineage[name] = (name, *above)
         self._rules = self._collect_rules()
 
     def _collect_rules(self) -> dict[str, tuple[Transition, ...]]:

@@ -153,7 +153,10 @@ class Plugin:
     plugins. `client` is `module:Class` of the `Driver`; `nodes` maps a node's name to `module:function`,
     called with the command line's ROS arguments and returning an exit code. `stands_in` maps a node that
     simulates something to the actions and services of the real thing: it is not started where those are.
-    `companions` names nodes that only listen, and run beside every mission, whether it uses the plugin or not.
+    `companions` names nodes that only listen, and run beside every mission, whether it uses the plugin or
+    not. `simulated_defaults` are values, in base units, that parameters of missions take by default where
+    the plugin's simulations are started. `serves` are the services and actions that its nodes have for
+    whoever calls them by name, as a binding does.
     """
 
     name: str
@@ -170,6 +173,9 @@ class Plugin:
     nodes: Mapping[str, str] = field(default_factory=dict)
     stands_in: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     companions: tuple[str, ...] = ()
+    simulated_defaults: Mapping[str, Any] = field(default_factory=dict)
+    internal: bool = False
+    serves: tuple[str, ...] = ()
 
 
 class Outlet(Protocol):

@@ -80,14 +80,17 @@ def entry_points(path: Iterable[str] | None = None, group: str = GROUP) -> list[
 
 def source_file(module: str) -> str | None:
     """Return the file of a module without importing the packages that it is in; None where there is none."""
-    name, folders, origin = "", None, None
-    for part in module.split("."):
-        name = f"{name}.{part}" if name else part
-        spec = next(filter(None, (finder.find_spec(name, folders) for finder in sys.meta_path)), None)
-        if spec is None:
-            return None
-        folders, origin = spec.submodule_search_locations, spec.origin
-    return origin
+    top, *below = module.split(".")
+    spec = next(filter(None, (finder.find_spec(top, None) for finder in sys.meta_path)), None)
+    if spec is None or not below:
+        return spec.origin if spec is not None else None
+    # Finders would want what is above to be imported, where a folder has no __init__.py.
+    for folder in spec.submodule_search_locations or ():
+        inside = Path(folder, *below)
+        for file in (inside.with_name(f"{below[-1]}.py"), inside / "__init__.py"):
+            if file.is_file():
+                return str(file)
+    return None
 
 
 def _described(description: Path) -> Distribution:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from types import MappingProxyType
 from typing import Any, TypeVar
 
@@ -70,6 +71,12 @@ class Catalog:
     def known_types(self) -> Mapping[str, Type]:
         """Every type that a file may name: the built-in ones and the plugins'."""
         return {**BUILTIN_TYPES, **self.types}
+
+    @cached_property
+    def for_missions(self) -> Catalog:
+        """What authors of missions are offered: all but what is internal to plugins."""
+        offered = {name: plugin for name, plugin in self.plugins.items() if not plugin.internal}
+        return self if len(offered) == len(self.plugins) else _join(offered)
 
 
 def load_catalog() -> Catalog:

@@ -20,6 +20,7 @@ from lupin_engine.plugin.contract import (
 )
 from lupin_engine.plugin.types import ANGLE, BOOL, COUNT, INTEGER, LENGTH, NUMBER, POSE, TEXT, Type, list_of
 from lupin_nav.functions import (
+    bind_add_place,
     bind_approach,
     bind_approach_discovered,
     bind_distance,
@@ -96,6 +97,13 @@ OPERATIONS: Mapping[str, Operation] = {
     ),
     "choose_frontier": Operation(
         doc="Wait until the map has a frontier where the robot fits, and choose the best: large and near.",
+        arguments={
+            "avoid": Argument(
+                list_of(POSE),
+                "not these, nor what is nearer to one than frontier_avoid_distance_m",
+                optional=True,
+            ),
+        },
         result={"pose": POSE},
         on_hold=OnHold.FINISH,
         mock=Mock(after=MOCK_CHOICE_S, result={"pose": MOCK_FRONTIER}),
@@ -131,6 +139,15 @@ FUNCTIONS: Mapping[str, Function] = {
         returns=LENGTH,
         bind=bind_distance,
         arguments={"a": Argument(POSE, "one pose"), "b": Argument(POSE, "the other one")},
+    ),
+    "add_place": Function(
+        doc="A list of poses and one more at its end; of more than 16 the first is left out.",
+        returns=list_of(POSE),
+        bind=bind_add_place,
+        arguments={
+            "places": Argument(list_of(POSE), "the list"),
+            "place": Argument(POSE, "what is added"),
+        },
     ),
     "tags.numeric_order": Function(
         doc="All tags of the layout, numeric ids first and by number, then the others by name.",
@@ -196,6 +213,9 @@ PARAMETERS: Mapping[str, Parameter] = {
     ),
     "frontier_robot_radius_cells": Parameter(
         INTEGER, -1, "the same in cells of the map, where 0 or more; -1: by the distance", minimum=-1
+    ),
+    "frontier_avoid_distance_m": Parameter(
+        LENGTH, 0.5, "how near to a place that is avoided a frontier is that place", minimum=0.0
     ),
     "frontier_clearance_occupied_thresh": Parameter(
         COUNT, 65, "occupancy from which a cell is solid to this clearance", maximum=100

@@ -6,7 +6,7 @@ Every callback runs on the node's one thread, so nothing here is locked.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -29,7 +29,8 @@ from lupin_engine.plugin.contract import Outlet
 from lupin_engine.world.frames import frame_name
 from lupin_nav import goal_status, localization
 from lupin_nav.battery import charge
-from lupin_nav.exploration import Explorer, Point
+from lupin_nav.exploration import Explorer
+from lupin_nav.frontier import Point
 
 #: How often a map is searched again while a frontier is waited for, in seconds; each new map is, too.
 SEARCH_PERIOD_S = 1.0
@@ -84,7 +85,7 @@ class NavClient:
         elif operation == "go_to":
             self._go_to(attempt, arguments["pose"], arguments.get("max_variance"))
         elif operation == "choose_frontier":
-            self._choose_frontier(attempt)
+            self._choose_frontier(attempt, arguments.get("avoid") or ())
         elif operation == "dock":
             self._drive(attempt, arguments["pose"])
         else:
@@ -161,11 +162,11 @@ class NavClient:
 
     # --- exploring
 
-    def _choose_frontier(self, attempt: str) -> None:
+    def _choose_frontier(self, attempt: str, avoid: Sequence[Mapping[str, float]]) -> None:
         self._start_exploring()
         if self._searching is None:
             self._searching = self._ros.steady_timer(SEARCH_PERIOD_S, self._search)
-        self._explorer.start(attempt)
+        self._explorer.start(attempt, [(pose["x"], pose["y"]) for pose in avoid])
 
     def _start_exploring(self) -> None:
         """Listen to map and transforms from the first search on: who never searches pays nothing."""

@@ -6,18 +6,25 @@ Knows no ROS: messages come in as they are, reports go out through the outlet. T
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 from lupin_engine.plugin.contract import Outlet
 from lupin_engine.world.frames import Frames
 from lupin_engine.world.poses import heading
-from lupin_nav.frontier import Frontier, Grid, Survey, Thresholds, make_grid, survey
+from lupin_nav.frontier import Frontier, Grid, Point, Survey, Thresholds, make_grid, survey
 
-#: A place on the floor in metres, frame `map`.
-Point = tuple[float, float]
 #: Where the robot is, or None while nobody knows.
 Whereabouts = Callable[[], Point | None]
+
+
+@dataclass
+class _Waiting:
+    """One attempt: where it does not want to go, and what it was told last."""
+
+    avoid: Sequence[Point]
+    told: str = ""
 
 
 class Explorer:
@@ -32,27 +39,27 @@ class Explorer:
         self._frames = Frames()
         self._grid: Grid | None = None
         self._map_came = False
-        self._told: dict[str, str] = {}
+        self._waiting: dict[str, _Waiting] = {}
 
     @property
     def idle(self) -> bool:
         """Whether nobody waits."""
-        return not self._told
+        return not self._waiting
 
-    def start(self, attempt: str) -> None:
-        """Begin to wait; ends at once where the map has a frontier already."""
-        self._told[attempt] = ""
+    def start(self, attempt: str, avoid: Sequence[Point] = ()) -> None:
+        """Begin to wait for a frontier that is none of those to avoid; ends at once where there is one."""
+        self._waiting[attempt] = _Waiting(avoid)
         self._outlet.accepted(attempt)
         self.look()
 
     def cancel(self, attempt: str) -> None:
         """Stop waiting; unknown attempts are ignored."""
-        if self._told.pop(attempt, None) is not None:
+        if self._waiting.pop(attempt, None) is not None:
             self._outlet.cancelled(attempt)
 
     def close(self) -> None:
         """Stop waiting and report nothing."""
-        self._told.clear()
+        self._waiting.clear()
 
     def take_transforms(self, message: Any, static: bool = False) -> None:
         """Take in a TFMessage; what is none of a place is left out."""
@@ -72,16 +79,17 @@ class Explorer:
             return
         pose = self._frames.find(self._parameters["frame_id"], self._parameters["base_frame"])
         robot = self._localizer() if pose is None else pose.plane
-        missing, found = self._search(robot)
-        if found is None or robot is None:
-            self._tell(missing)
-            return
-        attempts, self._told = list(self._told), {}
-        yaw = math.atan2(found.y - robot[1], found.x - robot[0])
-        for attempt in attempts:
-            self._outlet.done(attempt, {"pose": {"x": found.x, "y": found.y, "yaw": yaw}})
+        for attempt, waiting in list(self._waiting.items()):
+            missing, found = self._search(robot, waiting.avoid)
+            if found is not None and robot is not None:
+                del self._waiting[attempt]
+                yaw = math.atan2(found.y - robot[1], found.x - robot[0])
+                self._outlet.done(attempt, {"pose": {"x": found.x, "y": found.y, "yaw": yaw}})
+            elif missing != waiting.told:
+                waiting.told = missing
+                self._outlet.progress(attempt, missing)
 
-    def _search(self, robot: Point | None) -> tuple[str, Frontier | None]:
+    def _search(self, robot: Point | None, avoid: Sequence[Point]) -> tuple[str, Frontier | None]:
         """Return what is missing, or the frontier to drive to."""
         topic = self._parameters["map_topic"]
         if not self._map_came:
@@ -91,14 +99,8 @@ class Explorer:
             return f"no pose: no transform from {frames}, no {self._parameters['amcl_pose_topic']}", None
         if self._grid is None:
             return f"{topic} has no cells", None
-        result = survey(self._grid, robot, self._thresholds)
+        result = survey(self._grid, robot, self._thresholds, avoid)
         return nothing_found(result), result.frontier
-
-    def _tell(self, missing: str) -> None:
-        for attempt, told in self._told.items():
-            if told != missing:
-                self._told[attempt] = missing
-                self._outlet.progress(attempt, missing)
 
 
 def thresholds_of(parameters: Mapping[str, Any]) -> Thresholds:
@@ -110,6 +112,7 @@ def thresholds_of(parameters: Mapping[str, Any]) -> Thresholds:
         clearance=parameters["frontier_robot_clearance_m"],
         radius_cells=parameters["frontier_robot_radius_cells"],
         clearance_occupied=parameters["frontier_clearance_occupied_thresh"],
+        avoid_distance=parameters["frontier_avoid_distance_m"],
     )
 
 
@@ -117,6 +120,7 @@ def nothing_found(result: Survey) -> str:
     """Say what a grid without a frontier has instead."""
     text = f"no frontier in a map of {result.known} known cells"
     text += f" ({result.small} clusters too small, {result.cramped} cells without clearance"
-    # Neither driven to nor avoided: where the thresholds do not suit the map, it may have no other cells.
-    text += f", {result.undecided} neither free nor solid)" if result.undecided else ")"
-    return text
+    text += f", {result.avoided} avoided" if result.avoided else ""
+    # Neither driven to nor kept from: where the thresholds do not suit the map, it may have no other cells.
+    text += f", {result.undecided} neither free nor solid" if result.undecided else ""
+    return f"{text})"

@@ -3,6 +3,7 @@
 A frontier cell is free and has an unknown cell to its left, right, top or bottom. Frontier cells that touch,
 corners included, are one frontier. The best is large and near: of the frontiers with enough cells the one
 with the highest `cells / (1 + distance)`, and of equal ones the first, row by row from the grid's origin.
+One that is near to a place to avoid is not chosen.
 
 Occupancy is as in nav_msgs/OccupancyGrid: -1 unknown, 0 free to 100 occupied, row by row, x running fastest.
 Lengths are metres and angles radians in the frame of the map; the grid may be turned in it.
@@ -28,6 +29,8 @@ Cells = NDArray[np.int8]
 Mask = NDArray[np.bool_]
 Indices = NDArray[np.intp]
 Numbers = NDArray[np.float64]
+#: A place on the floor in metres.
+Point = tuple[float, float]
 
 
 @dataclass(frozen=True)
@@ -57,7 +60,7 @@ class Thresholds:
     Cells from `occupied` on are solid, and those between `free` and `occupied` are neither: the search only
     counts them, because a map full of them has no frontiers and looks as if it should. Solid to the clearance
     is what reaches `clearance_occupied`, which may be stricter. `radius_cells` of 0 or more stands in for
-    `clearance` (m).
+    `clearance` (m). Places nearer than `avoid_distance` (m) to one that is avoided are the same place.
     """
 
     free: int = 20
@@ -66,6 +69,7 @@ class Thresholds:
     clearance: float = 0.35
     radius_cells: int = -1
     clearance_occupied: int = 65
+    avoid_distance: float = 0.5
 
     def radius(self, resolution: float) -> int:
         """Return the clearance in cells: ceil(clearance / resolution)."""
@@ -87,7 +91,7 @@ class Frontier:
 @dataclass(frozen=True)
 class Survey:
     """The best frontier, if any, and what else the grid has: cells that are known, that are neither free nor
-    solid, that are frontier without clearance, and frontiers that are too small.
+    solid, that are frontier without clearance, and frontiers that are too small or avoided.
     """
 
     frontier: Frontier | None
@@ -95,6 +99,7 @@ class Survey:
     undecided: int
     cramped: int
     small: int
+    avoided: int
 
 
 def make_grid(
@@ -110,9 +115,15 @@ def make_grid(
 
 
 def survey(
-    grid: Grid, robot: tuple[float, float] | None = None, thresholds: Thresholds | None = None
+    grid: Grid,
+    robot: Point | None = None,
+    thresholds: Thresholds | None = None,
+    avoid: Sequence[Point] = (),
 ) -> Survey:
-    """Look for the best frontier; without the place of the robot (m) size alone decides."""
+    """Look for the best frontier that is none of those to avoid (m).
+
+    Without the place of the robot (m) size alone decides.
+    """
     limits = thresholds or Thresholds()
     rows, columns = np.nonzero(_frontier_cells(grid.cells, limits.free))
     solid = grid.cells >= limits.clearance_occupied
@@ -120,13 +131,17 @@ def survey(
     cramped = int(rows.size - np.count_nonzero(clear))
     rows, columns = rows[clear], columns[clear]
     labels, sizes = _clusters(rows, columns, grid.cells.shape)
-    large = sizes >= limits.min_cells
+    large = np.flatnonzero(sizes >= limits.min_cells)
+    middles = _representatives(rows, columns, labels, sizes)[large] if large.size else large
+    xs, ys = grid.places(rows[middles], columns[middles])
+    allowed = _apart(xs, ys, avoid, limits.avoid_distance)
     return Survey(
-        frontier=_best(grid, rows, columns, labels, sizes, large, robot),
+        frontier=_best(xs[allowed], ys[allowed], sizes[large][allowed], robot),
         known=int(np.count_nonzero(grid.cells != UNKNOWN)),
         undecided=int(np.count_nonzero((grid.cells > limits.free) & (grid.cells < limits.occupied))),
         cramped=cramped,
-        small=int(np.count_nonzero(~large)),
+        small=int(sizes.size - large.size),
+        avoided=int(large.size - np.count_nonzero(allowed)),
     )
 
 
@@ -136,7 +151,7 @@ def choose(
     height: int,
     resolution: float,
     origin: Sequence[float] = (0.0, 0.0),
-    robot: tuple[float, float] | None = None,
+    robot: Point | None = None,
     thresholds: Thresholds | None = None,
 ) -> Frontier | None:
     """Return the best frontier of row-major `data`; None when there is none, or no grid."""
@@ -204,25 +219,22 @@ def _touching(rows: Indices, columns: Indices, shape: tuple[int, ...]) -> tuple[
     return one[touches], other[touches]
 
 
-def _best(
-    grid: Grid,
-    rows: Indices,
-    columns: Indices,
-    labels: Indices,
-    sizes: Indices,
-    large: Mask,
-    robot: tuple[float, float] | None,
-) -> Frontier | None:
-    candidates = np.flatnonzero(large)
-    if candidates.size == 0:
+def _apart(xs: Numbers, ys: Numbers, avoid: Sequence[Point], distance: float) -> Mask:
+    """Say for each place whether it is farther than `distance` from everything to avoid."""
+    apart = np.ones(xs.size, dtype=np.bool_)
+    for x, y in avoid:
+        apart &= np.hypot(xs - x, ys - y) > distance
+    return apart
+
+
+def _best(xs: Numbers, ys: Numbers, sizes: Indices, robot: Point | None) -> Frontier | None:
+    if sizes.size == 0:
         return None
-    chosen = _representatives(rows, columns, labels, sizes)[candidates]
-    xs, ys = grid.places(rows[chosen], columns[chosen])
-    scores: Any = sizes[candidates].astype(np.float64)
+    scores: Any = sizes.astype(np.float64)
     if robot is not None:
         scores /= 1.0 + np.hypot(xs - robot[0], ys - robot[1])
     best = int(np.argmax(scores))
-    return Frontier(float(xs[best]), float(ys[best]), int(sizes[candidates[best]]), int(candidates.size))
+    return Frontier(float(xs[best]), float(ys[best]), int(sizes[best]), int(sizes.size))
 
 
 def _representatives(rows: Indices, columns: Indices, labels: Indices, sizes: Indices) -> Indices:

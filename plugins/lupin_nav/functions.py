@@ -14,6 +14,9 @@ from lupin_nav import overrides
 Pose = dict[str, float]
 TagRecord = dict[str, Any]
 
+#: How many places a list that a mission keeps may have.
+MAX_PLACES = 16
+
 
 def bind_approach(parameters: Parameters) -> Callable[[TagRecord], Pose]:
     """Return `approach(target)` for the layout, overrides, standoff and heading of the parameters.
@@ -53,6 +56,11 @@ def bind_approach_discovered(parameters: Parameters) -> Callable[[TagRecord, Pos
 def bind_distance(_: Parameters) -> Callable[[Pose, Pose], float]:
     """Return `distance(a, b)` in metres; headings play no part."""
     return lambda a, b: math.hypot(a["x"] - b["x"], a["y"] - b["y"])
+
+
+def bind_add_place(_: Parameters) -> Callable[[list[Pose], Pose], list[Pose]]:
+    """Return `add_place(places, place)`: what a mission that keeps places in its memory needs."""
+    return lambda places, place: [*places, place][-MAX_PLACES:]
 
 
 def bind_numeric_order(parameters: Parameters) -> Callable[[], list[TagRecord]]:

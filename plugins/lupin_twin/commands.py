@@ -142,9 +142,13 @@ def _print_table(header: tuple[str, ...], rows: list[tuple[str, ...]]) -> None:
     for title in header:
         drawn.add_column(title, overflow="fold")
     for row in rows:
-        # What came over the wire is text, and no instruction to the terminal.
-        drawn.add_row(*(Text(cell) for cell in row))
+        drawn.add_row(*(Text(_printable(cell)) for cell in row))
     Console(width=None if os.isatty(1) else 200).print(drawn)
+
+
+def _printable(text: str) -> str:
+    """Return what came over the wire without what would be an order to the terminal."""
+    return "".join(letter if letter.isprintable() else "\N{REPLACEMENT CHARACTER}" for letter in text)
 
 
 # --- missions -----------------------------------------------------------------------------------------------

@@ -8,6 +8,8 @@ are indexed `[row, column]`, row 0 at `min_y`.
 from __future__ import annotations
 
 import math
+from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TypeAlias
 
@@ -136,49 +138,91 @@ def interpolate(
     Raises:
         BadGrid: `explored` has not one entry for each cell.
     """
-    if explored is not None and explored.shape != (grid.height, grid.width):
-        raise BadGrid(f"the mask has shape {explored.shape}, the grid {(grid.height, grid.width)}")
-    if len(values):
-        cells = _weighted(grid, positions, values, settings)
-        # A weighted mean lies within its samples; rounding must not take it out again.
-        np.clip(cells, values.min(), values.max(), out=cells)
-    else:
-        cells = np.full((grid.height, grid.width), np.nan)
-    if explored is not None:
-        cells[~explored] = np.nan
-    cells.flags.writeable = False
-    known = cells[np.isfinite(cells)]
-    low, high = (float(known.min()), float(known.max())) if known.size else (0.0, 0.0)
-    return Field(grid, cells, low, high, len(values))
+    return Interpolation(grid, settings, explored).update(positions, values)
 
 
-def _weighted(grid: Grid, positions: Floats, values: Floats, settings: Settings) -> Floats:
-    """Add the samples up one by one, each only where it reaches: most cells are far from most samples."""
-    shape = (grid.height, grid.width)
-    total, weights = np.zeros(shape), np.zeros(shape)
-    # A cell has the value of its nearest sample until something is mixed for it.
-    nearest, cells = np.full(shape, np.inf), np.full(shape, np.nan)
-    grid_x, grid_y = grid.x, grid.y
-    # A little more than enough: what is exactly at the limit belongs to it.
-    reach = max(settings.falloff, settings.max_distance, EXACT_M) * (1.0 + 1e-9)
-    order = np.lexsort((values, positions[:, 1], positions[:, 0]))
-    for (x, y), value in zip(positions[order].tolist(), values[order].tolist(), strict=True):
-        columns, rows = _within(grid_x, x, reach), _within(grid_y, y, reach)
-        if columns.start == columns.stop or rows.start == rows.stop:
-            continue
-        area = rows, columns
-        squared = np.square(grid_y[rows] - y)[:, None] + np.square(grid_x[columns] - x)
-        nearer = squared < nearest[area]
-        np.copyto(nearest[area], squared, where=nearer)
-        np.copyto(cells[area], value, where=nearer)
-        weight = _weight(squared, settings)
-        weights[area] += weight
-        weight *= value
-        total[area] += weight
-    mixed = (weights > 0.0) & (nearest >= EXACT_M**2)
-    np.divide(total, weights, out=cells, where=mixed)
-    cells[nearest > settings.max_distance**2] = np.nan
-    return cells
+class Interpolation:
+    """The field over a grid, kept up to date: when few samples change, only what they reach is made anew.
+
+    What comes out is the same to the last bit as if everything had been made anew.
+
+    Raises:
+        BadGrid: `explored` has not one entry for each cell.
+    """
+
+    def __init__(self, grid: Grid, settings: Settings = DEFAULTS, explored: Mask | None = None) -> None:
+        if explored is not None and explored.shape != (grid.height, grid.width):
+            raise BadGrid(f"the mask has shape {explored.shape}, the grid {(grid.height, grid.width)}")
+        self._grid = grid
+        self._settings = settings
+        self._explored = explored
+        self._x, self._y = grid.x, grid.y
+        # A little more than enough: what is exactly at the limit belongs to it.
+        self._reach = max(settings.falloff, settings.max_distance, EXACT_M) * (1.0 + 1e-9)
+        self._samples: Counter[tuple[float, float, float]] = Counter()
+        self._cells: Floats = np.full((grid.height, grid.width), np.nan)
+
+    def update(self, positions: Floats, values: Floats) -> Field:
+        """Return the field of these samples; see `interpolate`."""
+        samples = Counter(zip(*positions.T.tolist(), values.tolist(), strict=True))
+        area = self._reached([*(samples - self._samples), *(self._samples - samples)])
+        if area is not None:
+            rows, columns = area
+            self._cells[area] = self._weighted(self._x[columns], self._y[rows], positions, values)
+        self._samples = samples
+        return self._field(values)
+
+    def _reached(self, changed: list[tuple[float, float, float]]) -> tuple[slice, slice] | None:
+        """Return the rows and columns of the smallest rectangle with all cells that these samples reach."""
+        found = [(_within(self._y, y, self._reach), _within(self._x, x, self._reach)) for x, y, _ in changed]
+        found = [(rows, columns) for rows, columns in found if rows.start < rows.stop]
+        found = [(rows, columns) for rows, columns in found if columns.start < columns.stop]
+        if not found:
+            return None
+        rows, columns = zip(*found, strict=True)
+        return _hull(rows), _hull(columns)
+
+    def _field(self, values: Floats) -> Field:
+        cells = self._cells.copy()
+        if len(values):
+            # A weighted mean lies within its samples; rounding must not take it out again.
+            np.clip(cells, values.min(), values.max(), out=cells)
+        if self._explored is not None:
+            cells[~self._explored] = np.nan
+        cells.flags.writeable = False
+        known = cells[np.isfinite(cells)]
+        low, high = (float(known.min()), float(known.max())) if known.size else (0.0, 0.0)
+        return Field(self._grid, cells, low, high, len(values))
+
+    def _weighted(self, grid_x: Floats, grid_y: Floats, positions: Floats, values: Floats) -> Floats:
+        """Add the samples up one by one, each only where it reaches: most cells are far from most samples."""
+        settings, shape = self._settings, (len(grid_y), len(grid_x))
+        total, weights = np.zeros(shape), np.zeros(shape)
+        # A cell has the value of its nearest sample until something is mixed for it.
+        nearest, cells = np.full(shape, np.inf), np.full(shape, np.nan)
+        order = np.lexsort((values, positions[:, 1], positions[:, 0]))
+        for (x, y), value in zip(positions[order].tolist(), values[order].tolist(), strict=True):
+            columns, rows = _within(grid_x, x, self._reach), _within(grid_y, y, self._reach)
+            if columns.start == columns.stop or rows.start == rows.stop:
+                continue
+            area = rows, columns
+            squared = np.square(grid_y[rows] - y)[:, None] + np.square(grid_x[columns] - x)
+            nearer = squared < nearest[area]
+            np.copyto(nearest[area], squared, where=nearer)
+            np.copyto(cells[area], value, where=nearer)
+            weight = _weight(squared, settings)
+            weights[area] += weight
+            weight *= value
+            total[area] += weight
+        mixed = (weights > 0.0) & (nearest >= EXACT_M**2)
+        np.divide(total, weights, out=cells, where=mixed)
+        cells[nearest > settings.max_distance**2] = np.nan
+        return cells
+
+
+def _hull(parts: Sequence[slice]) -> slice:
+    """Return the shortest slice with all of these in it."""
+    return slice(min(part.start for part in parts), max(part.stop for part in parts))
 
 
 def _within(centres: Floats, place: float, reach: float) -> slice:

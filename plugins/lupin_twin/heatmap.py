@@ -8,12 +8,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from lupin_engine.errors import LupinError, nearest
-from lupin_twin.field import DEFAULTS, BadGrid, Grid, OccupancyMap, Settings, interpolate
+from lupin_twin.field import DEFAULTS, BadGrid, Grid, Interpolation, OccupancyMap, Settings
 from lupin_twin.state import Twin
 
 #: Cells of a field, which make a message of 1 MB; and fields that are remembered.
 MAX_CELLS = 250_000
 REMEMBERED = 64
+
+#: Fields that are kept up to date, which takes more memory: what is asked for again and again are few.
+FOLLOWED = 8
 
 #: Letters of a wrong sensor type that are repeated in the answer.
 SHOWN = 40
@@ -50,7 +53,8 @@ class Heatmaps:
     """Answers requests from the state of the twin; the same answer is worked out once.
 
     It is remembered by sensor, count of observations, area and resolution. What else changes a field (the
-    place of a tag, the map) makes all of them forgotten.
+    place of a tag, the map) makes all of them forgotten. The fields that were asked for last are worked out
+    anew only around the tags that have changed.
     """
 
     def __init__(self, twin: Twin, settings: Settings = DEFAULTS) -> None:
@@ -59,11 +63,13 @@ class Heatmaps:
         self._map: OccupancyMap | None = None
         self._pins = 0
         self._known: OrderedDict[tuple[Request, int], Heatmap] = OrderedDict()
+        self._followed: OrderedDict[Request, Interpolation] = OrderedDict()
 
     def explore(self, occupancy: OccupancyMap) -> None:
         """Show fields only where this map is known, from now on."""
         self._map = occupancy
         self._known.clear()
+        self._followed.clear()
 
     def answer(self, request: Request) -> Heatmap:
         """Return the field.
@@ -84,13 +90,17 @@ class Heatmaps:
         return self._known[key]
 
     def _work_out(self, request: Request) -> Heatmap:
-        sensor = self._sensor(request.sensor)
-        grid = _grid(request)
-        explored = None if self._map is None else self._map.explored(grid)
-        positions, values = self._twin.samples(sensor)
-        field = interpolate(grid, positions, values, self._settings, explored)
+        samples = self._twin.samples(self._sensor(request.sensor))
+        if request not in self._followed:
+            grid = _grid(request)
+            explored = None if self._map is None else self._map.explored(grid)
+            self._followed[request] = Interpolation(grid, self._settings, explored)
+            if len(self._followed) > FOLLOWED:
+                self._followed.popitem(last=False)
+        self._followed.move_to_end(request)
+        field = self._followed[request].update(*samples)
         sent = field.values.astype(np.float32).tobytes()
-        return Heatmap(grid, sent, field.minimum, field.maximum, field.sample_count)
+        return Heatmap(field.grid, sent, field.minimum, field.maximum, field.sample_count)
 
     def _sensor(self, told: str) -> str:
         sensor, known = told.strip(), list(self._twin.sensors)

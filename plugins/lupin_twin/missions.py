@@ -39,6 +39,8 @@ class Summary:
         self.first, self.last = min(self.first, observation.time), max(self.last, observation.time)
         match observation.record:
             case Reading():
+                # Who drives the robot reads; others see flowers on the way.
+                self.source = observation.record.source
                 self.readings += 1
             case Flowers():
                 self.flowers += 1

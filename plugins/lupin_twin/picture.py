@@ -145,10 +145,10 @@ def _draw(
         _walls(axes, grid, occupancy, extent)
     _tags(axes, tags, sensor)
     bar = axes.figure.colorbar(image, ax=axes, fraction=0.05, pad=0.03)
-    bar.set_label(with_unit(sensor), color=_INK)
+    bar.set_label(_plain(with_unit(sensor)[:40]), color=_INK)
     bar.outline.set_visible(False)
-    title, key = _title(record, sensor, field), _key(occupancy)
-    axes.set_title(title, loc="left", fontsize=9.5, color=_INK, pad=16)
+    axes.set_title(_title(sensor, field), loc="left", fontsize=10, color=_INK, pad=26)
+    key = f"{_source(record, field)}\n{_key(occupancy)}"
     axes.text(0.0, 1.01, key, transform=axes.transAxes, fontsize=7, color=_FAINT, va="bottom")
     axes.tick_params(colors=_INK, labelsize=8)
     for spine in axes.spines.values():
@@ -220,8 +220,7 @@ def _tags(axes: Axes, tags: list[Tag], sensor: str) -> None:
             zorder=3,
         )
         axes.annotate(
-            # matplotlib would read a dollar sign as the beginning of a formula.
-            tag.tag_id[:12].replace("$", r"\$"),
+            _plain(tag.tag_id[:12]),
             (tag.pin.x, tag.pin.y),
             xytext=(4, 4),
             textcoords="offset points",
@@ -232,13 +231,18 @@ def _tags(axes: Axes, tags: list[Tag], sensor: str) -> None:
         )
 
 
-def _title(record: MissionRecord, sensor: str, field: Field) -> str:
+def _title(sensor: str, field: Field) -> str:
     quantity = QUANTITIES.get(sensor)
     symbol = "" if quantity is None or quantity.symbol == "1" else f" {quantity.symbol}"
-    what = sensor.replace("_", " ").replace("$", r"\$")
+    return f"{_plain(sensor[:40]).replace('_', ' ')}: {field.minimum:.4g} to {field.maximum:.4g}{symbol}"
+
+
+def _source(record: MissionRecord, field: Field) -> str:
     names = [mission.mission_id for mission in record.missions if mission.mission_id]
-    of = (
-        f"mission {names[0][:20]}" if len(names) == 1 else f"{len(names)} missions" if names else "no mission"
-    )
-    told = f"{field.minimum:.4g} to {field.maximum:.4g}{symbol} from {field.sample_count} tags, {of}"
-    return f"{what}: {told}"
+    of = f"mission {_plain(names[0][:20])}" if len(names) == 1 else f"{len(names)} missions"
+    return f"read at {field.sample_count} tags, {of}"
+
+
+def _plain(text: str) -> str:
+    """Return text as such: matplotlib takes what is between dollar signs for a formula."""
+    return text.replace("$", r"\$")

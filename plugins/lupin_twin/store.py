@@ -322,20 +322,24 @@ def read(path: str) -> Content:
         raise StoreError(f"there is no store {path}; a twin makes it: lupin run, or lupin node lupin_twin")
     try:
         db = _opened_for_reading(path)
-    except sqlite3.Error as error:
+    except sqlite3.OperationalError as error:
         raise StoreError(f"{path} cannot be read: {error}") from None
+    except sqlite3.DatabaseError as error:
+        raise _not_ours(path, error) from None
     try:
         _check_ours(db, path, *_state(db))
         unreadable: list[str] = []
         rows = list(_rows(db, path, unreadable))
         has_map = "map" in _state(db)[1]
         return Content(rows, _map(db, path, unreadable) if has_map else None, unreadable)
-    except _Corrupt as reason:
-        raise StoreError(f"{path} is not a store of the twin, or is damaged: {reason}") from None
-    except sqlite3.DatabaseError as error:
-        raise StoreError(f"{path} is not a store of the twin, or is damaged: {error}") from None
+    except (_Corrupt, sqlite3.DatabaseError) as error:
+        raise _not_ours(path, error) from None
     finally:
         db.close()
+
+
+def _not_ours(path: str, reason: Exception) -> StoreError:
+    return StoreError(f"{path} is not a store of the twin, or is damaged: {reason}")
 
 
 def _opened_for_reading(path: str) -> sqlite3.Connection:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import shutil
 from collections.abc import Callable
 from dataclasses import replace
@@ -52,6 +53,40 @@ def definition(request: Type = REQUEST, response: Type = RESPONSE) -> Definition
 def answer(**fields: Any) -> dict[str, Any]:
     """An answer of the service."""
     return {"response": {"ok": True, "values": [], "width": 0, "error_message": "", **fields}}
+
+
+def message(name: str, **fields: Type) -> Type:
+    """A message that is installed, when anything is."""
+    return Type("record", name, fields=fields)
+
+
+SECONDS = message("builtin_interfaces/msg/Duration", sec=COUNT, nanosec=COUNT)
+POSE_MESSAGE = message("geometry_msgs/msg/Pose", position=message("P"), orientation=message("Q"))
+HEADER = message(
+    "std_msgs/msg/Header", stamp=replace(SECONDS, name="builtin_interfaces/msg/Time"), frame_id=TEXT
+)
+CODES = message("constant", BLOCKED=COUNT)
+DEPTH = message("Depth", stone=BOOL, depths=list_of(message("Reading", value=NUMBER)))
+GOAL = {
+    "header": HEADER,
+    "middle": POSE_MESSAGE,
+    "patience": SECONDS,
+    "points": list_of(message("Point", x=NUMBER)),
+    "mode": COUNT,
+    "stops": list_of(POSE_MESSAGE),
+}
+SURVEY: dict[str, Definition] = {
+    "survey_msgs/action/Walk": {
+        "goal": message("Walk.Goal", **GOAL),
+        "result": message(
+            "Walk.Result", steps=COUNT, end=POSE_MESSAGE, took=SECONDS, error=COUNT, way=NUMBER
+        ),
+        "feedback": message("Walk.Feedback", steps=COUNT),
+        "constant": message("constant", SLOW=COUNT, Error=CODES),
+    },
+    "survey_msgs/msg/Depth": {"message": DEPTH, "constant": message("constant")},
+}
+SAYING: Definition = {"message": message("String", data=TEXT), "constant": message("constant")}
 
 
 @pytest.fixture
@@ -168,13 +203,95 @@ def test_a_text_that_is_edited_is_read_in_place_of_its_file(folder: Path, catalo
     assert list(inspection.bound.bindings) == ["survey", "lamp"]
 
 
+# -- actions and topics ------------------------------------------------------------------------------------
+
+PLACE = {"x": 10.0, "y": 0.0, "yaw": 0.0}
+ON_THE_WAY: dict[str, Any] = {
+    "param": {"survey_frame": "bed", "survey_steps": 2},
+    "constant": {"SLOW": 3, "Error": {"BLOCKED": 9}},
+    "now": 12.5,
+}
+
+
+def walked(status: str = "succeeded", **fields: Any) -> dict[str, Any]:
+    """How a walk ended."""
+    end = {"position": {"x": 1.0, "y": 2.0}, "orientation": {"x": 0.0, "y": 0.0, "z": 1.0, "w": 0.0}}
+    return {
+        "status": status,
+        "result": {"steps": 4, "end": end, "took": 2.5, "error": 0, "way": 5.0, **fields},
+    }
+
+
+def test_what_else_missions_see(survey: Binding) -> None:
+    """Actions, live values, events, parameters; several codes; a mock that changes a live value."""
+    plugin = survey.plugin
+    walk = plugin.operations["walk"]
+    assert [code.name for code in walk.codes] == ["no_walk", "blocked", "nobody_there", "refused"]
+    assert walk.mock.values == {"soil.depth": 0.02}
+    assert (plugin.actions["call_out"].moves, list(plugin.actions["call_out"].arguments)) == (True, ["words"])
+    depth = plugin.values["soil.depth"]
+    assert (depth.type, depth.freshness, depth.initial) == (LENGTH, 3.0, 1.0)
+    assert plugin.events["stone"].fields == {"deep": NUMBER, "kind": TEXT}
+    steps = plugin.parameters["survey_steps"]
+    assert (steps.default, steps.minimum, steps.maximum) == (2, 1.0, 9.0)
+    assert survey.sends["call_out"].endpoint.qos == "latched"
+
+
+def test_a_goal_is_computed(survey: Binding) -> None:
+    """From arguments, parameters, constants and the time; lists of messages, too."""
+    arguments = {"place": PLACE, "stops": [PLACE]}
+    assert survey.calls["walk"].sending.sent(arguments, ON_THE_WAY) == {
+        "header": {"stamp": 12.5, "frame_id": "bed"},
+        "middle": PLACE,
+        "patience": "5 s",
+        "points": [{"x": 1.5}, {"x": 10.0}],
+        "mode": 3,
+        "stops": [PLACE],
+    }
+
+
+def test_how_an_action_ended(survey: Binding) -> None:
+    """By status and result; a pose is read with its yaw."""
+    call = survey.calls["walk"]
+    end = {"x": 1.0, "y": 2.0, "yaw": pytest.approx(math.pi)}
+    good = call.outcome(walked(), ON_THE_WAY)
+    assert good.result == {"steps": 5, "end": end, "took": 2.5, "halves": 2}
+    assert call.outcome(walked("aborted"), ON_THE_WAY) == Outcome(None, "no_walk")
+    assert call.outcome(walked("aborted", error=9), ON_THE_WAY) == Outcome(None, "blocked")
+    assert call.progress({"steps": 4}, ON_THE_WAY) == "steps -4, still walking"
+    assert (call.unavailable, call.rejected, call.moves) == ("nobody_there", "refused", False)
+    assert survey.calls["ask"].unavailable == "no_field"
+
+
+def test_only_numbers_are_calculated_with(survey: Binding) -> None:
+    """What an answer really has is seen when it comes."""
+    with pytest.raises(TypeError, match="expected a number, got 'four'"):
+        survey.calls["walk"].outcome(walked(steps="four"), ON_THE_WAY)
+    with pytest.raises(TypeError, match="expected a number, got True"):
+        survey.calls["walk"].outcome(walked(steps=True), ON_THE_WAY)
+
+
+def test_what_a_topic_tells(survey: Binding) -> None:
+    """A live value in its base unit, or nothing; an event with its fields."""
+    depth, stone = survey.values["soil.depth"], survey.events["stone"]
+    message = {"stone": False, "depths": [{"value": 30.0}]}
+    assert depth.heard(message, ON_THE_WAY) == {"value": pytest.approx(0.3)}
+    assert depth.heard({"depths": [{"value": 0.0}]}, ON_THE_WAY) is None
+    assert stone.heard(message, ON_THE_WAY) is None
+    assert stone.heard({**message, "stone": True}, ON_THE_WAY) == {
+        "deep": 30.0,
+        "kind": "granite",
+    }
+
+
 # -- held against a definition -----------------------------------------------------------------------------
 
 
 def misfits(binding: Binding, request: Type = REQUEST, response: Type = RESPONSE) -> list[str]:
     """What does not fit a definition, as `place: problem`, without the folder."""
     findings = Findings()
-    check_definition(binding, lambda _: definition(request, response), findings)
+    known = {FIELD: definition(request, response), **SURVEY}
+    check_definition(binding, lambda name: known.get(name, SAYING), findings)
     return [str(found).replace(f"{BOUND}/", "") for found in findings.all]
 
 
@@ -188,15 +305,15 @@ def test_fields_that_are_not_there(survey: Binding) -> None:
     fewer = replace(REQUEST, fields={"sensor": TEXT, "resolution": NUMBER, "min_x": NUMBER, "max_x": NUMBER})
     other = replace(RESPONSE, fields={**RESPONSE.fields, "ok": TEXT, "width": NUMBER})
     assert misfits(survey, fewer, other) == [
-        "bindings/survey.yaml:15:7: error: operations.ask.with: lupin_msgs/srv/GetField.Request has no field "
+        "bindings/survey.yaml:19:7: error: operations.ask.with: lupin_msgs/srv/GetField.Request has no field "
         "'sensor_type'; did you mean 'sensor'? [unknown-argument]",
-        "bindings/survey.yaml:17:7: error: operations.ask.with: lupin_msgs/srv/GetField.Request has no field "
+        "bindings/survey.yaml:21:7: error: operations.ask.with: lupin_msgs/srv/GetField.Request has no field "
         "'bbox_min_x'; did you mean 'min_x'? [unknown-argument]",
-        "bindings/survey.yaml:18:7: error: operations.ask.with: lupin_msgs/srv/GetField.Request has no field "
+        "bindings/survey.yaml:22:7: error: operations.ask.with: lupin_msgs/srv/GetField.Request has no field "
         "'bbox_max_x'; did you mean 'max_x'? [unknown-argument]",
-        "bindings/survey.yaml:19:16: error: operations.ask.done_when: expected bool, "
+        "bindings/survey.yaml:23:16: error: operations.ask.done_when: expected bool, "
         "but 'response.ok' is text [wrong-type]",
-        "bindings/survey.yaml:23:38: error: operations.ask.result.cells: expected a whole number, but "
+        "bindings/survey.yaml:27:38: error: operations.ask.result.cells: expected a whole number, but "
         "'response.width' is one with digits; write 'type: number' [wrong-type]",
     ]
 
@@ -216,9 +333,9 @@ def test_types_that_do_not_fit(survey: Binding) -> None:
     narrow = {**REQUEST.fields, "sensor_type": NUMBER, "bbox_min_x": LENGTH, "resolution": TEXT}
     told = misfits(survey, replace(REQUEST, fields=narrow))
     assert told == [
-        "bindings/survey.yaml:15:23: error: operations.ask.with.sensor_type: expected a plain number, but "
+        "bindings/survey.yaml:19:23: error: operations.ask.with.sensor_type: expected a plain number, but "
         "'sensor' is text [wrong-type]",
-        "bindings/survey.yaml:16:19: error: operations.ask.with.resolution: expected text, got 0.5; "
+        "bindings/survey.yaml:20:19: error: operations.ask.with.resolution: expected text, got 0.5; "
         "quote it: '0.5' [wrong-type]",
     ]
 
@@ -267,5 +384,35 @@ def test_a_type_that_is_not_there(
 ) -> None:
     """An error where it should be; where nothing of its package is, only a warning."""
     findings = Findings()
-    check_definition(survey, definitions, findings)
+    others = {**SURVEY, "std_msgs/msg/String": SAYING}
+    check_definition(survey, lambda name: others.get(name) or definitions(name), findings)
     assert [str(found).removeprefix(f"{found.place}: ") for found in findings.all] == [told]
+
+
+def test_actions_and_topics_that_do_not_fit(survey: Binding) -> None:
+    """Their parts are those of the definition: fields, constants, a pose that needs a stamp around it."""
+    goal = {**GOAL, "middle": message("PoseStamped", header=HEADER, pose=POSE_MESSAGE), "patience": NUMBER}
+    other = {
+        "goal": message("Walk.Goal", **{**goal, "points": NUMBER, "mode": TEXT, "stops": list_of(NUMBER)}),
+        "result": message("Walk.Result", steps=TEXT, end=TEXT, took=TEXT, error=COUNT, way=NUMBER),
+        "feedback": message("Walk.Feedback", stairs=COUNT),
+        "constant": message("constant", SLOW=COUNT),
+    }
+    findings = Findings()
+    known = {**SURVEY, "survey_msgs/action/Walk": other, FIELD: definition()}
+    check_definition(survey, lambda name: known.get(name, SAYING), findings)
+    assert [str(found).partition("error: operations.walk.")[2] for found in findings.all] == [
+        "with.middle: expected PoseStamped, but 'place' is pose; "
+        "write 'pose: ${ place }' inside of it [wrong-type]",
+        "with.patience: expected a plain number, got '5 s'; "
+        "write a number without a unit, or in % [wrong-unit]",
+        "with.points: expected a plain number, got a list of 2 [wrong-type]",
+        "with.mode: expected text, but 'constant.SLOW' is a plain number [wrong-type]",
+        "with.stops: expected list of number, but 'stops' is list of pose [wrong-type]",
+        "done_when: expected a number, but 'result.steps' is text [wrong-type]",
+        "result.steps: expected a number, but 'result.steps' is text [wrong-type]",
+        "result.end: expected pose, but 'result.end' is text [wrong-type]",
+        "result.took: expected duration (s), but 'result.took' is text [wrong-type]",
+        "code_when.blocked: 'constant' has no 'Error'; allowed: 'SLOW' [unknown-name]",
+        "progress.steps: 'feedback' has no 'steps'; allowed: 'stairs' [unknown-name]",
+    ]

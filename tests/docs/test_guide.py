@@ -84,7 +84,9 @@ def test_every_recipe_has_scenarios_that_hold() -> None:
 
 
 @pytest.mark.parametrize(
-    "folder", [STEPS, DOCS / "cookbook", TUTORIAL], ids=["guide", "cookbook", "tutorial"]
+    "folder",
+    [STEPS, DOCS / "cookbook", TUTORIAL, DOCS / "sprayer"],
+    ids=["guide", "cookbook", "tutorial", "bindings"],
 )
 def test_no_file_is_left_over(folder: Path) -> None:
     """A file that no page shows is never tried."""

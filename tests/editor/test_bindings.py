@@ -66,13 +66,13 @@ def test_keys_of_a_binding_are_offered(folder: Folder) -> None:
     path = folder.path / "bindings" / "photo_arm.yaml"
     folder.put(path, folder.text(path) + "    \n")
     offered = {offer.label for offer in complete(folder, path, len(folder.text(path)) - 1).found}
-    assert offered == {"result"}
+    assert offered == {"action", "code_when", "progress", "rejected", "result", "unavailable"}
 
 
 @pytest.mark.parametrize(
     ("mark", "told", "line"),
     [
-        ("do: photo_arm.mo|ve\n          with: {pose: home}", "Bring the arm into a pose", 8),
+        ("do: photo_arm.mo|ve\n          with: {pose: home}", "Send the arm to a pose", 8),
         ("with: {po|se: home}", "name of the pose", 11),
     ],
 )
@@ -88,3 +88,56 @@ def test_a_mission_is_told_what_it_uses(folder: Folder, mark: str, told: str, li
     (place,) = definition(folder, path, mention)
     assert place.file.name == "photo_arm.yaml"
     assert place.file.read_text(encoding="utf-8").count("\n", 0, place.start) + 1 == line
+
+
+SPRAYER = Path(__file__).parents[2] / "docs" / "sprayer"
+
+
+@pytest.fixture
+def sprayer(tmp_path: Path) -> Folder:
+    """A mission whose plugin has everything that a binding can."""
+    shutil.copytree(SPRAYER / "bindings", tmp_path / "bindings")
+    shutil.copy(SPRAYER / "spray.yaml", tmp_path)
+    shutil.copy(default_missions_folder() / "lifecycle.yaml", tmp_path)
+    return Folder(tmp_path, load_catalog())
+
+
+@pytest.mark.parametrize(
+    ("mark", "told", "line"),
+    [
+        ("do: sprayer.sp|ray", "Drive the cart to a place", "  spray:"),
+        ("- sprayer.la|mp: {green: 1}", "Light the lamp", "  lamp:"),
+        ("sprayer.lamp: {gr|een: 1}", "share of green", "      green: "),
+        ("sprayer.le|ak: {target", "The cart loses water", "  leak:"),
+        ("value: tank.le|vel", "How full the tank is", "  tank.level:"),
+    ],
+)
+def test_everything_of_a_binding_is_known(sprayer: Folder, mark: str, told: str, line: str) -> None:
+    """Actions, events and live values as well."""
+    sprayer.refresh()
+    path, offset = at(sprayer, "spray.yaml", mark)
+    shown = hover(sprayer, path, offset)
+    assert shown is not None
+    assert told in shown.text
+    mention = mention_under(sprayer, path, offset)
+    assert mention is not None
+    (place,) = definition(sprayer, path, mention)
+    text = place.file.read_text(encoding="utf-8")
+    assert place.file.name == "sprayer.yaml"
+    assert text[text.rindex("\n", 0, place.start) + 1 :].startswith(line)
+
+
+def test_what_a_live_value_can_say_is_offered(sprayer: Folder) -> None:
+    """Its keys, its type, its unit, how the topic is carried."""
+    path = sprayer.path / "bindings" / "sprayer.yaml"
+    text = sprayer.text(path)
+    for written, wanted in (
+        ('    unit: "%"\n', "cm"),
+        ("    type: number\n", "pose"),
+        ("    freshness: 5 s\n", "initial"),
+    ):
+        key = written.partition(":")[0]
+        line = f"{key}: " if wanted != "initial" else "    "
+        sprayer.put(path, text.replace(written, f"{line}\n"))
+        offset = sprayer.text(path).index(f"{line}\n", text.index(written)) + len(line)
+        assert wanted in {offer.label for offer in complete(sprayer, path, offset).found}

@@ -30,6 +30,8 @@ class Lupin:
     """A `lupin` command under way. All it starts carries a mark in its environment, so nothing can hide."""
 
     def __init__(self, *arguments: str, domain: int, log_dir: Path) -> None:
+        self.domain = domain
+        self.state = log_dir.parent / "state"
         self.mark = f"LUPIN_TEST={uuid.uuid4()}"
         name, _, value = self.mark.partition("=")
         options = ["--domain", str(domain), "--log-dir", str(log_dir)]
@@ -41,7 +43,7 @@ class Lupin:
             env={
                 **os.environ,
                 "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
-                "XDG_STATE_HOME": str(log_dir.parent / "state"),
+                "XDG_STATE_HOME": str(self.state),
                 name: value,
             },
             start_new_session=True,

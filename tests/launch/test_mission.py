@@ -37,6 +37,14 @@ def test_the_nearest_folder_goes_before_the_shipped_one(
     assert "InspectionMission" in load_missions([], CATALOG).names
 
 
+def test_what_a_binding_calls_brings_the_plugin_that_serves_it() -> None:
+    """The tutorial's patrol calls the arm by its service; its nodes are the arm's."""
+    patrol = load_missions([str(Path(__file__).parents[2] / "docs" / "tutorial" / "patrol.yaml")], CATALOG)
+    assert "arm" not in patrol.chart.plugins
+    assert "arm" in patrol.plugins
+    assert "perception" not in patrol.plugins
+
+
 def test_every_error_of_a_mission_is_told(tmp_path: Path) -> None:
     """Two mistakes, two findings, each with its place."""
     folder = tmp_path / "m"

@@ -17,7 +17,13 @@ CATALOG: Catalog = build_catalog(
         Plugin("read", "Reading.", operations={"scan": Operation("Scan.")}, nodes={"reader": "r:main"}),
         Plugin("other", "Not used.", operations={"op": Operation("Op.")}, nodes={"unused": "o:main"}),
         Plugin("twin", "Watches.", nodes={"twin": "t:main"}, companions=("twin",)),
-        Plugin("fake", "A robot.", nodes={"fake_robot": "f:main"}, stands_in={"fake_robot": ("navigate",)}),
+        Plugin(
+            "fake",
+            "A robot.",
+            nodes={"fake_robot": "f:main"},
+            stands_in={"fake_robot": ("navigate",)},
+            simulated_defaults={"dwell_s": 0.5, "unheard_of": 1.0},
+        ),
         Plugin(
             "hand",
             "An arm.",
@@ -27,6 +33,7 @@ CATALOG: Catalog = build_catalog(
         ),
     ]
 )
+REAL_ROBOT = ("reader", "twin", "mission_orchestrator")
 EVERYTHING = ("fake_robot", "reader", "twin", "mission_orchestrator")
 
 
@@ -51,8 +58,16 @@ def test_what_missions_do_not_use_is_not_simulated() -> None:
     ("present", "starts", "joined"),
     [
         (Present(nodes=frozenset({"reader"})), ("fake_robot", "twin", "mission_orchestrator"), ("reader",)),
-        (Present(actions=frozenset({"/navigate"})), ("reader", "twin", "mission_orchestrator"), ("navigate",)),
-        (Present(services=frozenset({"/navigate"})), ("reader", "twin", "mission_orchestrator"), ("navigate",)),
+        (
+            Present(actions=frozenset({"/navigate"})),
+            ("reader", "twin", "mission_orchestrator"),
+            ("navigate",),
+        ),
+        (
+            Present(services=frozenset({"/navigate"})),
+            ("reader", "twin", "mission_orchestrator"),
+            ("navigate",),
+        ),
         (Present(actions=frozenset({"/robot/navigate"})), EVERYTHING, ()),
         (Present(nodes=frozenset(EVERYTHING)), (), EVERYTHING),
     ],
@@ -65,7 +80,26 @@ def test_what_is_there_is_used(present: Present, starts: tuple[str, ...], joined
 
 def test_no_robot_is_simulated_when_that_is_not_wanted() -> None:
     """`--no-sim` waits for the real one."""
-    assert plan(simulate=False) == (("reader", "twin", "mission_orchestrator"), ())
+    assert plan(simulate=False) == (REAL_ROBOT, ())
+
+
+@pytest.mark.parametrize(
+    ("present", "simulate", "given", "expected"),
+    [
+        (Present(), True, {}, {"dwell_s": 0.5}),
+        (Present(), True, {"dwell_s": 3.0, "other": 1}, {"dwell_s": 3.0, "other": 1}),
+        (Present(actions=frozenset({"/navigate"})), True, {}, {}),
+        (Present(), False, {}, {}),
+    ],
+    ids=["simulated", "said otherwise", "a real robot", "not simulated"],
+)
+def test_a_simulation_has_defaults_of_its_own_for_missions(
+    present: Present, simulate: bool, given: dict[str, object], expected: dict[str, object]
+) -> None:
+    """Only where it is started, only what the missions have, and never against what is said."""
+    parameters = {"mission_orchestrator": given} if given else {}
+    found = make_plan(["drive"], CATALOG, present, parameters, simulate=simulate, known=["dwell_s", "other"])
+    assert dict(found.launches[-1].parameters) == expected
 
 
 def test_parameters_reach_their_node(tmp_path: Path) -> None:

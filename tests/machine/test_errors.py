@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -101,10 +102,8 @@ def test_an_error_leads_to_fault_and_names_its_place(make: Any, given: Chart, de
 def test_without_fault_the_chart_stays_whole(make: Any, given: Chart, detail: str) -> None:
     """Nobody handles the error: it is told, and the machine goes on from a legal configuration."""
     states = {name: state for name, state in given.states.items() if name != "FAULT"}
-    root = states[""]
-    fields = {**vars(root), "children": ("P", "Z")}
-    states[""] = type(root)(**fields)
-    bare = type(given)(**{**vars(given), "states": states})
+    states[""] = replace(states[""], children=("P", "Z"))
+    bare = replace(given, states=states)
     bench = make(bare)
     assert any(note.endswith(detail) for step in bench.steps for note in step.notes)
     assert legal(bare, bench.machine.memory.configuration)

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import importlib.util
 import json
+import os
 import re
+import subprocess
 import sys
 from pathlib import Path
 from types import ModuleType
@@ -165,3 +167,29 @@ def test_children_are_led_nowhere_else(bootstrap: ModuleType, monkeypatch: pytes
 def test_the_probe_answers_in_json(bootstrap: ModuleType, capsys: pytest.CaptureFixture[str]) -> None:
     exec(bootstrap.PROBE, {})
     assert set(json.loads(capsys.readouterr().out)) == set(GOOD)
+
+
+def test_a_real_package_of_the_sourced_ros_is_used(
+    bootstrap: ModuleType, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """Only what it lacks is compiled from `interfaces/`; a folder that merely has the name is no package."""
+    (tmp_path / "nav2_msgs").mkdir()
+    (tmp_path / "nav2_msgs" / "__init__.py").touch()
+    (tmp_path / "tf2_msgs").mkdir()
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    # Without the packages of the environment that these tests run in.
+    plain = bootstrap.Python(getattr(sys, "_base_executable", sys.executable), GOOD)
+    everything = [folder for _, folder in bootstrap.PACKAGES]
+    lacking = [folder for folder in everything if folder != "interfaces/nav2_msgs"]
+    assert bootstrap.missing_packages(plain, "apt") == lacking
+    assert bootstrap.missing_packages(plain, "wheels") == everything
+
+
+def test_what_is_sourced_later_goes_before_the_subset(tmp_path: Path) -> None:
+    """Sourcing puts a package on PYTHONPATH, which Python looks at before its own packages."""
+    (tmp_path / "nav2_msgs").mkdir()
+    (tmp_path / "nav2_msgs" / "__init__.py").write_text("real = True")
+    code = "import nav2_msgs; print(nav2_msgs.real)"
+    environment = {**os.environ, "PYTHONPATH": str(tmp_path)}
+    shown = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True)
+    assert shown.stdout.strip() == "True", shown.stderr

@@ -9,7 +9,15 @@ from pathlib import Path
 
 import pytest
 
-from lupin_engine.plugin.discovery import GROUP, EntryPoint, entry_points
+from lupin_engine.plugin.discovery import (
+    GROUP,
+    VERBS,
+    Distribution,
+    EntryPoint,
+    declared_in,
+    entry_points,
+    source_file,
+)
 
 NAV = EntryPoint("nav", "lupin_nav.catalog:PLUGIN")
 
@@ -79,3 +87,52 @@ def test_finding_plugins_does_not_import_the_readers_of_metadata() -> None:
     )
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert done.stdout == "False\n"
+
+
+@pytest.mark.parametrize(
+    ("description", "name", "version", "text"),
+    [
+        ("Far_Sight-1.2.dist-info", "far-sight", "1.2", "far-sight 1.2"),
+        ("far_sight-1.2-py3.12.egg-info", "far-sight", "1.2", "far-sight 1.2"),
+        ("far_sight.egg-info", "far-sight", "", "far-sight"),
+    ],
+)
+def test_an_entry_point_knows_who_brought_it(
+    tmp_path: Path, description: str, name: str, version: str, text: str
+) -> None:
+    """As its installer described it; a project that is edited in place may tell no version."""
+    describe(tmp_path, description, "[lupin.plugins]\nsight = far:PLUGIN\n")
+    (point,) = entry_points([str(tmp_path)])
+    assert point.distribution == Distribution(name, version, tmp_path / description)
+    assert str(point.distribution) == text
+
+
+def test_groups_are_kept_apart(tmp_path: Path) -> None:
+    """A package may bring plugins and verbs."""
+    describe(tmp_path, "far-1.dist-info", "[lupin.plugins]\na = far:A\n[lupin.verbs]\nb = far:B\n")
+    assert entry_points([str(tmp_path)]) == [EntryPoint("a", "far:A")]
+    assert entry_points([str(tmp_path)], VERBS) == [EntryPoint("b", "far:B")]
+
+
+def test_a_project_tells_its_plugins_before_it_is_installed(tmp_path: Path) -> None:
+    """This checkout's does, as it is installed."""
+    project = tmp_path / "pyproject.toml"
+    assert declared_in(project) == []
+    project.write_text('[project.entry-points."lupin.plugins"]\nfar = "far:PLUGIN"\n\n[tool.x]\ny = "z"\n')
+    assert declared_in(project) == [("far", "far:PLUGIN")]
+    ours = declared_in(Path(__file__).parents[2] / "pyproject.toml")
+    assert ("nav", "lupin_nav.catalog:PLUGIN") in ours
+
+
+def test_the_source_of_a_module_is_found_without_importing_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Nor the packages that it is in."""
+    (tmp_path / "far" / "deep").mkdir(parents=True)
+    (tmp_path / "far" / "__init__.py").write_text("raise SystemExit")
+    (tmp_path / "far" / "deep" / "module.py").write_text("1 / 0")
+    monkeypatch.syspath_prepend(tmp_path)
+    assert source_file("far.deep.module") == str(tmp_path / "far" / "deep" / "module.py")
+    assert source_file("far") == str(tmp_path / "far" / "__init__.py")
+    assert (source_file("far.gone"), source_file("gone.far")) == (None, None)
+    assert "far" not in sys.modules

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -10,8 +11,11 @@ from pathlib import Path
 import pytest
 
 from lupin_bridge.backend import Clocks, ReadingFailed, UnknownTag
-from lupin_bridge.catalog import PLUGIN, READING, mock_reading
+from lupin_bridge.catalog import NODE_PARAMETERS, PLUGIN, READING, mock_reading
 from lupin_bridge.greenhouse import Greenhouse, Settings
+from lupin_bridge.recording import load_recording
+from lupin_bridge.topics import samples
+from lupin_bridge.units import QUANTITIES
 from lupin_engine.errors import LupinError
 from lupin_engine.plugin.types import convert
 
@@ -132,6 +136,50 @@ def test_the_mock_depends_on_the_tag_and_fits_the_declared_type() -> None:
     assert first == mock_reading({"tag_id": "1"}, {})["reading"]
     assert first["readings"] != second["readings"]
     assert convert(first, READING) == first
+
+
+def test_the_page_about_the_bridge_has_every_parameter_with_its_default() -> None:
+    page = (Path(__file__).parents[2] / "docs" / "bridge.md").read_text(encoding="utf-8")
+    rows = [row for row in page.partition("## Parameters")[2].splitlines() if row.startswith("| `")]
+    told = {
+        name: default.strip().strip("`")
+        for row in rows
+        for name in re.findall(r"`(\w+)`", row.split("|")[1])
+        for default in [row.split("|")[2]]
+    }
+    hidden = {"tag_locations_file": ""}  # told beside tag_file
+    assert told | hidden == {name: str(spec.default) for name, spec in NODE_PARAMETERS.items()}
+
+
+def test_the_page_about_the_bridge_has_every_sensor_with_its_units() -> None:
+    page = (Path(__file__).parents[2] / "docs" / "bridge.md").read_text(encoding="utf-8")
+    rows = [row.split("|") for row in page.partition("## Units")[2].splitlines() if row.startswith("| `")]
+    named = {row[1].strip().strip("`"): row for row in rows[: len(QUANTITIES)]}
+    assert list(named) == list(QUANTITIES)
+    for sensor, quantity in QUANTITIES.items():
+        _, _, unit, others, limits, _ = named[sensor]
+        assert unit.split()[0] == quantity.unit
+        assert {re.sub(r" \(.*", "", other.strip()).lower() for other in others.split(",")} == set(
+            quantity.others
+        )
+        assert limits.strip() == f"{quantity.minimum:.0f} to {quantity.maximum:.0f}"
+
+
+def test_the_examples_on_the_page_are_understood(tmp_path: Path) -> None:
+    page = (Path(__file__).parents[2] / "docs" / "bridge.md").read_text(encoding="utf-8")
+    tables = re.findall(r"```csv\n(.*?)```", page, re.DOTALL)
+    assert len(tables) == 2
+    for table in tables:
+        file = tmp_path / "example.csv"
+        file.write_text(table, encoding="utf-8")
+        assert set(load_recording(str(file)).series) == {"1", "2"}
+    messages = re.findall(r"-t (\S+) (?:\\\n +)?-m (?:'([^']+)'|(\S+))", page)
+    assert len(messages) == 3
+    for topic, quoted, bare in messages:
+        sensor = topic.split("/")[2] if topic.startswith("greenhouse/") else ""
+        found, wrong = samples((quoted or bare).encode(), sensor)
+        assert found
+        assert not wrong
 
 
 def test_the_catalog_loads_without_ros_and_without_the_simulator() -> None:

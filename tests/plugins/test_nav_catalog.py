@@ -143,6 +143,17 @@ def test_the_variance_is_the_largest_of_x_y_and_yaw_only(index: int) -> None:
     assert localization.variance(covariance(**{f"v{index}": 0.4})) == 0.4
 
 
+def test_a_list_of_places_grows_by_one_and_not_for_ever() -> None:
+    add = PLUGIN.functions["add_place"].bind({})
+    places: list[Any] = []
+    for number in range(20):
+        before = list(places)
+        longer = add(places, {"x": float(number), "y": 0.0, "yaw": 0.0})
+        assert places == before, "the list of a mission's memory is not changed in place"
+        places = longer
+    assert [place["x"] for place in places] == [float(number) for number in range(4, 20)]
+
+
 @pytest.mark.parametrize("value", [math.nan, math.inf])
 @pytest.mark.parametrize("index", localization.PLANAR)
 def test_a_variance_that_is_no_number_never_passes(index: int, value: float) -> None:

@@ -69,8 +69,8 @@ class Bench:
         parameters = defaults(PLUGIN, **self.changed)
         self.client = NavClient(self.ros, self.outlet, parameters)  # type: ignore[arg-type]
 
-    def choose(self, attempt: str = "a1") -> None:
-        self.client.start(attempt, "choose_frontier", {})
+    def choose(self, attempt: str = "a1", **arguments: Any) -> None:
+        self.client.start(attempt, "choose_frontier", arguments)
 
     def hear(self, topic: str, message: Any) -> None:
         self.ros.subscriptions[topic](message)
@@ -140,6 +140,31 @@ def test_a_map_of_which_nothing_is_left_says_what_it_has_instead() -> None:
         "no frontier in a map of 78 known cells"
         " (2 clusters too small, 1 cells without clearance, 1 neither free nor solid)"
     )
+
+
+def test_what_is_to_be_avoided_is_waited_past_until_the_map_has_something_else() -> None:
+    bench = Bench()
+    bench.hear("/amcl_pose", at(0.75, 0.75))
+    bench.choose("a1", avoid=[{"x": 4.5, "y": 4.5, "yaw": 3.0}])
+    bench.choose("a2")
+    bench.hear("/map", grid(half_known()))
+    assert bench.told[-1] == (
+        "no frontier in a map of 200 known cells (0 clusters too small, 0 cells without clearance, 1 avoided)"
+    )
+    assert (bench.outlet.kinds("a1"), bench.outlet.kinds("a2")) == (["accepted"], ["accepted", "done"])
+    more = half_known()
+    more[:, 10:12] = 0
+    bench.hear("/map", grid(more))
+    assert bench.outlet.kinds("a1") == ["accepted", "done"]
+    assert bench.chosen[0] == 5.75
+
+
+def test_how_near_is_avoided_is_a_parameter() -> None:
+    bench = Bench(changed={"frontier_avoid_distance_m": 0.3})
+    bench.hear("/amcl_pose", at(0.75, 0.75))
+    bench.choose(avoid=[{"x": 4.5, "y": 4.5, "yaw": 0.0}])
+    bench.hear("/map", grid(half_known()))
+    assert bench.chosen[:2] == (4.75, 4.75)
 
 
 def test_a_grid_of_no_cells_is_told() -> None:

@@ -226,7 +226,45 @@ def test_a_survey_counts_what_did_not_count() -> None:
     grid = make_grid(cells, 19, 1, 1.0)
     assert grid is not None
     found = survey(grid, None, Thresholds(min_cells=2, radius_cells=1))
-    assert found == Survey(frontier=None, known=13, undecided=1, cramped=1, small=2)
+    assert found == Survey(frontier=None, known=13, undecided=1, cramped=1, small=2, avoided=0)
+
+
+TWO_ROOMS = """
+    |...............     ......|
+    """
+
+
+@pytest.mark.parametrize(
+    ("avoid", "chosen", "avoided"),
+    [
+        ([], 7.5, 0),
+        ([(7.5, 0.5)], 22.5, 1),
+        ([(7.5, 2.4)], 22.5, 1),
+        ([(7.5, 2.6)], 7.5, 0),
+        ([(3.0, 0.5)], 7.5, 0),
+        ([(22.5, 0.5)], 7.5, 1),
+    ],
+)
+def test_a_frontier_near_a_place_to_avoid_is_not_chosen(
+    avoid: list[tuple[float, float]], chosen: float, avoided: int
+) -> None:
+    """Near is measured from its middle, where the robot would drive: a long one is not avoided by one end."""
+    cells = drawn(TWO_ROOMS)
+    cells = np.vstack([np.full_like(cells, U), cells])
+    grid = make_grid(cells, cells.shape[1], 2, 1.0, (0.0, -1.0))
+    assert grid is not None
+    result = survey(grid, (7.5, 0.5), Thresholds(min_cells=3, radius_cells=0, avoid_distance=2.0), avoid)
+    assert result.frontier is not None
+    assert (result.frontier.x, result.frontier.clusters, result.avoided) == (chosen, 2 - avoided, avoided)
+
+
+def test_where_every_frontier_is_avoided_there_is_none() -> None:
+    grid = make_grid(drawn("|... |"), 4, 1, 1.0)
+    assert grid is not None
+    limits = Thresholds(min_cells=1, radius_cells=0)
+    result = survey(grid, None, limits, [(2.5, 0.5)])
+    assert (result.frontier, result.avoided) == (None, 1)
+    assert survey(grid, None, limits, [(2.5, 1.1)]).frontier is not None
 
 
 # --- properties
@@ -344,6 +382,22 @@ def test_more_clearance_never_finds_more(grid: Grid, robot: tuple[float, float] 
     assert cramped == sorted(cramped)
     open_first = [result.frontier is not None for result in found]
     assert open_first == sorted(open_first, reverse=True)
+
+
+@given(grid=maps(), robot=robots)
+def test_avoiding_what_was_chosen_finds_all_frontiers_one_after_the_other(
+    grid: Grid, robot: tuple[float, float] | None
+) -> None:
+    """Each once, the best first; then there is none, and as many are avoided as there were."""
+    limits = Thresholds(min_cells=1, radius_cells=0, avoid_distance=0.0)
+    first = survey(grid, robot, limits)
+    avoid: list[tuple[float, float]] = []
+    result = first
+    while result.frontier is not None:
+        avoid.append((result.frontier.x, result.frontier.y))
+        result = survey(grid, robot, limits, avoid)
+        assert result.avoided == len(avoid)
+    assert len(set(avoid)) == len(avoid) == (first.frontier.clusters if first.frontier else 0)
 
 
 @given(grid=maps(), thresholds=limits, robot=robots)

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from lupin_engine.world.poses import Pose
 from lupin_perception import registry
 from lupin_perception.flowers import Summary
-from lupin_perception.registry import Confirmation, Registry
+from lupin_perception.registry import Confirmation, Known, Registry
 
 RED = Summary("tulip_red", 0.9, False, ())
 
@@ -141,3 +141,44 @@ def test_a_tag_is_confirmed_once_it_was_seen_often_enough_and_for_as_long_as_tha
 def test_a_strange_id_is_told_back_short_and_quoted() -> None:
     found = made().confirm("\x1b[2J" + "9" * 10_000, 0.0)
     assert found.error == "tag '\\x1b[2J9999999999999999' not discovered"
+
+
+def test_what_others_work_from_is_told_apart_from_mere_sightings() -> None:
+    """Boxes and the memory are made anew only when a tag is found, moves, is classified or forgotten."""
+    tags = made()
+    tags.begin("m1")
+    before = tags.revision
+
+    def changed() -> bool:
+        nonlocal before
+        before, now = tags.revision, tags.revision != before
+        return now
+
+    see(tags, "1", "1")
+    assert not changed(), "not yet discovered"
+    see(tags, "1")
+    assert changed()
+    see(tags, "1", "1")
+    assert not changed(), "seen again in the same place"
+    see(tags, "1", distance=2.0, x=5.0)
+    assert not changed(), "a worse view"
+    see(tags, "1", x=1.1)
+    assert changed()
+    tags.classify("1", Summary("tulip_red", 0.9, False, ()))
+    assert changed()
+    assert tags.begin("m2")
+    assert changed()
+
+
+def test_what_an_earlier_process_knew_counts_again() -> None:
+    """But whether the tag is in sight, it cannot know."""
+    tags = made()
+    tags.begin("m1")
+    tags.restore([Known("5", at(1.0), 0.5, 7, -math.inf)])
+    assert names(tags) == ["5"]
+    assert tags.confirm("5", 100.0).error == "tag '5' stale: not seen since this node began, allowed 5 s"
+    see(tags, "5", distance=2.0, now=100.0, x=3.0)
+    known = tags.find("5")
+    assert known is not None
+    assert (known.sightings, known.pose.plane[0]) == (8, 1.0), "the nearer view still places it"
+    assert tags.confirm("5", 100.0).detected

@@ -375,8 +375,8 @@ def test_ngsi_ld_means_what_it_should_to_readers_of_linked_data() -> None:
 
 
 @pytest.fixture(scope="module")
-def body() -> Any:
-    """The model of what a server of SensorThings 1.1 takes as a new Thing with all that belongs to it."""
+def server() -> Any:
+    """The models of what a server of SensorThings 1.1 takes and answers."""
     pytest.importorskip("sensorthings")
     import django
     from django.conf import settings
@@ -389,24 +389,41 @@ def body() -> Any:
         SENSORTHINGS_V1_1_OBSERVATION_TYPE_SCHEMA=bool | int | float | str,
     )
     django.setup()
-    from sensorthings.versions.v1_1.schemas import ThingPostBody
+    from sensorthings.versions.v1_1 import schemas
 
-    return ThingPostBody
+    return schemas
+
+
+def without_ids(told: Any) -> Any:
+    """Return Things as they are posted: with an id, a server takes what has it for what it has already."""
+    if isinstance(told, list):
+        return [without_ids(part) for part in told]
+    if isinstance(told, dict):
+        return {name: without_ids(part) for name, part in told.items() if name != "@iot.id"}
+    return told
+
+
+def with_units(things: Any) -> Any:
+    """Return Things with the units that the server wants of streams in which nothing is measured.
+
+    The standard wants null there (8.2.4), and gets it; this server takes texts only.
+    """
+    for stream in (stream for thing in things for stream in thing["Datastreams"]):
+        if not stream["observationType"].endswith("OM_Measurement"):
+            assert stream["unitOfMeasurement"] == {"name": None, "symbol": None, "definition": None}
+            stream["unitOfMeasurement"] = {"name": "", "symbol": "", "definition": ""}
+    return things
 
 
 @pytest.mark.parametrize("mission", ["m1", "m2", ALL])
-def test_a_server_of_sensorthings_takes_every_thing(body: Any, mission: str) -> None:
+def test_sensorthings_is_what_a_server_would_answer_and_take(server: Any, mission: str) -> None:
     answer = json.loads(sensorthings(record_of(mission), ORIGIN))
-    assert answer["@iot.count"] == len(answer["value"]) > 0
-    for thing in answer["value"]:
-        for stream in thing["Datastreams"]:
-            if not stream["observationType"].endswith("OM_Measurement"):
-                # The standard wants null where nothing is measured (8.2.4); this server takes texts only.
-                assert stream["unitOfMeasurement"] == {"name": None, "symbol": None, "definition": None}
-                stream["unitOfMeasurement"] = {"name": "", "symbol": "", "definition": ""}
-        taken = body.model_validate(thing)
-        assert taken.name == thing["name"]
-        assert len(taken.datastreams) == len(thing["Datastreams"]) > 0
+    things = with_units(answer["value"])
+    assert server.ThingCollectionResponse.model_validate(answer).iot_count == len(things) > 0
+    for thing in things:
+        taken = server.ThingPostBody.model_validate(without_ids(thing))
+        told = [(stream.name, len(stream.observations)) for stream in taken.datastreams]
+        assert told == [(stream["name"], len(stream["Observations"])) for stream in thing["Datastreams"]]
 
 
 @pytest.mark.parametrize(
@@ -417,13 +434,24 @@ def test_a_server_of_sensorthings_takes_every_thing(body: Any, mission: str) -> 
         lambda thing: thing["Datastreams"][0].update(observationType="temperature"),
         lambda thing: thing["Datastreams"][0].pop("Sensor"),
         lambda thing: thing["Datastreams"][0]["Observations"][0].update(phenomenonTime="noon"),
+        lambda thing: thing["Locations"][0].update(encodingType="text/plain"),
     ],
 )
-def test_a_server_of_sensorthings_refuses_what_is_wrong(body: Any, spoil: Callable[[Any], Any]) -> None:
-    thing = json.loads(sensorthings(record_of("m1"), ORIGIN))["value"][0]
+def test_a_server_of_sensorthings_refuses_what_is_wrong(server: Any, spoil: Callable[[Any], Any]) -> None:
+    thing = with_units(json.loads(sensorthings(record_of("m1"), ORIGIN))["value"])[0]
     spoil(thing)
     with pytest.raises(ValueError, match="validation error"):
-        body.model_validate(thing)
+        server.ThingPostBody.model_validate(without_ids(thing))
+
+
+def test_entities_that_are_the_same_have_the_same_id() -> None:
+    things = json.loads(sensorthings(record_of(ALL), ORIGIN))["value"]
+    streams = [stream for thing in things for stream in thing["Datastreams"]]
+    co2 = [stream for stream in streams if stream["ObservedProperty"]["name"] == "co2"]
+    assert len({stream["@iot.id"] for stream in streams}) == len(streams)
+    assert {stream["Sensor"]["@iot.id"] for stream in co2} == {"urn:lupin:sensor:co2"}
+    observations = [seen["@iot.id"] for stream in streams for seen in stream["Observations"]]
+    assert len(set(observations)) == len(observations)
 
 
 def test_sensorthings_has_every_value() -> None:

@@ -15,7 +15,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
-from lupin_twin.field import BadGrid, Field, Floats, Grid, OccupancyMap, Settings, interpolate
+from lupin_twin.field import BadGrid, Field, Floats, Grid, Interpolation, OccupancyMap, Settings, interpolate
 
 DEFAULT = Settings()
 
@@ -296,3 +296,41 @@ def test_the_benchmark_measures_ours() -> None:
     assert list(times) == ["3 samples", "3 samples, remembered", "5 samples", "5 samples, remembered"]
     assert all(float(taken) > 0.0 for taken in times.values())
     assert float(times["5 samples, remembered"]) < float(times["5 samples"])
+
+
+# --- kept up to date --------------------------------------------------------------------------------
+
+
+places = st.floats(-3.0, 13.0)
+some_samples = st.lists(st.tuples(places, places, st.sampled_from([1.0, 2.5, -7.0])), max_size=12)
+
+
+@given(st.lists(some_samples, min_size=2, max_size=4), st.data())
+def test_an_updated_field_is_the_same_as_a_new_one(
+    changes: list[list[tuple[float, float, float]]], data: st.DataObject
+) -> None:
+    grid, settings = Grid.over(0.0, 0.0, 10.0, 8.0, 0.4), Settings(2.0, 1.5, 2.0)
+    followed = Interpolation(grid, settings)
+    for index, samples in enumerate(changes):
+        if index:  # what most changes are like: all stay but a few
+            samples = [*data.draw(st.permutations(changes[index - 1])), *samples[:2]]
+        table = np.array(samples, dtype=float).reshape(-1, 3)
+        found = followed.update(table[:, :2], table[:, 2])
+        new = field_of(grid, *samples, settings=settings)
+        assert_array_equal(found.values, new.values)
+        assert (found.minimum, found.maximum, found.sample_count) == (new.minimum, new.maximum, len(samples))
+
+
+def test_an_update_touches_only_what_the_change_reaches(monkeypatch: pytest.MonkeyPatch) -> None:
+    grid, sizes = Grid.over(0.0, 0.0, 20.0, 10.0, 0.1), []
+    followed, real = Interpolation(grid), Interpolation._weighted
+
+    def watched(self: Interpolation, x: Floats, y: Floats, *more: Floats) -> Floats:
+        sizes.append((len(x), len(y)))
+        return real(self, x, y, *more)
+
+    monkeypatch.setattr(Interpolation, "_weighted", watched)
+    places = np.array([[2.0, 5.0], [10.0, 5.0], [18.0, 5.0], [99.0, 99.0]])
+    for values in ([1.0, 2.0, 3.0, 4.0], [1.0, 2.0, 3.0, 4.0], [1.0, 2.5, 3.0, 4.0], [1.0, 2.5, 3.0, 5.0]):
+        followed.update(places, np.array(values))
+    assert sizes == [(200, 40), (40, 40)]

@@ -10,7 +10,7 @@ import pytest
 
 from lupin_twin import heatmap
 from lupin_twin.field import OccupancyMap, Settings
-from lupin_twin.heatmap import MAX_CELLS, REMEMBERED, Heatmap, Heatmaps, Refused, Request
+from lupin_twin.heatmap import FOLLOWED, MAX_CELLS, REMEMBERED, Heatmap, Heatmaps, Refused, Request
 from lupin_twin.records import Discovery, Pin, Reading
 from lupin_twin.state import Twin
 
@@ -43,13 +43,13 @@ def state() -> Twin:
 def worked_out(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     """Grows by one with every field that is worked out."""
     done: list[int] = []
-    real = heatmap.interpolate
+    real = heatmap.Interpolation.update
 
     def counted(*arguments: Any) -> Any:
         done.append(1)
         return real(*arguments)
 
-    monkeypatch.setattr(heatmap, "interpolate", counted)
+    monkeypatch.setattr(heatmap.Interpolation, "update", counted)
     return done
 
 
@@ -160,3 +160,18 @@ def test_what_was_not_asked_for_longest_is_forgotten(state: Twin, worked_out: li
     assert len(worked_out) == REMEMBERED + 1
     heatmaps.answer(areas[1])
     assert len(worked_out) == REMEMBERED + 2
+
+
+def test_fields_that_are_asked_for_again_are_kept_up_to_date(state: Twin) -> None:
+    heatmaps = Heatmaps(state)
+    requests = [request(min_x=-float(n)) for n in range(FOLLOWED + 1)]
+    for one in requests:
+        heatmaps.answer(one)
+    assert list(heatmaps._followed) == requests[1:]
+    state.apply(reading("1", 0.5, 25.0, stamp=2.0), 2.0)
+    kept = heatmaps._followed[requests[1]]
+    assert heatmaps.answer(requests[1]) == Heatmaps(state).answer(requests[1])
+    assert heatmaps._followed[requests[1]] is kept
+    assert list(heatmaps._followed)[-1] == requests[1]
+    heatmaps.explore(OccupancyMap(0.0, 0.0, 0.0, 1.0, np.zeros((1, 1), np.int8)))
+    assert heatmaps._followed == {}

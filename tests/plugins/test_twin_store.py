@@ -8,12 +8,16 @@ import signal
 import sqlite3
 import subprocess
 import sys
+import tempfile
+from collections.abc import Iterator
 from pathlib import Path
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from lupin_twin.field import OccupancyMap
 from lupin_twin.records import Anomaly, Box, Discovery, Flowers, Pin, Reading, Record
 from lupin_twin.state import Twin
 from lupin_twin.store import MAX_WAITING, NOWHERE, Row, Store, StoreError
@@ -273,6 +277,102 @@ def test_with_a_full_disk_records_wait_and_are_written_when_there_is_room(path: 
     tags = [row.record.tag_id for row in store.rows() if isinstance(row.record, Reading)]
     assert tags == [*map(str, range(fits + 1)), "10", "20"]
     store.close()
+
+
+@pytest.fixture
+def small_disk(tmp_path: Path) -> Iterator[Path]:
+    """A disk of 512 kB, which only root may have."""
+    folder = tmp_path / "disk"
+    folder.mkdir()
+    mounted = subprocess.run(
+        ["mount", "-t", "tmpfs", "-o", "size=512k", "tmpfs", str(folder)], capture_output=True, timeout=60
+    )
+    if mounted.returncode:
+        pytest.skip("mounting a disk is not allowed here")
+    yield folder
+    subprocess.run(["umount", str(folder)], check=True, timeout=60)
+
+
+def test_on_a_disk_that_is_really_full_nothing_is_lost(small_disk: Path) -> None:
+    store = Store(str(small_disk / "twin.sqlite"))
+    assert store.add(big(0), 0.0)
+    ballast = small_disk / "ballast"
+    with contextlib.suppress(OSError), ballast.open("wb", buffering=0) as file:
+        while True:
+            file.write(b"x" * 1024)
+    told: list[str] = []
+    for n in range(1, 20):
+        try:
+            store.add(big(n), float(n))
+        except StoreError as full:
+            told.append(str(full))
+    assert told[-1] == f"{store.path}: database or disk is full; {store.waiting} records are in memory only"
+    noise = np.random.default_rng(1).integers(0, 99, (200, 200), np.int8)
+    with pytest.raises(StoreError, match="database or disk is full; the map is in memory only"):
+        store.keep_map(OccupancyMap(0.0, 0.0, 0.0, 1.0, noise))
+    ballast.unlink()
+    assert store.flush()
+    assert store.waiting == 0
+    store.close()
+    assert [row.record for row in content(str(small_disk / "twin.sqlite"))] == [big(n) for n in range(20)]
+
+
+def test_the_latest_map_is_kept(path: str) -> None:
+    store = Store(path)
+    assert store.map() is None
+    for value in (100, -1):
+        store.keep_map(OccupancyMap(1.0, 2.0, 0.5, 0.05, np.full((2, 3), value, np.int8)))
+    store.close()
+    again = Store(path)
+    kept = again.map()
+    again.close()
+    assert kept is not None
+    assert (kept.x, kept.y, kept.yaw, kept.resolution) == (1.0, 2.0, 0.5, 0.05)
+    assert kept.cells.tolist() == [[-1] * 3] * 2
+
+
+def test_a_store_from_before_there_were_maps_gets_one(path: str) -> None:
+    fill(path, RECORDS[0])
+    with sqlite3.connect(path) as db:
+        db.execute("DROP TABLE map")
+    db.close()
+    store = Store(path)
+    assert store.put_aside == ""
+    assert store.keep_map(OccupancyMap(0.0, 0.0, 0.0, 1.0, np.zeros((1, 1), np.int8)))
+    store.close()
+
+
+@pytest.mark.parametrize("with_log", [False, True])
+def test_a_store_that_may_not_be_written_is_told(path: str, with_log: bool) -> None:
+    """As another user, because root may write everything."""
+    fill(path, *RECORDS)
+    if os.getuid() != 0:
+        pytest.skip("only root can become another user")
+    code = (
+        "import os, sys\n"
+        "from lupin_twin.store import Store, StoreError, read\n"
+        "os.setuid(65534)\n"
+        "try:\n"
+        "    Store(sys.argv[1])\n"
+        "except StoreError as error:\n"
+        "    print(error)\n"
+        "try:\n"
+        "    print(len(read(sys.argv[1]).rows))\n"
+        "except StoreError as error:\n"
+        "    print(error)\n"
+    )
+    folder = Path(path).parent
+    if with_log:  # a twin was killed, and what it wrote last is in the log
+        Path(f"{path}-wal").touch()
+    for file in folder.parents:
+        if file == Path(tempfile.gettempdir()):
+            break
+        file.chmod(0o755)
+    done = subprocess.run([sys.executable, "-c", code, path], capture_output=True, text=True, timeout=60)
+    assert done.stderr == ""
+    refused, found = done.stdout.splitlines()
+    assert refused == f"{path} cannot be opened: Permission denied"
+    assert found == (f"{path} cannot be read: unable to open database file" if with_log else "5")
 
 
 def test_what_waits_is_bounded(path: str, monkeypatch: pytest.MonkeyPatch) -> None:

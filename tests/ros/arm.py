@@ -34,6 +34,11 @@ TRAJECTORIES = "/mirte_master_arm_controller/joint_trajectory"
 THERE = 0.01
 
 
+def near(one: Pose | None, other: Pose) -> bool:
+    """Tell whether two poses are the same for all that matters."""
+    return one is not None and all(abs(a - b) < THERE for a, b in zip(one, other, strict=True))
+
+
 class Bystander:
     """Watches the wire, presses the emergency stop, and calls services."""
 
@@ -79,7 +84,7 @@ class Bystander:
 
     def is_at(self, pose: Pose) -> bool:
         """Tell whether the arm is there."""
-        return all(abs(a - b) < THERE for a, b in zip(self.pose, pose, strict=True))
+        return near(self.pose, pose)
 
     def arrives(self, pose: Pose) -> None:
         """Wait until the arm is there."""
@@ -156,6 +161,11 @@ class Scene(Bystander):
             self.arm.hold()
             self.command()
             self.sent.clear()
+
+    def arrives(self, pose: Pose) -> None:
+        """Wait until the arm is there, and its node has heard of it."""
+        super().arrives(pose)
+        self.until(lambda: near(self.arm.pose(), pose), f"the node to know that the arm is at {pose}")
 
     def command(self) -> Trajectory:
         """Return what the node has sent last, once that is seen on the wire."""

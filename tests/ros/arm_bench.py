@@ -26,6 +26,7 @@ from lupin_msgs.msg import MissionState
 from lupin_msgs.srv import ArmRecord
 from tests.ros.helpers import spin_until
 from tests.ros.wire import Asked, serve_by_hand
+from tests.ros.world import PATIENCE, World
 
 LIBRARY, CALIBRATE = "/lupin/arm/library", "/lupin/arm/calibrate"
 SERVO, POWER, GATE = "/io/servo/hiwonder", "/io/servo/hiwonder/enable_all_servos", "/enable_arm_control"
@@ -121,32 +122,42 @@ def refuse(asked: Asked) -> None:
 
 
 class Bench:
-    """The arm's node in this process, its drivers, and an operator."""
+    """The arm's node, in this process or in `world` as one of its own; its drivers, and an operator."""
 
     def __init__(
-        self, make_node: Callable[..., RosNode], path: Path, servos: bool = False, **given: Any
+        self,
+        make_node: Callable[..., RosNode],
+        path: Path,
+        servos: bool = False,
+        world: World | None = None,
+        **given: Any,
     ) -> None:
         settings = {"library_path": path, **given}
-        arguments = [part for name, value in settings.items() for part in ("-p", f"{name}:={value}")]
         self.ros = make_node("bench")
+        self.nodes = [self.ros]
         self.drivers = Drivers(self.ros, servos)
         self.told: list[dict[str, Any]] = []
-        self.ros.subscribe(
-            String, f"{LIBRARY}/state", Qos.LATCHED, lambda m: self.told.append(json.loads(m.data))
-        )
+        self.ros.subscribe(String, f"{LIBRARY}/state", Qos.LATCHED, self._on_state)
         self.estop = self.ros.publisher(Bool, "/e_stop_state", Qos.EVENT)
         self.mission = self.ros.publisher(MissionState, "/mission/state", Qos.LATCHED)
         self._callers: dict[str, Any] = {}
-        self.arm = make_node("lupin_arm", ["--ros-args", *arguments], PARAMETERS)
-        serve_all(self.arm)
+        if world is None:
+            arguments = [part for name, value in settings.items() for part in ("-p", f"{name}:={value}")]
+            self.nodes.insert(0, make_node("lupin_arm", ["--ros-args", *arguments], PARAMETERS))
+            serve_all(self.nodes[0])
+        else:
+            world.start("lupin_arm", **settings)
         self.until(lambda: self.drivers.trajectories, "the arm is pinned")
         self.until(lambda: self.told, "a first state")
         for topic in (self.estop, self.mission):
             self.until(topic.get_subscription_count, "the arm listens")
 
+    def _on_state(self, message: String) -> None:
+        self.told.append(json.loads(message.data))
+
     def until(self, condition: Callable[[], Any], what: str) -> None:
         """Work until a condition holds."""
-        spin_until([self.arm, self.ros], condition, what=what)
+        spin_until(self.nodes, condition, PATIENCE, what)
 
     def ask(self, kind: Any, service: str, /, **fields: Any) -> list[Any]:
         """Send a request; return the list that its answer comes into."""

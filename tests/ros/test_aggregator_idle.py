@@ -21,7 +21,7 @@ pytestmark = pytest.mark.ros
 MakeNode = Callable[..., RosNode]
 
 #: Looks often, so that no test waits for the next look.
-SOON = ["-p", "tick_period_s:=0.05", "-p", "attribute_when_idle:=false"]
+SOON = ["-p", "passive_climate:=true", "-p", "tick_period_s:=0.05", "-p", "attribute_when_idle:=false"]
 
 
 class Bridge:
@@ -113,7 +113,7 @@ def test_it_can_be_switched_off(make_node: MakeNode) -> None:
 
 
 def remembering(make_node: MakeNode, file: Path) -> Scene:
-    given = ["-p", f"memory_file:={file}", "-p", "passive_climate:=false", "-p", "tag_in_sight_s:=0.1"]
+    given = ["-p", f"memory_file:={file}", "-p", "tag_in_sight_s:=0.1"]
     return Scene(make_node, *given)
 
 

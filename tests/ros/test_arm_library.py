@@ -29,6 +29,7 @@ from lupin_msgs.srv import (
 )
 from tests.ros.arm_bench import GATE, LIBRARY, POWER, Bench, refuse
 from tests.ros.wire import Asked, leave_open
+from tests.ros.world import World
 
 pytestmark = pytest.mark.ros
 
@@ -556,3 +557,30 @@ def test_joint_states_without_a_stamp_are_recorded_by_their_arrival(bench: Bench
     answer = bench.record("save", name="sweep")
     assert answer.n_waypoints == len(SWEEP) + 1  # and where it ended
     assert answer.duration_s > 0.1
+
+
+def test_a_process_that_ends_gives_the_arm_its_torque_back(
+    make_node: Callable[..., RosNode], world: World, path: Path
+) -> None:
+    """Told to stop during a recording by hand: no limp arm is left behind."""
+    bench = Bench(make_node, path, world=world)
+    assert bench.record("start", mode="kinesthetic").success
+    process = world.processes["lupin_arm"]
+    process.terminate()
+    bench.until(lambda: process.poll() is not None, "the end of the process")
+    assert process.returncode == 0
+    assert bench.drivers.switched == OFF + ON
+    assert not path.with_name("arm_library.limp").exists()
+
+
+def test_a_process_that_is_killed_leaves_a_mark(
+    make_node: Callable[..., RosNode], world: World, path: Path
+) -> None:
+    """Killed, it can do nothing; the mark is what the next one finds."""
+    bench = Bench(make_node, path, world=world)
+    assert bench.record("start", mode="kinesthetic").success
+    process = world.processes.pop("lupin_arm")
+    process.kill()
+    process.wait()
+    assert bench.drivers.switched == OFF
+    assert path.with_name("arm_library.limp").exists()

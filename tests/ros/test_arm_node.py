@@ -15,6 +15,7 @@ from control_msgs.action import GripperCommand
 from mirte_msgs.srv import SetServoAngleWithSpeed, SetServoOffset
 from std_srvs.srv import SetBool
 
+from lupin_arm import simulated as simulated_module
 from lupin_arm.client import ArmClient
 from lupin_arm.joints import ARM, MAX_RATE, Pose, check_pose
 from lupin_arm.node import arm as arm_module
@@ -338,22 +339,27 @@ def test_while_stopped_everything_is_refused(scene: Scene) -> None:
     scene.until(lambda: scene.preset("inspect").success)
 
 
-def test_a_stop_in_the_middle_of_a_motion_holds_the_arm(scene: Scene) -> None:
-    scene.turn("elbow", 80.0, rate=60.0)
+def test_a_stop_in_the_middle_of_a_motion_holds_arm_and_jaw(
+    scene: Scene, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(simulated_module, "JAW_RATE", 0.1)
+    scene.turn("elbow", 80.0, rate=20.0)
     scene.turn("gripper", 30.0)
-    scene.until(lambda: scene.pose[2] > math.radians(20.0))
-    before = len(scene.sent)
+    scene.until(lambda: scene.pose[2] > math.radians(5.0) and scene.jaw > -0.19)
     scene.estop(True)
-    scene.until(lambda: len(scene.sent) > before, "a command to hold")
-    held, jaw = positions(scene), scene.jaw
-    scene.wait(0.5)
-    assert scene.pose == pytest.approx(held, abs=0.01)
-    assert math.radians(15.0) < held[2] < math.radians(60.0)
-    assert scene.jaw == pytest.approx(jaw, abs=0.05)
-    assert scene.jaw < 0.24
+    scene.until(lambda: scene.arm.stopped)
+    held = positions(scene)
+    assert held[2] < math.radians(60.0)
+    scene.arrives(held)
+    assert scene.sim is not None
+    scene.until(lambda: scene.sim._goal is None, "the end of the jaw's motion")
+    jaw = scene.jaw
+    assert jaw < 0.2
     scene.estop(False)
+    scene.until(lambda: not scene.arm.stopped)
     scene.wait(0.3)
-    assert scene.pose == pytest.approx(held, abs=0.01)
+    assert scene.is_at(held)
+    assert scene.jaw == pytest.approx(jaw, abs=0.02)
 
 
 def test_a_stop_can_release_the_servos_but_not_energise_them(scene: Scene) -> None:

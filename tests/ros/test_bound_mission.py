@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import shutil
 import sys
 from collections.abc import Callable, Iterator
@@ -13,9 +14,10 @@ import pytest
 pytest.importorskip("rclpy", reason="ROS 2 is not installed here")
 
 from rcl_interfaces.srv import DescribeParameters
+from std_msgs.msg import String
 
 from lupin_engine.chart.load import default_missions_folder
-from lupin_engine.middleware.node import RosNode
+from lupin_engine.middleware.node import Qos, RosNode
 from tests.ros import bound
 from tests.ros.bound import SPRAYER, Cart, abort, succeed
 from tests.ros.world import PATIENCE, Operator, World
@@ -23,14 +25,20 @@ from tests.ros.world import PATIENCE, Operator, World
 pytestmark = [pytest.mark.ros, pytest.mark.timeout(180)]
 
 
+ORDER = "sprayer.spray"
+
+
 class Desk(Operator):
     """An operator who also works the spray cart."""
 
     def __init__(self, make_node: Callable[..., RosNode]) -> None:
         super().__init__("desk")
+        self._steps: list[dict[str, Any]] = []
+        steps = "/mission_orchestrator/steps"
+        self.ros.subscribe(String, steps, Qos.BACKLOG, lambda m: self._steps.append(json.loads(m.data)))
         self._make = make_node
         self.cart: Cart | None = None
-        self.level = 80.0
+        self.level: float | None = 80.0
 
     def until(self, condition: Callable[[], Any], what: str, timeout: float = PATIENCE) -> None:
         """Work until `condition` holds; the cart works, and tells its tank all the time."""
@@ -38,10 +46,17 @@ class Desk(Operator):
         def holds() -> Any:
             if self.cart is not None:
                 self.cart.ros.spin_once(0.0)
-                self.cart.tank(self.level)
+                if self.level is not None:
+                    self.cart.tank(self.level)
             return condition()
 
         super().until(holds, what, timeout)
+
+    def order_is_taken(self) -> bool:
+        """Tell whether the orchestrator has heard that the cart has an order."""
+        steps = [record["step"] for record in self._steps]
+        orders = {c["attempt"] for s in steps for c in s.get("commands", ()) if c.get("operation") == ORDER}
+        return any(s["event"] == "attempt.accepted" and s["data"]["attempt"] in orders for s in steps)
 
     def switch_on(self) -> Cart:
         """Let the cart appear."""
@@ -53,6 +68,17 @@ class Desk(Operator):
         self.in_state("READY")
         answer = self.start(*tags, mission="SprayMission")
         assert answer.accepted, answer.error_message
+
+
+def put(file: Path, *changes: tuple[str, str]) -> None:
+    """Change a file, at once."""
+    text = file.read_text(encoding="utf-8")
+    for old, new in changes:
+        assert text.count(old) == 1, old
+        text = text.replace(old, new)
+    aside = file.with_suffix(".new")
+    aside.write_text(text, encoding="utf-8")
+    aside.replace(file)
 
 
 @pytest.fixture
@@ -90,7 +116,7 @@ def test_a_mission_with_it(world: World, desk: Desk, spraying: Cart) -> None:
     desk.in_state("DONE")
     told = [(o.tag_reading.tag_id, o.status) for o in desk.observations]
     assert told == [("1", 0), ("5", 1)]
-    assert desk.observations[1].detail == "a box"
+    assert desk.observations[1].status_detail == "a box"
     assert {goal.request.pose.header.frame_id for goal in spraying.goals} == {"bed_3"}
     assert (spraying.lamps, spraying.rinsed) == ([(0.0, 1.0), (1.0, 0.0)], 1)
     described = desk.call(
@@ -118,8 +144,24 @@ def test_a_level_of_its_value_is_an_event(desk: Desk, spraying: Cart) -> None:
     desk.until(lambda: spraying.goals, "the order")
     desk.level = 25.0  # less the 10 % that it always holds: below the reserve of 20 %
     desk.in_state("DONE")
-    assert desk.state.last_error == "tank_empty"
+    assert "tank_empty" in {state.last_error for state in desk.states}
     assert spraying.cancelled == spraying.goals
+
+
+def test_a_value_that_nobody_tells_any_more_is_unknown(world: World, desk: Desk, missions: Path) -> None:
+    """After its `freshness`; nothing has to come for that to be noticed."""
+    put(missions / "bindings" / "sprayer.yaml", ("freshness: 5 s", "freshness: 1 s"))
+    level = "input.tank.low: {target: RINSING, code: tank_empty}\n"
+    unknown = "always: {target: RINSING, guard: not known(input.tank), code: tank_empty}\n"
+    put(missions / "spray.yaml", (f"  {level}", f"{unknown}"))
+    cart = desk.switch_on()
+    world.start_all(missions_path=missions)
+    desk.begin("1")
+    desk.until(lambda: cart.goals, "the order")
+    desk.level = None
+    desk.in_state("DONE")
+    assert "tank_empty" in {state.last_error for state in desk.states}
+    assert cart.cancelled == cart.goals
 
 
 def test_a_hold_stops_the_cart_and_gives_the_order_again(desk: Desk, spraying: Cart) -> None:
@@ -142,7 +184,7 @@ def test_a_cart_that_will_not(desk: Desk, spraying: Cart) -> None:
     desk.begin("1")
     desk.in_state("DONE")
     detail = "action server /sprayer/spray is not willing to take the goal"
-    assert [o.detail for o in desk.observations] == [detail]
+    assert [o.status_detail for o in desk.observations] == [detail]
 
 
 def test_a_cart_that_dies(world: World, desk: Desk, missions: Path) -> None:
@@ -151,15 +193,10 @@ def test_a_cart_that_dies(world: World, desk: Desk, missions: Path) -> None:
     world.start_all(missions_path=missions)
     desk.begin("1")
     desk.in_state("SPRAYING")
-    log = world.log("mission_orchestrator")
-    desk.until(lambda: "attempt.accepted" in _steps(log), "the order is taken")
+    desk.until(desk.order_is_taken, "the order is taken")
     world.processes["cart"].kill()
     desk.in_state("DONE")
-    assert [o.detail for o in desk.observations] == ["action server /sprayer/spray is gone"]
-
-
-def _steps(log: Path) -> str:
-    return log.read_text(encoding="utf-8")
+    assert [o.status_detail for o in desk.observations] == ["action server /sprayer/spray is gone"]
 
 
 def test_the_robot_waits_for_the_cart(world: World, desk: Desk, missions: Path) -> None:
@@ -172,14 +209,25 @@ def test_the_robot_waits_for_the_cart(world: World, desk: Desk, missions: Path) 
     desk.in_state("READY")
 
 
+def test_a_binding_that_changes_while_nothing_runs(desk: Desk, spraying: Cart, missions: Path) -> None:
+    """The next order goes as the file says now, over a client that was made anew."""
+    put(missions / "bindings" / "sprayer.yaml", ("default: mist", "default: fog"), ("1.0}", "0.5}"))
+    spraying.answer = succeed
+    desk.begin("1")
+    desk.in_state("DONE")
+    assert [goal.request.behavior_tree for goal in spraying.goals] == ["fog"]
+    assert spraying.lamps == [(0.0, 1.0), (1.0, 0.0)]
+    assert [o.status for o in desk.observations] == [0]
+
+
 def test_what_is_not_in_the_definition(world: World, desk: Desk, missions: Path) -> None:
     """A binding that was changed is held against what is installed; all that is wrong is told at once."""
     file = missions / "bindings" / "sprayer.yaml"
     desk.switch_on()
     world.start_all(missions_path=missions)
     desk.in_state("READY")
-    text = file.read_text(encoding="utf-8")
-    for old, new in (
+    put(
+        file,
         ("result.error_msg", "result.error_mesg"),
         ("constant.NONE", "constant.NOTHING"),
         ("frame_id:", "frame:"),
@@ -187,10 +235,7 @@ def test_what_is_not_in_the_definition(world: World, desk: Desk, missions: Path)
         ('g: "${ green }"', 'green: "${ green }"'),
         ("constant.ERROR", "constant.ERR"),
         ("feedback.distance_remaining", "feedback.distance"),
-    ):
-        assert text.count(old) == 1, old
-        text = text.replace(old, new)
-    file.write_text(text, encoding="utf-8")
+    )
     refused = desk.start("1", mission="NoSuchMission")
     told = [line.partition(": error: ")[2] for line in refused.error_message.splitlines()]
     assert told == [

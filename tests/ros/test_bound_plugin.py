@@ -355,7 +355,10 @@ def test_messages_are_filled_with_times_poses_and_bytes() -> None:
         ({"stamp": "soon"}, "Header.stamp: expected seconds, got 'soon'"),
         ({"stamp": "2 m"}, "Header.stamp: expected seconds, got '2 m'"),
         ({"stamp": math.nan}, "Header.stamp: expected seconds, got nan"),
-        ({"stamp": 1e300}, "builtin_interfaces/msg/Time.sec: expected int32 of at most 2.14748e.09, got 10000000"),
+        (
+            {"stamp": 1e300},
+            "builtin_interfaces/msg/Time.sec: expected int32 of at most 2.14748e.09, got 10000000",
+        ),
         (3, "expected std_msgs/msg/Header, got 3"),
     ],
 )

@@ -39,3 +39,12 @@ class TestDriver(DriverContract):
             return response
 
         ros.serve(SetArmPreset, "/lupin/arm/preset", answer)
+
+
+class TestDriverWithItsOwnNodes(DriverContract):
+    """Over ROS 2, with the node that knows the presets, and the simulated arm."""
+
+    plugin = "arm"
+    arguments: ClassVar = {"preset": {"name": "home"}}
+    parameters: ClassVar = {"arm_patrol_enabled": True}
+    waits = False

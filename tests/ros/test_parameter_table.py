@@ -84,6 +84,7 @@ MORE = {
     "amcl_pose_must_live",  # a pose seeded once is one without a publisher
     "battery_hysteresis",  # a battery that flickers at the threshold is one trip to the dock
     "frontier_timeout_s",  # a search ends when nothing is left to explore
+    "frontier_avoid_distance_m",  # a frontier to which there was no way is not chosen again
 }
 OF_ROS = {"use_sim_time", "start_type_description_service"}
 
@@ -107,6 +108,7 @@ UNITS = {
     "approach_yaw": "rad",
     "approach_standoff_m": "m",
     "frontier_robot_clearance_m": "m",
+    "frontier_avoid_distance_m": "m",
     "dock_pose": "x m, y m, yaw rad",
 }
 NUMBERS = (ParameterType.PARAMETER_DOUBLE, ParameterType.PARAMETER_INTEGER)

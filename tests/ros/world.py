@@ -7,7 +7,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -129,14 +129,10 @@ class World:
         self.start("lupin_sim", speed=0.5 * speed)
         self.start("mission_orchestrator", **parameters)
 
-    def start_search(
-        self, *, speed: float = 20.0, robot: Mapping[str, Any] | None = None, **given: Any
-    ) -> None:
-        """Start what an exploration needs."""
-        self.start("greenhouse_bridge")
-        self.start("lupin_sim", speed=0.5 * speed, **(robot or {}))
+    def start_search(self, **given: Any) -> None:
+        """Start what an exploration needs: somebody must say where tags are."""
         self.start("perception_aggregator")
-        self.start("mission_orchestrator", **given)
+        self.start_all(**given)
 
     def log(self, node: str) -> Path:
         """The file with a node's output."""

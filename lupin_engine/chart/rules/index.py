@@ -128,6 +128,40 @@ class Index:
         return next((name for name in above if states[name].kind is Kind.COMPOUND), "")
 
     @cached_property
+    def reached(self) -> set[str]:
+        """The states that something can enter, followed from the root on, guards aside.
+
+        A state that is active because something inside it was entered has not begun with its first child. To
+        FAULT an error leads that nobody handles.
+        """
+        states = self.chart.states
+        active: set[str] = set()
+        begun: set[str] = set()
+        waiting = ["", FAULT] if FAULT in states else [""]
+        while waiting:
+            entered = waiting.pop()
+            if entered in begun:
+                continue
+            begun.add(entered)
+            waiting += self.begun(states[entered])
+            for name in self.lineage[entered]:
+                if name in active:
+                    break
+                active.add(name)
+                waiting += self._leads_to(states[name])
+        return active
+
+    def _leads_to(self, state: State) -> list[str]:
+        """Return what is entered from a state, or together with it whatever it begins with."""
+        ways = (*state.transitions, *state.resume_at)
+        found = [transition.target for transition in ways if transition.target is not None]
+        if state.kind is Kind.PARALLEL:
+            found += [region.name for region in self.regions(state)]
+        if state.kind is Kind.HISTORY:
+            found += [name for name in (state.initial, state.parent) if name is not None]
+        return found
+
+    @cached_property
     def slot(self) -> State | None:
         """The state that the missions stand in."""
         return next((state for state in self.states if state.slot), None)

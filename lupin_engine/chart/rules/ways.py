@@ -79,9 +79,10 @@ def waits_for_the_world(index: Index) -> Iterator[Diagnostic]:
 
 def _does_something(index: Index, state: State) -> bool:
     """Tell whether a state works, watches the clock (as it is written), or stands beside others that do."""
+    if state.timers or state.invoke is not None or state.kind is Kind.PARALLEL:
+        return True
     node = index.composed.drafts[state.name].node
-    written = node is not None and bool(node.invoke or node.for_each or node.after or node.budget)
-    return written or state.kind is Kind.PARALLEL
+    return node is not None and bool(node.invoke or node.for_each or node.after or node.budget)
 
 
 def _comes_from_the_world(event: str, raised: set[str]) -> bool:
@@ -105,7 +106,7 @@ def _has_way_out(index: Index, state: State, without: Iterable[str] = ()) -> boo
 
 def unreachable_state(index: Index) -> Iterator[Diagnostic]:
     """Find a state that no initial state and no transition leads to; told for the outermost of them."""
-    reached = _reached(index)
+    reached = index.reached
     if len(reached) == len(index.states):
         return
     for state in index.states:
@@ -120,41 +121,6 @@ def _is_implied(index: Index, state: State) -> bool:
     return state.kind is Kind.HISTORY and index.composed.drafts[state.name].node is None
 
 
-def _reached(index: Index) -> set[str]:
-    """Follow everything that can enter a state, from the root on, guards aside.
-
-    A state that is active because something inside it was entered has not begun with its first child. To
-    FAULT an error leads that nobody handles.
-    """
-    states = index.chart.states
-    active: set[str] = set()
-    begun: set[str] = set()
-    waiting = ["", FAULT] if FAULT in states else [""]
-    while waiting:
-        entered = waiting.pop()
-        if entered in begun:
-            continue
-        begun.add(entered)
-        waiting += index.begun(states[entered])
-        for name in index.lineage[entered]:
-            if name in active:
-                break
-            active.add(name)
-            waiting += _leads_to(index, states[name])
-    return active
-
-
-def _leads_to(index: Index, state: State) -> Iterator[str]:
-    """Yield what is entered from a state, or together with it whatever it begins with."""
-    for transition in (*state.transitions, *state.resume_at):
-        if transition.target is not None:
-            yield transition.target
-    if state.kind is Kind.PARALLEL:
-        yield from (region.name for region in index.regions(state))
-    if state.kind is Kind.HISTORY:
-        yield from (name for name in (state.initial, state.parent) if name is not None)
-
-
 # -- dead-end ---------------------------------------------------------------------------------------------
 
 
@@ -162,7 +128,7 @@ def dead_end(index: Index) -> Iterator[Diagnostic]:
     """Find states from which no way leads to an end: one that cannot be left, or several in a circle."""
     states, ways = index.chart.states, _Ways(index)
     last = [part for part in components(ways.leads) if not ways.leads_on(part)]
-    reached = _reached(index) if last else set()
+    reached = index.reached if last else set()
     for part in last:
         rest = [states[name] for name in part if name in reached and states[name].kind is Kind.ATOMIC]
         if rest:

@@ -38,9 +38,9 @@ def work(name: str | None, live: bool, as_json: bool) -> int:
     if as_json:
         click.echo(json.dumps([asdict(verdict) for verdict in verdicts], indent=2, ensure_ascii=False))
     else:
-        plugins = len({verdict.plugin for verdict in verdicts})
+        plugins, rules = len({verdict.plugin for verdict in verdicts}), len(verdicts)
         kept = "all kept" if not broken else f"{broken} broken"
-        click.echo(f"{plugins} plugin{'s' * (plugins != 1)}, {len(verdicts)} rules, {kept}")
+        click.echo(f"{plugins} plugin{'s' * (plugins != 1)}, {rules} rule{'s' * (rules != 1)}, {kept}")
     return 1 if broken else 0
 
 

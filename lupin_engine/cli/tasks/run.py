@@ -55,7 +55,7 @@ def _carry_out(
 ) -> int:
     """Run the mission; whatever goes wrong, it is told here and the mission is aborted."""
     try:
-        session.bring_up(loaded.chart.plugins, catalog)
+        session.bring_up(loaded.plugins, catalog)
         story = session.start(loaded.names[0], tags, goal)
         session.follow(story)
         return story.verdict

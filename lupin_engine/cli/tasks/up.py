@@ -31,7 +31,7 @@ def work(missions: tuple[str, ...], **wanted: Any) -> int:
     observer = PlainObserver()
     with Interrupts() as interrupts, Session(settings, observer, interrupts) as session:
         try:
-            session.bring_up(loaded.chart.plugins, catalog)
+            session.bring_up(loaded.plugins, catalog)
             click.echo("\n".join(served(loaded, str(current_domain()))))
             session.watch(_StateLines())
         except Interrupted:

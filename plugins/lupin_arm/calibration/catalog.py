@@ -33,7 +33,7 @@ PLUGIN = Plugin(
     operations={
         "take_arm": Operation(
             doc="Keep everybody else from moving the arm, and its controller from moving the servos.",
-            codes=(Code("arm_not_free", "the arm cannot be had"),),
+            codes=(Code("arm_not_free", "the arm cannot be had"), _FAILED),
             mock=Mock(after=0.1),
         ),
         "read_offsets": Operation(
@@ -87,5 +87,6 @@ PLUGIN = Plugin(
             mock=Mock(after=0.1),
         ),
     },
+    internal=True,
     values={"calibration.stopped": LiveValue("whether the arm is stopped", BOOL, initial=False)},
 )

@@ -1,7 +1,7 @@
 """What the calibration's chart does to the servos: its plugin's driver, over the vendor's services.
 
-Servos are dealt with one after the other, and the first that fails ends the operation: the chart then
-restores all of them.
+Servos are dealt with one after the other. The first that fails ends the operation, and the chart restores all
+of them.
 """
 
 from __future__ import annotations
@@ -39,6 +39,35 @@ class Call(NamedTuple):
 Answers = Callable[[list[Any]], None]
 
 
+class _Connection:
+    """The servos' services and positions; there only while the arm is calibrated.
+
+    Positions come a hundred times a second, and everything that a node listens to makes it slower.
+    """
+
+    def __init__(self, ros: RosNode, gate: str) -> None:
+        self._ros = ros
+        self.counts: dict[str, int] = {}
+        self.gate = ros.service(SetBool, gate)
+        self.read = {j: ros.service(GetServoOffset, f"{SERVO}/{j}/_offset") for j in HOMES}
+        self.write = {j: ros.service(SetServoOffset, f"{SERVO}/{j}/_set_offset") for j in HOMES}
+        self.turn = {j: ros.service(SetServoAngle, f"{SERVO}/{j}/set_angle") for j in HOMES}
+        self._positions = [
+            ros.subscribe(ServoPosition, f"{SERVO}/{j}/position", Qos.SENSOR, partial(self._on_position, j))
+            for j in HOMES
+        ]
+
+    def _on_position(self, joint: str, message: ServoPosition) -> None:
+        self.counts[joint] = int(message.raw)
+
+    def close(self) -> None:
+        """Let go of all of it."""
+        for subscription in self._positions:
+            self._ros.node.destroy_subscription(subscription)
+        for service in (self.gate, *self.read.values(), *self.write.values(), *self.turn.values()):
+            service.close()
+
+
 class Servos:
     """See `plugin.contract.Driver` for what every call promises."""
 
@@ -47,15 +76,9 @@ class Servos:
         self._ros = ros
         self._arm = arm
         self._outlet = outlet
-        self._counts: dict[str, int] = {}
         self._running: set[str] = set()
-        self._gate = ros.service(SetBool, gate)
-        self._read = {j: ros.service(GetServoOffset, f"{SERVO}/{j}/_offset") for j in HOMES}
-        self._write = {j: ros.service(SetServoOffset, f"{SERVO}/{j}/_set_offset") for j in HOMES}
-        self._turn = {j: ros.service(SetServoAngle, f"{SERVO}/{j}/set_angle") for j in HOMES}
-        for joint in HOMES:
-            hear = partial(self._on_position, joint)
-            ros.subscribe(ServoPosition, f"{SERVO}/{joint}/position", Qos.SENSOR, hear)
+        self._gate_name = gate
+        self._connection: _Connection | None = None
         self._operations: Mapping[str, Callable[[str, Mapping[str, Any]], None]] = {
             "take_arm": self._take_arm,
             "read_offsets": self._read_offsets,
@@ -67,6 +90,17 @@ class Servos:
             "correct": self._correct,
             "enable": self._enable,
         }
+
+    @property
+    def _servos(self) -> _Connection:
+        if self._connection is None:
+            self._connection = _Connection(self._ros, self._gate_name)
+        return self._connection
+
+    def _disconnect(self) -> None:
+        if self._connection is not None:
+            self._connection.close()
+            self._connection = None
 
     # --- the driver ---------------------------------------------------------------------------------------
 
@@ -112,8 +146,8 @@ class Servos:
         except Refused as reason:
             self._failed(attempt, "arm_not_free", str(reason))
             return
-        call = Call(self._gate, SetBool.Request(data=False))
-        self._ask(attempt, [call], lambda _: self._done(attempt), "arm_not_free")
+        call = Call(self._servos.gate, SetBool.Request(data=False))
+        self._ask(attempt, [call], lambda _: self._done(attempt))
 
     def _interrupted(self, _: str) -> None:
         self.tell_stopped()
@@ -132,6 +166,7 @@ class Servos:
         def switched(problem: str | None) -> None:
             if on:
                 self._arm.release(OWNER)
+                self._disconnect()
             if problem is None:
                 self._done(attempt)
             else:
@@ -153,30 +188,46 @@ class Servos:
         self._ask(attempt, self._reads(), read)
 
     def _reads(self) -> list[Call]:
-        return [Call(service, GetServoOffset.Request()) for service in self._read.values()]
+        return [Call(service, GetServoOffset.Request()) for service in self._servos.read.values()]
 
     def _clear_offsets(self, attempt: str, _: Mapping[str, Any]) -> None:
         self._ask(attempt, self._writes(dict.fromkeys(HOMES, 0)), lambda _: self._done(attempt))
 
     def _write_offsets(self, attempt: str, arguments: Mapping[str, Any]) -> None:
-        self._ask(attempt, self._writes(_offsets(arguments["offsets"])), lambda _: self._done(attempt))
+        """Write to as many as will have it: one that does not answer keeps no other from being restored."""
+        calls = self._writes(_offsets(arguments["offsets"]))
+
+        def written(answers: list[Any]) -> None:
+            problems = (_problem(call.service, answer) for call, answer in zip(calls, answers, strict=True))
+            wrong = [problem for problem in problems if problem is not None]
+            if wrong:
+                self._failed(attempt, "servo_failed", "; ".join(wrong))
+            else:
+                self._done(attempt)
+
+        self._ask(attempt, calls, written, code=None)
 
     def _writes(self, offsets: Mapping[str, int]) -> list[Call]:
-        return [Call(self._write[j], SetServoOffset.Request(centidegrees=o)) for j, o in offsets.items()]
+        return [
+            Call(self._servos.write[j], SetServoOffset.Request(centidegrees=o)) for j, o in offsets.items()
+        ]
 
     def _move_to_zero(self, attempt: str, _: Mapping[str, Any]) -> None:
         self._ask(attempt, self._turns(HOMES), lambda _: self._done(attempt))
 
     def _turns(self, joints: Sequence[str] | Mapping[str, int]) -> list[Call]:
-        return [Call(self._turn[joint], SetServoAngle.Request(angle=0.0, degrees=False)) for joint in joints]
+        return [
+            Call(self._servos.turn[joint], SetServoAngle.Request(angle=0.0, degrees=False))
+            for joint in joints
+        ]
 
     def _measure(self, attempt: str, arguments: Mapping[str, Any]) -> None:
         """Look at positions that come from now on: older ones are of before the pose."""
-        self._counts.clear()
+        self._servos.counts.clear()
         self._ros.call_later(arguments["window"], lambda: self._measured(attempt, arguments["largest"]))
 
     def _measured(self, attempt: str, largest: float) -> None:
-        counts = dict(self._counts)
+        counts = dict(self._servos.counts)
         silent = [joint for joint in HOMES if joint not in counts]
         if silent:
             self._failed(attempt, "no_position", f"nothing was heard of {', '.join(silent)}")
@@ -196,9 +247,6 @@ class Servos:
         turns = self._turns([one.joint for one in found if not one.refused])
         self._ask(attempt, [*writes, *turns], lambda _: self._done(attempt))
 
-    def _on_position(self, joint: str, message: ServoPosition) -> None:
-        self._counts[joint] = int(message.raw)
-
     # --- calls --------------------------------------------------------------------------------------------
 
     def _ask(
@@ -211,18 +259,23 @@ class Servos:
         answers: list[Any] = []
 
         def next_one() -> None:
-            if attempt not in self._running:
+            if given_up():
                 return
             if len(answers) == len(calls):
                 then(answers)
                 return
             service = calls[len(answers)].service
             self._outlet.progress(attempt, f"{service.name} was asked")
-            when_ready(self._ros, service.ready, LOOK_UP_S, lambda _: call())
+            # Of an attempt that nobody wants any more the services may be gone.
+            when_ready(self._ros, lambda: given_up() or service.ready(), LOOK_UP_S, lambda _: call())
+
+        def given_up() -> bool:
+            return attempt not in self._running
 
         def call() -> None:
-            service, request = calls[len(answers)]
-            service.call(request, ANSWER_S, answered)
+            if not given_up():
+                service, request = calls[len(answers)]
+                service.call(request, ANSWER_S, answered)
 
         def answered(answer: Any) -> None:
             problem = _problem(calls[len(answers)].service, answer)

@@ -16,7 +16,7 @@ from tf2_msgs.msg import TFMessage
 
 from lupin_engine.errors import LupinError
 from lupin_engine.middleware.node import Qos, RosNode
-from lupin_engine.world.frames import Frames
+from lupin_engine.world.frames import Frames, frame_name
 from lupin_engine.world.poses import Array
 from lupin_msgs.msg import DiscoveredTags, MissionState, Observation
 from lupin_msgs.srv import ConfirmTag
@@ -37,6 +37,10 @@ NAME = "perception_aggregator"
 
 #: Requests older than this, in seconds, are not answered: they waited out a broken link, nobody listens.
 STALE_AFTER_S = 10.0
+#: Frames in a row without a place for any of their tags that are worth a warning.
+UNPLACED_FRAMES = 5
+#: Seconds for which a sighting waits for its transform, which comes by another topic.
+LATE_S = 3.0
 #: Seconds for which a node that was started again waits to hear of the mission that it remembers.
 RECALL_S = 2.0
 #: A box that has moved (m) or turned (rad) by more is told again with its flowers.
@@ -73,7 +77,10 @@ class Aggregator:
         #: The box that the flowers of this scan were told in; None before they were.
         self._told_box: Box | None = None
         self._has_told = False
-        self._unplaced = False
+        #: Sightings that wait for their transform, by its frame, and since when.
+        self._late: dict[str, tuple[TagSeen, float]] = {}
+        #: Frames in a row with tags of which none could be placed.
+        self._unplaced = 0
         self._warned: set[str] = set()
         self._connect()
         self._boxes = KnownBoxes(ros, values, self._tags, self._warn_once)
@@ -101,6 +108,8 @@ class Aggregator:
     def _on_transforms(self, message: TFMessage) -> None:
         for problem in self._frames.take(message.transforms):
             self._warn_once(f"/tf: {problem}")
+        for stamped in message.transforms if self._late else ():
+            self._place_late(frame_name(stamped.child_frame_id))
 
     def _on_static_transforms(self, message: TFMessage) -> None:
         for problem in self._frames.take(message.transforms, static=True):
@@ -190,11 +199,26 @@ class Aggregator:
         placed = [tag for tag in near if self._add(tag, now)]
         if placed:
             self._since = self._ros.stamp()
+        self._wait_for_transforms([tag for tag in near if tag not in placed], now)
         self._tell_unplaced(near, placed)
+
+    def _wait_for_transforms(self, unplaced: Sequence[TagSeen], now: float) -> None:
+        self._late = {frame: late for frame, late in self._late.items() if now - late[1] <= LATE_S}
+        self._late.update({self._frame_of(tag): (tag, now) for tag in unplaced})
+
+    def _place_late(self, frame: str) -> None:
+        """Count the sighting that waits for this frame, if it can be placed now."""
+        tag, since = self._late.get(frame, (None, 0.0))
+        if tag is not None and self._ros.elapsed() - since <= LATE_S and self._add(tag, since):
+            del self._late[frame]
+            self._since = self._ros.stamp()
+
+    def _frame_of(self, tag: TagSeen) -> str:
+        return f"{self._values['tf_frame_prefix']}{tag.id}"
 
     def _add(self, tag: TagSeen, now: float) -> bool:
         """Count a sighting of a tag whose place is known; says whether it is."""
-        pose = self._frames.find(messages.FRAME, f"{self._values['tf_frame_prefix']}{tag.id}")
+        pose = self._frames.find(messages.FRAME, self._frame_of(tag))
         if pose is None:
             return False
         known = self._tags.add(tag.id, pose, tag.distance, now)
@@ -207,11 +231,9 @@ class Aggregator:
 
     def _tell_unplaced(self, near: Sequence[TagSeen], placed: Sequence[TagSeen]) -> None:
         """Tell when tags are seen but none can be placed: an exploration would find nothing."""
-        if placed:
-            self._unplaced = False
-        elif near and not self._unplaced:
-            self._unplaced = True
-            gap = self._frames.gap(messages.FRAME, f"{self._values['tf_frame_prefix']}{near[0].id}")
+        self._unplaced = 0 if placed else self._unplaced + bool(near)
+        if near and self._unplaced == UNPLACED_FRAMES:
+            gap = self._frames.gap(messages.FRAME, self._frame_of(near[0]))
             self._ros.log.warning(
                 f"tags are seen but none can be placed: {gap}; is the camera calibrated, the robot localized?"
             )

@@ -1,8 +1,8 @@
 """A mission's record as OGC SensorThings API 1.1 (OGC 18-088) has it.
 
-The document is what a server answers to `Things?$expand=` everything; each of its Things can be posted to a
-server as it is, with all that belongs to it. A Thing is a tag; its Datastreams are the sensors there, and
-what grew there. Anomaly reports, which belong to no tag, are one Thing of their own.
+The document is what a server answers to `Things?$expand=` everything. Without its `@iot.id`, each Thing can
+be posted to a server with all that belongs to it. A Thing is a tag; its Datastreams are the sensors there,
+and what grew there. Anomaly reports, which belong to no tag, are one Thing of their own.
 """
 
 from __future__ import annotations
@@ -38,6 +38,7 @@ class _Stream:
 
 #: What a datastream has that is not measured in anything.
 _NO_UNIT = {"name": None, "symbol": None, "definition": None}
+_UNKNOWN_UNIT = {"name": "unknown", "symbol": "", "definition": "urn:lupin:unit:unknown"}
 
 _FLOWERS = tuple(
     _Stream(name, f"{_TYPES}{kind}", f"urn:lupin:vocabulary:{name}", doc, _NO_UNIT, result)
@@ -126,7 +127,7 @@ def _value(observation: Observation, sensor: str) -> float | None:
 def _sensor(sensor: str) -> _Stream:
     known = QUANTITIES.get(sensor)
     definition = urn("lupin", "sensor", sensor) if known is None else known.definition
-    unit: Entity = _NO_UNIT
+    unit: Entity = _UNKNOWN_UNIT
     if known is not None:
         unit = {"name": known.name, "symbol": known.symbol, "definition": known.unit_definition}
     doc = "in an unknown unit" if known is None else known.label
@@ -140,7 +141,11 @@ def _datastream(
     observations: Iterable[Observation],
     feature: Callable[[Observation], Entity],
 ) -> Entity:
-    observed = [_observation(stream, seen, feature(seen)) for seen in observations]
+    observed = [
+        {"@iot.id": urn("lupin", "observation", stream.name, thing, utc(seen.time), str(number))}
+        | _observation(stream, seen, feature(seen))
+        for number, seen in enumerate(observations, 1)
+    ]
     times = sorted(seen["phenomenonTime"] for seen in observed)
     source = "camera" if stream in (*_FLOWERS, _ANOMALIES) else "sensor"
     return _entity(

@@ -1,0 +1,248 @@
+"""The harness finds what is wrong with drivers: a good one keeps every rule, each bad one breaks one."""
+
+from __future__ import annotations
+
+import sys
+import threading
+from collections.abc import Mapping
+from dataclasses import replace
+from types import ModuleType
+from typing import Any
+
+import pytest
+
+pytest.importorskip("rclpy", reason="ROS 2 is not installed here")
+
+from std_srvs.srv import SetBool
+
+from lupin_engine.errors import LupinError
+from lupin_engine.harness import bench as benches
+from lupin_engine.harness.bench import Lab, Setting
+from lupin_engine.harness.live import apply, cases
+from lupin_engine.harness.referee import ContractBroken
+from lupin_engine.middleware.node import RosNode
+from lupin_engine.middleware.service_driver import Done, Failed, ServiceDriver, ServiceOperation
+from lupin_engine.plugin.contract import Action, Argument, Code, LiveValue, Operation, Outlet, Plugin
+from lupin_engine.plugin.types import BOOL
+
+pytestmark = [pytest.mark.ros, pytest.mark.timeout(120)]
+
+#: Where the drivers below are found.
+MODULE = "driver_on_trial"
+ON = {"on": Argument(BOOL, "whether it is to be on")}
+LAMP = Plugin(
+    name="trial_lamp",
+    doc="A lamp.",
+    operations={
+        "switch": Operation("Switch it.", ON, {"is_on": BOOL}, (Code("lamp_broken", "lamp broken"),)),
+    },
+    actions={"flash": Action("Flash once.")},
+    values={"trial.on": LiveValue("whether it is on", BOOL)},
+    client=f"{MODULE}:Client",
+)
+
+
+class Good(ServiceDriver):
+    """Keeps the contract."""
+
+    def __init__(self, ros: RosNode, outlet: Outlet, parameters: Mapping[str, Any]) -> None:
+        service = ros.service(SetBool, "/trial_lamp/switch")
+        self.ros, self.outlet = ros, outlet
+        operation = ServiceOperation(service, lambda given: SetBool.Request(data=given["on"]), self.outcome)
+        super().__init__("trial_lamp", outlet, {"switch": operation})
+
+    def outcome(self, arguments: Mapping[str, Any], answer: Any) -> Done | Failed:
+        """Say what an answer means."""
+        if isinstance(answer, SetBool.Response):
+            return Done({"is_on": answer.success})
+        return Failed("lamp_broken", answer.detail)
+
+    def act(self, action: str, arguments: Mapping[str, Any]) -> None:
+        """Flash."""
+
+
+class Blocks(Good):
+    def start(self, attempt: str, operation: str, arguments: Mapping[str, Any]) -> None:
+        threading.Event().wait(benches.AT_ONCE * 1.2)
+        super().start(attempt, operation, arguments)
+
+
+class Raises(Good):
+    def cancel(self, attempt: str) -> None:
+        self._calls.pop(attempt).cancel()
+        self.outlet.cancelled(attempt)
+
+
+class EndsTwice(Good):
+    def _answered(self, attempt: str, *about: Any) -> None:
+        super()._answered(attempt, *about)
+        self.outlet.done(attempt, {"is_on": True})
+
+
+class NeverEnds(Good):
+    def cancel(self, attempt: str) -> None:
+        self._calls.pop(attempt, None)
+
+
+class DropsWhatIsCancelled(Good):
+    def cancel(self, attempt: str) -> None:
+        call = self._calls.pop(attempt, None)
+        if call is not None:
+            call.cancel()
+
+
+class CancelsAll(Good):
+    def cancel(self, attempt: str) -> None:
+        for known in list(self._calls) if attempt in self._calls else ():
+            super().cancel(known)
+
+
+class WaitsForNobody(Good):
+    def missing(self) -> list[str]:
+        return []
+
+
+class WaitsForSomething(Good):
+    def missing(self) -> list[str]:
+        return [""]
+
+
+class TalksOn(Good):
+    def close(self) -> None:
+        """Forget to let go of the calls."""
+
+
+class BelievesInItsServer(Good):
+    seen = False
+
+    def missing(self) -> list[str]:
+        self.seen = self.seen or not super().missing()
+        return [] if self.seen else super().missing()
+
+
+class Invents(Good):
+    def outcome(self, arguments: Mapping[str, Any], answer: Any) -> Done | Failed:
+        return Failed("lamp_brocken")
+
+
+class ForgetsTheResult(Good):
+    def outcome(self, arguments: Mapping[str, Any], answer: Any) -> Done | Failed:
+        return Done()
+
+
+class TellsNonsense(Good):
+    def start(self, attempt: str, operation: str, arguments: Mapping[str, Any]) -> None:
+        super().start(attempt, operation, arguments)
+        self.outlet.value("trial.on", "yes", self.ros.now())
+
+
+class RefusesToAct(Good):
+    def act(self, action: str, arguments: Mapping[str, Any]) -> None:
+        raise KeyError(action)
+
+
+def offer(ros: RosNode) -> None:
+    """Offer a lamp."""
+
+    def switch(request: Any, response: Any) -> Any:
+        response.success = request.data
+        return response
+
+    ros.serve(SetBool, "/trial_lamp/switch", switch)
+
+
+@pytest.fixture
+def patience(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Wait a moment only for what never comes."""
+    monkeypatch.setattr(benches, "PATIENCE", 4.0)
+
+
+def lab_of(driver: type[Good], monkeypatch: pytest.MonkeyPatch) -> Lab:
+    """Return where a driver is tried."""
+    module = ModuleType(MODULE)
+    module.Client = driver  # type: ignore[attr-defined]
+    monkeypatch.setitem(sys.modules, MODULE, module)
+    return Lab(Setting(LAMP, offer=offer))
+
+
+def verdict(lab: Lab, rule: str, operation: str) -> str:
+    """Try a rule; return what is wrong, or ''."""
+    with lab.open():
+        try:
+            apply(rule, operation, lab)
+        except ContractBroken as broken:
+            return str(broken)
+    return ""
+
+
+@pytest.mark.parametrize(("rule", "operation"), list(cases(LAMP)))
+def test_a_good_driver_keeps_every_rule(
+    rule: str, operation: str, monkeypatch: pytest.MonkeyPatch, ros_domain: int
+) -> None:
+    """So that each of the others breaks the rule by what it changes."""
+    assert verdict(lab_of(Good, monkeypatch), rule, operation) == ""
+
+
+@pytest.mark.parametrize(
+    ("driver", "rule", "problem"),
+    [
+        (Blocks, "ends_once", "start of 'switch' blocks: it took 1.2 s; call back when there is an answer"),
+        (Raises, "ignores_strangers", "cancel of 'nobody_knows_this_one' raises KeyError"),
+        (Raises, "ends_once", "cancel of 'switch_1' raises KeyError"),
+        (EndsTwice, "ends_once", "switch_1 reports 'done' after its end ['accepted', 'done']"),
+        (
+            NeverEnds,
+            "survives_its_servers",
+            "the end of switch_1: not within 4 s; reports so far: switch_1: acc",
+        ),
+        (DropsWhatIsCancelled, "is_cancelled", "the end of switch_1: not within 4 s"),
+        (DropsWhatIsCancelled, "is_cancelled_at_once", "the end of switch_1: not within 4 s"),
+        (CancelsAll, "keeps_attempts_apart", "switch_2 is cancelled, and only switch_1 was to be"),
+        (WaitsForNobody, "waits_alone", "missing() is empty although nobody is there; set `waits = False`"),
+        (WaitsForSomething, "waits_alone", "missing() must name what is missing, in words; it returns ['']"),
+        (TalksOn, "is_silent_when_closed", "'done' of switch_1 is reported after close"),
+        (BelievesInItsServer, "finds_its_servers_again", "missing() is to name the servers that have died"),
+        (
+            Invents,
+            "ends_once",
+            "switch_1: accepted, failed (lamp_brocken: ); give arguments with which it succe",
+        ),
+        (
+            Invents,
+            "is_cancelled",
+            "fails with 'lamp_brocken', which is no code of its operation; did you mean",
+        ),
+        (ForgetsTheResult, "ends_once", "switch_1 is done, but leaves out 'is_on' of the result"),
+        (TellsNonsense, "is_cancelled", "value 'trial.on': expected bool, got 'yes'"),
+        (RefusesToAct, "acts", "action 'flash' raises KeyError: 'flash'"),
+    ],
+    ids=lambda value: value.__name__ if isinstance(value, type) else "",
+)
+def test_a_bad_driver_breaks_a_rule(
+    driver: type[Good],
+    rule: str,
+    problem: str,
+    monkeypatch: pytest.MonkeyPatch,
+    patience: None,
+    ros_domain: int,
+) -> None:
+    """And is told in what."""
+    operation = next(operation for name, operation in cases(LAMP) if name == rule)
+    assert problem in verdict(lab_of(driver, monkeypatch), rule, operation)
+
+
+def test_a_plugin_without_a_client_has_no_driver_to_try() -> None:
+    """Said before anything is started."""
+    with pytest.raises(LupinError, match="plugin 'x' has no client: there is no driver to try"):
+        Lab(Setting(Plugin("x", "X.")))
+
+
+def test_a_node_that_ends_by_itself_is_told_with_its_last_words(
+    monkeypatch: pytest.MonkeyPatch, ros_domain: int
+) -> None:
+    """Not after the whole patience, and not as something that the driver has done."""
+    lab = lab_of(Good, monkeypatch)
+    lab = Lab(replace(lab.setting, nodes={"sim": "no_such_module:main"}, offer=None))
+    told = verdict(lab, "acts", "")
+    assert told.startswith("node 'sim' has ended with code 1: ")
+    assert "No module named 'no_such_module'" in told
