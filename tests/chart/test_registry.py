@@ -53,6 +53,7 @@ def test_the_installed_plugins_make_a_catalog() -> None:
     [
         ({"name": "Hand"}, "its name must be lower case"),
         ({"name": "operator"}, "its name is a word of the language"),
+        ({"companions": ("watcher",)}, "companions names 'watcher', which is none of its nodes"),
         ({"operations": {"Wave": Operation("Wave.")}}, "operation 'Wave': the name must be"),
         ({"operations": {"w": Operation("W.", {"To": Argument(TEXT, "to")})}}, "argument 'To' must be"),
         ({"operations": {"w": Operation("W.", {"n": Argument(COUNT, "n", -1)})}}, "default of argument 'n'"),

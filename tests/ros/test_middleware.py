@@ -72,6 +72,38 @@ def test_a_call_is_answered_once(make_node: MakeNode) -> None:
     assert not caller.client._pending_requests
 
 
+def test_an_answer_may_come_later_and_in_any_order(make_node: MakeNode) -> None:
+    server, client, answers, open_ = make_node("server"), make_node("client"), [], []
+
+    def ask(request: Any, response: Any, answer: Callable[[Any], None]) -> None:
+        response.message = f"number {len(open_)}"
+        open_.append((response, answer))
+
+    server.serve_later(Trigger, "/ask", ask)
+    caller = client.service(Trigger, "/ask")
+    spin_until([server, client], caller.ready)
+    for _ in range(2):
+        caller.call(Trigger.Request(), 5.0, lambda response: answers.append(response.message))
+    spin_until([server, client], lambda: len(open_) == 2)
+    assert answers == []
+    for response, answer in reversed(open_):
+        answer(response)
+    spin_until([server, client], lambda: len(answers) == 2)
+    assert sorted(answers) == ["number 0", "number 1"]
+
+
+def test_an_answer_of_a_node_that_is_gone_goes_nowhere(make_node: MakeNode) -> None:
+    server, client, open_ = make_node("server"), make_node("client"), []
+    server.serve_later(Trigger, "/ask", lambda _, response, answer: open_.append((response, answer)))
+    caller = client.service(Trigger, "/ask")
+    spin_until([server, client], caller.ready)
+    caller.call(Trigger.Request(), 5.0, lambda _: None)
+    spin_until([server, client], lambda: open_)
+    server.close()
+    ((response, answer),) = open_
+    assert answer(response) is None
+
+
 def test_a_call_without_a_server_is_unavailable(make_node: MakeNode) -> None:
     client, answers = make_node("client"), []
     client.service(Trigger, "/nobody").call(Trigger.Request(), 5.0, answers.append)
