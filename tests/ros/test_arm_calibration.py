@@ -29,7 +29,7 @@ MakeNode = Callable[..., RosNode]
 @pytest.fixture
 def bench(make_node: MakeNode, tmp_path: Path) -> Bench:
     """An arm with servos that can be calibrated."""
-    return Bench(make_node, tmp_path / "arm.json", servos=True, hardware='"yes"', **QUICK)
+    return Bench(make_node, tmp_path / "arm.json", servos=True, hardware="real", **QUICK)
 
 
 def calibrate(bench: Bench, action: str) -> Any:
@@ -261,7 +261,7 @@ def test_cancel_does_not_wait_for_servos_that_are_not_there(
     make_node: MakeNode, tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
     """They are being looked for when the operator thinks again; nothing of that is left behind."""
-    bench = Bench(make_node, tmp_path / "arm.json", hardware='"yes"', **QUICK)
+    bench = Bench(make_node, tmp_path / "arm.json", hardware="real", **QUICK)
     started = bench.ask(CalibrateArm, CALIBRATE, action="start")
     bench.until(lambda: calibrate(bench, "status").message == "under way: reading", "looking for them")
     answer = calibrate(bench, "cancel")
@@ -274,7 +274,7 @@ def test_cancel_does_not_wait_for_servos_that_are_not_there(
 
 def test_servos_that_are_not_there_are_no_start(make_node: MakeNode, tmp_path: Path) -> None:
     """After two seconds."""
-    bench = Bench(make_node, tmp_path / "arm.json", hardware='"yes"', **QUICK)
+    bench = Bench(make_node, tmp_path / "arm.json", hardware="real", **QUICK)
     answer = calibrate(bench, "start")
     missing = "/io/servo/hiwonder/shoulder_lift/_offset: no server"
     assert answer.message == f"a servo did not do what it was asked for: {missing}"

@@ -611,9 +611,9 @@ def test_what_needs_real_servos_is_refused_in_a_simulation(make_node: MakeNode) 
     assert str(refused.value) == (
         f"calibration needs the real servos, and this is a simulation: there is no service {sign}"
     )
-    with pytest.raises(Refused, match=r"parameter hardware is no$"):
-        Hardware(ros, "no").require("calibration")
-    Hardware(ros, "yes").require("calibration")
+    with pytest.raises(Refused, match=r"parameter hardware is simulated$"):
+        Hardware(ros, "simulated").require("calibration")
+    Hardware(ros, "real").require("calibration")
 
 
 def test_hardware_is_there_when_its_services_are(make_node: MakeNode) -> None:
@@ -627,7 +627,7 @@ def test_hardware_is_there_when_its_services_are(make_node: MakeNode) -> None:
 
 def test_a_wrong_word_for_the_hardware_is_named(make_node: MakeNode) -> None:
     with pytest.raises(LupinError) as refused:
-        Hardware(make_node("lupin_arm"), "yess")
+        Hardware(make_node("lupin_arm"), "reel")
     assert str(refused.value) == (
-        "parameter 'hardware': expected one of auto, yes, no, got 'yess'; did you mean 'yes'?"
+        "parameter 'hardware': expected one of auto, real, simulated, got 'reel'; did you mean 'real'?"
     )

@@ -12,14 +12,14 @@ from lupin_engine.middleware.node import RosNode
 SIGN = "/io/servo/hiwonder/shoulder_lift/_set_offset"
 
 #: What the parameter `hardware` may be.
-CHOICES = ("auto", "yes", "no")
+CHOICES = ("auto", "real", "simulated")
 
 
 class Hardware:
     """The gate of what needs real servos."""
 
     def __init__(self, ros: RosNode, said: str) -> None:
-        """`said` is the parameter: `yes`, `no`, or `auto` for whether the servos' own services are there.
+        """`said` is the parameter: `real`, `simulated`, or `auto`, real where the servos' own services are.
 
         Raises:
             LupinError: it is none of them.
@@ -35,7 +35,7 @@ class Hardware:
     @property
     def present(self) -> bool:
         """Whether this is a real robot."""
-        return self._said == "yes" if self._sign is None else self._sign.ready()
+        return self._said == "real" if self._sign is None else self._sign.ready()
 
     def require(self, what: str) -> None:
         """Refuse `what` where there are no real servos.
@@ -45,5 +45,5 @@ class Hardware:
         """
         if self.present:
             return
-        why = "parameter hardware is no" if self._said == "no" else f"there is no service {SIGN}"
+        why = f"there is no service {SIGN}" if self._sign else "parameter hardware is simulated"
         raise Refused(f"{what} needs the real servos, and this is a simulation: {why}")

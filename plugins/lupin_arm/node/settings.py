@@ -22,7 +22,7 @@ PARAMETERS = {
         TEXT, "/enable_arm_control", "SetBool: the vendor's gate of commands; a simulation has none"
     ),
     "hardware": Parameter(
-        TEXT, "auto", "whether the servos are real: yes, no, or auto (whether their own services are there)"
+        TEXT, "auto", "the servos: real, simulated, or auto (real where their own services are there)"
     ),
     "preset_duration": Parameter(
         number_in("s"), 3.0, "how long a preset takes, more where it is far", minimum=0.5, maximum=60.0
