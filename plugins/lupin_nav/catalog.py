@@ -174,7 +174,7 @@ VALUES: Mapping[str, LiveValue] = {
     "robot.pose": LiveValue("where the robot is, in frame `map`; unknown before the first pose", POSE),
     # No freshness: a simulation may have no battery at all, and is full then.
     "robot.battery": LiveValue("charge of the battery", CHARGE, initial=1.0),
-    # No freshness: the emergency stop stays as it was last told, and nothing publishes it in simulation.
+    # No freshness: the emergency stop stays as it was last told, and a machine may have none.
     "robot.estop": LiveValue("whether the emergency stop is engaged", BOOL, initial=False),
 }
 
