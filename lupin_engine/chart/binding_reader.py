@@ -55,18 +55,11 @@ from lupin_engine.plugin.contract import (
     Parameter,
     Plugin,
 )
-from lupin_engine.plugin.registry import Catalog
-from lupin_engine.plugin.types import ANY, DURATION, UNITS, Type, parse_type
+from lupin_engine.plugin.registry import DOTTED_NAME, FREE_NAME, LETTERS, NAME, Catalog
+from lupin_engine.plugin.types import ANY, DURATION, UNITS, Type, parse_type, units_of
 
-_NAME = re.compile(r"[a-z][a-z0-9_]*")
-_DOTTED = re.compile(r"[a-z][a-z0-9_]*(\.[a-z][a-z0-9_]*)*")
-_CODE = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
-_CHANNEL = re.compile(r"[~/]?[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*")
-_LETTERS = {
-    _NAME: "lower case letters, digits and underscores",
-    _DOTTED: "lower case letters, digits, underscores and dots",
-    _CODE: "letters, digits and underscores",
-}
+#: A name over ROS: absolute, relative, or below the node's own (~/).
+_CHANNEL = re.compile(r"(~?/)?[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*")
 _INTERFACE = re.compile(r"[a-z][a-z0-9_]*/(srv|action|msg)/[A-Z][A-Za-z0-9]*")
 
 #: Returns what an interface consists of (request and response, or goal, result and feedback, or message; and
@@ -235,7 +228,7 @@ class _Reader:
     def read(self) -> Binding:
         """Read everything, and tell everything that is wrong."""
         node = self._node
-        self._good_name(_NAME, "binding", node.binding, node.at("binding"), "binding")
+        self._good_name(NAME, "binding", node.binding, node.at("binding"), "binding")
         parameters = dict(self._parameters())
         codes = dict(self._codes())
         values = {name: self._value(name, each) for name, each in node.values.items()}
@@ -257,6 +250,7 @@ class _Reader:
         """Read what everything sends, and what it makes of what it hears."""
         found: dict[str, dict[str, Any]] = {"operations": {}, "actions": {}, "values": {}, "events": {}}
         params = {name: parameter.type for name, parameter in plugin.parameters.items()}
+        self._one_type_each()
         for bound in _bound(self._node):
             arguments, fields = bound.declared(plugin)
             meaning = bound.meaning(arguments, params, None, self._findings, self._usage)
@@ -266,6 +260,17 @@ class _Reader:
         return Binding(
             plugin, found["operations"], found["actions"], found["values"], found["events"], self._node
         )
+
+    def _one_type_each(self) -> None:
+        """Tell names over ROS that stand for two types: there would be one server, or topic, for both."""
+        known: dict[tuple[str, str], EndpointNode] = {}
+        for bound in _bound(self._node):
+            endpoint = bound.endpoint
+            first = known.setdefault((endpoint.KIND, endpoint.name.lstrip("/")), endpoint)
+            if first.type != endpoint.type:
+                place, path = endpoint.at("type"), f"{bound.path}.{bound.key}"
+                problem = f"{endpoint.name!r} is {first.type} in line {first.at('type').line}"
+                self._findings.add(place, "wrong-type", path, problem, "one name has one type")
 
     def _made(self, bound: _Bound, endpoint: Endpoint, read: _Read) -> Any:
         node = bound.node
@@ -302,7 +307,9 @@ class _Reader:
             self._findings.add(node.at("type"), "bad-name", path, problem, hint)
         deadline = None
         if isinstance(node, ServiceNode):
-            deadline = self._duration(node, "deadline", path)
+            deadline = self._duration(
+                node, "deadline", path, "a call would be too late as soon as it is made"
+            )
         qos = node.qos if isinstance(node, TopicNode) else ""
         return Endpoint(node.KIND, node.name, node.type, bound.place, deadline, qos)
 
@@ -312,7 +319,7 @@ class _Reader:
         declarer = Declarer(self._catalog, self._findings, self._usage)
         for name, written in self._node.params.items():
             place, path = self._node.key_at("params", name), f"params.{name}"
-            self._good_name(_NAME, "parameter", name, place, path, WORDS)
+            self._good_name(NAME, "parameter", name, place, path, WORDS)
             parameter = declarer.parameter(written, path)
             if parameter is not None:
                 yield name, parameter
@@ -330,7 +337,7 @@ class _Reader:
             if not written.label:
                 problem, hint = f"the code {name!r} has no label for people", "write 'label: ...'"
                 self._findings.add(written.at("label"), "missing-key", path, problem, hint)
-            elif self._good_name(_CODE, "code", name, place, path):
+            elif self._good_name(FREE_NAME, "code", name, place, path):
                 yield name, Code(name, written.label, SEVERITIES[written.severity])
 
     def _unused_codes(self, codes: Mapping[str, Code]) -> None:
@@ -347,13 +354,13 @@ class _Reader:
     def _operation(
         self, name: str, node: BoundOperationNode, known: Mapping[str, Code], values: Mapping[str, LiveValue]
     ) -> Operation:
-        path = self._named("operations", name, _NAME, "operation")
+        path = self._named("operations", name, NAME, "operation")
         self._one_endpoint(node, path)
         codes = dict.fromkeys(self._codes_that_fail(node, path, known))
         arguments = self._arguments(node, path)
         result = self._result(node, "result", path)
         for index, resource in enumerate(node.uses):
-            self._good_name(_NAME, "resource", resource, node.at("uses", index), f"{path}.uses")
+            self._good_name(NAME, "resource", resource, node.at("uses", index), f"{path}.uses")
         return Operation(
             node.summary,
             arguments,
@@ -388,11 +395,11 @@ class _Reader:
                 self._findings.unknown(place, "undeclared-code", f"{path}.{key}", "code", code, known)
 
     def _action(self, name: str, node: BoundActionNode) -> Action:
-        path = self._named("actions", name, _NAME, "action")
+        path = self._named("actions", name, NAME, "action")
         return Action(node.summary, self._arguments(node, path), node.moves)
 
     def _value(self, name: str, node: BoundValueNode) -> LiveValue:
-        path = self._named("values", name, _DOTTED, "value")
+        path = self._named("values", name, DOTTED_NAME, "value")
         kind = self._type(node.type, node.at("type"), path)
         initial = None
         if kind is not None and node.initial is not None:
@@ -400,16 +407,12 @@ class _Reader:
             initial = read.value if read else None
         if kind is not None and node.unit is not None:
             self._check_unit(node, kind, path)
-        freshness = self._duration(node, "freshness", path)
-        if freshness == 0:
-            problem = "a message would be old as soon as it is there"
-            self._findings.add(node.at("freshness"), "out-of-range", path, problem, "write a time above 0 s")
-            freshness = None
+        freshness = self._duration(node, "freshness", path, "a message would be old as soon as it is there")
         return LiveValue(node.summary, kind or ANY, freshness, initial)
 
     def _check_unit(self, node: BoundValueNode, kind: Type, path: str) -> None:
         unit = node.unit or ""
-        units = [each for each, (base, _) in UNITS.items() if kind.kind == "number" and base == kind.unit]
+        units = units_of(kind.unit) if kind.kind == "number" else []
         if unit in units:
             return
         hint = f"its units are {', '.join(map(repr, units))}" if units else "leave 'unit' out"
@@ -419,14 +422,14 @@ class _Reader:
         self._findings.add(node.at("unit"), "wrong-unit", path, problem, hint)
 
     def _event(self, name: str, node: BoundEventNode) -> EventKind:
-        path = self._named("events", name, _NAME, "event")
+        path = self._named("events", name, NAME, "event")
         return EventKind(node.summary, self._result(node, "fields", path))
 
     def _arguments(self, node: BoundOperationNode | BoundActionNode, path: str) -> dict[str, Argument]:
         found = {}
         for name, written in node.arguments.items():
             place, inner = node.key_at("arguments", name), f"{path}.arguments.{name}"
-            self._good_name(_NAME, "argument", name, place, inner, TAKEN)
+            self._good_name(NAME, "argument", name, place, inner, TAKEN)
             found[name] = self._argument(written, inner)
         return found
 
@@ -444,7 +447,7 @@ class _Reader:
         found = {}
         for name, written in getattr(node, key).items():
             place, inner = node.key_at(key, name), f"{path}.{key}.{name}"
-            self._good_name(_NAME, "field", name, place, inner)
+            self._good_name(NAME, "field", name, place, inner)
             found[name] = self._type(written.type, written.at("type"), inner) or ANY
         return found
 
@@ -509,7 +512,7 @@ class _Reader:
         if form.fullmatch(name) and name not in taken:
             return True
         problem = f"{name!r} cannot be used as the name of {'an' if what[0] in 'aeiou' else 'a'} {what}"
-        hint = "it is a word of expressions" if name in taken else f"use {_LETTERS[form]}"
+        hint = "it is a word of expressions" if name in taken else f"use {LETTERS[form]}"
         self._findings.add(place, "bad-name", path, problem, hint)
         return False
 
@@ -521,11 +524,15 @@ class _Reader:
             self._findings.add(place, "unknown-type", path, problem, hint)
             return None
 
-    def _duration(self, node: Node, key: str, path: str) -> float | None:
+    def _duration(self, node: Node, key: str, path: str, zero: str = "") -> float | None:
+        """Read a duration; `zero` says what none at all would come to, where that makes no sense."""
         raw = getattr(node, key)
         if raw is None:
             return None
         read = read_constant(raw, node.at(key), DURATION, self._findings, f"{path}.{key}")
+        if read is not None and zero and read.value == 0:
+            self._findings.add(node.at(key), "out-of-range", path, zero, "write a time above 0 s")
+            return None
         return float(read.value) if read else None
 
 

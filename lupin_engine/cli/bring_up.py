@@ -94,10 +94,12 @@ def _of_simulators(wanted: Wanted, declared: Mapping[str, Mapping[str, Parameter
 def _of_nodes(wanted: Wanted, declared: Mapping[str, Mapping[str, Parameter]]) -> dict[str, Values]:
     """Return what `--set NODE.NAME=VALUE` says, by node."""
     found = of_nodes(wanted.settings)
-    for name in found:
+    for name, given in found.items():
+        if name == ORCHESTRATOR:
+            raise UsageError(f"--set: parameters of the mission go without a node: write --set {given[0]!r}")
         if name not in declared:
             raise UsageError(f"--set: unknown node {name!r}; {nearest(name, declared)}")
-    return {name: read_settings(f"--set {name}", given, declared[name]) for name, given in found.items()}
+    return {name: read_settings("--set", given, declared[name], name) for name, given in found.items()}
 
 
 def _faster(speed: float, declared: Mapping[str, Parameter]) -> dict[str, Any]:

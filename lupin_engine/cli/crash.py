@@ -2,23 +2,23 @@
 
 from __future__ import annotations
 
-import os
 import platform
 import sys
-import time
 import traceback
 from importlib import metadata
 from pathlib import Path
 
 from lupin_engine import __version__
-from lupin_engine.launch.folders import state_folder
+from lupin_engine.launch.folders import KEPT_CRASHES, make_room, name_of_now, state_folder
 
 _PACKAGES = ("click", "pydantic", "pyyaml", "rich", "structlog", "transitions", "rclpy", "lupin-msgs")
 
 
 def write_crash_log(defect: BaseException) -> Path:
-    """Write versions, command and traceback to a file and return its path."""
-    path = state_folder("crashes") / f"{time.strftime('%Y-%m-%d_%H-%M-%S')}_{os.getpid()}.log"
+    """Write versions, command and traceback to a file and return its path; OSError when the disk is full."""
+    folder = state_folder("crashes")
+    make_room(folder, KEPT_CRASHES)
+    path = folder / f"{name_of_now()}.log"
     trace = "".join(traceback.format_exception(type(defect), defect, defect.__traceback__))
     path.write_text("\n".join([*_versions(), "", trace]), encoding="utf-8")
     return path

@@ -178,14 +178,21 @@ def _run(arguments: Sequence[str] | None) -> int:
     except BrokenPipeError:
         raise
     except Exception as defect:
-        from lupin_engine.cli.crash import write_crash_log
-
-        path = write_crash_log(defect)
-        kind = type(defect).__name__
-        print(f"lupin: a defect of {_author(arguments)}: {kind}: {defect}", file=sys.stderr)
-        print(f"lupin: please report {path}", file=sys.stderr)
+        _tell_defect(defect, arguments)
         return DEFECT
     return result if isinstance(result, int) else 0
+
+
+def _tell_defect(defect: Exception, arguments: Sequence[str] | None) -> None:
+    """Say whose defect it is, in one line, and where the rest was written down."""
+    from lupin_engine.cli.crash import write_crash_log
+
+    kind = type(defect).__name__
+    print(f"lupin: a defect of {_author(arguments)}: {kind}: {defect}", file=sys.stderr)
+    try:
+        print(f"lupin: please report {write_crash_log(defect)}", file=sys.stderr)
+    except OSError as problem:
+        print(f"lupin: nothing more could be written down: {problem}", file=sys.stderr)
 
 
 if __name__ == "__main__":

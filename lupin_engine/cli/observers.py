@@ -199,8 +199,15 @@ class SavingPicture:
         now = time.monotonic()
         under_way = any(running.since > 1.0 for running in story.running(now))
         if not self._saved and under_way and story.total and 2 * story.closed >= story.total:
-            self._saved = True
+            self._save(story, now)
+
+    def _save(self, story: Story, now: float) -> None:
+        """Write the picture; a disk that is full is no reason to leave a robot alone."""
+        self._saved = True
+        try:
             self.save(story, now)
+        except OSError as problem:
+            self._inner.note(f"no picture in {str(self._path)!r}: {problem.strerror}", Severity.WARN)
 
     def save(self, story: Story, now: float) -> None:
         """Write the picture as SVG."""
@@ -214,5 +221,5 @@ class SavingPicture:
     def close(self, story: Story | None, code: int) -> None:
         """Pass on; a mission that was too short for a middle is saved at its end."""
         if not self._saved and story is not None:
-            self.save(story, time.monotonic())
+            self._save(story, time.monotonic())
         self._inner.close(story, code)

@@ -30,8 +30,8 @@ def summary(points: Sequence[EntryPoint]) -> str:
     point = points[0]
     source = source_file(point.module)
     if source is None:
-        return f"({_whose(point)}: there is no module {point.module})"
-    return _first_paragraph(source, point.attribute) or f"({_whose(point)})"
+        return f"({point}: there is no module {point.module})"
+    return _first_paragraph(source, point.attribute) or f"({point})"
 
 
 def load_verb(points: Sequence[EntryPoint]) -> click.Command:
@@ -40,27 +40,14 @@ def load_verb(points: Sequence[EntryPoint]) -> click.Command:
     Raises:
         PluginError: it cannot be imported, is no command, or two packages offer it.
     """
-    point = points[0]
-    what = f"verb {point.name!r}"
     if len(points) > 1:
-        raise PluginError(f"{what} is offered more than once: {_offers(points)}; uninstall all but one")
-    try:
-        command = point.load()
-    except (Exception, SystemExit) as error:  # foreign code: whatever its import does is told in one line
-        reason = f"{type(error).__name__}: {error}"
-        raise PluginError(f"{what} ({_whose(point)}) cannot be imported: {reason}") from error
-    if not isinstance(command, click.Command):
-        kind = type(command).__name__
-        raise PluginError(f"{what} ({_whose(point)}) is a {kind}; the entry point must name a click command")
-    return command
-
-
-def _whose(point: EntryPoint) -> str:
-    return f"{point.value} of {point.distribution}"
+        offered = f"verb {points[0].name!r} is offered more than once: {_offers(points)}"
+        raise PluginError(f"{offered}; uninstall all but one")
+    return points[0].load_as(click.Command, "verb", "a click command")
 
 
 def _offers(points: Sequence[EntryPoint]) -> str:
-    return " and ".join(_whose(point) for point in points)
+    return " and ".join(map(str, points))
 
 
 def _first_paragraph(source: str, function: str) -> str:

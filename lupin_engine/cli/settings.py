@@ -15,8 +15,16 @@ from lupin_engine.runtime.setup import check_parameters
 _BOOLEANS = {"true": True, "yes": True, "on": True, "false": False, "no": False, "off": False}
 
 
-def read_settings(option: str, given: Iterable[str], declared: Mapping[str, Parameter]) -> dict[str, Any]:
+def read_settings(
+    option: str, given: Iterable[str], declared: Mapping[str, Parameter], node: str = ""
+) -> dict[str, Any]:
     """Return the checked values, in base units, of what was given as `name=value`; nothing else.
+
+    Args:
+        option: the option that gave it.
+        given: as it was written, of a node without the node's name before it.
+        declared: the parameters that there are.
+        node: whose parameters they are; '' for the mission's.
 
     Raises:
         UsageError: naming everything that is wrong: no `=`, an unknown name with the nearest one, a value of
@@ -24,12 +32,14 @@ def read_settings(option: str, given: Iterable[str], declared: Mapping[str, Para
     """
     texts: dict[str, str] = {}
     problems = []
+    before = f"{node}." if node else ""
     for item in given:
         name, equals, text = item.partition("=")
-        if equals:
+        if equals and name.strip():
             texts[name.strip()] = text.strip()
         else:
-            problems.append(f"{item!r} has no '='; write {option} NAME=VALUE")
+            lacks = "name before its '='" if equals else "'='"
+            problems.append(f"{before + item!r} has no {lacks}; write {option} {before}NAME=VALUE")
     types = {name: declared[name].type if name in declared else TEXT for name in texts}
     values = {name: read_value(text, types[name]) for name, text in texts.items()}
     try:
@@ -38,7 +48,8 @@ def read_settings(option: str, given: Iterable[str], declared: Mapping[str, Para
         problems += str(problem).splitlines()
         checked = {}
     if problems:
-        raise UsageError("\n".join(f"{option}: {problem}" for problem in problems))
+        where = f"{option} {node}".rstrip()
+        raise UsageError("\n".join(f"{where}: {problem}" for problem in problems))
     return {name: checked[name] for name in texts}
 
 

@@ -15,19 +15,33 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import pytest
 
-from lupin_engine.errors import UsageError, nearest
+from lupin_engine.errors import PluginError, UsageError, nearest
 from lupin_engine.harness.live import apply, cases
 from lupin_engine.harness.referee import ContractBroken
-from lupin_engine.harness.rules import RULES, Given, find_subject
+from lupin_engine.harness.rules import RULES, Given, Subject, find_subject, problems_with
 from lupin_engine.plugin.registry import load_catalog
 
 if TYPE_CHECKING:
     from lupin_engine.harness.bench import Lab
     from lupin_engine.middleware.node import RosNode
+
+
+def _subject(plugin: str, arguments: Given = MappingProxyType({})) -> Subject:
+    """Return what a class tests; it fails in one line when that is not there, or cannot be imported."""
+    try:
+        subject = find_subject(plugin, arguments)
+        _ = subject.plugin
+        return subject
+    except UsageError as problem:
+        told = f"{problem}; it is tested as it is installed: pip install --editable FOLDER"
+    except PluginError as problem:
+        told = str(problem)
+    pytest.fail(told, pytrace=False)
 
 
 class CatalogContract:
@@ -42,7 +56,7 @@ class CatalogContract:
 
     def test_catalog(self, rule: str) -> None:
         """The catalog keeps the rule."""
-        problems = list(RULES[rule](find_subject(self.plugin, self.arguments)))
+        problems = problems_with(rule, _subject(self.plugin, self.arguments))
         if problems:
             pytest.fail("\n".join([f"{rule}: {RULES[rule].__doc__}", *problems]), pytrace=False)
 
@@ -74,7 +88,7 @@ class DriverContract:
     @classmethod
     def node_entries(cls) -> dict[str, str]:
         """Return the nodes to start, with what runs each: `module:function`."""
-        own = find_subject(cls.plugin).plugin.nodes
+        own = _subject(cls.plugin).plugin.nodes
         known = {
             name: entry for plugin in load_catalog().plugins.values() for name, entry in plugin.nodes.items()
         }
@@ -91,7 +105,7 @@ class DriverContract:
         from lupin_engine.harness.bench import Lab, Setting
 
         setting = Setting(
-            find_subject(cls.plugin).plugin,
+            _subject(cls.plugin).plugin,
             cls.parameters,
             cls.arguments,
             cls.node_entries(),
@@ -110,7 +124,7 @@ class DriverContract:
 
     def pytest_generate_tests(self, metafunc: pytest.Metafunc) -> None:
         """Make one test of each rule, for each operation that it is about."""
-        found = list(cases(find_subject(self.plugin).plugin))
+        found = list(cases(_subject(self.plugin).plugin))
         names = [f"{rule}-{operation}" if operation else rule for rule, operation in found]
         metafunc.parametrize(("rule", "operation"), found, ids=names)
 

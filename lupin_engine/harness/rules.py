@@ -8,16 +8,17 @@ import json
 import os
 import subprocess
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
+from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-from lupin_engine.errors import PluginError, UsageError, nearest
+from lupin_engine.errors import PluginError, nearest
 from lupin_engine.harness.examples import arguments_for, defaults_of
 from lupin_engine.plugin.contract import Argument, Code, Operation, Plugin
-from lupin_engine.plugin.discovery import EntryPoint, entry_points, source_file
+from lupin_engine.plugin.discovery import EntryPoint, find_entry_point, source_file
 from lupin_engine.plugin.registry import build_catalog, import_plugin, load_catalog
 from lupin_engine.plugin.types import Type, convert
 
@@ -59,10 +60,7 @@ def find_subject(name: str, arguments: Given = MappingProxyType({})) -> Subject:
     Raises:
         UsageError: there is none; the text has the nearest name.
     """
-    points = {point.name: point for point in entry_points()}
-    if name not in points:
-        raise UsageError(f"no plugin is called {name!r}; {nearest(name, points)}")
-    return Subject(points[name], arguments)
+    return Subject(find_entry_point(name), arguments)
 
 
 def registered(subject: Subject) -> Iterator[str]:
@@ -76,7 +74,7 @@ def registered(subject: Subject) -> Iterator[str]:
         if plugin.name not in installed:
             build_catalog([*installed.values(), plugin])
     except PluginError as problem:
-        yield str(problem)
+        yield from str(problem).splitlines()
 
 
 def loads_without_ros(subject: Subject) -> Iterator[str]:
@@ -115,23 +113,41 @@ def names_modules(subject: Subject) -> Iterator[str]:
         source = source_file(module)
         if source is None:
             yield f"{what}: there is no module {module!r}"
-        elif attribute not in _names_in(source):
-            yield f"{what}: there is no {attribute!r} in {module!r}; {nearest(attribute, _names_in(source))}"
+            continue
+        try:
+            names = _names_in(Path(source))
+        except (OSError, ValueError, SyntaxError) as problem:
+            yield f"{what}: the module {module!r} cannot be read: {problem}"
+            continue
+        if names is not None and attribute not in names:
+            yield f"{what}: there is no {attribute!r} in {module!r}; {nearest(attribute, names)}"
 
 
-def _names_in(source: str) -> set[str]:
-    """Return what a module defines or imports at its top, read without importing it."""
-    with open(source, encoding="utf-8") as file:
-        tree = ast.parse(file.read())
+def _names_in(source: Path) -> set[str] | None:
+    """Return what a module names at its top, read without importing it; None where that cannot be seen."""
+    if source.suffix != ".py":
+        return None  # compiled, or built in
+    tree = ast.parse(source.read_bytes(), source.name)
+    outside = (ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)
     found: set[str] = set()
-    for node in tree.body:
-        if isinstance(node, (ast.ClassDef, ast.FunctionDef)):
+    for node in _at_the_top(tree.body):
+        if isinstance(node, outside):
             found.add(node.name)
         elif isinstance(node, (ast.ImportFrom, ast.Import)):
             found |= {alias.asname or alias.name for alias in node.names}
         elif isinstance(node, ast.Assign):
             found |= {target.id for target in node.targets if isinstance(target, ast.Name)}
+        elif isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name):
+            found.add(node.target.id)
     return found
+
+
+def _at_the_top(body: Iterable[ast.AST]) -> Iterator[ast.AST]:
+    """Yield the statements of a module, also those below `if` and `try`."""
+    for node in body:
+        yield node
+        if isinstance(node, (ast.If, ast.Try, ast.ExceptHandler)):
+            yield from _at_the_top(ast.iter_child_nodes(node))
 
 
 def documented(subject: Subject) -> Iterator[str]:
@@ -263,7 +279,12 @@ def reads(subject: Subject) -> Iterator[str]:
     """Readers take whatever a request carries: they return, or raise ValueError with a text."""
     plugin = subject.plugin
     for name, reader in plugin.readers.items():
-        bound = reader.bind(defaults_of(plugin.parameters))
+        try:
+            bound = reader.bind(defaults_of(plugin.parameters))
+        except Exception as problem:  # foreign code
+            kind = type(problem).__name__
+            yield f"reader {name!r} does not bind with the default parameters: {kind}: {problem}"
+            continue
         for given in ODD:
             try:
                 bound(copy.deepcopy(given))
@@ -293,6 +314,14 @@ RULES: Mapping[str, Callable[[Subject], Iterator[str]]] = MappingProxyType(
 )
 
 
+def problems_with(rule: str, subject: Subject) -> list[str]:
+    """Return what breaks a rule; nothing where it is kept."""
+    try:
+        return list(RULES[rule](subject))
+    except Exception as problem:  # foreign data, so wrong that another rule refuses it already
+        return [f"it cannot be tried: {type(problem).__name__}: {problem}"]
+
+
 def findings(subject: Subject) -> dict[str, list[str]]:
     """Return what breaks each rule, by the rule's name; an empty list where it is kept."""
-    return {name: list(rule(subject)) for name, rule in RULES.items()}
+    return {rule: problems_with(rule, subject) for rule in RULES}

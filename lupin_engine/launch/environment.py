@@ -15,7 +15,8 @@ HIGHEST_DOMAIN = 101
 
 def close_the_doors(domain: int | None = None) -> None:
     """Set this process', and so its children's, network: nobody outside this machine unless asked for."""
-    os.environ.setdefault(RANGE, "LOCALHOST")
+    if not os.environ.get(RANGE):  # also to ROS an empty one is none
+        os.environ[RANGE] = "LOCALHOST"
     if domain is not None:
         os.environ[DOMAIN] = str(domain)
 

@@ -20,12 +20,12 @@ from lupin_engine.chart.load import check_chart, lifecycle_in, mission_files
 from lupin_engine.errors import LupinError, Severity
 from lupin_engine.launch.environment import DOMAIN, HIGHEST_DOMAIN, RANGE
 from lupin_engine.launch.mission import folders
-from lupin_engine.launch.requirements import INSTALL_ROS
+from lupin_engine.launch.requirements import INSTALL_ROS, SOURCE_ROS
 from lupin_engine.launch.shared_memory import stale_segments
 from lupin_engine.middleware import environment
 from lupin_engine.middleware.type_hashes import local_hash
 from lupin_engine.plugin.discovery import entry_points
-from lupin_engine.plugin.registry import build_catalog, import_plugin, load_catalog
+from lupin_engine.plugin.registry import load_catalog, verified_plugin
 
 State = Literal["ok", "note", "problem"]
 
@@ -90,6 +90,10 @@ def look_at_ros() -> Iterator[Finding]:
         environment.refuse_mixture(os.environ)
     except LupinError as problem:
         yield Finding("rclpy", "two installations", "problem", str(problem))
+        return
+    unusable = environment.rclpy_problem()
+    if unusable:
+        yield Finding("rclpy", unusable, "problem", SOURCE_ROS)
         return
     if source == "apt":
         yield Finding(
@@ -214,8 +218,7 @@ def look_at_plugins() -> Iterator[Finding]:
     """Every plugin that is installed: what it offers, or why it is refused."""
     for point in entry_points():
         try:
-            plugin = import_plugin(point)
-            build_catalog([plugin])
+            plugin = verified_plugin(point)
         except LupinError as problem:
             yield Finding(f"plugin {point.name}", "refused", "problem", str(problem))
             continue

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import reprlib
 from collections.abc import Mapping
 from typing import Any
 
@@ -10,6 +11,9 @@ from lupin_engine.errors import nearest
 from lupin_engine.machine.environment import World
 from lupin_engine.machine.step import Refusal
 from lupin_engine.plugin.types import Type, convert
+
+#: Wrong elements of a list that are told of, and letters of a wrong name that are looked at.
+MAX_PROBLEMS, MAX_SHOWN = 5, 100
 
 UNKNOWN_MISSION = "unknown_mission"
 BAD_REQUEST = "bad_request"
@@ -28,8 +32,8 @@ def read_request(
     mission = world.chart.missions.get(data.get("mission_type", ""))
     if mission is None:
         name = data.get("mission_type", "")
-        hint = nearest(name, world.chart.missions)
-        return {}, Refusal(UNKNOWN_MISSION, f"unknown mission_type {name!r}; {hint}")
+        hint = nearest(name[:MAX_SHOWN], world.chart.missions)
+        return {}, Refusal(UNKNOWN_MISSION, f"unknown mission_type {reprlib.repr(name)}; {hint}")
     values: dict[str, Any] = {}
     for field in mission.request.values():
         value, refusal = _read_field(world, field, data.get(field.name), env)
@@ -86,11 +90,13 @@ def _read_list(world: World, item: Type, given: list[Any]) -> list[Any]:
 
 def _together(problems: list[str]) -> str:
     """Join problems; what is allowed ("...; what is allowed") is said once when it is the same for all."""
+    left_out = f" and {len(problems) - MAX_PROBLEMS} more" if len(problems) > MAX_PROBLEMS else ""
+    problems = problems[:MAX_PROBLEMS]
     told = [problem.partition("; ") for problem in problems]
     allowed = {tail for _, _, tail in told}
     if len(allowed) > 1:
-        return "; ".join(problems)
-    return "; ".join(filter(None, (", ".join(head for head, _, _ in told), *allowed)))
+        return "; ".join(problems) + left_out
+    return "; ".join(filter(None, (", ".join(head for head, _, _ in told) + left_out, *allowed)))
 
 
 def _code_of(world: World, wanted: Type) -> str:

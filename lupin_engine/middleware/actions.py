@@ -47,7 +47,7 @@ class ActionCaller:
         self._goals: list[Goal] = []
         self._servers: frozenset[bytes] = frozenset()
         self._watch: Timer | None = None
-        self._closed = False
+        self.closed = False
 
     def ready(self) -> bool:
         """Say whether a server is matched; a dead one counts for up to 3 s (the discovery lease)."""
@@ -87,9 +87,9 @@ class ActionCaller:
 
     def close(self) -> None:
         """Release the client; no callback follows. Closing twice does no harm."""
-        if self._closed:
+        if self.closed:
             return
-        self._closed = True
+        self.closed = True
         for goal in list(self._goals):
             goal.drop()
         self.client.destroy()
@@ -250,10 +250,12 @@ class ActionHost:
         cancelled: Callable[[ServedGoal], None],
     ) -> None:
         self._ros = ros
+        self._kind = kind
         self._admit = admit
-        self._started = ros.guarded(started)
+        self._started = started
         self._cancelled = ros.guarded(cancelled)
         self._served: dict[bytes, ServedGoal] = {}
+        self.closed = False
         services = Qos.SERVICES.profile()
         self._server = ActionServer(
             ros.node,
@@ -269,8 +271,10 @@ class ActionHost:
         )
 
     def close(self) -> None:
-        """Release the server."""
-        self._server.destroy()
+        """Release the server. Closing twice does no harm."""
+        if not self.closed:
+            self.closed = True
+            self._server.destroy()
 
     def _on_request(self, request: Any) -> GoalResponse:
         try:
@@ -284,7 +288,11 @@ class ActionHost:
         served = ServedGoal(self._ros, handle, self._forget)
         self._served[served.key] = served
         handle.execute()
-        self._started(served)
+        try:
+            self._started(served)
+        except Exception:
+            self._ros.log.exception("beginning with a goal failed; it is aborted")
+            served.abort(self._kind.Result())
 
     def _on_cancel(self, handle: ServerGoalHandle) -> CancelResponse:
         served = self._served.get(bytes(handle.goal_id.uuid))

@@ -6,6 +6,7 @@ it sees what `bound` says.
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any
@@ -32,7 +33,8 @@ from lupin_engine.middleware.service_driver import (
 )
 from lupin_engine.plugin.contract import Outlet
 
-#: How long after it was made a client waits for a server that it does not see: discovery takes its time.
+#: How long after it was made a client waits for a server that it does not see, in seconds of real time:
+#: discovery takes its time, also where a simulation stands still.
 DISCOVERY_S = 3.0
 _LOOK_PERIOD_S = 0.05
 
@@ -81,7 +83,7 @@ class BoundClient:
         self._ros = ros
         self._bound = bound
         self._outlet = outlet
-        self._patient_until = ros.elapsed() + DISCOVERY_S
+        self._patient_until = time.monotonic() + DISCOVERY_S
         self._waiting: dict[str, Timer] = {}
         world = _World(ros, outlet, parameters)
         self._world = world
@@ -118,7 +120,7 @@ class BoundClient:
             raise ValueError(f"{self._bound.name} has no operation {operation!r}")
         if self._may_be_found(operation):
             look = partial(self._look, attempt, operation, arguments)
-            self._waiting[attempt] = self._ros.timer(_LOOK_PERIOD_S, look)
+            self._waiting[attempt] = self._ros.steady_timer(_LOOK_PERIOD_S, look)
             return
         call = self._bound.calls[operation]
         try:
@@ -134,7 +136,7 @@ class BoundClient:
     def _may_be_found(self, operation: str) -> bool:
         goal = self._goals.get(operation)
         ready = goal.server.ready if goal is not None else self._called[operation].service.ready()
-        return not ready and self._ros.elapsed() < self._patient_until
+        return not ready and time.monotonic() < self._patient_until
 
     def _look(self, attempt: str, operation: str, arguments: Mapping[str, Any]) -> None:
         if not self._may_be_found(operation):

@@ -46,7 +46,9 @@ _PARTS: Mapping[str, Mapping[str, str]] = {
 _CALLED = {"srv": ("service", "services"), "action": ("action", "actions"), "msg": ("message", "messages")}
 
 #: A constant in the text of an interface: its name and what it is.
-_CONSTANT = re.compile(r"^\s*([a-z]\w*)(?:<=\d+)?\s+([A-Z]\w*)\s*=\s*(.+?)\s*$", re.MULTILINE)
+_CONSTANT = re.compile(
+    r"^[ \t]*([a-z]\w*)(?:<=\d+)?[ \t]+([A-Z]\w*)[ \t]*=[ \t]*([^#\n]*?)[ \t]*(?:#.*)?$", re.MULTILINE
+)
 
 
 @functools.cache
@@ -90,10 +92,10 @@ def interface_constants(name: str) -> Mapping[str, Any]:
 def _constants(source: str) -> Iterator[tuple[str, Any]]:
     for kind, name, written in _CONSTANT.findall(source):
         if kind in ("string", "wstring"):
-            yield name, written.strip("\"'")
+            quoted = len(written) > 1 and written[0] == written[-1] and written[0] in "\"'"
+            yield name, written[1:-1] if quoted else written
         else:
-            value = written.partition("#")[0].strip()
-            yield name, value.lower() == "true" if kind == "bool" else _number(value)
+            yield name, written.lower() in ("true", "1") if kind == "bool" else _number(written)
 
 
 def _number(written: str) -> int | float:

@@ -4,12 +4,13 @@ ROS 2 comes from one of two places. As Python wheels inside the virtual environm
 library path at the start of Python; or from apt, through a sourced `setup.bash`. The two do not mix: Python
 would take modules from one and libraries from the other, in an order that changes from start to start.
 
-Nothing here imports rclpy. The apt side was tested with a stand-in only: a second environment with the
-wheels, handed over through the variables that sourcing sets.
+Only `rclpy_problem` imports rclpy. The apt side was tested with a stand-in only: a second environment with
+the wheels, handed over through the variables that sourcing sets.
 """
 
 from __future__ import annotations
 
+import importlib
 import importlib.util
 import os
 import sys
@@ -39,6 +40,15 @@ def rclpy_source() -> RclpySource | None:
     if found is None or found.origin is None:
         return None
     return "wheels" if Path(found.origin).is_relative_to(sys.prefix) else "apt"
+
+
+def rclpy_problem() -> str:
+    """Say why rclpy, which is there, cannot be imported by this process; '' when it can."""
+    try:
+        importlib.import_module("rclpy")
+    except ImportError as problem:
+        return str(problem).partition("\n")[0]
+    return ""
 
 
 def prepare() -> None:

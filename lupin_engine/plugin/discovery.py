@@ -14,7 +14,11 @@ import sys
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
+
+from lupin_engine.errors import PluginError, UsageError, nearest
+
+_T = TypeVar("_T")
 
 #: Entry points of this group name a `Plugin`.
 GROUP = "lupin.plugins"
@@ -24,6 +28,8 @@ VERBS = "lupin.verbs"
 #: What installers name the folders in which they describe a package: by wheels, and by what came before them.
 _DESCRIPTIONS = (".dist-info", ".egg-info")
 _SEPARATORS = re.compile(r"[-_.]+")
+#: A value in a pyproject.toml, in quotes of either kind; a remark may follow.
+_QUOTED = re.compile(r"""(["'])(.*?)\1""")
 
 
 @dataclass(frozen=True)
@@ -46,6 +52,9 @@ class EntryPoint:
     value: str
     distribution: Distribution | None = field(default=None, compare=False)
 
+    def __str__(self) -> str:
+        return f"{self.value} of {self.distribution}" if self.distribution else self.value
+
     @property
     def module(self) -> str:
         """The module that it names."""
@@ -63,6 +72,23 @@ class EntryPoint:
             found = getattr(found, name)
         return found
 
+    def load_as(self, kind: type[_T], what: str, called: str) -> _T:
+        """Load a thing of one kind: `what` it is to people, such as plugin, and what its kind is `called`.
+
+        Raises:
+            PluginError: it cannot be imported, or is something else.
+        """
+        where = f"{what} {self.name!r} ({self})"
+        try:
+            found = self.load()
+        except (Exception, SystemExit) as error:  # foreign code: whatever its import does is told in one line
+            reason = f"{type(error).__name__}: {error}"
+            raise PluginError(f"{where} cannot be imported: {reason}") from error
+        if not isinstance(found, kind):
+            other = type(found).__name__
+            raise PluginError(f"{where} names something of type {other}; it must name {called}")
+        return found
+
 
 def entry_points(path: Iterable[str] | None = None, group: str = GROUP) -> list[EntryPoint]:
     """Return the entry points of a group by name; `path` is where to look, by default `sys.path`."""
@@ -76,6 +102,18 @@ def entry_points(path: Iterable[str] | None = None, group: str = GROUP) -> list[
                 declared = _in_section(description / "entry_points.txt", f"[{group}]")
                 found.update(EntryPoint(name, value, distribution) for name, value in declared)
     return sorted(found)
+
+
+def find_entry_point(name: str) -> EntryPoint:
+    """Return the entry point of a plugin that is installed.
+
+    Raises:
+        UsageError: there is none; the text has the nearest name.
+    """
+    points = {point.name: point for point in entry_points()}
+    if name not in points:
+        raise UsageError(f"no plugin is called {name!r}; {nearest(name, points)}")
+    return points[name]
 
 
 def source_file(module: str) -> str | None:
@@ -109,7 +147,17 @@ def _descriptions(folder: str) -> Iterator[Path]:
 
 def declared_in(project: Path) -> list[tuple[str, str]]:
     """Return name and value of the plugins that a pyproject.toml declares, installed or not."""
-    return list(_in_section(project, f'[project.entry-points."{GROUP}"]'))
+    headers = [f"[project.entry-points.{quote}{GROUP}{quote}]" for quote in "\"'"]
+    return [
+        (name.strip("\"'"), _unquoted(value))
+        for header in headers
+        for name, value in _in_section(project, header)
+    ]
+
+
+def _unquoted(value: str) -> str:
+    quoted = _QUOTED.match(value)
+    return quoted[2] if quoted else value
 
 
 def _in_section(file: Path, header: str) -> Iterator[tuple[str, str]]:
@@ -125,4 +173,4 @@ def _in_section(file: Path, header: str) -> Iterator[tuple[str, str]]:
             inside = line == header
         elif inside and line and not line.startswith(("#", ";")):
             name, _, value = line.partition("=")
-            yield name.strip(), value.strip().strip('"')
+            yield name.strip(), value.strip()

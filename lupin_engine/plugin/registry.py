@@ -14,7 +14,7 @@ from functools import cached_property
 from types import MappingProxyType
 from typing import Any, TypeVar
 
-from lupin_engine.errors import PluginError
+from lupin_engine.errors import PluginError, nearest
 from lupin_engine.plugin import builtin
 from lupin_engine.plugin.contract import (
     Action,
@@ -31,10 +31,18 @@ from lupin_engine.plugin.contract import (
 from lupin_engine.plugin.discovery import EntryPoint, entry_points
 from lupin_engine.plugin.types import BUILTIN_TYPES, Type, convert
 
-_NAME = re.compile(r"[a-z][a-z0-9_]*")
-_DOTTED = re.compile(r"[a-z][a-z0-9_]*(\.[a-z][a-z0-9_]*)*")
-_TYPE_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
-_CODE = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
+#: What names consist of: of most things; of functions and values; of types and codes.
+NAME = re.compile(r"[a-z][a-z0-9_]*")
+DOTTED_NAME = re.compile(r"[a-z][a-z0-9_]*(\.[a-z][a-z0-9_]*)*")
+FREE_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
+#: The same in words.
+LETTERS: Mapping[re.Pattern[str], str] = MappingProxyType(
+    {
+        NAME: "lower case letters, digits and underscores",
+        DOTTED_NAME: "lower case letters, digits, underscores and dots",
+        FREE_NAME: "letters, digits and underscores",
+    }
+)
 _TARGET = re.compile(r"[A-Za-z_][\w.]*:[A-Za-z_]\w*")
 
 #: First words of events that the engine itself makes; nobody else may.
@@ -94,18 +102,17 @@ def import_plugin(point: EntryPoint) -> Plugin:
     Raises:
         PluginError: it cannot be imported, or is something else.
     """
-    try:
-        plugin = point.load()
-    except (
-        Exception
-    ) as error:  # a plugin is foreign code: whatever its import does is its fault, told in one line
-        reason = f"{type(error).__name__}: {error}"
-        raise PluginError(f"plugin {point.name!r} ({point.value}) cannot be imported: {reason}") from error
-    if not isinstance(plugin, Plugin):
-        kind = type(plugin).__name__
-        raise PluginError(
-            f"plugin {point.name!r} ({point.value}) is a {kind}; the entry point must name a Plugin"
-        )
+    return point.load_as(Plugin, "plugin", "a Plugin")
+
+
+def verified_plugin(point: EntryPoint) -> Plugin:
+    """Return the plugin that an entry point names, which the registry takes.
+
+    Raises:
+        PluginError: it cannot be imported, or breaks the contract.
+    """
+    plugin = import_plugin(point)
+    build_catalog([plugin])
     return plugin
 
 
@@ -192,14 +199,19 @@ def _refused(plugin: Plugin, reason: str) -> PluginError:
 
 
 def _verify(plugin: Plugin) -> None:
-    """Check one plugin by itself, in the order of its declaration."""
-    for problem in _problems(plugin):
-        raise _refused(plugin, problem)
+    """Check one plugin by itself, and tell all that is wrong with it, in the order of its declaration."""
+    try:
+        problems = list(_problems(plugin))
+    except Exception as error:  # what stands there is not even of the kind that can be checked
+        reason = f"{type(error).__name__}: {error}"
+        raise _refused(plugin, f"it is not written as the contract wants it: {reason}") from error
+    if problems:
+        raise PluginError("\n".join(str(_refused(plugin, problem)) for problem in problems))
 
 
 def _problems(plugin: Plugin) -> Iterator[str]:
-    if not _NAME.fullmatch(plugin.name):
-        yield "its name must be lower case letters, digits and underscores"
+    if not NAME.fullmatch(plugin.name):
+        yield f"its name must be {LETTERS[NAME]}"
     if plugin.name in _RESERVED:
         yield "its name is a word of the language"
     yield from _bad_names(plugin)
@@ -215,12 +227,10 @@ def _problems(plugin: Plugin) -> Iterator[str]:
         yield from _event_problems(f"event {name!r}", event)
     for name, parameter in plugin.parameters.items():
         yield from _parameter_problems(f"parameter {name!r}", parameter)
-    for name in plugin.stands_in:
-        if name not in plugin.nodes:
-            yield f"stands_in names {name!r}, which is none of its nodes"
-    for name in plugin.companions:
-        if name not in plugin.nodes:
-            yield f"companions names {name!r}, which is none of its nodes"
+    for key, names in (("stands_in", plugin.stands_in), ("companions", plugin.companions)):
+        for name in names:
+            if name not in plugin.nodes:
+                yield f"{key} names {name!r}, which is none of its nodes; {nearest(name, plugin.nodes)}"
     for name, kind in plugin.types.items():
         if kind.name != name:
             yield f"type {name!r} calls itself {kind.name!r}"
@@ -232,19 +242,19 @@ def _problems(plugin: Plugin) -> Iterator[str]:
 
 def _bad_names(plugin: Plugin) -> Iterator[str]:
     families: tuple[tuple[str, re.Pattern[str], Iterable[str]], ...] = (
-        ("operation", _NAME, plugin.operations),
-        ("action", _NAME, plugin.actions),
-        ("function", _DOTTED, plugin.functions),
-        ("value", _DOTTED, plugin.values),
-        ("event", _NAME, plugin.events),
-        ("type", _TYPE_NAME, plugin.types),
-        ("parameter", _NAME, plugin.parameters),
-        ("node", _NAME, plugin.nodes),
+        ("operation", NAME, plugin.operations),
+        ("action", NAME, plugin.actions),
+        ("function", DOTTED_NAME, plugin.functions),
+        ("value", DOTTED_NAME, plugin.values),
+        ("event", NAME, plugin.events),
+        ("type", FREE_NAME, plugin.types),
+        ("parameter", NAME, plugin.parameters),
+        ("node", NAME, plugin.nodes),
     )
     for family, pattern, names in families:
         for name in names:
             if not pattern.fullmatch(name):
-                yield f"{family} {name!r}: the name must be lower case letters, digits and underscores"
+                yield f"{family} {name!r}: the name must be {LETTERS[pattern]}"
     for target in filter(None, (plugin.client, *plugin.nodes.values())):
         if not _TARGET.fullmatch(target):
             yield f"{target!r} must have the form 'module:name'"
@@ -253,11 +263,9 @@ def _bad_names(plugin: Plugin) -> Iterator[str]:
 def _operation_problems(where: str, operation: Operation) -> Iterator[str]:
     yield from _argument_problems(where, operation.arguments)
     yield from _code_problems(where, operation.codes)
-    for name in operation.result:
-        if not _NAME.fullmatch(name):
-            yield f"{where}: the result field {name!r} must be lower case letters, digits and underscores"
+    yield from _field_problems(where, "result field", operation.result)
     for resource in operation.uses:
-        if not _NAME.fullmatch(resource):
+        if not NAME.fullmatch(resource):
             yield f"{where}: uses {resource!r}, which is no name of a resource"
     if operation.mock.after < 0:
         yield f"{where}: the mock ends after {operation.mock.after} s"
@@ -277,8 +285,9 @@ def _mock_problems(where: str, operation: Operation, result: Mapping[str, Any]) 
 
 def _argument_problems(where: str, arguments: Mapping[str, Argument]) -> Iterator[str]:
     for name, argument in arguments.items():
-        if not _NAME.fullmatch(name):
-            yield f"{where}: the argument {name!r} must be lower case letters, digits and underscores"
+        if not NAME.fullmatch(name):
+            yield f"{where}: the argument {name!r} must be {LETTERS[NAME]}"
+        yield from _type_problems(f"{where}: the argument {name!r}", argument.type)
         problem = None if argument.default is None else _mismatch(argument.default, argument.type)
         if problem:
             yield f"{where}: the default of argument {name!r}: {problem}"
@@ -286,6 +295,7 @@ def _argument_problems(where: str, arguments: Mapping[str, Argument]) -> Iterato
 
 def _function_problems(where: str, function: Function) -> Iterator[str]:
     yield from _argument_problems(where, function.arguments)
+    yield from _type_problems(f"{where}: what it returns", function.returns)
     if not callable(function.bind):
         yield f"{where}: bind must be a function of the parameters"
     optional = False
@@ -296,6 +306,7 @@ def _function_problems(where: str, function: Function) -> Iterator[str]:
 
 
 def _value_problems(where: str, value: LiveValue) -> Iterator[str]:
+    yield from _type_problems(where, value.type)
     if value.freshness is not None and not value.freshness > 0:
         yield f"{where}: a freshness of {value.freshness} s is never met"
     problem = None if value.initial is None else _mismatch(value.initial, value.type)
@@ -304,17 +315,28 @@ def _value_problems(where: str, value: LiveValue) -> Iterator[str]:
 
 
 def _event_problems(where: str, event: EventKind) -> Iterator[str]:
-    for name, kind in event.fields.items():
-        if not _NAME.fullmatch(name):
-            yield f"{where}: the field {name!r} must be lower case letters, digits and underscores"
-        if not isinstance(kind, Type):
-            yield f"{where}: the field {name!r} must have a Type, got {kind!r}"
+    yield from _field_problems(where, "field", event.fields)
+
+
+def _field_problems(where: str, what: str, fields: Mapping[str, Type]) -> Iterator[str]:
+    for name, kind in fields.items():
+        if not NAME.fullmatch(name):
+            yield f"{where}: the {what} {name!r} must be {LETTERS[NAME]}"
+        yield from _type_problems(f"{where}: the {what} {name!r}", kind)
+
+
+def _type_problems(where: str, kind: object) -> Iterator[str]:
+    if not isinstance(kind, Type):
+        yield f"{where} must have a Type, such as `types.TEXT`, got {kind!r}"
 
 
 def _parameter_problems(where: str, parameter: Parameter) -> Iterator[str]:
-    problem = _mismatch(parameter.default, parameter.type)
-    if problem:
-        yield f"{where}: the default: {problem}"
+    problems = list(_type_problems(where, parameter.type))
+    mismatch = _mismatch(parameter.default, parameter.type)
+    if mismatch:
+        problems.append(f"{where}: the default: {mismatch}")
+    if problems:
+        yield from problems
         return
     if parameter.minimum is None and parameter.maximum is None:
         return
@@ -330,13 +352,15 @@ def _parameter_problems(where: str, parameter: Parameter) -> Iterator[str]:
 
 def _code_problems(where: str, codes: Iterable[Code]) -> Iterator[str]:
     for code in codes:
-        if not _CODE.fullmatch(code.name):
-            yield f"{where}: the code {code.name!r} must be letters, digits and underscores"
+        if not FREE_NAME.fullmatch(code.name):
+            yield f"{where}: the code {code.name!r} must be {LETTERS[FREE_NAME]}"
         if not code.label:
             yield f"{where}: the code {code.name!r} has no label for people"
 
 
 def _mismatch(value: Any, wanted: Type) -> str | None:
+    if not isinstance(wanted, Type):
+        return None  # which has been told
     try:
         convert(value, wanted)
     except ValueError as error:

@@ -97,6 +97,11 @@ def number_in(unit: str) -> Type:
     return known.get(unit) or Type("number", f"number in {unit}", unit=unit)
 
 
+def units_of(base: str) -> list[str]:
+    """Return the units in which a number of a base unit may be written."""
+    return [unit for unit, (of, _) in UNITS.items() if of == base]
+
+
 def parse_type(text: str, known: Mapping[str, Type]) -> Type:
     """Read a type as missions write it: a name, or `list of NAME`.
 
@@ -145,13 +150,13 @@ def convert(value: Any, wanted: Type) -> Any:
     return converter(value, wanted)
 
 
-def _wrong(value: Any, wanted: Type) -> ValueError:
-    return ValueError(f"expected {wanted}, got {value!r}")
+def _wrong(value: Any, wanted: Type, hint: str = "") -> ValueError:
+    return ValueError(f"expected {wanted}, got {value!r}{hint}")
 
 
 def _to_bool(value: Any, wanted: Type) -> bool:
     if not isinstance(value, bool):
-        raise _wrong(value, wanted)
+        raise _wrong(value, wanted, "; write true or false" if isinstance(value, str) else "")
     return value
 
 
@@ -166,7 +171,8 @@ def _to_number(value: Any, wanted: Type) -> float:
     if isinstance(value, str):
         quantity = parse_quantity(value)
         if quantity is None or quantity[1] != wanted.unit:
-            raise _wrong(value, wanted)
+            units = ", ".join(map(repr, units_of(wanted.unit)))
+            raise _wrong(value, wanted, f"; its units are {units}" if wanted.unit and units else "")
         value = quantity[0]
     if isinstance(value, bool) or not isinstance(value, (int, float)) or not _is_finite(value):
         raise _wrong(value, wanted)

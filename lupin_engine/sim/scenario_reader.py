@@ -10,6 +10,8 @@ from typing import Any
 from lupin_engine.chart.documents import Node, show
 from lupin_engine.chart.findings import Findings
 from lupin_engine.chart.model import OPERATOR_REQUESTS, Chart
+from lupin_engine.chart.source import Map, Seq
+from lupin_engine.chart.values import is_expression, read_constant
 from lupin_engine.errors import Place
 from lupin_engine.plugin.contract import Operation
 from lupin_engine.plugin.types import DURATION, NUMBER, Type, convert
@@ -127,6 +129,27 @@ class Words:
                 found[name] = self.value(node.value_at(key, name), f"{path}.{name}", value, declared[name])
         return found
 
+    def parts(self, what: str, given: Map, declared: Mapping[str, Type], path: str) -> dict[str, Any]:
+        """Read what some of the declared arguments or fields must be, written as missions write them."""
+        found = {}
+        for name in given:
+            if self.known(given.key_place(name), what, name, declared, path):
+                place = given.value_place(name)
+                found[name] = self._part(given[name], place, declared[name], f"{path}.{name}")
+        return found
+
+    def _part(self, raw: Any, place: Place, kind: Type, path: str) -> Any:
+        """Read what a value must be; of a record, also in a list, some of the fields are enough."""
+        if kind.kind == "record" and isinstance(raw, Map):
+            return self.parts("field", raw, kind.fields, path)
+        if kind.kind == "list" and isinstance(raw, Seq) and kind.item is not None:
+            return [self._part(*one, kind.item, path) for one in zip(raw, raw.places, strict=True)]
+        if is_expression(raw):
+            self.wrong(place, path, f"a scenario computes nothing, got {show(raw)}", "write the value itself")
+            return None
+        read = read_constant(raw, place, kind, self.findings, path)
+        return None if read is None else read.value
+
     def duration(self, place: Place, path: str, value: Any) -> float | None:
         """Read a duration; nothing written is None."""
         if value is None:
@@ -205,10 +228,11 @@ class ScriptReader:
         operation = self._words.operation(mock.at("do"), mock.do)
         if operation is None:
             return
-        for name in mock.with_:
-            self._words.known(mock.key_at("with", name), "argument", name, operation.arguments, mock.do)
+        declared = {name: argument.type for name, argument in operation.arguments.items()}
+        given = mock.mapping("with")
+        arguments = {} if given is None else self._words.parts("argument", given, declared, mock.do)
         outcomes = tuple(self._outcome(outcome, mock.do, operation) for outcome in mock.then)
-        yield Rule(mock.do, outcomes, mock.with_, mock.target, mock.in_turn)
+        yield Rule(mock.do, outcomes, arguments, mock.target, mock.in_turn)
 
     def _outcome(self, node: OutcomeNode, name: str, operation: Operation) -> Outcome | AnyOf:
         ends = [word for word in _ENDS if getattr(node, word) not in (None, False)]

@@ -18,8 +18,9 @@ from lupin_engine.plugin.contract import Operation, Outlet
 from lupin_engine.plugin.registry import Catalog
 from lupin_engine.sim.agenda import Agenda
 
-#: Two numbers are the same when they differ by less than this share: nobody writes sixteen digits.
-SAME = 1e-6
+#: Two numbers are the same when they differ by less than this share, or by so little beside 0: nobody writes
+#: sixteen digits, and what is computed is seldom exactly 0.
+SAME, SAME_AS_ZERO = 1e-6, 1e-9
 
 
 class OnCancel(enum.Enum):
@@ -104,11 +105,16 @@ class Rule:
 
 
 def contains(whole: Any, part: Any) -> bool:
-    """Say whether `whole` has everything that `part` names; what was computed is compared to six digits."""
+    """Say whether `whole` has everything that `part` names; what was computed is compared to six digits.
+
+    Records need only contain the fields that are given; lists have as many elements as they are given.
+    """
     if isinstance(part, Mapping) and isinstance(whole, Mapping):
         return all(name in whole and contains(whole[name], value) for name, value in part.items())
+    if isinstance(part, list) and isinstance(whole, list):
+        return len(whole) == len(part) and all(map(contains, whole, part))
     if isinstance(whole, float) and isinstance(part, float):
-        return math.isclose(whole, part, rel_tol=SAME)
+        return math.isclose(whole, part, rel_tol=SAME, abs_tol=SAME_AS_ZERO)
     return bool(whole == part)
 
 

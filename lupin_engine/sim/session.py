@@ -37,6 +37,7 @@ Read = Callable[[str, Type], Any]
 
 #: A mission that never ends is stopped after so many steps of one `run`.
 MOST_STEPS = 10_000
+_MOST_DIGITS = 9
 #: Steps in which nothing is told (a server accepts) are joined to the next one, up to so many.
 _SILENT = 100
 
@@ -403,9 +404,11 @@ def _first(words: list[str], question: str, allowed: Iterable[str]) -> str:
 def _count(words: list[str]) -> int:
     if not words:
         return 1
-    if not words[0].isdigit() or int(words[0]) < 1:
+    digits = words[0].lstrip("0")
+    if not (digits.isascii() and digits.isdecimal()):
         raise Wrong(f"{words[0]!r} is no number of moves; write 1 or more")
-    return min(int(words[0]), MOST_STEPS)
+    # Python reads no number of more than 4,300 digits, and nobody means one.
+    return MOST_STEPS if len(digits) > _MOST_DIGITS else min(int(digits), MOST_STEPS)
 
 
 def _typed(command: str, words: list[str]) -> str:

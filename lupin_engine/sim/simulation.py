@@ -13,6 +13,7 @@ from functools import cached_property
 from typing import Any
 
 from lupin_engine.chart.model import Chart
+from lupin_engine.errors import LupinError
 from lupin_engine.machine.environment import World
 from lupin_engine.machine.event import Event, Publish, Report, Start
 from lupin_engine.machine.machine import Machine
@@ -31,6 +32,10 @@ ENDED, FAULTED = "DONE", "FAULT"
 START = "mission.start"
 #: How long a simulation goes on when nobody says otherwise, in seconds of virtual time.
 LIMIT = 24 * 3600.0
+#: How many things may happen at one moment; more are a mission that goes in circles in no time.
+MOST_AT_ONCE = 10_000
+#: Steps in which a circle is looked for.
+_CIRCLE = 100
 
 
 @dataclass(frozen=True)
@@ -222,7 +227,7 @@ def simulate(
 
     Raises:
         UsageError: a parameter does not exist or is out of range.
-        LupinError: a plugin cannot work with the parameters, or the chart never comes to rest.
+        LupinError: a plugin cannot work with the parameters, or time stands still for ever.
     """
     return Simulation(chart, script, parameters or {}, world).run()
 
@@ -268,9 +273,13 @@ class Simulation:
         self._stopped = False
 
     def run(self) -> Run:
-        """Run until the mission is over, nothing more will happen, or the time limit is reached."""
+        """Run until the mission is over, nothing more will happen, or the time limit is reached.
+
+        Raises:
+            LupinError: time stands still for ever.
+        """
         self.begin()
-        cut_off = False
+        cut_off, at_once = False, 0
         while not self.is_over:
             due = self.next_due
             if due is None:
@@ -279,8 +288,21 @@ class Simulation:
                 self._clock.move_to(self._script.limit)
                 cut_off = True
                 break
+            at_once = at_once + 1 if due <= self.now else 0
+            if at_once > MOST_AT_ONCE:
+                raise LupinError(self._standstill())
             self.go_on()
         return self.result(cut_off)
+
+    def _standstill(self) -> str:
+        """Say that the mission goes in circles, and through which operations."""
+        commands = [command for step in self.steps[-_CIRCLE:] for command in step.commands]
+        begun = dict.fromkeys(command.operation for command in commands if isinstance(command, Start))
+        circle = f"{', '.join(begun)} begin and end over and over" if begun else "it goes in circles"
+        return (
+            f"time stands still at {self.now:.1f} s: more than {MOST_AT_ONCE} things happen at that moment;"
+            f" {circle}, so let one of them take time"
+        )
 
     # -- the same in pieces, for those who look on ------------------------------------------------------
 

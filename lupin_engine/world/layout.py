@@ -10,6 +10,8 @@ from __future__ import annotations
 
 import json
 import math
+import os
+import reprlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,7 +25,7 @@ BUNDLED = Path(__file__).with_name("greenhouse.json")
 
 @dataclass(frozen=True)
 class Tag:
-    """A tag of the layout: position of its plate in metres, and the sensors that it answers for."""
+    """A tag of the layout: position of its plate in metres, and the sensors that it answers for, in order."""
 
     id: str
     x: float
@@ -40,6 +42,10 @@ class Table:
     x1: float
     y0: float
     y1: float
+
+    def distance(self, x: float, y: float) -> float:
+        """Return how far a place is from this table; 0 on it."""
+        return math.hypot(max(self.x0 - x, 0.0, x - self.x1), max(self.y0 - y, 0.0, y - self.y1))
 
 
 @dataclass(frozen=True)
@@ -77,38 +83,42 @@ class Layout:
 
     def _unknown(self, ids: list[Any]) -> str:
         known = ", ".join(tag.id for tag in self.numeric_order())
-        wanted = ", ".join(repr(tag_id) for tag_id in ids)
+        wanted = ", ".join(reprlib.repr(tag_id) for tag_id in ids)  # whoever asks may say anything
         return f"unknown tag {wanted}; the layout has {len(self.tags)} tags: {known}"
 
 
-def numeric_key(tag_id: str) -> tuple[bool, int, str]:
+def numeric_key(tag_id: str) -> tuple[bool, int, str, str]:
     """Return the sort key of a tag id: numbers by value before names by letter."""
-    number = int(tag_id) if tag_id.isascii() and tag_id.isdecimal() else None
-    return (number is None, number or 0, tag_id)
+    if not (tag_id.isascii() and tag_id.isdecimal()):
+        return True, 0, "", tag_id
+    # Compared as text, longer ones last: Python reads no number of more than 4,300 digits.
+    digits = tag_id.lstrip("0")
+    return False, len(digits), digits, tag_id
 
 
-def load(path: str = "") -> Layout:
+def load(path: str = "", parameter: str = "tag_locations_file") -> Layout:
     """Read a layout file; an empty path means the bundled greenhouse.
 
     Raises:
-        LupinError: the file cannot be read, is no JSON, or has a tag without a position.
+        LupinError: the file cannot be read, is no JSON, or `parse` refuses it; the text names it, and the
+            `parameter` that it was given by.
     """
-    file = Path(path).expanduser() if path else BUNDLED
+    # Unlike Path.expanduser, this leaves the home of a user that does not exist as it is written.
+    file = Path(os.path.expanduser(path)) if path else BUNDLED
     try:
-        data = json.loads(file.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise LupinError(f"tag_locations_file {str(file)!r} cannot be used: {error}") from error
-    try:
-        return parse(data)
-    except ValueError as error:
-        raise LupinError(f"tag_locations_file {str(file)!r} cannot be used: {error}") from error
+        return parse(json.loads(file.read_text(encoding="utf-8")))
+    except OSError as error:
+        reason = error.strerror or str(error)
+    except (ValueError, RecursionError) as error:
+        reason = str(error)
+    raise LupinError(f"{parameter} {str(file)!r} cannot be used: {reason}")
 
 
 def parse(data: Any) -> Layout:
     """Build a layout from parsed JSON; tables that are not four finite numbers are left out.
 
     Raises:
-        ValueError: `data` holds no tags, or one of them has no position.
+        ValueError: `data` holds no tags, or one of them has no position or no list of sensors.
     """
     if not isinstance(data, Mapping):
         raise ValueError(f"expected a JSON object, got {type(data).__name__}")
@@ -127,8 +137,10 @@ def _tag(tag_id: str, raw: Any) -> Tag:
     x, y = (_finite(raw, key) for key in ("x", "y"))
     if x is None or y is None:
         raise ValueError(f"tag {tag_id!r} has no position: expected numbers x and y in metres, got {raw!r}")
-    sensors = raw.get("sensors", ())
-    return Tag(tag_id, x, y, tuple(str(name) for name in sensors) if isinstance(sensors, list) else ())
+    sensors = raw.get("sensors", [])
+    if not isinstance(sensors, list) or not all(isinstance(name, str) for name in sensors):
+        raise ValueError(f"the sensors of tag {tag_id!r} are no list of names, but {sensors!r}")
+    return Tag(tag_id, x, y, tuple(sensors))
 
 
 def _table(name: str, raw: Any) -> Table | None:
@@ -140,6 +152,10 @@ def _table(name: str, raw: Any) -> Table | None:
 
 def _finite(raw: Any, key: str) -> float | None:
     value = raw.get(key) if isinstance(raw, Mapping) else None
-    if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
         return None
-    return float(value)
+    try:
+        number = float(value)
+    except OverflowError:  # a whole number that no float can hold
+        return None
+    return number if math.isfinite(number) else None

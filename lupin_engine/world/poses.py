@@ -55,10 +55,11 @@ def pose_of(position: Iterable[float], rotation: Iterable[float]) -> Pose | None
 def heading(rotation: Any) -> float:
     """Return the turn about the vertical of a quaternion message, in radians from -pi to pi.
 
-    atan2(2 (w z + x y), 1 - 2 (y^2 + z^2)): where the turned x axis points on the plane.
+    atan2(2 (w z + x y), w^2 + x^2 - y^2 - z^2): where the turned x axis points on the plane, whatever the
+    length of the quaternion. One that nobody filled in (all zeros) is no turn.
     """
     x, y, z, w = rotation.x, rotation.y, rotation.z, rotation.w
-    return math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+    return math.atan2(2.0 * (w * z + x * y), w * w + x * x - y * y - z * z)
 
 
 def product(first: Array, second: Array) -> Array:

@@ -14,6 +14,9 @@ from dataclasses import dataclass
 #: Angles of the four joints in the order of `ARM`, in radians.
 Pose = tuple[float, float, float, float]
 
+#: No joint of this arm is farther from its zero, in radians; what says so has other units.
+FARTHEST = math.pi
+
 #: Fastest that a joint may be commanded, and the pace where nobody says one, in radians a second.
 MAX_RATE = math.radians(180.0)
 DEFAULT_RATE = math.radians(60.0)
@@ -45,6 +48,11 @@ class Joint:
     def high(self) -> float:
         """Largest angle that may be commanded."""
         return math.radians(self.window_deg[1])
+
+    def reach(self, angle: float) -> float:
+        """Return the nearest angle that the servo gets to."""
+        low, high = self.servo_deg
+        return min(max(angle, math.radians(low)), math.radians(high))
 
     def clamp(self, angle: float) -> float:
         """Return the nearest angle that may be commanded.
@@ -103,6 +111,11 @@ def check_pose(angles: Iterable[float]) -> Pose:
     for joint, angle in zip(ARM, given, strict=True):
         joint.check(angle)
     return _pose(given)
+
+
+def reach_pose(pose: Pose) -> Pose:
+    """Return a pose that the servos can keep, where a joint is told to be a little beyond its range."""
+    return _pose(joint.reach(angle) for joint, angle in zip(ARM, pose, strict=True))
 
 
 def read_pose(positions: Mapping[str, float]) -> Pose | None:

@@ -37,8 +37,9 @@ from lupin_engine.plugin.files import write_atomically
 VERSION = 1
 #: Earlier states of the file that are kept: `.bak` is the newest, then `.bak2`, `.bak3`.
 BACKUPS = 3
-#: Entries of each kind; a library is read and written as a whole.
-MAX_ENTRIES = 500
+#: Entries of each kind, and waypoints of all sequences; a library is read and written as a whole, by the
+#: process that stops the arm.
+MAX_ENTRIES, MAX_WAYPOINTS = 500, 40_000
 #: What rounding may add to a limit, in radians.
 ROUNDING = 1e-6
 
@@ -252,6 +253,10 @@ class Library:
 
     def save_sequence(self, name: str, sequence: Sequence, overwrite: bool) -> str:
         """Keep a sequence; otherwise as `save_pose`."""
+        others = (found for other, found in self._sequences.items() if other != valid_name(name))
+        kept = sum(len(found.waypoints) for found in others)
+        if kept + len(sequence.waypoints) > MAX_WAYPOINTS:
+            raise Refused(f"the library is full: {MAX_WAYPOINTS} waypoints in all; delete some sequences")
         return self._save("sequence", name, sequence, overwrite)
 
     def edit(self, kind: str, name: str, new_name: str) -> str:
@@ -267,7 +272,7 @@ class Library:
         name, entries = valid_name(name), self._of(kind)
         if name not in entries:
             raise Refused(_unknown(kind, name, entries))
-        if not new_name.strip():
+        if not new_name:  # blanks are no name, and no wish to delete something
             self._write(kind, {other: entry for other, entry in entries.items() if other != name})
             return f"deleted {kind} {name!r}"
         new_name = valid_name(new_name)
@@ -301,7 +306,7 @@ class Library:
     # --- the file -----------------------------------------------------------------------------------------
 
     def _refresh(self) -> None:
-        if self._seen != _identity(self.path):
+        if self._unusable or self._seen != _identity(self.path):
             self._load()
         if self._unusable:
             raise Refused(self._unusable)
@@ -313,7 +318,7 @@ class Library:
             if not self._take_in(self.path):
                 self._recover("is missing")
         except _Corrupt as problem:
-            self._recover(f"cannot be read ({problem}), is kept as {self._put_aside().name}")
+            self._recover(f"cannot be read ({problem}), {self._put_aside()}")
         except OSError as error:
             # Nothing is taken for an empty library that may be full: the next save would be the end of it.
             self._unusable = f"{self.path} cannot be read: {error.strerror}"
@@ -351,11 +356,16 @@ class Library:
         """Go on without the entries that are wrong, keeping the file as it was."""
         kept = self._free_name()
         shown = "; ".join(wrong[:3]) + (f" and {len(wrong) - 3} more" if len(wrong) > 3 else "")
+        try:
+            write_atomically(kept, raw)
+        except OSError as error:
+            # What is left out would be lost with the next save.
+            self._unusable = (
+                f"{file.name}: {shown}; and the file cannot be kept as {kept.name}: {error.strerror}"
+            )
+            return
         self._told.append(f"{file.name}: {shown}; left out, the file is kept as {kept.name}")
-        with contextlib.suppress(
-            OSError, StoreFailed
-        ):  # a folder that cannot be written to is told with a save
-            kept.write_bytes(raw)
+        with contextlib.suppress(StoreFailed):  # told with the next save
             self._persist(self._poses, self._sequences)
 
     def _recover(self, what: str) -> None:
@@ -368,11 +378,14 @@ class Library:
         if what != "is missing":
             self._told.append(f"{self.path.name} {what}; the library is empty")
 
-    def _put_aside(self) -> Path:
+    def _put_aside(self) -> str:
+        """Rename the file, and say what has become of it."""
         kept = self._free_name()
-        with contextlib.suppress(OSError):  # then it stays where it is until a save can move it
+        try:
             os.rename(self.path, kept)
-        return kept
+        except OSError as error:  # then the next save that is possible makes a backup of it
+            return f"cannot be renamed to {kept.name} ({error.strerror})"
+        return f"is kept as {kept.name}"
 
     def _free_name(self) -> Path:
         names = (self.path.with_name(f"{self.path.stem}.corrupt-{n}.json") for n in range(1, 100_000))
@@ -390,21 +403,20 @@ class Library:
         self._poses, self._sequences = poses, sequences
 
     def _persist(self, poses: Mapping[str, Pose], sequences: Mapping[str, Sequence]) -> None:
-        data = {
-            **self._others,
-            "version": VERSION,
-            "poses": {name: pose.model_dump() for name, pose in poses.items()},
-            "sequences": {name: found.model_dump() for name, found in sequences.items()},
-        }
-        text = json.dumps(data, ensure_ascii=False, allow_nan=False, indent=1)
         try:
+            text = self._text(poses, sequences)
             self.path.parent.mkdir(parents=True, exist_ok=True)
             keep_backups(self.path, lambda: write_atomically(self.path, text.encode()), self._backups())
-        except OSError as error:
-            raise StoreFailed(
-                f"{self.path} cannot be written: {error.strerror}; nothing was changed"
-            ) from None
+        except (OSError, ValueError) as error:  # a ValueError is of what others have put into the file
+            reason = getattr(error, "strerror", None) or error
+            raise StoreFailed(f"{self.path} cannot be written: {reason}; nothing was changed") from None
         self._seen = _identity(self.path)
+
+    def _text(self, poses: Mapping[str, Pose], sequences: Mapping[str, Sequence]) -> str:
+        """Return the file, an entry a line; hours of movements are written in a moment so."""
+        others = [(key, json.dumps(value)) for key, value in self._others.items()]
+        own = [("version", str(VERSION)), ("poses", _lines(poses)), ("sequences", _lines(sequences))]
+        return "{" + ",".join(f"\n {json.dumps(key)}: {value}" for key, value in [*others, *own]) + "\n}\n"
 
 
 _KEYS = ("version", "poses", "sequences")
@@ -438,6 +450,11 @@ def _object(raw: bytes) -> dict[str, Any]:
     return data
 
 
+def _lines(entries: Mapping[str, Pose | Sequence]) -> str:
+    lines = (f"\n  {json.dumps(name)}: {entry.model_dump_json()}" for name, entry in entries.items())
+    return "{" + ",".join(lines) + "}"
+
+
 def _entries(data: Mapping[str, Any], key: str, model: type[Entry], wrong: list[str]) -> dict[str, Entry]:
     """Return the sound entries under a key; `wrong` is told of the others."""
     found = data.get(key, {})
@@ -447,7 +464,10 @@ def _entries(data: Mapping[str, Any], key: str, model: type[Entry], wrong: list[
     sound: dict[str, Entry] = {}
     for name, entry in found.items():
         try:
-            sound[valid_name(name)] = model.model_validate(entry)
+            known = valid_name(name)
+            if known in sound:
+                raise Refused(f"{name!r} is {known!r}, which is there already")
+            sound[known] = model.model_validate(entry)
         except Refused as reason:
             wrong.append(f"{key}: {reason}")
         except ValidationError as error:

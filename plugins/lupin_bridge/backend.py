@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -13,6 +13,9 @@ SECONDS_PER_DAY = 86400.0
 
 #: How much of a name that somebody else wrote is repeated to people.
 SHOWN = 60
+
+#: The sensors of each tag, in their order.
+Sensors = Mapping[str, tuple[str, ...]]
 
 #: Where a backend tells what people should know; safe from every thread.
 Tell = Callable[[Severity, str], None]

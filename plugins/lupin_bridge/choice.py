@@ -6,10 +6,10 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from lupin_bridge import greenhouse, mqtt, recorded
-from lupin_bridge.backend import Backend, Clocks, Tell
+from lupin_bridge.backend import Backend, Clocks, Sensors, Tell
 from lupin_bridge.catalog import BACKENDS
-from lupin_bridge.layout import read_layout
 from lupin_engine.errors import LupinError, Severity, nearest
+from lupin_engine.world import layout
 
 Parameters = Mapping[str, Any]
 
@@ -29,6 +29,15 @@ def make_backend(parameters: Parameters, clocks: Clocks, tell: Tell) -> Backend:
 def _layout(parameters: Parameters) -> str:
     """Return the layout file: every node must load the same, whatever it is called."""
     return str(parameters["tag_file"] or parameters["tag_locations_file"])
+
+
+def _sensors(parameters: Parameters) -> Sensors | None:
+    """Return the sensors of every tag of the layout; None without one, when any tag may have any sensor."""
+    file = _layout(parameters)
+    if not file:
+        return None
+    known = layout.load(file, "tag_file" if parameters["tag_file"] else "tag_locations_file")
+    return {tag_id: tag.sensors for tag_id, tag in known.tags.items()}
 
 
 def _simulator(parameters: Parameters, clocks: Clocks, tell: Tell) -> Backend:
@@ -55,7 +64,7 @@ def _recorded(parameters: Parameters, clocks: Clocks, _: Tell) -> Backend:
         fixed_hour=parameters["debug_time_of_day"],
         speed=parameters["speedup_factor"] or 1.0,
     )
-    return recorded.Recorded(settings, read_layout(_layout(parameters)), clocks)
+    return recorded.Recorded(settings, _sensors(parameters), clocks)
 
 
 def _mqtt(parameters: Parameters, _: Clocks, tell: Tell) -> Backend:
@@ -71,7 +80,7 @@ def _mqtt(parameters: Parameters, _: Clocks, tell: Tell) -> Backend:
         credentials_file=parameters["mqtt_credentials_file"],
     )
     # Real sensors know no simulated time.
-    return mqtt.Mqtt(settings, read_layout(_layout(parameters)), tell)
+    return mqtt.Mqtt(settings, _sensors(parameters), tell)
 
 
 _MAKERS: Mapping[str, Callable[[Parameters, Clocks, Tell], Backend]] = {

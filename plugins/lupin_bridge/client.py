@@ -31,6 +31,7 @@ def _outcome(arguments: Mapping[str, Any], answer: GetTagReading.Response | Fail
     if answer.status == GetTagReading.Response.STATUS_OK:
         if answer.reading.tag_id not in (arguments["tag_id"], ""):  # it would stand on the wrong plant
             return Failed(SCAN_FAILED.name, f"the bridge answered with tag {answer.reading.tag_id!r}")
+        answer.reading.tag_id = arguments["tag_id"]
         return Done({"reading": plain_reading(answer.reading)})
     code = UNKNOWN_TAG if answer.status == GetTagReading.Response.STATUS_UNKNOWN_TAG else SCAN_FAILED
     return Failed(code.name, answer.error_message or f"bridge_status_{answer.status}")

@@ -7,6 +7,7 @@ in a dozen exception types; here a path is text, and what cannot be answered is 
 from __future__ import annotations
 
 import math
+import os
 import random
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -132,7 +133,7 @@ def _existing(file: str, what: str) -> Path | None:
     """Return the path, as the package wants it; None means the file that comes with the package."""
     if not file:
         return None
-    path = Path(file).expanduser()
+    path = Path(os.path.expanduser(file))
     if not path.is_file():
         # The package takes a layout that does not exist for one without tags.
         raise LupinError(f"{what} file {file} does not exist")

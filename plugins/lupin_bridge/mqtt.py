@@ -22,6 +22,7 @@ from lupin_bridge.backend import (
     REAL_CLOCKS,
     Clocks,
     ReadingFailed,
+    Sensors,
     TagValues,
     Tell,
     fresh_only,
@@ -29,9 +30,8 @@ from lupin_bridge.backend import (
     unknown_tag,
 )
 from lupin_bridge.latest import Latest
-from lupin_bridge.layout import Sensors
 from lupin_bridge.stamps import time_of_day
-from lupin_bridge.topics import Rejected, Template, samples
+from lupin_bridge.topics import Rejected, Sample, Template, samples
 from lupin_engine.errors import LupinError, Severity
 
 if TYPE_CHECKING:
@@ -50,6 +50,9 @@ CONNECTING_S, CLOSING_S = 5.0, 2.0
 
 #: Values are delivered at least once while the connection stands.
 _QOS = 1
+
+#: Seconds that a clock may be ahead before its stamps say nothing about the age of what the broker has kept.
+AHEAD_S = 60.0
 
 #: How many topics with a mistake are told one by one.
 MAX_TOLD = 100
@@ -231,11 +234,17 @@ class Mqtt:
         for reason in wrong:
             self._reject(topic, reason)
         for sample in found:
-            if message.retain and sample.stamp is None:
-                # It may be from yesterday, and would look new after every connection.
-                raise Rejected("retained, but without a stamp", "nobody knows how old it is")
+            if message.retain:
+                self._refuse_ageless(sample)
             if not self._latest.put(tag, sample):
                 raise Rejected("too many tags or sensors")
+
+    def _refuse_ageless(self, sample: Sample) -> None:
+        """Refuse what the broker has kept and may be from yesterday: it would look new at each connection."""
+        if sample.stamp is None:
+            raise Rejected("retained, but without a stamp", "nobody knows how old it is")
+        if sample.stamp > self._clocks.wall() + AHEAD_S:
+            raise Rejected("retained, with a stamp of the future", "one of two clocks is wrong")
 
     def _reject(self, topic: str, reason: Rejected) -> None:
         """Count a message that says nothing; each reason is told once for each topic."""
@@ -256,7 +265,7 @@ def _secure(client: Client, settings: Settings) -> None:
             if file:
                 raise LupinError(f"{name} is given, but mqtt_tls is not set")
         return
-    paths = {name: str(Path(file).expanduser()) if file else None for name, file in files.items()}
+    paths = {name: os.path.expanduser(file) if file else None for name, file in files.items()}
     for name, path in paths.items():
         if path and not Path(path).is_file():
             raise LupinError(f"{name}: file {files[name]} does not exist")
@@ -277,7 +286,7 @@ def _credentials(file: str, environment: Mapping[str, str] = os.environ) -> tupl
     """
     if not file:
         return environment.get(USER, ""), environment.get(PASSWORD)
-    path = Path(file).expanduser()
+    path = Path(os.path.expanduser(file))
     try:
         if path.stat().st_mode & (stat.S_IRWXG | stat.S_IRWXO):
             raise LupinError(f"mqtt_credentials_file {file} can be read by others: chmod 600 {file}")

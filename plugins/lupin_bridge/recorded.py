@@ -15,11 +15,11 @@ from lupin_bridge.backend import (
     Clocks,
     Measurement,
     ReadingFailed,
+    Sensors,
     TagValues,
     fresh_only,
     unknown_tag,
 )
-from lupin_bridge.layout import Sensors
 from lupin_bridge.recording import Recording, load_recording
 from lupin_bridge.stamps import time_of_day
 from lupin_bridge.units import unit_of

@@ -15,6 +15,7 @@ import bisect
 import csv
 import io
 import math
+import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -68,7 +69,7 @@ def load_recording(file: str) -> Recording:
     if not file:
         raise LupinError("backend 'recorded' needs the parameter recording_file, a CSV file")
     try:
-        text = Path(file).expanduser().read_text(encoding="utf-8-sig")
+        text = Path(os.path.expanduser(file)).read_text(encoding="utf-8-sig")
     except OSError as error:
         raise LupinError(f"recording {file}: {error.strerror}") from None
     except UnicodeDecodeError as error:

@@ -177,6 +177,7 @@ def _near(solid: Mask, rows: Indices, columns: Indices, radius: int) -> Mask:
     that a square of any size costs four look-ups.
     """
     height, width = solid.shape
+    radius = min(radius, height + width)  # all of the grid, however small its cells are said to be
     sums = np.zeros((height + 1, width + 1), dtype=np.int64)
     np.cumsum(np.cumsum(solid, axis=0, dtype=np.int64), axis=1, out=sums[1:, 1:])
     top, bottom = np.maximum(rows - radius, 0), np.minimum(rows + radius + 1, height)

@@ -45,9 +45,9 @@ def fix(message: Any) -> Fix | None:
 
 
 def variance(covariance: Sequence[float]) -> float:
-    """Return the largest variance of x, y and yaw; infinite when one of them is not a finite number."""
+    """Return the largest variance of x, y and yaw; infinite when one of them is none: not finite, below 0."""
     planar = [float(covariance[index]) for index in PLANAR]
-    return max(planar) if all(map(math.isfinite, planar)) else math.inf
+    return max(planar) if all(math.isfinite(one) and one >= 0.0 for one in planar) else math.inf
 
 
 def waits_for(known: Fix | None, live: bool, limit: float, topic: str) -> str:

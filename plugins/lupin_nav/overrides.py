@@ -7,6 +7,7 @@ and metres in frame `map`.
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -41,7 +42,7 @@ def load(path: str) -> Mapping[str, Override]:
     """
     if not path:
         return MappingProxyType({})
-    file = Path(path).expanduser()
+    file = Path(os.path.expanduser(path))
     try:
         return parse(yaml.safe_load(file.read_text(encoding="utf-8")))
     except (OSError, ValueError, yaml.YAMLError) as error:

@@ -1,4 +1,4 @@
-"""Pests that belong to no tag: what makes a report of its own, and when. Pure.
+"""Pests that belong to no tag: what makes a report of its own, and when. Pure; time is an argument (s).
 
 A pest in the box that is scanned is told with the flowers of its tag. One that is seen where no tag is in
 sight would be lost, so it is reported by itself, at the place of the robot. It takes several frames in a row,
@@ -15,6 +15,8 @@ from lupin_perception.detections import Detection
 
 #: Severity of a pest in an AnomalyReport: above 0, which is for information only.
 PEST_SEVERITY = 1
+#: Seconds after which a frame is in no row with the one before: a detector that sees nothing may say nothing.
+ROW_S = 2.0
 #: Places that are remembered; further reports in one mission tell nobody anything new.
 MAX_REPORTS = 200
 
@@ -45,6 +47,7 @@ class Watch:
         self._frames = frames
         self._spacing = spacing
         self._row = 0
+        self._last = -math.inf
         self._reported: list[Point] = []
 
     @property
@@ -61,14 +64,15 @@ class Watch:
         """Take in a frame that does not count: a tag is in sight, or is being scanned."""
         self._row = 0
 
-    def add(self, detections: Iterable[Detection], place: Point | None) -> Pest | None:
+    def add(self, detections: Iterable[Detection], place: Point | None, now: float) -> Pest | None:
         """Take in a frame seen from `place`; returns a pest that is to be reported now."""
         sure = [d.confidence for d in detections if d.name == self._name]
         confidence = max(sure, default=0.0)
         if not sure or confidence < self._min_confidence:
             self._row = 0
             return None
-        self._row += 1
+        self._row = self._row + 1 if now - self._last <= ROW_S else 1
+        self._last = now
         if self._row < self._frames or place is None or not self._is_new(place):
             return None
         self._reported.append(place)

@@ -14,6 +14,8 @@ from lupin_perception.discovered import records
 
 #: The frame of every pose on this wire.
 FRAME = "map"
+#: How many warnings about lists of tags are told one by one.
+MAX_TOLD = 100
 
 
 class PerceptionClient(ServiceDriver):
@@ -58,7 +60,7 @@ class PerceptionClient(ServiceDriver):
         return float(stamp.sec + stamp.nanosec * 1e-9) or self._ros.now()
 
     def _warn_once(self, text: str) -> None:
-        if text not in self._told:
+        if text not in self._told and len(self._told) < MAX_TOLD:
             self._told.add(text)
             self._ros.log.warning(text)
 

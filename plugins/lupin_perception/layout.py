@@ -111,10 +111,13 @@ def register(layout: Layout, found: Mapping[str, Pose], quality: Quality) -> Reg
 
 
 def _shortfall(known: Array, errors: Array, quality: Quality) -> str:
-    if len(known) < 2 or spread(known) < quality.min_spread:
-        return f"the {len(known)} tags found are too near to each other to say how the layout lies on the map"
+    """Say why a fit is good for nothing, in words that are the same for every such fit; "" if it is not."""
+    if len(known) == 0:
+        return "none of the tags found is in the layout"
+    if spread(known) < quality.min_spread:
+        return "the tags found are too near to each other to say how the layout lies on the map"
     if errors.max() > quality.max_error:
-        return f"the layout does not fit: tags are up to {errors.max():.2f} m from where it has them"
+        return f"the layout does not fit: tags are more than {quality.max_error:g} m from where it has them"
     return ""
 
 
@@ -130,12 +133,7 @@ def _box_of(layout: Layout, tag_id: str, motion: Motion, plate: Pose) -> Box | N
 
 def nearest_table(tables: Iterable[Table], tag: Tag) -> Table | None:
     """Return the table that a tag hangs at; of equally near ones the first by id."""
-    return min(tables, key=lambda table: (_distance(table, tag), table.id), default=None)
-
-
-def _distance(table: Table, tag: Tag) -> float:
-    dx = max(table.x0 - tag.x, 0.0, tag.x - table.x1)
-    return math.hypot(dx, max(table.y0 - tag.y, 0.0, tag.y - table.y1))
+    return min(tables, key=lambda table: (table.distance(tag.x, tag.y), table.id), default=None)
 
 
 def box_of(table: Table, tag: Tag, normal: ArrayLike, motion: Motion) -> Box | None:

@@ -46,11 +46,13 @@ class Memory:
         Raises:
             LupinError: there is a file, but it holds something else.
         """
-        if self._path is None or not self._path.exists():
+        if self._path is None:
             return None
         try:
             return _past(json.loads(self._path.read_text(encoding="utf-8")))
-        except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
+        except (FileNotFoundError, NotADirectoryError):
+            return None
+        except (OSError, ValueError, KeyError, TypeError, OverflowError, RecursionError) as error:
             reason = f"{type(error).__name__}: {error}"
             raise LupinError(f"memory_file {str(self._path)!r} cannot be used: {reason}") from error
 
@@ -79,7 +81,7 @@ def memory_path(given: str, environment: Mapping[str, str]) -> Path | None:
     if given == NOWHERE:
         return None
     if given:
-        return Path(given).expanduser()
+        return Path(os.path.expanduser(given))
     base = environment.get("XDG_STATE_HOME", "")
     # The specification says that relative ones are ignored.
     folder = Path(base) if Path(base).is_absolute() else Path.home() / ".local" / "state"
@@ -118,7 +120,7 @@ def _summary_data(summary: Summary) -> dict[str, Any]:
 
 def _past(data: Any) -> Past:
     reported = [(float(x), float(y)) for x, y in data["reported"]]
-    return Past(str(data["mission_id"]), [_tag(entry) for entry in data["tags"]], reported)
+    return Past(_text(data["mission_id"]), [_tag(entry) for entry in data["tags"]], reported)
 
 
 def _tag(entry: Any) -> Known:
@@ -126,11 +128,27 @@ def _tag(entry: Any) -> Known:
     if pose is None or len(pose.position) != 3 or len(pose.rotation) != 4:
         raise ValueError(f"tag {entry['id']!r} has no pose")
     distance = math.inf if entry["distance"] is None else float(entry["distance"])
-    known = Known(str(entry["id"]), pose, distance, int(entry["sightings"]), last_seen=-math.inf)
+    sightings = int(entry["sightings"])
+    if math.isnan(distance) or sightings < 1:
+        raise ValueError(f"tag {entry['id']!r} was never seen")
+    known = Known(_text(entry["id"]), pose, distance, sightings, last_seen=-math.inf)
     known.summary = None if entry["summary"] is None else _summary(entry["summary"])
     return known
 
 
 def _summary(entry: Any) -> Summary:
-    blooms = tuple(Bloom(int(k), str(name), float(c), bool(a)) for k, name, c, a in entry["blooms"])
-    return Summary(str(entry["species"]), float(entry["confidence"]), bool(entry["anomaly"]), blooms)
+    blooms = tuple(Bloom(int(k), _text(name), _share(c), bool(a)) for k, name, c, a in entry["blooms"])
+    return Summary(_text(entry["species"]), _share(entry["confidence"]), bool(entry["anomaly"]), blooms)
+
+
+def _text(written: Any) -> str:
+    text = str(written)
+    text.encode()  # half a character can be written in JSON, and in no message
+    return text
+
+
+def _share(written: Any) -> float:
+    share = float(written)
+    if not 0.0 <= share <= 1.0:
+        raise ValueError(f"a confidence of {share:g}")
+    return share

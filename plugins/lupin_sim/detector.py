@@ -27,6 +27,8 @@ NEAREST_M = 0.05
 #: Half of what the camera on the gripper sees across.
 HALF_FIELD = 0.5
 
+#: Digits of the longest id that a tag can have: the largest families have some thousands of tags.
+MOST_DIGITS = 9
 #: Classes of the detector of flowers, by their number; the last one is a pest.
 CLASSES = ("tulip_red", "tulip_white", "tulip_pink", "bug")
 SPECIES = 3
@@ -64,8 +66,9 @@ def blooms_of(tag_id: str) -> tuple[Bloom, ...]:
 
 
 def readable(plates: Iterable[Plate]) -> list[Plate]:
-    """Return the plates whose code a detector can report: their ids are numbers."""
-    return [plate for plate in plates if plate.id.isascii() and plate.id.isdecimal()]
+    """Return the plates whose code a detector can report: their ids are numbers of its family of tags."""
+    numbered = (plate for plate in plates if plate.id.isascii() and plate.id.isdecimal())
+    return [plate for plate in numbered if len(plate.id) <= MOST_DIGITS]
 
 
 def tag_in_robot(pose: Pose, plate: Plate) -> Pose:

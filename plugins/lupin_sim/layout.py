@@ -2,36 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 from lupin_engine.world import layout
+from lupin_engine.world.layout import Table, Tag
 
 #: Inner measures of the greenhouse in metres, x and y; it has a wall around.
 WIDTH, LENGTH = 4.0, 8.0
-
-
-@dataclass(frozen=True)
-class Table:
-    """A table as an upright rectangle."""
-
-    x0: float
-    y0: float
-    x1: float
-    y1: float
-
-    def distance(self, x: float, y: float) -> float:
-        """Return how far a place is from this table; 0 on it."""
-        return math.hypot(max(self.x0 - x, 0.0, x - self.x1), max(self.y0 - y, 0.0, y - self.y1))
-
-
-@dataclass(frozen=True)
-class Tag:
-    """A tag: its id and the place of its plate."""
-
-    id: str
-    x: float
-    y: float
 
 
 @dataclass(frozen=True)
@@ -54,7 +31,4 @@ def load_layout(file: str = "") -> Layout:
         LupinError: the file is missing or is no layout.
     """
     known = layout.load(file)
-    return Layout(
-        tuple(Table(table.x0, table.y0, table.x1, table.y1) for table in known.tables),
-        tuple(Tag(tag.id, tag.x, tag.y) for tag in known.tags.values()),
-    )
+    return Layout(known.tables, tuple(known.tags.values()))

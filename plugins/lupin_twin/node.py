@@ -22,10 +22,10 @@ from lupin_twin.field import DEFAULTS, OccupancyMap, Settings
 from lupin_twin.heatmap import Heatmap, Heatmaps, Refused, Request
 from lupin_twin.place import store_path
 from lupin_twin.records import Anomaly, Bloom, Pin, Record
-from lupin_twin.state import HISTORY, Tag, Twin
+from lupin_twin.state import HISTORY, MAX_SENSORS, MAX_TAGS, Tag, Twin
 from lupin_twin.store import Store, StoreError
 
-#: Requests older than this, in seconds, are not answered: they waited out a broken link, nobody listens.
+#: Requests older than this, in seconds, get no field: they waited out a broken link, nobody looks at it.
 STALE_AFTER_S = 10.0
 
 #: Seconds in which the same complaint is not repeated, and how many different ones are remembered.
@@ -110,7 +110,8 @@ class TwinNode:
         )
         for kind, topic, qos, callback in listen:
             ros.subscribe(kind, values[topic], qos, self._complaining(callback))
-        ros.serve(GetField, values["field_service_name"], self._get_field, stale_after=STALE_AFTER_S)
+        field = values["field_service_name"]
+        ros.serve(GetField, field, self._get_field, stale_after=STALE_AFTER_S, refuse=_refuse)
         ros.timer(1.0 / values["state_publish_rate_hz"], self._tick)
         ros.on_stop(self.close)
         self._publish()
@@ -137,6 +138,9 @@ class TwinNode:
     def _take(self, record: Record) -> None:
         """Keep a record, then know it: what the twin has told is still known after a crash."""
         received = self._ros.now()
+        if not self._twin.has_room(record):
+            self._complain(f"no room for more than {MAX_TAGS} tags, {MAX_SENSORS} sensors: new ones dropped")
+            return
         if not self._twin.is_news(record) or not self._keep(lambda: self._store.add(record, received)):
             return
         self._twin.apply(record, received)
@@ -231,6 +235,11 @@ class TwinNode:
             self._keep(self._store.flush)
         self._keep_map()
         self._store.close()
+
+
+def _refuse(response: GetField.Response, reason: str) -> GetField.Response:
+    response.error_message = reason
+    return response
 
 
 def fill(response: GetField.Response, heatmap: Heatmap) -> None:

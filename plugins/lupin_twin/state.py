@@ -34,6 +34,9 @@ SENSORS = ("temperature", "humidity", "co2", "light", "soil_moisture")
 #: Observations that are kept of each tag, unless said otherwise.
 HISTORY = 32
 
+#: Tags, and sensors by name, that there is room for: a detector that is broken invents them without end.
+MAX_TAGS, MAX_SENSORS = 10_000, 256
+
 #: Anomaly reports that are kept in memory, and metres within which one is near a tag.
 REPORTS = 256
 NEAR_M = 2.0
@@ -120,6 +123,16 @@ class Twin:
         near = [(math.hypot(pin.x - x, pin.y - y), tag_id) for tag_id, pin in pins]
         distance, tag_id = min(near, default=(math.inf, ""))
         return tag_id if distance <= NEAR_M else ""
+
+    def has_room(self, record: Record) -> bool:
+        """Say whether there is room for the tag and sensors of a record; those that are known have theirs."""
+        if isinstance(record, Anomaly):
+            return True
+        if record.tag_id not in self._tags and len(self._tags) >= MAX_TAGS:
+            return False
+        readings = record.readings if isinstance(record, Reading) else ()
+        new = {name for name, _ in readings} - self._sensors.keys()
+        return not new or len(self._sensors) + len(new) <= MAX_SENSORS
 
     def is_news(self, record: Record) -> bool:
         """Say whether `apply` would change anything: places and boxes are told again and again."""

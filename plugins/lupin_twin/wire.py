@@ -25,6 +25,12 @@ STATUS_OK = 0
 #: No planter box is farther away or larger, in metres.
 FARTHEST_M = 1e6
 
+#: No tag and no sensor has a longer name; both are published with every state, and listed in answers.
+LONGEST_NAME = 64
+
+#: Letters of a text from the wire that are repeated in what is said of it.
+SHOWN = 40
+
 #: Length of (z, w) below which a rotation has no turn about the vertical to speak of.
 SMALLEST_TURN = 1e-6
 
@@ -63,7 +69,7 @@ def _reading(message: Any, frame: str, origin: dict[str, Any]) -> Reading:
     values = message.tag_reading
     return Reading(
         tag_id=_tag_id(values.tag_id, "tag reading"),
-        readings=tuple((sensor.name, float(sensor.value)) for sensor in values.readings if sensor.name),
+        readings=tuple((_sensor(one.name), float(one.value)) for one in values.readings if one.name),
         pin=pin_of(message.tag_pose_in_map),
         **origin,
     )
@@ -125,7 +131,8 @@ def discoveries(message: Any, frame: str) -> list[Discovery]:
     """
     _check_frame(frame, "discovered tags", message.header.frame_id)
     found = ((tag.tag_id, _seen_pin(tag.pose_in_map)) for tag in message.tags)
-    return [Discovery(tag_id, pin) for tag_id, pin in found if tag_id.strip() and pin is not None]
+    named = ((tag_id.strip(), pin) for tag_id, pin in found if len(tag_id) <= LONGEST_NAME)
+    return [Discovery(tag_id, pin) for tag_id, pin in named if tag_id and pin is not None]
 
 
 def boxes(text: str) -> list[Box]:
@@ -141,16 +148,16 @@ def boxes(text: str) -> list[Box]:
         told = json.loads(text)
         entries = told["boxes"] if isinstance(told, Mapping) else told
         return [_box(entry) for entry in entries]
-    except (ValueError, KeyError, TypeError, RecursionError) as error:
-        raise Dropped(f"box geometry dropped: {type(error).__name__}: {error}") from None
+    except (ValueError, KeyError, TypeError, OverflowError, RecursionError) as error:
+        raise Dropped(f"box geometry dropped: {type(error).__name__}: {_shown(error)}") from None
 
 
 def _box(entry: Mapping[str, Any]) -> Box:
-    tag_id = str(entry["id"] if "id" in entry else entry["box_id"]).strip()
+    tag_id = _name(str(entry["id"] if "id" in entry else entry["box_id"]).strip(), "box geometry")
     names = ("x", "y", "yaw", "width", "depth")
     x, y, yaw, width, depth = numbers = [float(entry[name]) for name in names]
     if not tag_id or not all(abs(number) <= FARTHEST_M for number in numbers):
-        raise ValueError(f"box {tag_id!r} has no id, or no place and size in this greenhouse")
+        raise ValueError(f"box {_shown(tag_id)!r} has no id, or no place and size in this greenhouse")
     ahead, aside = max(0.0, depth) / 2.0, max(0.0, width) / 2.0
     nx, ny = math.cos(yaw), math.sin(yaw)
 
@@ -198,14 +205,30 @@ def _seen_pin(pose: Any) -> Pin | None:
 def _tag_id(tag_id: str, what: str) -> str:
     if not tag_id.strip():
         raise Dropped(f"{what} without a tag id dropped")
-    return tag_id
+    return _name(tag_id.strip(), what)
+
+
+def _sensor(name: str) -> str:
+    return _name(name, "reading of a sensor")
+
+
+def _name(name: str, what: str) -> str:
+    if len(name) > LONGEST_NAME:
+        raise Dropped(f"{what} dropped: a name of {len(name)} letters, at most {LONGEST_NAME} are one")
+    return name
 
 
 def _check_frame(expected: str, what: str, *told: str) -> None:
     """Compare with the first frame that was told; nobody having told one is taken for the expected one."""
     frame = next((name for name in told if name), expected).lstrip("/")
     if frame != expected:
-        raise Dropped(f"{what} in frame {frame!r} dropped, expected {expected!r}")
+        raise Dropped(f"{what} in frame {_shown(frame)!r} dropped, expected {expected!r}")
+
+
+def _shown(what: object) -> str:
+    """Return the beginning of a text that may be long."""
+    text = str(what)
+    return text if len(text) <= 2 * SHOWN else f"{text[:SHOWN]}..."
 
 
 def _finite(confidence: float) -> float:

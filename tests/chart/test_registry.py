@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -53,7 +54,32 @@ def test_the_installed_plugins_make_a_catalog() -> None:
     [
         ({"name": "Hand"}, "its name must be lower case"),
         ({"name": "operator"}, "its name is a word of the language"),
-        ({"companions": ("watcher",)}, "companions names 'watcher', which is none of its nodes"),
+        (
+            {"companions": ("watcher",), "nodes": {"a_watcher": "watch:main"}},
+            "companions names 'watcher', which is none of its nodes; did you mean 'a_watcher'",
+        ),
+        ({"stands_in": {"sim": ()}}, "stands_in names 'sim', which is none of its nodes; nothing is allowed"),
+        ({"functions": {"F": Function("F.", TEXT, lambda _: str)}}, "lower case .*, underscores and dots"),
+        (
+            {"types": {"my-leaf": Type("record", "my-leaf")}},
+            "type 'my-leaf': the name must be letters, digits",
+        ),
+        (
+            {"operations": {"w": Operation("W.", {"to": Argument("text", "to", "x")})}},
+            "operation 'w': the argument 'to' must have a Type, such as `types.TEXT`, got 'text'",
+        ),
+        (
+            {"operations": {"w": Operation("W.", result={"to": str})}},
+            "operation 'w': the result field 'to' must have a Type, such as `types.TEXT`, got <class 'str'>",
+        ),
+        (
+            {"functions": {"f": Function("F.", "text", lambda _: str)}},
+            "function 'f': what it returns must have",
+        ),
+        ({"values": {"v": LiveValue("V.", "count", initial=1)}}, "value 'v' must have a Type"),
+        ({"parameters": {"p": Parameter("text", "x", "p", minimum=1)}}, "parameter 'p' must have a Type"),
+        ({"operations": {"w": "wave"}}, "it is not written as the contract wants it: AttributeError: 'str'"),
+        ({"operations": ["wave"]}, "it is not written as the contract wants it: AttributeError: 'list'"),
         ({"operations": {"Wave": Operation("Wave.")}}, "operation 'Wave': the name must be"),
         ({"operations": {"w": Operation("W.", {"To": Argument(TEXT, "to")})}}, "argument 'To' must be"),
         ({"operations": {"w": Operation("W.", {"n": Argument(COUNT, "n", -1)})}}, "default of argument 'n'"),
@@ -103,6 +129,18 @@ def test_a_plugin_that_breaks_the_contract_is_refused(changes: dict[str, Any], r
     assert str(caught.value).startswith(f"plugin {plugin.name!r}: ")
 
 
+def test_all_that_is_wrong_with_a_plugin_is_told_at_once() -> None:
+    """A mistake a run would be a run for every mistake."""
+    plugin = replace(PLAIN, name="Hand", actions={"Flash": Action("F.")}, client="hand client")
+    with pytest.raises(PluginError) as caught:
+        build_catalog([plugin])
+    assert str(caught.value).splitlines() == [
+        "plugin 'Hand': its name must be lower case letters, digits and underscores",
+        "plugin 'Hand': action 'Flash': the name must be lower case letters, digits and underscores",
+        "plugin 'Hand': 'hand client' must have the form 'module:name'",
+    ]
+
+
 def test_two_plugins_cannot_claim_one_name() -> None:
     """Neither their own, nor that of a function, value, type or parameter."""
     with pytest.raises(PluginError, match="plugin 'hand': another plugin has the same name"):
@@ -128,13 +166,16 @@ def test_a_code_means_the_same_everywhere() -> None:
     [
         ("no_such_module_at_all:PLUGIN", "cannot be imported: ModuleNotFoundError"),
         ("os:no_such_name", "cannot be imported: AttributeError"),
-        ("os:sep", "is a str; the entry point must name a Plugin"),
+        ("os:sep", "names something of type str; it must name a Plugin"),
+        ("leaves_at_once:PLUGIN", "cannot be imported: SystemExit: 3"),
     ],
 )
 def test_an_entry_point_that_fails_is_told_in_one_line(
-    value: str, reason: str, monkeypatch: pytest.MonkeyPatch
+    value: str, reason: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    """No traceback: whoever installed the plugin can mend it."""
+    """No traceback: whoever installed the plugin can mend it. Nor may a plugin end the command."""
+    (tmp_path / "leaves_at_once.py").write_text("raise SystemExit(3)")
+    monkeypatch.syspath_prepend(tmp_path)
     point = EntryPoint("bad", value)
     monkeypatch.setattr(registry, "entry_points", lambda: [point])
     with pytest.raises(PluginError, match=rf"plugin 'bad' \({value}\) {reason}"):

@@ -37,7 +37,8 @@ def nothing_starts(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
         ),
         (
             ["inspection", "--set", "nav_timeout_s=soon"],
-            "--set: parameter nav_timeout_s: expected duration, got 'soon'",
+            "--set: parameter nav_timeout_s: expected duration, got 'soon'; "
+            "its units are 'ms', 's', 'min', 'h'",
         ),
         (
             ["inspection", "--set", "nav_timeout_s"],

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 from pathlib import Path
 
 import pytest
@@ -36,6 +37,24 @@ def test_a_machine_without_ros_is_told_how_to_get_it(
     assert found["rclpy"]["state"] == "problem"
     assert "pip install 'lupin-engine[ros]'" in found["rclpy"]["advice"]
     assert found["mission inspection"]["state"] == "ok"
+
+
+def test_a_ros_that_was_not_sourced_is_told_so(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """Python finds it, the linker doesn't: by the doctor, and in one line by who needs it."""
+    (tmp_path / "rclpy").mkdir()
+    (tmp_path / "rclpy" / "__init__.py").write_text("raise ImportError('librcl.so: cannot open\\nSee URL')")
+    monkeypatch.delitem(sys.modules, "rclpy", raising=False)
+    monkeypatch.setattr(sys, "path", [str(tmp_path), *sys.path])
+    monkeypatch.setattr("lupin_engine.middleware.environment.prepare", lambda: None)
+    assert main(["doctor", "--json"]) == 1
+    found = findings(capsys)["rclpy"]
+    advice = "source the setup.bash of its installation in this shell"
+    assert (found["found"], found["advice"]) == ("librcl.so: cannot open", advice)
+    assert main(["graph"]) == 2
+    told = f"lupin: ROS 2 is there, but cannot be used: librcl.so: cannot open; {advice}\n"
+    assert capsys.readouterr().err == told
 
 
 @pytest.mark.parametrize(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -9,6 +10,7 @@ from pathlib import Path
 import click
 import pytest
 
+from lupin_engine.cli import crash
 from lupin_engine.cli import main as entry
 from lupin_engine.cli.main import VERBS, lupin, main
 from lupin_engine.errors import ChartError, Diagnostic, LupinError, Place, UsageError
@@ -65,8 +67,7 @@ def test_the_version(capsys: pytest.CaptureFixture[str]) -> None:
 
 @pytest.fixture
 def verb(monkeypatch: pytest.MonkeyPatch) -> pytest.MonkeyPatch:
-    """Let `lupin fails` raise what `failing` holds."""
-    monkeypatch.setitem(dict(VERBS), "fails", "")  # the real table is read-only
+    """Have a verb `lupin fails`, which `fail_with` makes."""
     monkeypatch.setattr(entry, "VERBS", {**VERBS, "fails": "Fails."})
     return monkeypatch
 
@@ -121,6 +122,37 @@ def test_a_defect_is_written_down(
     assert "Traceback (most recent call last)" in text
     assert "lupin-engine " in text
     assert "ZeroDivisionError: by zero" in text
+
+
+def test_a_defect_that_cannot_be_written_down_is_told(
+    verb: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    """A full disk, say; exit code and first line are the same."""
+
+    def full(_: BaseException) -> Path:
+        raise OSError(28, "No space left on device")
+
+    verb.setenv("XDG_STATE_HOME", str(tmp_path))
+    verb.setattr(crash, "write_crash_log", full)
+    fail_with(verb, ZeroDivisionError("by zero"))
+    assert main(["fails"]) == 70
+    assert capsys.readouterr().err.splitlines() == [
+        "lupin: a defect of the engine: ZeroDivisionError: by zero",
+        "lupin: nothing more could be written down: [Errno 28] No space left on device",
+    ]
+
+
+def test_old_crash_logs_make_room(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """A verb that fails in a loop does not fill the disk."""
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+    folder = tmp_path / "lupin" / "crashes"
+    folder.mkdir(parents=True)
+    for number in range(30):
+        (folder / f"2000-01-01_00-00-{number:02d}_{os.getpid()}.log").touch()
+    newest = crash.write_crash_log(ZeroDivisionError("by zero"))
+    left = sorted(folder.iterdir())
+    assert len(left) == 20
+    assert left[-1] == newest
 
 
 def test_a_reader_that_leaves_is_no_defect() -> None:

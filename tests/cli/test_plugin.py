@@ -79,7 +79,9 @@ def test_a_plugin_that_is_refused_is_listed_with_the_reason(
     monkeypatch.syspath_prepend(tmp_path)
     code, out, _ = run(capsys, "list")
     assert code == 1
-    reason = "plugin 'far' (far:PLUGIN) cannot be imported: ModuleNotFoundError: No module named 'far'"
+    reason = (
+        "plugin 'far' (far:PLUGIN of far 1.2) cannot be imported: ModuleNotFoundError: No module named 'far'"
+    )
     assert reason in " ".join(out.split())
     assert "Sensor readings" in out
 
@@ -259,7 +261,7 @@ def test_a_plugin_that_cannot_be_loaded_breaks_the_first_rule(
         1,
         [
             "broken  bad_lamp: loads",
-            "        plugin 'bad_lamp' (lupin_bad_lamp.catalog:PLUGIN) cannot be imported: "
+            "        plugin 'bad_lamp' (lupin_bad_lamp.catalog:PLUGIN of lupin-bad_lamp) cannot be imported: "
             "ModuleNotFoundError: No module named 'no_such_thing'",
             "1 plugin, 1 rule, 1 broken",
         ],

@@ -124,7 +124,7 @@ def test_a_misspelt_verb_gets_the_nearest(installed: Path, capsys: pytest.Captur
             "lamp = far_lamp.verbs:lamp",
             "lamp = 5",
             "(far_lamp.verbs:lamp of far-lamp 1.2)",
-            "is a int; the entry point must name a click command",
+            "names something of type int; it must name a click command",
         ),
     ],
     ids=["import", "syntax", "exit", "gone", "no_command"],

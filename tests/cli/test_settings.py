@@ -53,17 +53,38 @@ def test_only_what_was_given_is_returned() -> None:
 
 def test_every_problem_is_told() -> None:
     """In one run, each with what is allowed."""
-    given = ["tries", "timeout=5", "timeout_s=0.1", "look=maybe", "tries=1.5", "share=5 s", "dock=[1, 2]"]
+    given = [
+        "tries",
+        "=5",
+        "timeout=5",
+        "timeout_s=0.1",
+        "look=maybe",
+        "tries=1.5",
+        "share=5 s",
+        "dock=[1, 2]",
+    ]
     with pytest.raises(UsageError) as found:
         read_settings("--set", given, DECLARED)
     assert str(found.value).splitlines() == [
         "--set: 'tries' has no '='; write --set NAME=VALUE",
+        "--set: '=5' has no name before its '='; write --set NAME=VALUE",
         "--set: unknown parameter 'timeout'; did you mean 'timeout_s'?",
         "--set: parameter timeout_s: must be at least 1 s, got 0.1",
-        "--set: parameter look: expected bool, got 'maybe'",
+        "--set: parameter look: expected bool, got 'maybe'; write true or false",
         "--set: parameter tries: expected count, got 1.5",
         "--set: parameter share: expected number, got '5 s'",
         "--set: parameter dock: expected pose with the fields x, y, yaw, got [1, 2]",
+    ]
+
+
+def test_problems_of_a_node_name_it() -> None:
+    """As it has to be written."""
+    with pytest.raises(UsageError) as found:
+        read_settings("--set", ["tries", "timeout_s=5 m"], DECLARED, "reader")
+    assert str(found.value).splitlines() == [
+        "--set reader: 'reader.tries' has no '='; write --set reader.NAME=VALUE",
+        "--set reader: parameter timeout_s: expected duration, got '5 m'; "
+        "its units are 'ms', 's', 'min', 'h'",
     ]
 
 

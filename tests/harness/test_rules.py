@@ -14,7 +14,7 @@ import pytest
 
 from lupin_engine.errors import UsageError
 from lupin_engine.harness.examples import arguments_for, defaults_of, example
-from lupin_engine.harness.rules import RULES, Subject, find_subject, findings
+from lupin_engine.harness.rules import RULES, Subject, find_subject, findings, problems_with
 from lupin_engine.plugin.contract import (
     Action,
     Argument,
@@ -210,6 +210,11 @@ BROKEN: list[tuple[str, dict[str, Any], str]] = [
         "reader 'odd_colour' raises AttributeError for 0, not ValueError: 'int' object has no attribute 'r'",
     ),
     ("reads", read(speechless), "reader 'odd_colour' refuses '' without saying why"),
+    (
+        "reads",
+        {"readers": {"odd_colour": Reader(Code("odd_unknown", "no such colour"), lambda p: p["gone"])}},
+        "reader 'odd_colour' does not bind with the default parameters: KeyError: 'gone'",
+    ),
 ]
 
 
@@ -221,6 +226,47 @@ def test_a_rule_tells_what_breaks_it(
 ) -> None:
     """With the place, what is wrong, and the nearest spelling."""
     assert problem in problems(rule, **changed)
+
+
+@pytest.mark.parametrize(
+    ("source", "problem"),
+    [
+        ("def (", "client: the module 'odd_client' cannot be read: invalid syntax (odd_client.py, line 1)"),
+        ("Clients = 1", "client: there is no 'Client' in 'odd_client'; did you mean 'Clients'?"),
+        ("Client: object = print", None),
+        ("try:\n    from odd import Client\nexcept ImportError:\n    Client = None", None),
+        ("import os\nif os.name:\n    async def Client(): ...", None),
+    ],
+    ids=["syntax", "misspelt", "annotated", "try", "if"],
+)
+def test_a_client_is_looked_for_without_importing_it(
+    problems: Callable[..., list[str]],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    source: str,
+    problem: str | None,
+) -> None:
+    """In whatever way its module makes it; a module that is no Python is told."""
+    (tmp_path / "odd_client.py").write_text(source)
+    monkeypatch.syspath_prepend(tmp_path)
+    assert problems("names_modules", client="odd_client:Client") == ([problem] if problem else [])
+
+
+def test_what_is_compiled_is_not_looked_into(problems: Callable[..., list[str]]) -> None:
+    """Only importing it would tell."""
+    assert problems("names_modules", client="sys:no_such_name") == []
+
+
+def test_a_plugin_that_no_rule_could_be_tried_on_is_told_by_all(
+    problems: Callable[..., list[str]],
+) -> None:
+    """The first says why; the others do not fail with a traceback."""
+    problems("registered", parameters={"odd_watt": Parameter(NUMBER, "x", "how strong it is")})
+    subject = Subject(EntryPoint("odd_lamp", f"{MODULE}:PLUGIN"))
+    assert problems_with("registered", subject) == [
+        "plugin 'odd_lamp': parameter 'odd_watt': the default: expected number, got 'x'"
+    ]
+    assert problems_with("mocked", subject) == ["it cannot be tried: ValueError: expected number, got 'x'"]
 
 
 @pytest.mark.parametrize(

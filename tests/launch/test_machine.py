@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import pytest
 
+from lupin_engine.errors import UsageError
 from lupin_engine.launch import folders, shared_memory
 from lupin_engine.launch.environment import close_the_doors, current_domain, is_local_only
 from lupin_engine.launch.health import running_nodes
 from lupin_engine.launch.neighbours import participants
+
+#: A process that there cannot be.
+NOBODY = 2**31 - 1
 
 
 @pytest.fixture
@@ -80,9 +85,11 @@ def test_the_network_is_closed_unless_it_was_opened(monkeypatch: pytest.MonkeyPa
     """LOCALHOST where nobody said otherwise; the domain only where it was asked for."""
     monkeypatch.setenv("ROS_DOMAIN_ID", "5")
     monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "")
-    monkeypatch.delenv("ROS_AUTOMATIC_DISCOVERY_RANGE")
     close_the_doors()
     assert (current_domain(), is_local_only()) == (5, True)
+    monkeypatch.delenv("ROS_AUTOMATIC_DISCOVERY_RANGE")
+    close_the_doors()
+    assert is_local_only()
     monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "SUBNET")
     close_the_doors(7)
     assert (current_domain(), is_local_only()) == (7, False)
@@ -94,13 +101,36 @@ def test_logs_go_to_the_users_state_folder(monkeypatch: pytest.MonkeyPatch, tmp_
     runs = tmp_path / "lupin" / "runs"
     runs.mkdir(parents=True)
     for number in range(folders.KEPT_RUNS + 3):
-        (runs / f"2000-01-01_00-00-{number:02d}_1").mkdir()
+        (runs / f"2000-01-01_00-00-{number:02d}_{NOBODY}").mkdir()
     newest = folders.new_run_folder()
     assert newest.parent == runs
     left = sorted(folder.name for folder in runs.iterdir())
     assert len(left) == folders.KEPT_RUNS
-    assert left[0] == "2000-01-01_00-00-04_1"
+    assert left[0] == f"2000-01-01_00-00-04_{NOBODY}"
     assert folders.new_run_folder(tmp_path / "mine") == tmp_path / "mine"
+
+
+def test_logs_of_nodes_that_still_run_are_kept(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """However many runs there were since: a node that is started again would not find its folder."""
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+    runs = folders.state_folder("runs")
+    mine = runs / f"2000-01-01_00-00-00_{os.getpid()}"
+    inits = runs / "2000-01-01_00-00-00_1"
+    for folder in (mine, inits, *(runs / f"2001-01-01_00-00-{n:02d}_{NOBODY}" for n in range(50))):
+        folder.mkdir()
+    folders.new_run_folder()
+    assert mine.is_dir()
+    assert inits.is_dir()
+    assert len(list(runs.iterdir())) == folders.KEPT_RUNS + 2
+
+
+def test_a_folder_for_logs_that_cannot_be_is_refused(tmp_path: Path) -> None:
+    """Before anything is started, in one line."""
+    (tmp_path / "file").touch()
+    wanted = tmp_path / "file" / "logs"
+    with pytest.raises(UsageError) as caught:
+        folders.new_run_folder(wanted)
+    assert str(caught.value) == f"no logs can be written to {str(wanted)!r}: Not a directory"
 
 
 def test_without_a_writable_home_there_is_a_temporary_folder(

@@ -45,6 +45,14 @@ def test_a_mission_reads_a_recording(lupin: Start, tmp_path: Path) -> None:
             "greenhouse_bridge.bakend=mqtt",
             "--set greenhouse_bridge: unknown parameter 'bakend'; did you mean",
         ),
+        (
+            "greenhouse_bridge.backend",
+            "--set greenhouse_bridge: 'greenhouse_bridge.backend' has no '='; write",
+        ),
+        (
+            "mission_orchestrator.nav_timeout_s=5 s",
+            "--set: parameters of the mission go without a node: write",
+        ),
         ("lupin_sim.speed=1", "--set is for lupin_sim, which these missions do not start"),
     ],
 )

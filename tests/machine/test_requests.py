@@ -202,3 +202,10 @@ def test_what_is_allowed_is_said_once_for_all_wrong_elements() -> None:
     told = ["unknown tag '8'; the layout has 1, 2", "unknown tag 'x'; the layout has 1, 2"]
     assert _together(told) == "unknown tag '8', unknown tag 'x'; the layout has 1, 2"
     assert _together([told[0], "unknown tag ''; give an id"]) == f"{told[0]}; unknown tag ''; give an id"
+
+
+def test_of_very_many_wrong_elements_the_first_are_told() -> None:
+    """The answer goes over the wire and onto a screen."""
+    told = [f"unknown tag '{number}'; the layout has 1" for number in range(1000)]
+    heads = ", ".join(f"unknown tag '{number}'" for number in range(5))
+    assert _together(told) == f"{heads} and 995 more; the layout has 1"

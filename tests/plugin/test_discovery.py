@@ -120,6 +120,10 @@ def test_a_project_tells_its_plugins_before_it_is_installed(tmp_path: Path) -> N
     assert declared_in(project) == []
     project.write_text('[project.entry-points."lupin.plugins"]\nfar = "far:PLUGIN"\n\n[tool.x]\ny = "z"\n')
     assert declared_in(project) == [("far", "far:PLUGIN")]
+    project.write_text(
+        "[project.entry-points.'lupin.plugins']\n'far' = 'far:PLUGIN'  # \"the\" far one\nb = \"b:B\" # 'b'\n"
+    )
+    assert declared_in(project) == [("far", "far:PLUGIN"), ("b", "b:B")]
     ours = declared_in(Path(__file__).parents[2] / "pyproject.toml")
     assert ("nav", "lupin_nav.catalog:PLUGIN") in ours
 

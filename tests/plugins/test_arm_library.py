@@ -18,6 +18,7 @@ from lupin_arm.joints import ARM, JAW_CLOSED, JAW_OPEN, check_pose
 from lupin_arm.library import (
     BACKUPS,
     MAX_ENTRIES,
+    MAX_WAYPOINTS,
     Library,
     Pose,
     Refused,
@@ -177,12 +178,13 @@ def test_entries_are_renamed_and_deleted(path: Path) -> None:
         ("sequence", "pot", ""): "unknown sequence 'pot'; no sequence is saved",
         ("pose", "pot", "there"): "pose 'there' exists; delete it first or choose another name",
         ("pose", "pot", "a/b"): "invalid name 'a/b'",
+        ("pose", "pot", " \n"): "invalid name ''",  # no wish to delete it
     }
     for request, why in refusals.items():
         with pytest.raises(Refused) as refused:
             library.edit(*request)
         assert str(refused.value).startswith(why), request
-    assert library.edit("pose", "pot", " ") == "deleted pose 'pot'"
+    assert library.edit("pose", "pot", "") == "deleted pose 'pot'"
     assert [entry["name"] for entry in Library(path).listing()["poses"]] == ["there"]
 
 
@@ -194,6 +196,19 @@ def test_a_library_is_full_some_day(path: Path) -> None:
     with pytest.raises(Refused, match=f"the library is full: {MAX_ENTRIES} poses; delete some"):
         library.save_pose("one-more", HERE, overwrite=False)
     library.save_pose("p7", HERE, overwrite=True)
+
+
+def test_waypoints_are_counted_over_all_sequences(path: Path) -> None:
+    """The whole file is written with every change, by the process that must hear the emergency stop."""
+    half = [Waypoint(t=0.0, arm=[0.0] * 4)] * (MAX_WAYPOINTS // 2)
+    library = Library(path)
+    for name in ("one", "two"):
+        library.save_sequence(name, Sequence(duration_s=0.0, waypoints=half), overwrite=False)
+    with pytest.raises(Refused, match=f"the library is full: {MAX_WAYPOINTS} waypoints in all; delete some"):
+        library.save_sequence("walk", WALK, overwrite=False)
+    library.save_sequence("two", WALK, overwrite=True)
+    library.save_sequence("walk", WALK, overwrite=False)
+    assert [entry["n_waypoints"] for entry in library.listing()["sequences"]] == [len(half), 2, 2]
 
 
 def test_limits_are_checked_before_a_replay(path: Path) -> None:
@@ -312,6 +327,70 @@ def test_a_wrong_shape_does_not_raise(path: Path) -> None:
     assert notice.endswith(" and 3 more; left out, the file is kept as arm_library.corrupt-1.json")
     assert path.with_name("arm_library.corrupt-1.json").read_text() == before
     assert Library(path).notices == []  # once is enough
+
+
+def test_two_names_that_are_the_same_are_told(path: Path) -> None:
+    """By hand somebody may write Pot beside pot: the second is left out, and the file is kept."""
+    other = {**HERE.model_dump(), "arm": [0.0] * 4}
+    written(path, poses={"pot": HERE.model_dump(), "Pot": other})
+    library = Library(path)
+    assert library.pose("pot") == HERE
+    assert library.notices == [
+        "arm_library.json: poses: 'Pot' is 'pot', which is there already; left out, "
+        "the file is kept as arm_library.corrupt-1.json"
+    ]
+
+
+def test_nothing_is_left_out_of_a_file_that_cannot_be_kept(
+    path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """With a full disk the next save would be the end of the entries that are wrong; later all is well."""
+    written(path, poses={"good": HERE.model_dump(), "short": {"arm": [0.0]}})
+    before = path.read_bytes()
+
+    def fail(*_: object) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "fsync", fail)
+        library = Library(path)
+        why = "and the file cannot be kept as arm_library.corrupt-1.json: No space left on device"
+        with pytest.raises(Refused, match=why):
+            library.save_pose("more", HERE, overwrite=False)
+        assert (names(path.parent), path.read_bytes()) == ([path.name], before)
+    assert library.pose("good") == HERE
+    assert path.with_name("arm_library.corrupt-1.json").read_bytes() == before
+
+
+def test_a_corrupt_file_that_cannot_be_renamed_is_told_as_that(
+    path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Nobody is sent to look for a file that is not there; the next save makes a backup of it."""
+    path.write_text("{")
+
+    def fail(*_: object) -> None:
+        raise OSError(errno.EROFS, os.strerror(errno.EROFS))
+
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "rename", fail)
+        library = Library(path)
+    (notice,) = library.notices
+    assert "cannot be renamed to arm_library.corrupt-1.json (Read-only file system)" in notice
+    library.save_pose("first", HERE, overwrite=False)
+    assert path.with_name("arm_library.bak").read_text() == "{"
+
+
+def test_what_others_have_added_may_be_no_text(path: Path) -> None:
+    """Half a character cannot be written; that is an answer, and nothing is changed."""
+    path.write_text(
+        '{"version": 1, "poses": {"a": {"arm": [0, 0, 0, 0], "tool": "\\ud800"}}, "sequences": {}}'
+    )
+    before = path.read_text()
+    with pytest.raises(
+        StoreFailed, match=r"cannot be written: .*surrogates not allowed; nothing was changed"
+    ):
+        Library(path).save_pose("b", HERE, overwrite=False)
+    assert path.read_text() == before
 
 
 @pytest.mark.parametrize("key", ["poses", "sequences"])

@@ -17,7 +17,7 @@ import pytest
 pytest.importorskip("paho.mqtt.client", reason="paho-mqtt is not installed here")
 
 from lupin_bridge.backend import ReadingFailed, UnknownTag
-from lupin_bridge.layout import Sensors as Layout
+from lupin_bridge.backend import Sensors as Layout
 from lupin_bridge.mqtt import PASSWORD, USER, Mqtt, Settings
 from lupin_engine.errors import LupinError, Severity
 from tests.broker import PATIENCE, Broker, Sensors, free_port, mosquitto
@@ -176,6 +176,22 @@ class TestWithABroker:
         )
         with pytest.raises(ReadingFailed, match=r"\(no co2\)"):
             listener.backend.read("9")
+
+    def test_a_retained_message_of_the_future_is_of_no_age(self, broker: Broker, listen: Listen) -> None:
+        """A robot whose clock is not set yet: what was kept since yesterday would count as new."""
+        broker.start()
+        now = time.time()
+        with sender(broker) as sensors:
+            for name, ahead in (("7/temperature", 3600), ("7/humidity", 30)):
+                value = f'{{"value": 20, "stamp": {now + ahead}}}'
+                sensors.publish(f"greenhouse/{name}", value, retain=True)
+            listener = listen(broker.port, LAYOUT)
+            listener.until("connected to the broker at")
+            sensors.send(listener)
+            assert listener.values() == {"humidity": 20.0}
+            listener.until("not used: retained, with a stamp of the future: one of two clocks is wrong")
+            sensors.send(listener, ("greenhouse/7/temperature", f'{{"value": 21, "stamp": {now + 3600}}}'))
+        assert listener.values() == {"temperature": 21.0, "humidity": 20.0}, "what is told just now is of now"
 
     def test_a_value_that_is_too_old_is_not_served(self, broker: Broker, listen: Listen) -> None:
         listener = listen(broker.start().port, LAYOUT, max_age=600.0)

@@ -154,7 +154,7 @@ def test_a_list_of_places_grows_by_one_and_not_for_ever() -> None:
     assert [place["x"] for place in places] == [float(number) for number in range(4, 20)]
 
 
-@pytest.mark.parametrize("value", [math.nan, math.inf])
+@pytest.mark.parametrize("value", [math.nan, math.inf, -1.0])
 @pytest.mark.parametrize("index", localization.PLANAR)
 def test_a_variance_that_is_no_number_never_passes(index: int, value: float) -> None:
     worst = localization.variance(covariance(**{f"v{index}": value}))

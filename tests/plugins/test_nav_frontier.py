@@ -144,6 +144,14 @@ def test_the_radius_is_the_clearance_in_whole_cells(clearance: float, resolution
     assert Thresholds(clearance=clearance).radius(resolution) == cells
 
 
+def test_a_clearance_of_more_cells_than_any_grid_has_is_all_of_it() -> None:
+    """A map whose resolution is told in other units, or not at all."""
+    grid = make_grid(corridor(8).ravel(), *corridor(8).shape[::-1], 1e-30)
+    assert grid is not None
+    result = survey(grid, None, Thresholds(min_cells=1))
+    assert (result.frontier, result.cramped) == (None, len(corridor(8)))
+
+
 @pytest.mark.parametrize(("threshold", "found"), [(65, True), (50, False)])
 def test_half_occupied_cells_block_only_from_the_threshold_of_the_clearance_on(
     threshold: int, found: bool

@@ -197,8 +197,8 @@ def watch() -> Watch:
     return Watch("bug", 0.35, 3, 1.0)
 
 
-def reports(made: Watch, *frames: list[Detection], x: float = 0.0) -> list[Pest | None]:
-    return [made.add(frame, (x, 0.0)) for frame in frames]
+def reports(made: Watch, *frames: list[Detection], x: float = 0.0, period: float = 0.1) -> list[Pest | None]:
+    return [made.add(frame, (x, 0.0), index * period) for index, frame in enumerate(frames)]
 
 
 def test_a_pest_is_reported_at_its_third_frame_in_a_row_and_once() -> None:
@@ -211,6 +211,12 @@ def test_a_pest_is_reported_at_its_third_frame_in_a_row_and_once() -> None:
 @pytest.mark.parametrize("gap", [[], [red()], [bug(confidence=0.3)]])
 def test_a_frame_without_a_pest_begins_the_row_anew(gap: list[Detection]) -> None:
     assert reports(watch(), [bug()], [bug()], gap, [bug()], [bug()]) == [None] * 5
+
+
+def test_frames_far_apart_are_in_no_row() -> None:
+    """A detector on a robot is silent while it sees nothing (A27): three mistakes in an hour are no pest."""
+    assert reports(watch(), *[[bug()]] * 5, period=anomalies.ROW_S + 0.1) == [None] * 5
+    assert reports(watch(), *[[bug()]] * 3, period=anomalies.ROW_S)[-1] == Pest("bug", 0.9)
 
 
 def test_a_tag_that_came_in_sight_begins_the_row_anew() -> None:
@@ -235,8 +241,8 @@ def test_another_place_is_another_report_and_a_new_mission_too() -> None:
 
 def test_a_pest_is_reported_only_once_the_robots_place_is_known() -> None:
     made = watch()
-    assert [made.add([bug()], None) for _ in range(4)] == [None] * 4
-    assert made.add([bug()], (0.0, 0.0)) == Pest("bug", 0.9)
+    assert [made.add([bug()], None, 0.0) for _ in range(4)] == [None] * 4
+    assert made.add([bug()], (0.0, 0.0), 0.1) == Pest("bug", 0.9)
 
 
 def test_there_is_an_end_to_reports(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -44,16 +44,42 @@ def test_what_was_written_is_read(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     "wrong",
-    [{"position": [1, 2]}, {"position": [1, 2, math.nan]}, {"rotation": [0, 0, 0, 0]}, {"sightings": "many"}],
+    [
+        {"position": [1, 2]},
+        {"position": [1, 2, math.nan]},
+        {"position": [1, 2, 10**400]},
+        {"rotation": [0, 0, 0, 0]},
+        {"distance": math.nan},
+        {"sightings": "many"},
+        {"sightings": math.inf},
+        {"sightings": 0},
+        {"id": "\ud800"},
+        {"summary": {"species": "", "confidence": 1e300, "anomaly": False, "blooms": []}},
+        {"summary": {"species": "", "confidence": 0, "anomaly": False, "blooms": [[1, "", math.nan, 0]]}},
+    ],
 )
 def test_a_tag_without_sense_makes_the_whole_unusable(tmp_path: Path, wrong: dict[str, Any]) -> None:
+    """What no message could carry is told once at the start, and not each time that the tags are told."""
     file = tmp_path / "memory.json"
     Memory(file).write(Past("m1", [known("5")]))
     data = json.loads(file.read_text())
     data["tags"][0].update(wrong)
     file.write_text(json.dumps(data))
-    with pytest.raises(LupinError, match=r"memory_file .* cannot be used: ValueError: "):
+    with pytest.raises(
+        LupinError, match=r"memory_file .* cannot be used: (Value|Overflow|UnicodeEncode)Error: "
+    ):
         Memory(file).read()
+
+
+def test_a_path_that_cannot_be_is_told(tmp_path: Path) -> None:
+    """Never a traceback at the start of the node."""
+    with pytest.raises(LupinError, match=r"cannot be used: OSError: .*File name too long"):
+        Memory(tmp_path / ("x" * 300)).read()
+
+
+@pytest.mark.parametrize("path", ["~nobody-here/memory.json", f"{__file__}/memory.json"])
+def test_a_folder_that_is_not_there_has_no_memory(path: str) -> None:
+    assert Memory(memory_path(path, {})).read() is None
 
 
 def test_where_nothing_is_kept_nothing_is_read() -> None:

@@ -8,12 +8,13 @@ from pathlib import Path
 import pytest
 
 from lupin_engine.errors import LupinError
+from lupin_engine.world.layout import Table, Tag
 from lupin_sim.faults import Fault, Faults
 from lupin_sim.floor import ROBOT_RADIUS, Floor, Point
-from lupin_sim.layout import Layout, Table, Tag, load_layout
+from lupin_sim.layout import Layout, load_layout
 from lupin_sim.robot import TURN_RATE, Pose, Robot
 
-WALL = Table(1.0, 0.0, 1.2, 6.0)
+WALL = Table("T", 1.0, 1.2, 0.0, 6.0)
 
 
 def length(start: Point, path: list[Point]) -> float:
@@ -55,11 +56,11 @@ def test_a_goal_too_near_a_table_is_moved_aside_by_little() -> None:
 
 @pytest.mark.parametrize("goal", [(-1.0, 1.0), (2.0, 9.0), (1.5, 1.5)])
 def test_there_is_no_path_into_a_table_or_out_of_the_greenhouse(goal: Point) -> None:
-    assert Floor([Table(1.0, 1.0, 2.0, 2.0)]).path((0.5, 0.5), goal) is None
+    assert Floor([Table("T", 1.0, 2.0, 1.0, 2.0)]).path((0.5, 0.5), goal) is None
 
 
 def test_there_is_no_path_through_a_closed_wall() -> None:
-    assert Floor([Table(1.0, -1.0, 1.2, 9.0)]).path((0.5, 1.0), (2.0, 1.0)) is None
+    assert Floor([Table("T", 1.0, 1.2, -1.0, 9.0)]).path((0.5, 1.0), (2.0, 1.0)) is None
 
 
 def test_a_robot_that_stands_too_near_a_table_gets_away() -> None:
@@ -88,7 +89,7 @@ def test_a_greenhouse_is_what_its_layout_file_says(tmp_path: Path) -> None:
 
 
 def test_clearance_is_the_way_to_the_nearest_table_or_wall() -> None:
-    layout = Layout((Table(1.0, 1.0, 2.0, 2.0),))
+    layout = Layout((Table("T", 1.0, 2.0, 1.0, 2.0),))
     assert layout.clearance(2.5, 1.5) == 0.5
     assert layout.clearance(2.3, 2.4) == pytest.approx(0.5)
     assert layout.clearance(1.5, 1.5) == 0.0

@@ -67,8 +67,8 @@ def test_where_a_robot_sees_a_plate_is_where_it_is(x: float, y: float, yaw: floa
 
 
 def test_a_detector_reports_numbers_only() -> None:
-    named = Plate("door", 1.0, 0.0, math.pi, (1.0, 0.0))
-    assert readable([named, PLATE]) == [PLATE]
+    named, long = (Plate(name, 1.0, 0.0, math.pi, (1.0, 0.0)) for name in ("door", "1" * 5000))
+    assert readable([named, PLATE, long]) == [PLATE]
 
 
 def test_what_grows_at_a_tag_is_the_same_every_time_and_differs_from_tag_to_tag() -> None:

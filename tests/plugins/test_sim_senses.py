@@ -10,15 +10,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from lupin_engine.world.layout import Table, Tag
 from lupin_nav.approach import Quaternion, approach_discovered
 from lupin_nav.frontier import Grid, survey
 from lupin_sim.camera import Camera, Plate, facing, plates_of
 from lupin_sim.floor import Floor
-from lupin_sim.layout import LENGTH, WIDTH, Layout, Table, Tag, load_layout
+from lupin_sim.layout import LENGTH, WIDTH, Layout, load_layout
 from lupin_sim.lidar import FREE, OCCUPIED, ORIGIN_X, ORIGIN_Y, RESOLUTION, UNKNOWN, GrowingMap, Lidar
 from lupin_sim.robot import Pose
 
-TABLE = Table(1.0, 3.0, 3.0, 4.0)
+TABLE = Table("T", 1.0, 3.0, 3.0, 4.0)
 HALL = Layout((TABLE,))
 
 
@@ -154,10 +155,10 @@ def test_a_tag_is_seen_near_ahead_and_from_its_front(pose: Pose, seen: bool) -> 
 
 
 def test_another_table_in_between_hides_a_tag() -> None:
-    screen = Table(1.5, 2.3, 2.5, 2.5)
+    screen = Table("T", 1.5, 2.5, 2.3, 2.5)
     pose = Pose(2.0, 2.0, math.pi / 2)
     assert names(camera(FRONT, tables=(TABLE, screen)).sees(pose)) == []
-    beside = Table(2.2, 2.3, 2.5, 2.5)
+    beside = Table("T", 2.2, 2.5, 2.3, 2.5)
     assert names(camera(FRONT, tables=(TABLE, beside)).sees(pose)) == ["7"]
 
 
@@ -184,7 +185,8 @@ def test_a_plate_hangs_on_the_side_of_its_table_that_has_most_room(tag: Tag, hea
 
 
 @pytest.mark.parametrize(
-    ("table", "heading"), [(Table(1.0, 3.0, 3.7, 4.0), math.pi / 2), (Table(1.0, 7.0, 2.0, 7.9), 0.0)]
+    ("table", "heading"),
+    [(Table("T", 1.0, 3.7, 3.0, 4.0), math.pi / 2), (Table("T", 1.0, 2.0, 7.0, 7.9), 0.0)],
 )
 def test_at_a_corner_a_plate_turns_away_from_the_wall(table: Table, heading: float) -> None:
     (plate,) = plates_of(Layout((table,), (Tag("1", table.x1, table.y1),)))

@@ -13,6 +13,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from lupin_twin import state as state_module
 from lupin_twin import wire
 from lupin_twin.records import (
     Anomaly,
@@ -121,6 +122,18 @@ def test_an_anomaly_report_is_read() -> None:
         (tag_reading(tag_id=""), "tag reading without a tag id dropped"),
         (tag_reading(tag_id=" "), "tag reading without a tag id dropped"),
         (flower(tag_id=""), "flower observation without a tag id dropped"),
+        (
+            tag_reading(tag_id="5" * 100_000),
+            "tag reading dropped: a name of 100000 letters, at most 64 are one",
+        ),
+        (
+            tag_reading(values={"x" * 65: 1.0}),
+            "reading of a sensor dropped: a name of 65 letters, at most 64 are one",
+        ),
+        (
+            tag_reading(frame="o" * 100_000),
+            f"tag reading in frame '{'o' * 40}...' dropped, expected 'map'",
+        ),
         (tag_reading(frame="odom"), "tag reading in frame 'odom' dropped, expected 'map'"),
         (flower(pose_frame="odom"), "flower observation in frame 'odom' dropped, expected 'map'"),
         (flower(pose_frame="", frame="odom"), "flower observation in frame 'odom' dropped, expected 'map'"),
@@ -214,11 +227,15 @@ def test_boxes_are_read(form: str) -> None:
         '[{"id": 5, "x": NaN, "y": 0, "yaw": 0, "width": 1, "depth": 1}]',
         '[{"id": 5, "x": 1e300, "y": 0, "yaw": 0, "width": 1, "depth": 1}]',
         '[{"id": "", "x": 0, "y": 0, "yaw": 0, "width": 1, "depth": 1}]',
+        '[{"id": 5, "x": ' + "9" * 400 + ', "y": 0, "yaw": 0, "width": 1, "depth": 1}]',
+        '[{"id": "' + "5" * 100_000 + '", "x": 0, "y": 0, "yaw": 0, "width": 1, "depth": 1}]',
+        '[{"id": 5, "x": "' + "9" * 100_000 + 'x", "y": 0, "yaw": 0, "width": 1, "depth": 1}]',
     ],
 )
 def test_boxes_that_are_something_else_are_dropped(text: str) -> None:
-    with pytest.raises(wire.Dropped, match=r"^box geometry dropped: \w+Error: "):
+    with pytest.raises(wire.Dropped, match=r"^box geometry dropped: (\w+Error: |a name of )") as dropped:
         wire.boxes(text)
+    assert len(str(dropped.value)) < 200
 
 
 def occupancy(data: list[int], frame: str = "map", yaw: float = 0.0, **info: Any) -> Any:
@@ -344,6 +361,31 @@ def test_flowers_are_the_latest_and_leave_readings_alone() -> None:
     state.apply(flowers(species="tulip_pink", confidence=0.9), 1000.0)
     assert (tag.species, tag.confidence, tag.anomaly, tag.blooms) == ("tulip_pink", 0.9, False, ())
     assert state.observation_count == 3
+
+
+def test_blanks_around_an_id_make_no_second_tag() -> None:
+    discovered = wire.discoveries(seen((" 5", pose(1.0, 2.0)), ("6 " * 100, pose(1.0, 2.0))), "map")
+    told = [read(tag_reading(tag_id="5 ")), read(flower(tag_id=" 5 ")), *discovered]
+    assert {getattr(record, "tag_id", "") for record in told} == {"5"}
+
+
+def test_there_is_no_room_for_tags_and_sensors_without_end(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What is known goes on to be told; what is new has no room."""
+    monkeypatch.setattr(state_module, "MAX_TAGS", 1)
+    monkeypatch.setattr(state_module, "MAX_SENSORS", len(state_module.SENSORS) + 1)
+    twin = Twin()
+    first, second = read(tag_reading("1", values={"ph": 7.0})), read(tag_reading("2"))
+    more = read(tag_reading("1", values={"ec": 1.0}))
+    assert first is not None
+    assert second is not None
+    assert more is not None
+    assert twin.has_room(first)
+    twin.apply(first, 1.0)
+    assert twin.has_room(first)
+    assert not twin.has_room(second)
+    assert not twin.has_room(Box("2", SQUARE))
+    assert not twin.has_room(more)
+    assert twin.has_room(Anomaly(100.5, "m1", "s", 3.0, 4.0, 0.0, "fallen plant", 2))
 
 
 def test_the_channel_knows_boxes_better_than_flowers() -> None:

@@ -94,6 +94,11 @@ class Scene:
     def until(self, condition: Callable[[], Any], what: str = "") -> None:
         spin_until([self.node, self.world], condition, what=what)
 
+    def wait(self, seconds: float) -> None:
+        """Go on until the node's clock says that so much time has passed."""
+        end = self.node.elapsed() + seconds
+        self.until(lambda: self.node.elapsed() > end, f"{seconds} s")
+
     def send(self, outlet: Any, message: Any) -> None:
         """Publish, and wait until the aggregator has had it."""
         count = self.taken.get(outlet.topic_name, 0)
@@ -298,6 +303,46 @@ def test_a_camera_whose_clock_is_ahead_is_told_apart_from_one_without_transforms
     assert scene.tags() == {"5": 4}, "with the one that waited"
 
 
+def test_an_old_transform_places_no_new_sighting(
+    make_node: MakeNode, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A detector that goes on, beside transforms that do not: the robot has driven on meanwhile."""
+    monkeypatch.setattr(module, "LATE_S", 0.1)
+    scene = Scene(make_node)
+    scene.discover()
+    scene.wait(0.2)
+    scene.see(5, times=6)
+    scene.next_list()
+    assert scene.tags() == {"5": 3}
+    (text,) = scene.log.warnings
+    assert "none can be placed: the transforms of tag_5, base_link, odom have ceased; " in text
+    scene.place(5)
+    scene.next_list()
+    assert scene.tags() == {"5": 4}, "with the one that waited"
+
+
+def test_a_sighting_of_the_last_mission_does_not_wait_for_its_transform_in_the_next(
+    make_node: MakeNode,
+) -> None:
+    """War story A17, in the small."""
+    scene = Scene(make_node, "-p", "min_sightings:=1")
+    scene.mission("EXPLORING")
+    scene.see(5)
+    scene.mission("EXPLORING", mission_id="m2")
+    scene.place(5)
+    assert scene.next_list().tags == []
+
+
+def test_tags_out_of_sight_are_not_kept_for_ever(make_node: MakeNode) -> None:
+    """Also while nobody looks for flowers: a detector gone wild has new ids in each frame."""
+    scene = Scene(make_node, "-p", "tag_in_sight_s:=0.05")
+    scene.mission("EXPLORING")
+    scene.see(*range(400))
+    scene.wait(0.1)
+    scene.see(7)
+    assert list(scene.aggregator._sights) == ["7"]
+
+
 def test_a_tag_is_confirmed_while_it_is_in_sight(make_node: MakeNode) -> None:
     scene = Scene(make_node, "-p", "freshness_s:=0.2")
     unknown = scene.confirm("5")
@@ -483,13 +528,45 @@ def test_without_a_mission_flowers_belong_to_the_nearest_tag_in_sight(
     assert [told.flower.tag_id for told in scene.observations] == ["5"] * count
 
 
+def test_what_is_seen_after_a_mission_is_no_part_of_it(make_node: MakeNode) -> None:
+    """Its record would otherwise change for as long as the robot stands at the dock."""
+    scene = Scene(make_node, "-p", "tag_in_sight_s:=0.3")
+    scene.mission("MONITORING", "SCANNING", "5")
+    scene.discover()
+    scene.flowers(RED)
+    assert scene.told(1).mission_id == "m1"
+    scene.mission("DONE")
+    scene.see(5)
+    scene.flowers(RED, BUG)
+    assert (scene.told(2).kind, scene.told(2).mission_id) == (Observation.KIND_FLOWER, "")
+    scene.wait(0.4)
+    scene.place(6)
+    for _ in range(3):
+        scene.flowers(BUG)
+    assert (scene.told(3).kind, scene.told(3).mission_id) == (Observation.KIND_ANOMALY, "")
+
+
+def test_a_robot_between_two_tags_does_not_tell_of_one_and_the_other_in_turn(make_node: MakeNode) -> None:
+    """Distances are noisy; a scan that begins anew with each frame would fill the topic with old news."""
+    scene = Scene(make_node, "-p", "tag_in_sight_s:=60.0")
+    scene.discover(5)
+    scene.discover(6)
+    for here, there in ((1.0, 1.02), (1.02, 1.0), (1.0, 1.02), (1.02, 1.0)):
+        scene.see(5, dist=here)
+        scene.see(6, dist=there)
+        scene.flowers(RED)
+    assert scene.told(1).flower.tag_id == "5"
+    scene.see(6, dist=0.8)
+    scene.flowers(RED)
+    assert scene.told(2).flower.tag_id == "6"
+
+
 def test_a_mission_that_went_silent_is_none(make_node: MakeNode) -> None:
     """A killed orchestrator must not leave its last target to collect flowers for ever."""
     scene = Scene(make_node, "-p", "mission_freshness_s:=0.5", "-p", "attribute_when_idle:=false")
     scene.mission("MONITORING", "SCANNING", "5")
     scene.discover()
-    end = scene.node.elapsed() + 0.6
-    scene.until(lambda: scene.node.elapsed() > end)
+    scene.wait(0.6)
     scene.flowers(RED)
     scene.next_list()
     assert scene.observations == []
@@ -521,6 +598,24 @@ def test_a_pest_where_no_tag_is_in_sight_is_a_report_of_its_own(make_node: MakeN
     for _ in range(3):
         scene.flowers(BUG)
     assert scene.told(2).mission_id == "m2"
+
+
+def test_where_a_robot_was_a_while_ago_is_no_place_for_a_pest(
+    make_node: MakeNode, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its localizer or its base has died: the report waits until somebody says again where it is."""
+    monkeypatch.setattr(module, "LATE_S", 0.1)
+    scene = Scene(make_node)
+    scene.mission("EXPLORING")
+    scene.place(5, robot=3.5)
+    scene.wait(0.2)
+    for _ in range(4):
+        scene.flowers(BUG)
+    scene.next_list()
+    assert scene.observations == []
+    scene.place(5, robot=2.5)
+    scene.flowers(BUG)
+    assert scene.told(1).anomaly.pose.pose.position.x == pytest.approx(2.5)
 
 
 def test_a_pest_beside_a_tag_in_sight_waits_for_the_scan(make_node: MakeNode) -> None:

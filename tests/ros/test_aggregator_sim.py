@@ -21,7 +21,7 @@ from lupin_sim.detector import CLASSES, blooms_of
 from lupin_sim.layout import load_layout
 from lupin_sim.node import PARAMETERS as SIM_PARAMETERS
 from lupin_sim.node import SimNode
-from tests.ros.helpers import spin_until
+from tests.ros.helpers import PATIENCE, spin_until
 
 pytestmark = [pytest.mark.ros, pytest.mark.timeout(180)]
 
@@ -53,8 +53,8 @@ class Pair:
         self.audience.subscribe(DiscoveredTags, FEED, Qos.LATCHED, self.lists.append)
         self.audience.subscribe(Observation, "/floranova/observations", Qos.BACKLOG, self.observations.append)
 
-    def until(self, condition: Callable[[], Any], what: str = "") -> None:
-        spin_until([self.robot, self.server, self.audience], condition, what=what)
+    def until(self, condition: Callable[[], Any], what: str = "", timeout: float = PATIENCE) -> None:
+        spin_until([self.robot, self.server, self.audience], condition, timeout, what)
 
     def tags(self) -> dict[str, Any]:
         return {tag.tag_id: tag for tag in self.lists[-1].tags} if self.lists else {}
@@ -84,7 +84,7 @@ def test_what_the_simulated_cameras_see_is_placed_and_told(make_node: MakeNode) 
 
 def test_tags_seen_on_the_way_are_placed_as_well(make_node: MakeNode) -> None:
     """A tag is placed by where the camera was when it saw it, however late that is heard of."""
-    pair = Pair(make_node, "[0.6, 0.6, 1.5708]", "-p", "speed:=2.0", "-p", "tag_field_of_view:=3.0")
+    pair = Pair(make_node, "[0.6, 0.6, 1.5708]", "-p", "speed:=1.0", "-p", "tag_field_of_view:=3.0")
     action, ends = pair.audience.action(NavigateToPose, "navigate_to_pose"), []
     pair.until(action.ready)
     goal = NavigateToPose.Goal()
@@ -98,7 +98,7 @@ def test_tags_seen_on_the_way_are_placed_as_well(make_node: MakeNode) -> None:
         ended=lambda status, _: ends.append(status),
         rejected=lambda: ends.append(0),
     )
-    pair.until(lambda: ends and len(pair.tags()) >= 3, "the drive has shown three tags")
+    pair.until(lambda: ends and len(pair.tags()) >= 3, "the drive has shown three tags", 60.0)
     assert ends == [4]
     known = plates()
     assert [name for name, tag in pair.tags().items() if not is_placed(tag.pose_in_map, known[name])] == []

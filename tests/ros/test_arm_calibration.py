@@ -18,6 +18,7 @@ from lupin_msgs.msg import MissionState
 from lupin_msgs.srv import CalibrateArm, SetArmPreset
 from tests.ros.arm_bench import CALIBRATE, GATE, POWER, Bench, refuse
 from tests.ros.helpers import spin_for
+from tests.ros.world import World
 
 pytestmark = pytest.mark.ros
 
@@ -270,6 +271,66 @@ def test_cancel_does_not_wait_for_servos_that_are_not_there(
     spin_for(bench.nodes, 0.3)
     assert "callback failed" not in "".join(capfd.readouterr())
     usable(bench)
+
+
+def test_a_kill_is_not_the_end_of_the_offsets(make_node: MakeNode, world: World, tmp_path: Path) -> None:
+    """Killed while a person poses the arm: its servos have no offsets then, and the next one knows them."""
+    before = {"shoulder_lift": 50, "elbow": -300, "wrist": 700, "gripper": 0}
+    settings = {"servos": True, "hardware": "real", **QUICK}
+    bench = Bench(make_node, tmp_path / "arm.json", world=world, **settings)
+    bench.drivers.offsets = dict(before)
+    posing(bench)
+    process = world.processes.pop("lupin_arm")
+    process.kill()
+    process.wait()
+    assert bench.drivers.offsets == dict.fromkeys(JOINTS, 0)
+    world.start("lupin_arm", library_path=tmp_path / "arm.json", hardware="real", **QUICK)
+    left = "an earlier calibration has left the servos without their offsets"
+    status = f"{CALIBRATE} status"
+    bench.until(lambda: left in getattr(_asked(bench, "status"), "message", ""), status)
+    bench.until(lambda: getattr(_asked(bench, "start"), "success", False), "a start")
+    answer = calibrate(bench, "cancel")
+    assert (answer.success, answer.message) == (True, "cancelled, the offsets are what they were")
+    assert bench.drivers.offsets == before
+    assert calibrate(bench, "status").message == "ready"
+    assert not (tmp_path / "arm.offsets").exists()
+
+
+def _asked(bench: Bench, action: str) -> Any:
+    """Return the answer, or what kept one from coming: for a moment there may be two servers."""
+    answers = bench.ask(CalibrateArm, CALIBRATE, action=action)
+    bench.until(lambda: answers, "an answer or none")
+    return answers[0]
+
+
+def test_offsets_that_could_not_be_written_back_are_not_lost(bench: Bench) -> None:
+    """A servo that is deaf for a while: the next calibration knows what it had, whatever it says then."""
+    bench.drivers.offsets = dict.fromkeys(JOINTS, 240)
+    posing(bench)
+    bench.drivers.deaf.add(("write", "elbow"))
+    calibrate(bench, "cancel")
+    assert bench.drivers.offsets == {**dict.fromkeys(JOINTS, 240), "elbow": 0}
+    assert calibrate(bench, "status").message.endswith("start, then cancel writes the offsets back")
+    bench.drivers.deaf.clear()
+    posing(bench)
+    assert calibrate(bench, "cancel").success
+    assert bench.drivers.offsets == dict.fromkeys(JOINTS, 240)
+
+
+@pytest.mark.parametrize(
+    "text", ["", "{", "[1]", '{"elbow": "x", "wrist": 90000, "tail": 1, "gripper": true}']
+)
+def test_a_mark_that_says_nothing_sensible_is_no_offset(
+    make_node: MakeNode, tmp_path: Path, text: str
+) -> None:
+    """A disk that was full, or an editor: what the servos say counts."""
+    (tmp_path / "arm.offsets").write_text(text)
+    bench = Bench(make_node, tmp_path / "arm.json", servos=True, hardware="real", **QUICK)
+    bench.drivers.offsets = dict.fromkeys(JOINTS, 240)
+    posing(bench)
+    assert calibrate(bench, "cancel").success
+    assert bench.drivers.offsets == dict.fromkeys(JOINTS, 240)
+    assert not (tmp_path / "arm.offsets").exists()
 
 
 def test_servos_that_are_not_there_are_no_start(make_node: MakeNode, tmp_path: Path) -> None:

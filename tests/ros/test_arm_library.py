@@ -381,7 +381,7 @@ def test_the_emergency_stop_ends_a_replay_and_refuses_another(bench: Bench) -> N
     bench.until(lambda: play(bench, "sweep").success, "released")
 
 
-def test_the_emergency_stop_does_not_end_a_recording_by_hand(bench: Bench) -> None:
+def test_the_emergency_stop_does_not_end_a_recording_by_hand(bench: Bench, path: Path) -> None:
     """Nothing moves by itself; but the torque comes back only when the stop is released, and that is said."""
     assert bench.record("start", mode="kinesthetic").success
     bench.stop()
@@ -392,6 +392,12 @@ def test_the_emergency_stop_does_not_end_a_recording_by_hand(bench: Bench) -> No
         "saved 'sweep'; the servos are still off: the emergency stop is engaged (/e_stop_state)"
     )
     assert bench.state(recording=False)["torque"] is False
+    (notice,) = bench.state(recording=False)["notices"]
+    assert notice.startswith("a recording by hand has ended, and the arm may still be without torque")
+    bench.stop(False)
+    bench.until(lambda: bench.call(SetBool, "/lupin/arm/set_torque", data=True).success, "the release")
+    bench.until(lambda: "notices" not in bench.told[-1], "the notice is gone")
+    assert not path.with_name("arm_library.limp").exists()
 
 
 def test_the_library_does_not_fight_a_mission(bench: Bench) -> None:
@@ -529,7 +535,7 @@ def test_what_a_kill_has_left_is_told_until_the_torque_is_back(
     path.with_name("arm_library.limp").touch()
     bench = Bench(make_node, path)
     (notice,) = bench.told[0]["notices"]
-    assert notice.startswith("a recording by hand was cut off when the program ended")
+    assert notice.startswith("a recording by hand has ended, and the arm may still be without torque")
     assert bench.drivers.switched == []  # nobody is surprised by an arm that stiffens by itself
     assert bench.call(SetBool, "/lupin/arm/set_torque", data=True).success
     bench.until(lambda: "notices" not in bench.told[-1], "the notice is gone")

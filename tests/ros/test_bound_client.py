@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any
 
 import pytest
@@ -14,6 +15,7 @@ from rcl_interfaces.srv import SetParameters
 from std_srvs.srv import SetBool, Trigger
 
 from lupin_engine.errors import LupinError
+from lupin_engine.middleware import bound_client
 from lupin_engine.middleware.bound_client import BoundClient
 from lupin_engine.middleware.definitions import (
     fill,
@@ -60,13 +62,13 @@ operations:
 class Bench:
     """A client, and where a lamp may stand."""
 
-    def __init__(self, make_node: MakeNode, *changes: tuple[str, str]) -> None:
+    def __init__(self, make_node: MakeNode, *changes: tuple[str, str], arguments: Sequence[str] = ()) -> None:
         text = LAMP
         for old, new in changes:
             assert text.count(old) == 1, old
             text = text.replace(old, new)
         self._make = make_node
-        self.nodes = [make_node("engine")]
+        self.nodes = [make_node("engine", arguments)]
         self.outlet = FakeOutlet()
         self.asked: list[bool] = []
         self.client = BoundClient(self.nodes[0], binding_of(text), self.outlet, {})
@@ -92,7 +94,7 @@ class Bench:
 @pytest.fixture
 def bench(make_node: MakeNode) -> Callable[..., Bench]:
     """Make the client of a lamp."""
-    return lambda *changes: Bench(make_node, *changes)
+    return partial(Bench, make_node)
 
 
 def test_a_call_and_its_result(bench: Callable[..., Bench]) -> None:
@@ -112,6 +114,18 @@ def test_a_server_that_comes_a_moment_later_is_waited_for(bench: Callable[..., B
     assert one.outlet.reports == []
     one.serve()
     spin_until(one.nodes, lambda: one.outlet.kinds("a1") == ["accepted", "done"])
+
+
+def test_a_server_that_never_comes_is_given_up_while_simulated_time_stands(
+    bench: Callable[..., Bench], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The simulation may have died with the server; discovery needs real time."""
+    monkeypatch.setattr(bound_client, "DISCOVERY_S", 0.2)
+    one = bench(arguments=["--ros-args", "-p", "use_sim_time:=true"])
+    one.client.start("a1", "switch", {"on": True})
+    spin_until(
+        one.nodes, lambda: one.outlet.reports[-1:] == [("failed", "a1", "lamp_gone", "/lamp: no server")]
+    )
 
 
 def test_what_waits_can_be_cancelled(bench: Callable[..., Bench]) -> None:
@@ -175,8 +189,8 @@ def test_what_cannot_be_sent(bench: Callable[..., Bench]) -> None:
     one.serve()
     spin_until(one.nodes, lambda: not one.client.missing())
     one.client.start("a1", "switch", {"on": "yes"})
-    problem = "bound.yaml:8:3: std_srvs/srv/SetBool.Request.data: expected bool, got 'yes'"
-    assert one.outlet.reports == [("failed", "a1", "lamp_failed", problem)]
+    problem = "std_srvs/srv/SetBool.Request.data: expected bool, got 'yes'; write true or false"
+    assert one.outlet.reports == [("failed", "a1", "lamp_failed", f"bound.yaml:8:3: {problem}")]
 
 
 def test_an_answer_that_nobody_foresaw(bench: Callable[..., Bench]) -> None:

@@ -18,6 +18,7 @@ from nav2_msgs.action import NavigateToPose
 from std_msgs.msg import Byte, ColorRGBA, Float32, String
 
 from lupin_engine.errors import LupinError
+from lupin_engine.middleware import definitions
 from lupin_engine.middleware.bound_client import BoundClient
 from lupin_engine.middleware.definitions import (
     fill,
@@ -323,6 +324,33 @@ def test_constants_are_what_the_code_has() -> None:
     constants = interface_constants("sensor_msgs/msg/BatteryState")
     assert len(constants) == 23
     assert {name: getattr(kind, name) for name in constants} == constants
+
+
+CONSTANTS = """
+# int8 OLD=1
+string EMPTY=
+string QUOTED = "x"      # a remark
+string<=9 BARE=plain text # a remark
+string ODD='"'
+bool YES=True # a remark
+int8 LOW=-0x10
+float64 SMALL = 1e-3
+int8 no_constant 5
+"""
+
+
+def test_constants_are_read_as_their_compiler_reads_them(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A remark ends them, quotes go in pairs, and an empty one does not take the next line."""
+    monkeypatch.setattr(definitions, "local_source", lambda _: CONSTANTS)
+    assert definitions.interface_constants.__wrapped__("std_msgs/msg/Bool") == {
+        "EMPTY": "",
+        "QUOTED": "x",
+        "BARE": "plain text",
+        "ODD": '"',
+        "YES": True,
+        "LOW": -16,
+        "SMALL": 0.001,
+    }
 
 
 def test_what_is_no_action_and_no_message() -> None:

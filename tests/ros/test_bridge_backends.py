@@ -128,7 +128,14 @@ def test_a_recording_with_mistakes_ends_the_node_with_all_of_them(world: World, 
         ({"backend": "mqt"}, "unknown backend 'mqt'; did you mean 'mqtt'?"),
         ({"backend": "recorded"}, "backend 'recorded' needs the parameter recording_file, a CSV file"),
         ({"backend": "mqtt", "mqtt_topic": "greenhouse"}, "mqtt_topic 'greenhouse': expected {tag} once"),
-        ({"backend": "mqtt", "tag_file": "nowhere"}, "layout file nowhere: No such file or directory"),
+        (
+            {"backend": "mqtt", "tag_file": "nowhere"},
+            "tag_file 'nowhere' cannot be used: No such file or directory",
+        ),
+        (
+            {"backend": "recorded", "recording_file": "x", "tag_locations_file": "~nobody-here/x.json"},
+            "tag_locations_file '~nobody-here/x.json' cannot be used: No such file or directory",
+        ),
     ],
 )
 def test_settings_that_cannot_be_used_end_the_node_with_a_sentence(

@@ -135,6 +135,20 @@ def test_a_late_answer_is_a_timeout_and_leaves_nothing_behind(make_node: MakeNod
     assert len(answers) == 1
 
 
+def test_a_client_that_is_closed_says_nothing_more(make_node: MakeNode) -> None:
+    """Neither the deadline of a call under way nor the word that nobody is there."""
+    server, client, answers = make_node("server"), make_node("client"), []
+    server.serve(Trigger, "/ask", ok)
+    caller, lonely = client.service(Trigger, "/ask"), client.service(Trigger, "/nobody")
+    spin_until([server, client], caller.ready)
+    caller.call(Trigger.Request(), 0.05, answers.append)
+    lonely.call(Trigger.Request(), 0.05, answers.append)
+    caller.close()
+    lonely.close()
+    spin_for([client], 0.2)
+    assert answers == []
+
+
 def test_a_cancelled_call_says_nothing(make_node: MakeNode) -> None:
     server, client, answers = make_node("server"), make_node("client"), []
     server.serve(Trigger, "/ask", ok)
@@ -312,15 +326,34 @@ def test_a_context_shut_down_from_elsewhere_ends_the_spin(make_node: MakeNode) -
     assert not ros.node.context.ok()
 
 
-def test_a_node_that_keeps_failing_ends(make_node: MakeNode) -> None:
-    ros = make_node("broken")
+def test_a_node_that_keeps_failing_ends_and_says_goodbye_all_the_same(make_node: MakeNode) -> None:
+    """Who has goals under way must have them cancelled; nobody waits for an answer then."""
+    ros, goodbyes = make_node("broken"), []
 
     def fail(_: Any) -> None:
         raise RuntimeError("broken")
 
+    ros.on_stop(lambda: ros.work_until(lambda: False, 60.0))
+    ros.on_stop(lambda: goodbyes.append("cancelled"))
     ros._executor.spin_once = fail
     with pytest.raises(RuntimeError, match="broken"):
         ros.spin()
+    assert goodbyes == ["cancelled"]
+    assert not ros.node.context.ok()
+
+
+def test_one_failure_outside_a_callback_does_not_end_a_last_wait(make_node: MakeNode) -> None:
+    ros, waited = make_node("leaving"), []
+    spin_once = ros._executor.spin_once
+
+    def fail_once(_: Any) -> None:
+        ros._executor.spin_once = spin_once
+        raise RuntimeError("once")
+
+    ros._executor.spin_once = fail_once
+    ros.call_later(0.05, lambda: waited.append(True))
+    ros.work_until(lambda: bool(waited), 10.0)
+    assert waited == [True]
 
 
 # --- parameters -------------------------------------------------------------------------------------------
@@ -477,6 +510,33 @@ def test_a_goal_is_rejected(make_node: MakeNode) -> None:
     journey.send("refused")
     journey.until(lambda: journey.heard)
     assert journey.heard == ["rejected"]
+
+
+def test_a_goal_that_its_server_cannot_begin_with_is_aborted(make_node: MakeNode) -> None:
+    """The client would wait for ever for one that nobody works on."""
+    journey = Journey(make_node)
+
+    def fail(_: ServedGoal) -> None:
+        raise RuntimeError("no motor")
+
+    journey.server.close()
+    journey.server = make_node("server")
+    journey.server.serve_action(
+        NavigateToPose, "navigate_to_pose", admit=lambda _: True, started=fail, cancelled=fail
+    )
+    spin_until([journey.server, journey.client], journey.caller.ready)
+    journey.send()
+    journey.until(lambda: len(journey.heard) == 2)
+    assert journey.heard == ["accepted", (6, "")]
+
+
+def test_clients_of_actions_that_were_closed_are_not_kept(make_node: MakeNode) -> None:
+    """Missions are loaded anew as often as somebody saves a file."""
+    ros = make_node("reloading")
+    for _ in range(3):
+        ros.action(NavigateToPose, "navigate_to_pose").close()
+    last = ros.action(NavigateToPose, "navigate_to_pose")
+    assert ros._closables == [last]
 
 
 def test_a_goal_is_cancelled_but_not_before_it_is_accepted(make_node: MakeNode) -> None:

@@ -259,7 +259,10 @@ def test_a_low_battery_docks_waits_and_goes_on(world: World, operator: Operator)
 @pytest.mark.parametrize(
     ("parameters", "message"),
     [
-        ({"nav_timeout_s": "soon"}, "parameter 'nav_timeout_s': expected duration, got 'soon'"),
+        (
+            {"nav_timeout_s": "soon"},
+            "parameter 'nav_timeout_s': expected duration, got 'soon'; its units are 'ms', 's', 'min', 'h'",
+        ),
         ({"missions": "[inspektion]"}, "did you mean 'inspection'?"),
     ],
 )

@@ -42,7 +42,7 @@ def test_what_ros_delivers_is_read(kind: Any, default: Any, given: Any, expected
 @pytest.mark.parametrize(
     ("kind", "given", "problem"),
     [
-        (DURATION, "5 m", "parameter 'p': expected duration, got '5 m'"),
+        (DURATION, "5 m", "parameter 'p': expected duration, got '5 m'; its units are 'ms', 's', 'min', 'h'"),
         (BOOL, 1, "parameter 'p': expected bool, got 1"),
         (INTEGER, 1.5, "parameter 'p': expected integer, got 1.5"),
         (TEXT, 7, "parameter 'p': expected text, got 7; write \"7\""),

@@ -6,6 +6,7 @@ import json
 import math
 import os
 import signal
+import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -35,6 +36,7 @@ from lupin_msgs.msg import (
 )
 from lupin_msgs.srv import GetField
 from lupin_twin import node as twin_module
+from lupin_twin import state as state_module
 from lupin_twin.heatmap import Request
 from lupin_twin.node import PARAMETERS, TwinNode
 from lupin_twin.records import Discovery, Flowers, Reading
@@ -153,7 +155,7 @@ def warnings(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     said: list[str] = []
     for severity in ("warning", "error"):
         monkeypatch.setattr(
-            f"lupin_engine.middleware.node._RosSink.{severity}", lambda _, line: said.append(line)
+            f"lupin_engine.middleware.logs._RosSink.{severity}", lambda _, line: said.append(line)
         )
     return said
 
@@ -239,6 +241,29 @@ def test_what_cannot_be_used_is_dropped_and_told_once(scene: Scene, warnings: li
         "tag reading in frame 'odom' dropped, expected 'map'",
         "tag reading without a tag id dropped",
     ]
+
+
+def test_tags_without_end_are_told_once(
+    scene: Scene, warnings: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(state_module, "MAX_TAGS", 3)
+    scene.tell(reading("1", {"temperature": 20.0}))
+    for tag in ("2", "3", "4"):
+        scene.observations.publish(reading(tag, {"temperature": 20.0}))
+    scene.until(lambda: warnings, "a complaint")
+    assert warnings == ["no room for more than 10000 tags, 256 sensors: new ones dropped"]
+    assert list(scene.tags()) == ["1", "marker 0", "2"]
+    scene.observations.publish(reading("1", {"temperature": 21.0}))
+    scene.until(lambda: scene.tags()["1"].readings[0].value == 21.0, "what is known goes on")
+
+
+def test_a_stale_request_is_answered_with_the_reason(scene: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A display whose clock is behind is told so; without an answer its field would stay empty for ever."""
+    now = time.time_ns
+    monkeypatch.setattr(time, "time_ns", lambda: now() + 60_000_000_000)
+    answer = scene.ask()
+    assert answer == GetField.Response(error_message=answer.error_message)
+    assert answer.error_message.startswith("refused: the request is 60.")
 
 
 def test_complaints_are_bounded(scene: Scene, warnings: list[str], monkeypatch: pytest.MonkeyPatch) -> None:

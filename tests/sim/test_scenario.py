@@ -16,8 +16,8 @@ from lupin_engine.sim.simulation import Run
 from tests import shipped
 from tests.chart.test_words import wide_catalog
 
-#: A scenario in which everything is wrong, beside what is told about it.
-BROKEN = Path(__file__).parents[1] / "scenarios" / "broken" / "everything"
+#: Scenarios in which much is wrong, each beside what is told about it.
+BROKEN = Path(__file__).parents[1] / "scenarios" / "broken"
 MISSIONS = Missions(shipped.catalog())
 HEAD = 'scenario: a test\nmission: inspection\nrequest: {tag_sequence: ["1"]}\n'
 
@@ -62,10 +62,27 @@ def failures(folder: Path, text: str) -> list[str]:
 # -- mistakes of a file ----------------------------------------------------------------------------------
 
 
-def test_every_mistake_is_told_with_its_place(tmp_path: Path) -> None:
-    """Names are looked up in mission and catalog; all mistakes come at once, in the order of the file."""
-    text, told = (BROKEN.with_suffix(ending).read_text(encoding="utf-8") for ending in (".yaml", ".txt"))
+@pytest.mark.parametrize("name", ["everything", "arguments"])
+def test_every_mistake_is_told_with_its_place(tmp_path: Path, name: str) -> None:
+    """Names are looked up, values are of their type; all mistakes come at once, in the order of the file."""
+    file = BROKEN / name
+    text, told = (file.with_suffix(ending).read_text(encoding="utf-8") for ending in (".yaml", ".txt"))
     assert problems(tmp_path, text) == told.splitlines()
+
+
+@pytest.mark.parametrize(
+    "given",
+    ["{pose: {x: 40 cm, y: 5.9 m}}", "{pose: {yaw: 180 deg}}", "{pose: {x: 400 mm, yaw: 3.141593 rad}}"],
+    ids=["lengths", "an angle", "both"],
+)
+def test_arguments_of_a_mock_are_compared_in_base_units(tmp_path: Path, given: str) -> None:
+    """A mission drives to 0.4 m and half a turn, however a scenario writes that."""
+    ran(
+        tmp_path,
+        "parameters: {dock_pose: {x: 40 cm, y: 5.9 m, yaw: 180 deg}}\n"
+        f"mocks: [{{do: nav.dock, with: {given}, then: {{after: 90 s}}}}]\n"
+        "expect: {at_least: 30 s}\n",
+    )
 
 
 @pytest.mark.parametrize(

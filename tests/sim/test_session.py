@@ -146,6 +146,18 @@ def test_every_command_is_explained() -> None:
         assert plain(one.do(f"help {name}")) == [command.usage, f"  {command.about}"]
 
 
+@pytest.mark.parametrize("typed", ["0", "-1", "x", "²", "٣", "1.5"])
+def test_what_is_no_number_of_moves_is_told(typed: str) -> None:
+    assert plain(session().do(f"step {typed}")) == [f"{typed!r} is no number of moves; write 1 or more"]
+
+
+def test_a_number_of_moves_may_have_any_length() -> None:
+    """It goes on until nothing happens by itself."""
+    one = session(Script("InspectionMission"))
+    rows = plain(one.do("step 1" + "0" * 5000))
+    assert rows[-1] == "nothing will happen by itself; why tells what is possible"
+
+
 def test_the_terminal_may_be_narrow() -> None:
     """Nothing is wider than it."""
     lines = list(answered(session(width=64), ["start tag_sequence=1,2", "run"]))

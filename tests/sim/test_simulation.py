@@ -6,7 +6,9 @@ from itertools import pairwise
 
 import pytest
 
+from lupin_engine.errors import LupinError
 from lupin_engine.machine.event import Start
+from lupin_engine.sim import simulation
 from lupin_engine.sim.scripted import Outcome, Rule, contains
 from lupin_engine.sim.simulation import Ask, Happening, Run, Script, Tell, simulate
 from lupin_engine.sim.story import short_name, shorten, tell
@@ -31,6 +33,21 @@ def test_the_limit_cuts_a_simulation_off() -> None:
     run = inspection("1", "2", limit=4.0)
     assert (run.cut_off, run.seconds, run.ended) == (True, 4.0, False)
     assert [visit.status for visit in run.visits] == ["OK", ""]
+
+
+def test_a_mission_in_which_nothing_takes_time_does_not_go_on_for_ever(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A search for frontiers that are found and reached at once never comes to the end of its time."""
+    monkeypatch.setattr(simulation, "MOST_AT_ONCE", 500)
+    rules = [Rule(name, (Outcome(after=0.0),)) for name in ("nav.choose_frontier", "nav.go_to")]
+    script = Script("ExplorationMission", rules=tuple(rules))
+    with pytest.raises(LupinError) as caught:
+        simulate(shipped.mission("exploration"), script)
+    assert str(caught.value) == (
+        "time stands still at 0.5 s: more than 500 things happen at that moment; nav.go_to,"
+        " nav.choose_frontier begin and end over and over, so let one of them take time"
+    )
 
 
 def test_a_mission_that_waits_for_an_operator_ends_the_simulation() -> None:
@@ -125,6 +142,11 @@ def test_rules_are_tried_in_order() -> None:
         ({"a": 0.1 + 0.2}, {"a": 0.3}, True),
         ({"a": 2.4113515}, {"a": 2.41135}, True),
         ({"a": 2.4113515}, {"a": 2.411}, False),
+        ({"a": 6e-17}, {"a": 0.0}, True),
+        ({"a": 1e-6}, {"a": 0.0}, False),
+        ({"a": [{"x": 0.3, "y": 1.0}]}, {"a": [{"x": 0.1 + 0.2}]}, True),
+        ({"a": [{"x": 0.3}, {"x": 0.4}]}, {"a": [{"x": 0.3}]}, False),
+        ({"a": [{"x": 0.3}, {"x": 0.4}]}, {"a": [{"x": 0.4}, {"x": 0.3}]}, False),
     ],
 )
 def test_arguments_need_only_contain_what_is_named(whole: object, part: object, expected: bool) -> None:

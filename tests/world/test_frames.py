@@ -149,6 +149,28 @@ def test_what_is_no_transform_is_left_out_and_told_once(monkeypatch: pytest.Monk
     assert frames.find("map", "a") is not None
 
 
+def test_a_moving_frame_that_nobody_tells_of_any_more_is_not_found() -> None:
+    """Asked for what was heard of since a moment: an old place of a robot is none."""
+    frames = Frames()
+    frames.add("map", "odom", at(), 0.0, static=True, heard=0.0)
+    frames.add("odom", "base_link", at(2.0), 500.0, heard=10.0)
+    frames.add("base_link", "camera", at(1.0), 500.0, heard=11.0)
+    assert frames.find("map", "camera", since=10.0) is not None
+    assert frames.find("map", "camera", since=10.5) is None
+    assert frames.find("map", "camera") is not None
+    assert frames.gap("map", "camera", since=10.5) == "the transforms of base_link have ceased"
+    assert frames.gap("map", "camera", since=12.0) == "the transforms of camera, base_link have ceased"
+    assert frames.take([stamped("odom", "base_link", 3.0, 501.0)], heard=12.0) == []
+    assert frames.find("map", "camera", since=10.5) is not None
+
+
+def test_a_clock_that_stands_still_is_no_news() -> None:
+    frames = Frames()
+    frames.add("map", "camera", at(1.0), 7.0, heard=1.0)
+    frames.add("map", "camera", at(9.0), 7.0, heard=5.0)
+    assert frames.find("map", "camera", since=2.0) is None
+
+
 # --- what is missing
 
 

@@ -8,6 +8,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from lupin_engine.errors import LupinError
 from lupin_engine.world import layout
@@ -39,6 +41,19 @@ def test_numbers_come_by_value_before_names_by_letter() -> None:
     assert [tag.id for tag in layout.parse({"tags": tags}).numeric_order()] == ["1", "2", "10", "a", "b"]
 
 
+@given(st.lists(st.integers(0, 10**12)))
+def test_numeric_ids_are_sorted_by_value(numbers: list[int]) -> None:
+    by_key = sorted(map(str, numbers), key=layout.numeric_key)
+    assert [int(tag_id) for tag_id in by_key] == sorted(numbers)
+
+
+def test_ids_of_any_length_have_an_order() -> None:
+    """Python itself reads no number of more than 4,300 digits."""
+    long = "1" + "0" * 5000
+    ids = [long, "٣", "7", "007", "0", "2" * 4999, "-1", ""]  # a digit that is not ASCII is part of a name
+    assert sorted(ids, key=layout.numeric_key) == ["0", "007", "7", "2" * 4999, long, "", "-1", "٣"]
+
+
 def test_a_file_without_the_key_tags_is_the_tag_map_itself() -> None:
     known = layout.parse({"7": {"x": 1, "y": 2}})
     assert (list(known.tags), known.tables) == (["7"], ())
@@ -62,6 +77,10 @@ def test_malformed_tables_are_left_out(raw: Any) -> None:
         ('{"tags": {}}', "no tags"),
         ('{"tags": {"4": {"x": 1.0}}}', "tag '4' has no position"),
         ('{"tags": {"4": {"x": 1.0, "y": NaN}}}', "tag '4' has no position"),
+        ('{"tags": {"4": {"x": 1.0, "y": 1' + "0" * 400 + "}}}", "tag '4' has no position"),
+        ('{"4": {"x": 1, "y": 1, "sensors": "co2"}}', "sensors of tag '4' are no list of names, but 'co2'"),
+        ('{"4": {"x": 1, "y": 1, "sensors": [7]}}', r"sensors of tag '4' are no list of names, but \[7\]"),
+        ("[" * 100_000, "recursion"),
     ],
 )
 def test_a_layout_that_cannot_be_used_is_refused_with_its_name(
@@ -75,5 +94,6 @@ def test_a_layout_that_cannot_be_used_is_refused_with_its_name(
 
 
 def test_a_missing_file_is_refused_with_its_name(tmp_path: Path) -> None:
-    with pytest.raises(LupinError, match="gone"):
-        layout.load(str(tmp_path / "gone"))
+    with pytest.raises(LupinError) as caught:
+        layout.load(str(tmp_path / "gone"), "tag_file")
+    assert str(caught.value) == f"tag_file '{tmp_path}/gone' cannot be used: No such file or directory"

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from lupin_engine.world.poses import Pose, between, heading, matrix, pose_of, product
@@ -100,10 +100,24 @@ def test_the_way_begins_and_ends_at_its_ends(a: Pose, b: Pose) -> None:
     assert is_same(between(a, b, 1.0), b)
 
 
-@given(yaw=st.floats(-3.1, 3.1))
-def test_a_heading_is_read_off_a_turn_about_the_vertical(yaw: float) -> None:
-    turn = SimpleNamespace(x=0.0, y=0.0, z=math.sin(yaw / 2), w=math.cos(yaw / 2))
+@given(yaw=st.floats(-3.1, 3.1), length=st.floats(0.1, 10.0))
+def test_a_heading_is_read_off_a_turn_about_the_vertical(yaw: float, length: float) -> None:
+    """Also by a quaternion that is not of length 1, as some people write them by hand."""
+    turn = SimpleNamespace(x=0.0, y=0.0, z=length * math.sin(yaw / 2), w=length * math.cos(yaw / 2))
     assert heading(turn) == pytest.approx(yaw)
     other = SimpleNamespace(x=0.0, y=0.0, z=-turn.z, w=-turn.w)
     assert heading(other) == pytest.approx(yaw), "q and -q are the same rotation"
     assert at(1.0, 2.0, 3.0, yaw).plane == (1.0, 2.0)
+
+
+def test_an_orientation_that_nobody_filled_in_is_no_turn() -> None:
+    assert heading(SimpleNamespace(x=0.0, y=0.0, z=0.0, w=0.0)) == 0.0
+
+
+@given(pose=poses())
+def test_a_heading_is_where_the_turned_x_axis_points(pose: Pose) -> None:
+    x, y, z, w = pose.rotation.tolist()
+    ahead = matrix(pose.rotation)[:2, 0]
+    assume(float(np.linalg.norm(ahead)) > 1e-3)
+    yaw = heading(SimpleNamespace(x=x, y=y, z=z, w=w))
+    assert np.allclose(ahead / np.linalg.norm(ahead), (math.cos(yaw), math.sin(yaw)), atol=1e-6)

@@ -13,11 +13,11 @@ from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
-from lupin_engine.errors import PluginError, UsageError, nearest
+from lupin_engine.errors import PluginError
 from lupin_engine.plugin.contract import Plugin
 from lupin_engine.plugin.describe import Entry, sections
-from lupin_engine.plugin.discovery import EntryPoint, entry_points
-from lupin_engine.plugin.registry import build_catalog, import_plugin
+from lupin_engine.plugin.discovery import EntryPoint, entry_points, find_entry_point
+from lupin_engine.plugin.registry import verified_plugin
 
 
 @dataclass(frozen=True)
@@ -46,8 +46,7 @@ def list_work(as_json: bool) -> int:
 def _row(point: EntryPoint) -> Row:
     name, version = (point.distribution.name, point.distribution.version) if point.distribution else ("", "")
     try:
-        plugin = import_plugin(point)
-        build_catalog([plugin])
+        plugin = verified_plugin(point)
     except PluginError as problem:
         return Row(point.name, "", 0, name, version, point.value, str(problem))
     return Row(plugin.name, plugin.doc, len(plugin.operations), name, version, point.value)
@@ -65,17 +64,14 @@ def _table(rows: list[Row]) -> Table:
 
 def show_work(name: str, as_json: bool) -> int:
     """Do what the options of `lupin plugin show` say, and return the exit code."""
-    points = {point.name: point for point in entry_points()}
-    if name not in points:
-        raise UsageError(f"no plugin is called {name!r}; {nearest(name, points)}")
-    plugin = import_plugin(points[name])
-    build_catalog([plugin])
+    point = find_entry_point(name)
+    plugin = verified_plugin(point)
     if as_json:
         click.echo(json.dumps(_as_data(plugin), indent=2, ensure_ascii=False))
         return 0
     console = Console(highlight=False)
     console.print(Text.assemble((plugin.name, "bold"), f": {plugin.doc}"))
-    console.print(Text(f"{points[name].value} of {points[name].distribution}", "dim"))
+    console.print(Text(str(point), "dim"))
     for section in sections(plugin):
         console.print(Text(f"\n{section.title}", "bold green"))
         for entry in section.entries:

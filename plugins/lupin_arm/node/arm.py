@@ -15,7 +15,7 @@ from builtin_interfaces.msg import Duration
 from std_msgs.msg import Bool
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from lupin_arm.joints import ARM, JAW_CLOSED, JAW_OPEN, Pose
+from lupin_arm.joints import ARM, JAW_CLOSED, JAW_OPEN, Pose, reach_pose
 from lupin_arm.node.feedback import Feedback, Listener
 from lupin_arm.node.gripper import Gripper
 from lupin_arm.node.refused import Refused
@@ -71,7 +71,9 @@ class Arm:
         self._states_topic: str = parameters["joint_states_topic"]
         self._trajectories = ros.publisher(JointTrajectory, parameters["trajectory_topic"], Qos.EVENT)
         self._gripper = Gripper(ros, parameters["gripper_action"])
-        self._torque = Torque(ros, parameters["torque_service"], parameters["gate_service"], self._pin)
+        self._torque = Torque(
+            ros, parameters["torque_service"], parameters["gate_service"], self._pin, self._stop_reason
+        )
         self._motion: _Motion | None = None
         self._claim: _Claim | None = None
         self._heard = float("-inf")
@@ -138,8 +140,8 @@ class Arm:
     def claim(self, owner: str, what: str, interrupted: Callable[[str], None]) -> None:
         """Have the arm for `owner` alone until `release`; `what` tells the others why they may not.
 
-        `interrupted(reason)` comes when the emergency stop is engaged meanwhile: the arm has been stopped;
-        what becomes of the claim is the owner's business.
+        `interrupted(reason)` comes when the emergency stop is engaged meanwhile, or when the arm was lost
+        and is back: the arm has been stopped; what becomes of the claim is the owner's business.
 
         Raises:
             Refused: somebody else has it, or the emergency stop is engaged.
@@ -195,9 +197,10 @@ class Arm:
         self._publish(trajectory)
 
     def hold(self, seconds: float = HOLD_S) -> None:
-        """Let the arm stay where it is now; where its servos are off it hangs, and nothing is sent."""
+        """Let arm and jaw stay where they are now; where the servos are off the arm hangs as it does."""
+        self._gripper.stop()
         if self._motion is not None and self._torque.state is not False:
-            self._publish(Trajectory((Point(self.pose() or self._should_be(), seconds),)))
+            self._publish(_stay(self.pose() or self._should_be(), seconds))
 
     def move_jaw(self, angle: float, owner: str, done: Done | None = None) -> None:
         """Send the jaw to an angle of its joint, in radians; `done(None)` when sent, else `done(reason)`.
@@ -221,11 +224,12 @@ class Arm:
         self._motion = _Motion(trajectory, start, self._ros.elapsed())
         self._trajectories.publish(_message(trajectory))
 
-    def _pin(self) -> None:
-        """Make where the arm is its target, so that whatever was asked of it before is forgotten."""
+    def _pin(self) -> bool:
+        """Make where the arm is its target, so that an older one is forgotten; False if that is not told."""
         pose = self.pose()
         if pose is not None:
-            self._publish(Trajectory((Point(pose, FIRST_POINT_S),)))
+            self._publish(_stay(pose, FIRST_POINT_S))
+        return pose is not None
 
     # --- the servos ---------------------------------------------------------------------------------------
 
@@ -252,10 +256,17 @@ class Arm:
 
     def _on_feedback(self, _stamp: float, _pose: Pose, _jaw: float | None) -> None:
         now = self._ros.elapsed()
-        lost, self._heard = now - self._heard > LOST_S, now
-        if lost:
-            self._pin()
-            self._ros.log.info("the arm is there; it is pinned to where it is")
+        before, self._heard = self._heard, now
+        if now - before <= LOST_S:
+            return
+        self._pin()
+        self._ros.log.info("the arm is there; it is pinned to where it is")
+        if before > float("-inf"):  # whatever was under way has been ended by that
+            self._interrupt(f"for more than {LOST_S:g} s it was not known where the arm is")
+
+    def _interrupt(self, reason: str) -> None:
+        if self._claim is not None:
+            self._claim.interrupted(reason)
 
     def _on_estop(self, message: Bool) -> None:
         engaged = bool(message.data)
@@ -267,9 +278,12 @@ class Arm:
             return
         self._ros.log.warning("emergency stop engaged: the arm stays where it is")
         self.hold()
-        self._gripper.stop()
-        if self._claim is not None:
-            self._claim.interrupted("the emergency stop was engaged")
+        self._interrupt("the emergency stop was engaged")
+
+
+def _stay(pose: Pose, seconds: float) -> Trajectory:
+    """Return the motion that is none: what the servos reach of a pose, also beyond what may be commanded."""
+    return Trajectory((Point(reach_pose(pose), seconds),))
 
 
 def _message(trajectory: Trajectory) -> JointTrajectory:

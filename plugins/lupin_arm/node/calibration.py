@@ -15,6 +15,8 @@ from lupin_arm.node.arm import Arm
 from lupin_arm.node.calibration_chart import CHART
 from lupin_arm.node.calibration_servos import Servos
 from lupin_arm.node.hardware import Hardware
+from lupin_arm.node.library import library_path
+from lupin_arm.node.mark import Mark
 from lupin_arm.node.mission import Mission
 from lupin_arm.node.refused import Refused
 from lupin_arm.node.serving import STALE_AFTER_S, refuse
@@ -43,6 +45,10 @@ POSING = "POSING"
 #: Seconds that the end of the process waits for the arm to have its torque again.
 LAST_WAIT_S = 3.0
 
+CUT_OFF = (
+    "an earlier calibration has left the servos without their offsets, and maybe without torque: support the "
+    "arm; start, then cancel writes the offsets back"
+)
 POSE_NOW = "the arm has no torque: bring it into its zero pose by hand, then commit"
 
 
@@ -95,7 +101,12 @@ class Calibration:
         self._machine = make_machine(CHART, {name: parameters[name] for name in CHART.parameters})
         drivers: dict[str, Driver] = {}
         self._engine = Engine(self._machine, _Clock(ros), drivers, ros.guarded(self._stepped))
-        self._servos = Servos(ros, arm, EngineOutlet(self._engine, self._work), parameters["gate_service"])
+        library = library_path(parameters["library_path"])
+        self._mark = Mark(ros, library.with_name(f"{library.stem}.offsets"))
+        if self._mark.left_behind:
+            ros.log.error(CUT_OFF)
+        outlet = EngineOutlet(self._engine, self._work)
+        self._servos = Servos(ros, arm, outlet, parameters["gate_service"], self._mark)
         drivers["calibration"] = self._servos
         self._engine.start()
         gates.mission.listen(self._call_off)
@@ -184,7 +195,7 @@ class Calibration:
     def _doing(self) -> str:
         where = self._where()
         if where == IDLE:
-            return "ready"
+            return CUT_OFF if self._mark.left_behind else "ready"
         return POSE_NOW if where == POSING else f"under way: {where.lower().replace('_', ' ')}"
 
     def _answer(self) -> None:

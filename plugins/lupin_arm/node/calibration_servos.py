@@ -6,6 +6,7 @@ of them.
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any, NamedTuple
@@ -14,8 +15,9 @@ from mirte_msgs.msg import ServoPosition
 from mirte_msgs.srv import GetServoOffset, SetServoAngle, SetServoOffset
 from std_srvs.srv import SetBool
 
-from lupin_arm.calibration.offsets import HOMES, Correction, corrections, to_write
+from lupin_arm.calibration.offsets import HOMES, STEP, STEPS, Correction, corrections, to_write
 from lupin_arm.node.arm import Arm
+from lupin_arm.node.mark import Mark
 from lupin_arm.node.refused import Refused
 from lupin_arm.node.waiting import when_ready
 from lupin_engine.middleware.node import Failure, Qos, RosNode, ServiceCaller
@@ -71,11 +73,17 @@ class _Connection:
 class Servos:
     """See `plugin.contract.Driver` for what every call promises."""
 
-    def __init__(self, ros: RosNode, arm: Arm, outlet: Outlet, gate: str) -> None:
-        """`gate` is the vendor's service that lets the controller command the servos."""
+    def __init__(self, ros: RosNode, arm: Arm, outlet: Outlet, gate: str, mark: Mark) -> None:
+        """`gate` is the vendor's service that lets the controller command the servos.
+
+        While they have no offsets of their own, these are kept in `mark`: a process that is killed meanwhile
+        must not be the end of them.
+        """
         self._ros = ros
         self._arm = arm
         self._outlet = outlet
+        self._mark = mark
+        self._before: dict[str, int] = {}
         self._running: set[str] = set()
         self._gate_name = gate
         self._connection: _Connection | None = None
@@ -182,7 +190,10 @@ class Servos:
     def _read_offsets(self, attempt: str, _: Mapping[str, Any]) -> None:
         def read(answers: list[Any]) -> None:
             told = zip(HOMES, answers, strict=True)
-            offsets = [{"joint": joint, "centidegrees": answer.centidegrees} for joint, answer in told]
+            self._before = {joint: answer.centidegrees for joint, answer in told}
+            if self._mark.left_behind:  # what the servos say is what an earlier calibration has left
+                self._before |= _kept(self._mark.text())
+            offsets = [{"joint": joint, "centidegrees": told} for joint, told in self._before.items()]
             self._done(attempt, offsets=offsets)
 
         self._ask(attempt, self._reads(), read)
@@ -191,6 +202,7 @@ class Servos:
         return [Call(service, GetServoOffset.Request()) for service in self._servos.read.values()]
 
     def _clear_offsets(self, attempt: str, _: Mapping[str, Any]) -> None:
+        self._mark.set(json.dumps(self._before))
         self._ask(attempt, self._writes(dict.fromkeys(HOMES, 0)), lambda _: self._done(attempt))
 
     def _write_offsets(self, attempt: str, arguments: Mapping[str, Any]) -> None:
@@ -201,8 +213,10 @@ class Servos:
             problems = (_problem(call.service, answer) for call, answer in zip(calls, answers, strict=True))
             wrong = [problem for problem in problems if problem is not None]
             if wrong:
+                self._mark.leave()
                 self._failed(attempt, "servo_failed", "; ".join(wrong))
             else:
+                self._mark.remove()
                 self._done(attempt)
 
         self._ask(attempt, calls, written, code=None)
@@ -245,7 +259,12 @@ class Servos:
         found = [Correction(**one) for one in arguments["corrections"]]
         writes = self._writes(to_write(found, _offsets(arguments["before"])))
         turns = self._turns([one.joint for one in found if not one.refused])
-        self._ask(attempt, [*writes, *turns], lambda _: self._done(attempt))
+
+        def corrected(_: list[Any]) -> None:
+            self._mark.remove()
+            self._done(attempt)
+
+        self._ask(attempt, [*writes, *turns], corrected)
 
     # --- calls --------------------------------------------------------------------------------------------
 
@@ -299,6 +318,20 @@ def _problem(service: ServiceCaller, answer: Any) -> str | None:
 
 def _offsets(records: Sequence[Mapping[str, Any]]) -> dict[str, int]:
     return {record["joint"]: record["centidegrees"] for record in records}
+
+
+def _kept(text: str) -> dict[str, int]:
+    """Return the offsets that a mark has; a servo of which it says nothing sensible is left out."""
+    try:
+        told = json.loads(text)
+    except (ValueError, RecursionError):
+        return {}
+    entries = told.items() if isinstance(told, dict) else ()
+    return {
+        joint: offset
+        for joint, offset in entries
+        if joint in HOMES and type(offset) is int and abs(offset) <= STEP * STEPS
+    }
 
 
 def _record(one: Correction) -> dict[str, Any]:

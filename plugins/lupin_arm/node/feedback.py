@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 from sensor_msgs.msg import JointState
 
-from lupin_arm.joints import ARM, JAW, Pose, read_pose
+from lupin_arm.joints import ARM, FARTHEST, JAW, Pose, read_pose
 from lupin_engine.middleware.node import Qos, RosNode
 
 #: Seconds for which a joint counts as being where it was said to be.
@@ -27,6 +27,8 @@ class Feedback:
         self._angles: dict[str, float] = {}
         self._seen: dict[str, float] = {}
         self._listeners: list[Listener] = []
+        self._topic = topic
+        self._strange: set[str] = set()
         ros.subscribe(JointState, topic, Qos.DETECTION, self._on_states)
 
     def listen(self, listener: Listener) -> None:
@@ -52,7 +54,7 @@ class Feedback:
 
     def _on_states(self, message: JointState) -> None:
         told = zip(message.name, message.position, strict=False)  # a driver may leave positions out
-        found = {name: angle for name, angle in told if name in _NAMES and math.isfinite(angle)}
+        found = {name: angle for name, angle in told if name in _NAMES and self._is_angle(name, angle)}
         now = self._ros.elapsed()
         self._angles.update(found)
         self._seen.update(dict.fromkeys(found, now))
@@ -61,3 +63,13 @@ class Feedback:
             stamp = message.header.stamp.sec + message.header.stamp.nanosec * 1e-9
             for listener in self._listeners:
                 listener(stamp or self._ros.now(), pose, self.jaw())
+
+    def _is_angle(self, name: str, angle: float) -> bool:
+        """Tell whether a joint can be there; a place where none can be must not become a target."""
+        if abs(angle) <= FARTHEST:
+            return True
+        if name not in self._strange:
+            self._strange.add(name)
+            wrong = f"{name} at {angle:g} rad is left out: no joint of this arm gets there"
+            self._ros.log.warning(f"{self._topic}: {wrong}; angles are radians")
+        return False

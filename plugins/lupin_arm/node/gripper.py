@@ -24,15 +24,18 @@ class Gripper:
         self._action = ros.action(GripperCommand, action)
         self._goal: Goal | None = None
         self._cancelling = False
+        self._stops = 0
 
     def move(self, angle: float, refusal: Callable[[], str | None], done: Done) -> None:
         """Send the jaw to an angle of its joint; `done` when that is sent, or with the reason why not.
 
-        The controller is waited for; `refusal` says then whether the jaw may still be moved.
+        The controller is waited for; `refusal` says then whether the jaw may still be moved. Meanwhile it
+        can be stopped, as if it was under way.
         """
+        stops = self._stops
 
         def found(there: bool) -> None:
-            reason = refusal()
+            reason = "stopped meanwhile" if stops != self._stops else refusal()
             if not there:
                 done(f"{self._action.name}: no action server within {PATIENCE_S:g} s")
             elif reason is not None:
@@ -44,7 +47,8 @@ class Gripper:
         when_ready(self._ros, self._action.ready, PATIENCE_S, found)
 
     def stop(self) -> None:
-        """Let the jaw stay where it is."""
+        """Let the jaw stay where it is; what waits for the controller is not sent any more."""
+        self._stops += 1
         if self._goal is not None:
             self._cancelling = True
             self._goal.cancel()

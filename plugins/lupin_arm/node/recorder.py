@@ -9,13 +9,12 @@ from __future__ import annotations
 import enum
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
-from pathlib import Path
 
 from lupin_arm.joints import Pose
-from lupin_arm.library import MODES, Library, Sequence, StoreFailed
+from lupin_arm.library import MODES, Library, Sequence, StoreFailed, valid_name
 from lupin_arm.library import Refused as NotInLibrary
 from lupin_arm.node.arm import Arm
+from lupin_arm.node.mark import Mark
 from lupin_arm.node.refused import Refused
 from lupin_arm.recorder import Recording
 from lupin_engine.errors import nearest
@@ -62,7 +61,7 @@ class Recorder:
         self._recording: Recording | None = None
         self._unsaved: Sequence | None = None
         self._called_off = ""  # why a recording that is about to begin is not wanted any more
-        self._mark = Mark(ros, library.path)
+        self._mark = Mark(ros, library.path.with_name(f"{library.path.stem}.limp"))
         self.name = ""
         arm.listen(self._on_feedback)
         ros.on_stop(self._close)
@@ -101,8 +100,15 @@ class Recorder:
         return self._recording.elapsed(self._ros.elapsed()) if self._recording is not None else 0.0
 
     def notice(self) -> str:
-        """What people should know of a recording that an earlier process did not end."""
-        return self._mark.notice(self._arm.torque)
+        """What people should know of a recording that has left the arm without torque; "" for nothing."""
+        if self._mark.left_behind and self._arm.torque and self._phase is not _Phase.SWITCHING:
+            self._mark.remove()
+        if not self._mark.left_behind:
+            return ""
+        return (
+            "a recording by hand has ended, and the arm may still be without torque: "
+            f"support it, then switch torque on ({TORQUE_SERVICE})"
+        )
 
     def refusal(self) -> str | None:
         """Say why nothing else may be begun with the arm now; None if it may."""
@@ -127,17 +133,21 @@ class Recorder:
             raise Refused("a recording is not saved yet; save it under a name, or cancel it")
         if self._phase is not _Phase.IDLE:
             raise Refused(self.refusal() or "a recording is under way; save or cancel it first")
+        try:
+            name = valid_name(name) if name.strip() else ""  # it may be given with the save
+        except NotInLibrary as reason:
+            raise Refused(str(reason)) from None
         recording = Recording(mode, include_gripper)
         if mode == BY_HAND:
-            self._let_go(recording, answer)
+            self._let_go(recording, name, answer)
         else:
             self._begin(recording)
+            self.name = name
             answer(Result(True, "recording; steer the arm, then save"))
-        self.name = name.strip()[:32]
 
-    def _let_go(self, recording: Recording, answer: Answer) -> None:
+    def _let_go(self, recording: Recording, name: str, answer: Answer) -> None:
         self._arm.claim(OWNER, "a recording by hand", lambda _: None)  # without torque nothing moves it
-        self._phase, self._called_off = _Phase.SWITCHING, ""
+        self._phase, self._called_off, self.name = _Phase.SWITCHING, "", name
         self._mark.set()
         try:
             self._arm.set_torque(False, OWNER, lambda problem: self._let_go_ended(recording, answer, problem))
@@ -267,6 +277,7 @@ class Recorder:
             if problem is None:
                 self._mark.remove()
             else:
+                self._mark.leave()
                 self._ros.log.error(f"the servos are still off: {problem}", switch=TORQUE_SERVICE)
             self._arm.release(OWNER)
             then(problem)
@@ -285,39 +296,3 @@ class Recorder:
         """Leave no limp arm behind; a recording that was not saved ends with the process."""
         if self.stop("the program ends"):
             self._ros.work_until(lambda: self._phase is _Phase.IDLE, LAST_WAIT_S)
-
-
-class Mark:
-    """A file that is there while an arm is without torque for a recording, so that a kill is noticed."""
-
-    def __init__(self, ros: RosNode, library: Path) -> None:
-        self._ros = ros
-        self._path = library.with_name(f"{library.stem}.limp")
-        self._left_behind = self._path.exists()
-
-    def set(self) -> None:
-        """Leave the mark; a disk that is full keeps nobody from recording."""
-        self._attempt(partial(self._path.parent.mkdir, parents=True, exist_ok=True))
-        self._attempt(self._path.touch)
-
-    def remove(self) -> None:
-        """Take the mark away."""
-        self._left_behind = False
-        self._attempt(partial(self._path.unlink, missing_ok=True))
-
-    def notice(self, torque: bool | None) -> str:
-        """Say what an earlier process has left; '' when nothing, or when the torque is known to be back."""
-        if self._left_behind and torque:
-            self.remove()
-        if not self._left_behind:
-            return ""
-        return (
-            "a recording by hand was cut off when the program ended: the arm may be without torque; "
-            f"support it, then switch torque on ({TORQUE_SERVICE})"
-        )
-
-    def _attempt(self, change: Callable[[], object]) -> None:
-        try:
-            change()
-        except OSError as error:
-            self._ros.log.warning(f"{self._path} cannot be changed: {error.strerror}")

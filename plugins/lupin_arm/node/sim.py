@@ -23,7 +23,7 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from lupin_arm.joints import ARM, JAW_OPEN, Pose, jaw_from_degrees
 from lupin_arm.presets import PRESETS
 from lupin_arm.simulated import SimulatedArm
-from lupin_arm.trajectory import Point, Trajectory, time_for
+from lupin_arm.trajectory import LONGEST_S, Point, Trajectory, time_for
 from lupin_engine.errors import LupinError
 from lupin_engine.middleware.node import Qos, RosNode, ServedGoal, Timer
 from lupin_engine.plugin.contract import Parameter
@@ -137,6 +137,8 @@ class ArmSimNode:
             motion = Trajectory((Point(_servo_pose("angle", target), time_for(way, rate)),))
         except (LupinError, ValueError):
             return response  # as a servo does: it stays where it is
+        if motion.duration > LONGEST_S:
+            return response
         self._arm.follow(motion, self._ros.elapsed())
         self._go_on()
         response.status = True

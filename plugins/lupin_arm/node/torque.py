@@ -63,12 +63,24 @@ class _Switch:
 class Torque:
     """The servos' power. `state` is what was confirmed last; None until something was."""
 
-    def __init__(self, ros: RosNode, power: str, gate: str, pin: Callable[[], None]) -> None:
-        """Switch by the services `power` and `gate`; `pin` makes where the arm is the target."""
+    def __init__(
+        self,
+        ros: RosNode,
+        power: str,
+        gate: str,
+        pin: Callable[[], bool],
+        refusal: Callable[[], str | None],
+    ) -> None:
+        """Switch by the services `power` and `gate`.
+
+        `pin` makes where the arm is the target, if that is known; `refusal` says why the power must not come
+        on now.
+        """
         self._ros = ros
         self._power = _Switch(ros, power)
         self._gate = _Switch(ros, gate)
         self._pin = pin
+        self._refusal = refusal
         self._waiting: deque[tuple[bool, Done]] = deque()
         self.state: bool | None = None
         self.switching = False
@@ -95,7 +107,14 @@ class Torque:
             self._next()
 
     def _switch_on(self, end: Done) -> None:
-        self._pin()
+        def pinned(known: bool) -> None:
+            problem = self._refusal()  # what was asked for may have waited
+            if problem is None and not known:
+                problem = "the arm might jump: it is not told where it is"
+            if problem is not None:
+                end(problem)
+            else:
+                self._power.call(True, powered)
 
         def powered(answer: _Answer) -> None:
             if answer.problem is not None:
@@ -110,7 +129,7 @@ class Torque:
             else:
                 self._power.call(False, partial(self._powered_off_again, end, answer.problem))
 
-        self._power.call(True, powered)
+        when_ready(self._ros, self._pin, LOOK_UP_S, pinned)
 
     def _powered_off_again(self, end: Done, problem: str, answer: _Answer) -> None:
         if answer.problem is None:

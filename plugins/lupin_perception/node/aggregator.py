@@ -17,7 +17,7 @@ from tf2_msgs.msg import TFMessage
 from lupin_engine.errors import LupinError
 from lupin_engine.middleware.node import Qos, RosNode
 from lupin_engine.world.frames import Frames, frame_name
-from lupin_engine.world.poses import Array
+from lupin_engine.world.poses import Array, Pose
 from lupin_msgs.msg import DiscoveredTags, MissionState, Observation
 from lupin_msgs.srv import ConfirmTag
 from lupin_perception.anomalies import Watch
@@ -39,10 +39,14 @@ NAME = "perception_aggregator"
 STALE_AFTER_S = 10.0
 #: Frames in a row without a place for any of their tags that are worth a warning.
 UNPLACED_FRAMES = 5
-#: Seconds for which a sighting waits for its transform, which comes by another topic.
+#: Seconds for which a sighting waits for its transform, which comes by another topic, and seconds after which
+#: one that came before says nothing any more.
 LATE_S = 3.0
 #: Seconds for which a node that was started again waits to hear of the mission that it remembers.
 RECALL_S = 2.0
+#: Without a mission the tag that flowers belong to changes when another one is nearer by so much (m): what is
+#: measured of two tags at one distance changes from frame to frame.
+NEARER_M = 0.1
 #: A box that has moved (m) or turned (rad) by more is told again with its flowers.
 MOVED_M, TURNED = 0.05, 0.1
 
@@ -106,7 +110,7 @@ class Aggregator:
     # --- where things are ---------------------------------------------------------------------------------
 
     def _on_transforms(self, message: TFMessage) -> None:
-        for problem in self._frames.take(message.transforms):
+        for problem in self._frames.take(message.transforms, heard=self._ros.elapsed()):
             self._warn_once(f"/tf: {problem}")
         for stamped in message.transforms if self._late else ():
             self._place_late(frame_name(stamped.child_frame_id))
@@ -135,6 +139,7 @@ class Aggregator:
             past = Past(mission_id)
         self._tags.restore(past.tags)
         self._watch.begin(past.reported)
+        self._late.clear()
         self._scan.aim("")
         self._has_told, self._told_box = False, None
         self._since = self._ros.stamp()
@@ -169,6 +174,10 @@ class Aggregator:
         heard = self._ros.elapsed() - self._mission_heard <= self._values["mission_freshness_s"]
         return heard and is_active(self._mission.lifecycle_state)
 
+    def _mission_id(self) -> str:
+        """Return what observations are part of: what is seen after a mission's end is none of its finds."""
+        return self._tags.mission_id if self._is_under_way() else ""
+
     def _focus(self) -> str:
         """Name the tag that flowers belong to, '' for none."""
         mission = self._mission
@@ -178,14 +187,20 @@ class Aggregator:
 
     def _nearest(self) -> str:
         """Name the nearest discovered tag in sight, '' for none."""
-        here = [(distance, tag) for tag, distance in self._in_sight().items() if self._tags.find(tag)]
-        return min(here)[1] if here else ""
+        here = {tag: distance for tag, distance in self._in_sight().items() if self._tags.find(tag)}
+        if not here:
+            return ""
+        nearest, so_far = min(here, key=lambda tag: (here[tag], tag)), self._scan.tag_id
+        return so_far if so_far in here and here[so_far] <= here[nearest] + NEARER_M else nearest
 
     def _in_sight(self) -> dict[str, float]:
         """Return the tags of the last frames with their distances in metres."""
+        self._forget_sights()
+        return {tag: distance for tag, (distance, _) in self._sights.items()}
+
+    def _forget_sights(self) -> None:
         since = self._ros.elapsed() - self._values["tag_in_sight_s"]
         self._sights = {tag: sight for tag, sight in self._sights.items() if sight[1] >= since}
-        return {tag: distance for tag, (distance, _) in self._sights.items()}
 
     # --- tags ---------------------------------------------------------------------------------------------
 
@@ -193,8 +208,8 @@ class Aggregator:
         seen, problems = read_tags(message.data)
         self._tell_problems("tag_detections_topic", problems)
         now = self._ros.elapsed()
-        for tag in seen:
-            self._sights[tag.id] = tag.distance, now
+        self._forget_sights()
+        self._sights.update({tag.id: (tag.distance, now) for tag in seen})
         near = [tag for tag in seen if self._tags.is_near(tag.distance)]
         placed = [tag for tag in near if self._add(tag, now)]
         if placed:
@@ -216,9 +231,13 @@ class Aggregator:
     def _frame_of(self, tag: TagSeen) -> str:
         return f"{self._values['tf_frame_prefix']}{tag.id}"
 
+    def _find(self, frame: str) -> Pose | None:
+        """Return where a frame is on the map, None when nobody has said so lately."""
+        return self._frames.find(messages.FRAME, frame, self._ros.elapsed() - LATE_S)
+
     def _add(self, tag: TagSeen, now: float) -> bool:
         """Count a sighting of a tag whose place is known; says whether it is."""
-        pose = self._frames.find(messages.FRAME, self._frame_of(tag))
+        pose = self._find(self._frame_of(tag))
         if pose is None:
             return False
         known = self._tags.add(tag.id, pose, tag.distance, now)
@@ -233,7 +252,8 @@ class Aggregator:
         """Tell when tags are seen but none can be placed: an exploration would find nothing."""
         self._unplaced = 0 if placed else self._unplaced + bool(near)
         if near and self._unplaced == UNPLACED_FRAMES:
-            gap = self._frames.gap(messages.FRAME, self._frame_of(near[0]))
+            since = self._ros.elapsed() - LATE_S
+            gap = self._frames.gap(messages.FRAME, self._frame_of(near[0]), since)
             self._ros.log.warning(
                 f"tags are seen but none can be placed: {gap}; is the camera calibrated, the robot localized?"
             )
@@ -287,7 +307,7 @@ class Aggregator:
         self._since = self._ros.stamp()
         places = np.empty((0, 2)) if box is None else self._places(box, summary.blooms)
         self._observations.publish(
-            messages.flower_observation(known, summary, box, places, self._tags.mission_id, self._since)
+            messages.flower_observation(known, summary, box, places, self._mission_id(), self._since)
         )
 
     def _places(self, box: Box, blooms: Sequence[Bloom]) -> Array:
@@ -298,13 +318,13 @@ class Aggregator:
         return box.place(fractions, [column_depth(bloom.column, base, spread) for bloom in blooms])
 
     def _look_for_pests(self, detections: Sequence[Detection]) -> None:
-        robot = self._frames.find(messages.FRAME, self._values["base_frame"])
-        place = None if robot is None else (float(robot.position[0]), float(robot.position[1]))
-        pest = self._watch.add(detections, place)
+        robot = self._find(self._values["base_frame"])
+        place = None if robot is None else robot.plane
+        pest = self._watch.add(detections, place, self._ros.elapsed())
         if pest is not None and robot is not None:
             stamp = self._ros.stamp()
             self._observations.publish(
-                messages.anomaly_observation(pest, robot, self._tags.mission_id, stamp)
+                messages.anomaly_observation(pest, robot, self._mission_id(), stamp)
             )
 
     # --- what is wrong ------------------------------------------------------------------------------------

@@ -63,7 +63,7 @@ class KnownBoxes:
         result = register(self._layout, found, self._quality)
         self._boxes = result.boxes
         self._text = json.dumps(entries(result.boxes, self._height)) if result.boxes else ""
-        if result.reason and len(found) > len(result.misplaced) + 1:
+        if result.reason and len(found) > 1:  # of a single tag nothing else could be expected
             self._warn(f"no boxes from the layout: {result.reason}")
         for tag_id in result.misplaced:
             self._warn(f"tag {tag_id} is not where the layout has it: it has no box from there")

@@ -1,0 +1,72 @@
+"""What a node does to its process: signals, a limit on its end, the profile that the middleware reads."""
+
+from __future__ import annotations
+
+import contextlib
+import faulthandler
+import os
+import signal
+import socket
+import threading
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+#: The file descriptor, because `sys.stderr` may be anything by then.
+_STDERR = 2
+
+
+def use_discovery_profile() -> None:
+    """Name our discovery profile to the middleware, unless the user has named one."""
+    if not any(os.environ.get(f"{prefix}_DEFAULT_PROFILES_FILE") for prefix in ("FASTRTPS", "FASTDDS")):
+        profile = Path(__file__).with_name("discovery.xml")
+        os.environ["FASTRTPS_DEFAULT_PROFILES_FILE"] = str(profile)
+
+
+@contextlib.contextmanager
+def signals_call(stop: Callable[[], None]) -> Iterator[None]:
+    """Let SIGINT and SIGTERM call `stop`, at once and on another thread.
+
+    A Python signal handler runs only when the main thread executes Python, and that thread waits inside
+    the middleware. So the bytes that Python writes for each signal are read by a small thread. Outside the
+    main thread signals are somebody else's.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    reader, writer = socket.socketpair()
+    writer.setblocking(False)
+    handled = (signal.SIGINT, signal.SIGTERM)
+
+    def watch() -> None:
+        while received := reader.recv(64):
+            if any(number in handled for number in received):
+                stop()
+
+    watcher = threading.Thread(target=watch, name="signals", daemon=True)
+    # First the descriptor: a signal that found only the handler would be lost.
+    old_descriptor = signal.set_wakeup_fd(writer.fileno(), warn_on_full_buffer=False)
+    before = {number: signal.signal(number, lambda *_: None) for number in handled}
+    watcher.start()
+    try:
+        yield
+    finally:
+        signal.set_wakeup_fd(old_descriptor)
+        for number, handler in before.items():
+            signal.signal(number, handler)
+        writer.close()
+        watcher.join()
+        reader.close()
+
+
+@contextlib.contextmanager
+def ends_the_process_after(seconds: float) -> Iterator[None]:
+    """End the process with code 1 and a traceback when the body hangs for so long.
+
+    The deadlock in Fast DDS holds Python's lock, so no Python code could do it: not a thread, not a signal
+    handler. `faulthandler` watches from a thread of its own that needs no Python.
+    """
+    faulthandler.dump_traceback_later(seconds, exit=True, file=_STDERR)
+    try:
+        yield
+    finally:
+        faulthandler.cancel_dump_traceback_later()

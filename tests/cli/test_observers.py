@@ -1,0 +1,91 @@
+"""Who follows a run: what is written of it, line by line, and the picture that is saved."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from lupin_engine.chart.model import Chart
+from lupin_engine.cli.observers import JsonObserver, SavingPicture
+from lupin_engine.errors import Severity
+from lupin_engine.launch.mission import load_missions
+from lupin_engine.launch.story import Story
+from lupin_engine.plugin.registry import load_catalog
+from tests.launch.messages import MISSION_ID, observation, state
+
+
+class Notes:
+    """An observer that keeps what it is told."""
+
+    def __init__(self) -> None:
+        self.told: list[tuple[str, Severity]] = []
+
+    def note(self, text: str, severity: Severity = Severity.INFO) -> None:
+        self.told.append((text, severity))
+
+    def arrived(self, kind: str, data: Mapping[str, Any], story: Story) -> None:
+        self.told.append((kind, Severity.INFO))
+
+    def show(self, story: Story) -> None:
+        self.told.append(("show", Severity.INFO))
+
+    def close(self, story: Story | None, code: int) -> None:
+        self.told.append((f"close {code}", Severity.INFO))
+
+
+@pytest.fixture(scope="module")
+def chart() -> Chart:
+    """The inspection mission."""
+    return load_missions(["inspection"], load_catalog()).chart
+
+
+@pytest.fixture
+def story() -> Story:
+    """A mission that has read one of two tags."""
+    story = Story(MISSION_ID, 100.0)
+    story.take(*state(current_target="1", targets_completed=1, targets_total=2), at=103.0)
+    story.take(*observation("1", {"co2": 412.0}), at=103.0)
+    return story
+
+
+def test_a_short_mission_is_drawn_at_its_end(chart: Chart, story: Story, tmp_path: Path) -> None:
+    """One without a middle; folders are made, and nothing is fetched from the web."""
+    inner, file = Notes(), tmp_path / "deep" / "run.svg"
+    saving = SavingPicture(inner, chart, file)
+    saving.show(story)
+    saving.close(story, 0)
+    assert file.read_text(encoding="utf-8").startswith("<svg")
+    assert "http" not in file.read_text(encoding="utf-8").replace("http://www.w3.org/2000/svg", "").replace(
+        "https://www.textualize.io", ""
+    )
+    assert [text for text, _ in inner.told] == ["show", "close 0"]
+
+
+def test_a_picture_that_cannot_be_saved_ends_no_run(chart: Chart, story: Story, tmp_path: Path) -> None:
+    """The robot may be on its way: it is told, and everything goes on."""
+    (tmp_path / "file").touch()
+    inner = Notes()
+    SavingPicture(inner, chart, tmp_path / "file" / "run.svg").close(story, 0)
+    said, ended = inner.told
+    assert said == (f"no picture in {str(tmp_path / 'file' / 'run.svg')!r}: File exists", Severity.WARN)
+    assert ended == ("close 0", Severity.INFO)
+
+
+def test_programs_get_a_state_only_when_it_is_another(story: Story) -> None:
+    """The stamp is no news: it changes five times a second."""
+    lines: list[dict[str, Any]] = []
+    observer = JsonObserver(lambda line: lines.append(json.loads(line)))
+    kind, data = state(current_target="5")
+    for stamp in (1, 2):
+        observer.arrived(kind, {**data, "header": {"stamp": stamp}}, story)
+    kind, data = observation("1", {"co2": 412.0})
+    observer.arrived(kind, data, story)
+    observer.close(story, 1)
+    assert [line["type"] for line in lines] == ["state", "observation", "result"]
+    assert (lines[0]["current_target"], "header" in lines[0]) == ("5", False)
+    assert (lines[1]["tag"], lines[1]["values"]) == ("1", {"co2": 412.0})
+    assert (lines[2]["exit_code"], lines[2]["counts"]["OK"]) == (1, 1)
