@@ -19,6 +19,9 @@ from typing import NamedTuple
 MAX_COMPARED = 400
 MAX_LISTED = 100
 
+#: How many letters of a text from outside are repeated in a message.
+MAX_SHOWN = 40
+
 
 class Severity(enum.IntEnum):
     """How bad a code or a finding is; the numbers are those of `lupin_msgs/MissionState`."""
@@ -91,6 +94,11 @@ def nearest(name: str, allowed: Iterable[str]) -> str:
         return "nothing is allowed here"
     more = f" and {len(names) - MAX_LISTED} more" if len(names) > MAX_LISTED else ""
     return "allowed: " + ", ".join(repr(n) for n in names[:MAX_LISTED]) + more
+
+
+def shortened(text: str, most: int = MAX_SHOWN) -> str:
+    """Return what somebody else wrote, for a message: all of a short text, the beginning of a long one."""
+    return text if len(text) <= most else f"{text[:most]}..."
 
 
 def _around(name: str, names: list[str]) -> list[str]:

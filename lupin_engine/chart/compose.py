@@ -183,7 +183,7 @@ class _Composer:
 
     def _all_events(self) -> dict[str, None]:
         """Return the events that can arrive, as the keys of a mapping: they are looked up for every `on`."""
-        raised = set(raised_events(chain.from_iterable(map(_actions, self._forest.drafts.values()))))
+        raised = set(raised_events([a for draft in self._forest.drafts.values() for a in _actions(draft)]))
         levels = level_events(self._declared.inputs)
         return dict.fromkeys([*REQUESTS, *levels, *self._catalog.events, *sorted(raised)])
 
@@ -756,10 +756,11 @@ def _actions(draft: Draft) -> list[ActionNode]:
         if isinstance(file, MissionNode):
             found += (*file.entry, *file.exit)
         if isinstance(file, (LifecycleNode, MissionNode)):
-            _add_done(found, *file.on.values())
+            _add_done(found, file.on.values())
         return found
     found += (*node.entry, *node.exit)
-    _add_done(found, node.on_done, node.on_error, node.always, *node.on.values(), *node.after.values())
+    answers = [node.on_done, node.on_error, node.always, *node.on.values(), *node.after.values()]
+    _add_done(found, answers)
     if node.budget is not None:
         found += node.budget.do
     if node.for_each is not None:
@@ -768,7 +769,7 @@ def _actions(draft: Draft) -> list[ActionNode]:
     return found
 
 
-def _add_done(found: list[ActionNode], *lists: Sequence[TransitionNode]) -> None:
+def _add_done(found: list[ActionNode], lists: Iterable[Sequence[TransitionNode]]) -> None:
     """Add what transitions do."""
     for nodes in lists:
         for node in nodes:

@@ -73,18 +73,20 @@ class InvokeReader:
     def _retry(
         self, node: RetryNode, operation: Operation, timeout_code: str | None, scope: Scope, path: str
     ) -> Retry | None:
-        kinds = {"attempts": COUNT, "backoff": DURATION, "factor": _FACTOR, "jitter": _SHARE}
-        found = {key: read_key(node, key, kind, scope, self._findings, path) for key, kind in kinds.items()}
+        findings = self._findings
+        attempts = read_key(node, "attempts", COUNT, scope, findings, path)
+        backoff = read_key(node, "backoff", DURATION, scope, findings, path)
+        factor = read_key(node, "factor", _FACTOR, scope, findings, path)
+        jitter = read_key(node, "jitter", _SHARE, scope, findings, path)
         if node.unless:
             self._check_unless(node, operation, timeout_code, path)
-        for key in ("factor", "jitter"):
-            if getattr(node, key) is not None and node.backoff is None:
+        for key in ("factor", "jitter") if node.backoff is None else ():
+            if getattr(node, key) is not None:
                 problem = f"{key!r} changes the pauses between attempts, and there are none"
-                self._findings.add(node.key_at(key), "missing-key", path, problem, "add 'backoff: 1 s'")
-        if found["attempts"] is None:
+                findings.add(node.key_at(key), "missing-key", path, problem, "add 'backoff: 1 s'")
+        if attempts is None:
             return None
-        pauses = (found["factor"], found["jitter"])
-        return Retry(found["attempts"], found["backoff"], frozenset(node.unless), *pauses)
+        return Retry(attempts, backoff, frozenset(node.unless), factor, jitter)
 
     def _check_unless(
         self, node: RetryNode, operation: Operation, timeout_code: str | None, path: str

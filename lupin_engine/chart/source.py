@@ -467,25 +467,28 @@ class _Builder:
 
     def _mapping(self, _: Any, start: Mark, depth: int) -> Map:
         found = Map(self._file, start)
-        following, node, key_starts = self._next, self._node, found.key_starts
+        following, key_starts = self._next, found.key_starts
+        most = MAX_NODES if depth <= MAX_DEPTH else 0
         while type(event := following()) is not MappingEndEvent:
             key_start = event.start_mark
             self._nodes += 1
-            if (
-                type(event) is not ScalarEvent
-                or event.tag is not None
-                or event.anchor is not None
-                or self._nodes > MAX_NODES
-            ):
+            plain = type(event) is ScalarEvent and event.tag is None and event.anchor is None
+            if not plain or self._nodes > MAX_NODES:
                 self._check_key(event, key_start)
             key: str = event.value
             event = following()
             at = event.start_mark
-            value = node(event, at, depth)
-            if key_starts.setdefault(key, key_start) is not key_start:
+            plain = type(event) is ScalarEvent and event.tag is None and event.anchor is None
+            if plain and self._nodes < most:  # as `_node` does it: most values are no more than that
+                self._nodes += 1
+                value = self._scalar(event, at, depth)
+            else:
+                value = self._node(event, at, depth)
+            if key in key_starts:
                 self._tell_twice(key, found.key_place(key), self._file.place(key_start))
                 continue
             found[key] = value
+            key_starts[key] = key_start
             if type(value) not in _PLACED or value.start is not at:
                 found.note(key, at)
         return found

@@ -66,10 +66,10 @@ class Draft:
         """What is written as the child to enter first, and where."""
         if self.slot or (self.kind is Kind.HISTORY and self.node is None):
             return None
-        for holder in (self.node, self.part, None if self.node else self.file):
-            if holder is not None and holder.initial is not None:
-                return holder.initial, holder.at("initial")
-        return None
+        holder: FileNode | StateNode = self.node or self.file
+        if holder.initial is None and self.part is not None:
+            holder = self.part
+        return None if holder.initial is None else (holder.initial, holder.at("initial"))
 
     def up(self) -> Iterator[Draft]:
         """Yield this state and its ancestors, innermost first."""
@@ -139,18 +139,20 @@ class Forest:
             problem = f"more than {MAX_STATES} states, parts counted as often as they are used"
             self._findings.add(place, "too-large", "", problem)
             return
-        draft = Draft(full, _KINDS[node.type], place, file, parent, node, mission=parent.mission)
+        draft = Draft(full, _KINDS[node.type], place, file, parent, node, None, parent.mission)
         draft.label = _label(parent, name)
         self._check_shape(draft, node)
-        self._enter(parent, draft)
+        self.drafts[full] = parent.children[name] = draft
         if node.slot:
             self._fill_slot(draft, node, missions)
         elif node.use is not None:
             self._use(draft, node, node.use)
-        else:
+        elif node.states:
             self._children(draft, node.states, file, missions)
-        self._check_filled(draft, node)
-        self._check_one_end(draft, node)
+        if not draft.children:
+            self._check_filled(draft, node)
+        else:
+            self._check_one_end(draft, node)
         if node.history is not None:
             self._add_history(draft, node)
         if draft.children and draft.kind is Kind.ATOMIC:
@@ -226,7 +228,7 @@ class Forest:
 
     def _check_filled(self, draft: Draft, node: StateNode) -> None:
         """Refuse what only a state with states inside can have, once it is known what is inside."""
-        if draft.children or draft.slot or node.use is not None:
+        if draft.slot or node.use is not None:
             return
         for key, written in (("type", node.type == "parallel"), ("history", node.history is not None)):
             if written:

@@ -42,7 +42,9 @@ def read_under(
 ) -> Value | None:
     """Read the value under a key as `read_value` does; where it stands is asked for constants only."""
     raw = holder[key]
-    fragment = fragment_of(raw) if is_expression(raw) else None
+    if not is_expression(raw):
+        return read_constant(raw, holder.value_place(key), wanted, findings, path)
+    fragment = fragment_of(raw)
     if fragment is not None:
         return compile_expression(fragment, scope, wanted, findings, path)
     return read_value(raw, holder.value_place(key), wanted, scope, findings, path)
@@ -53,7 +55,10 @@ def read_key(node: Node, key: str, wanted: Type, scope: Scope, findings: Finding
     raw = getattr(node, key)
     if raw is None:
         return None
-    fragment, path = fragment_of(raw) if is_expression(raw) else None, f"{path}.{key}"
+    path = f"{path}.{key}"
+    if not is_expression(raw):
+        return read_constant(raw, node.at(key), wanted, findings, path)
+    fragment = fragment_of(raw)
     if fragment is not None:
         return compile_expression(fragment, scope, wanted, findings, path)
     return read_value(raw, node.at(key), wanted, scope, findings, path)

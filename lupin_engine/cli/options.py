@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any, TypeVar
 
 import click
 
 from lupin_engine.launch.environment import HIGHEST_DOMAIN
+
+_F = TypeVar("_F", bound=Callable[..., Any])
 
 #: How long a mission may wait for an operator when nobody watches a terminal, in seconds.
 PATIENCE_S = 60.0
@@ -55,3 +59,10 @@ domain = click.option(
 log_dir = click.option(
     "--log-dir", type=click.Path(file_okay=False, path_type=Path), help="Folder for the nodes' logs."
 )
+
+
+def bring_up(command: _F) -> _F:
+    """Add the options of verbs that bring up nodes, in this order."""
+    for option in reversed((settings, speed, sim, no_sim, no_respawn, domain, log_dir)):
+        command = option(command)
+    return command

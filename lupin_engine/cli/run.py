@@ -14,13 +14,7 @@ from lupin_engine.cli import options
 @click.argument("mission")
 @options.tags
 @click.option("--goal", type=click.IntRange(min=0, max=65535), default=0, help="How many tags to discover.")
-@options.settings
-@options.speed
-@options.sim
-@options.no_sim
-@options.no_respawn
-@options.domain
-@options.log_dir
+@options.bring_up
 @click.option(
     "--patience",
     type=click.FloatRange(min=0.0),

@@ -11,13 +11,7 @@ from lupin_engine.cli import options
 
 @click.command(short_help="Start the nodes of missions; an operator starts the missions.")
 @click.argument("missions", nargs=-1)
-@options.settings
-@options.speed
-@options.sim
-@options.no_sim
-@options.no_respawn
-@options.domain
-@options.log_dir
+@options.bring_up
 def up(**given: Any) -> int:
     """Start the nodes of missions; an operator starts the missions.
 

@@ -21,6 +21,7 @@ from lupin_engine.harness.examples import arguments_for, defaults_of
 from lupin_engine.harness.referee import Attempt, ContractBroken, Referee
 from lupin_engine.harness.rules import Given
 from lupin_engine.middleware.environment import child_environment
+from lupin_engine.middleware.lifeline import SUPERVISED
 from lupin_engine.middleware.node import RosNode
 from lupin_engine.plugin.contract import Argument, Driver, Plugin
 
@@ -36,6 +37,7 @@ LEAVING_S = 5.0
 #: Runs `module:function` with the ROS arguments that follow.
 _RUN = (
     "import importlib, sys; from lupin_engine.middleware.environment import prepare; prepare(); "
+    "from lupin_engine.middleware.lifeline import hold_on; hold_on(); "
     "module, _, name = sys.argv[1].partition(':'); "
     "sys.exit(getattr(importlib.import_module(module), name)(sys.argv[2:]))"
 )
@@ -84,10 +86,13 @@ class Servers:
             self._setting.offer(self.here)
 
     def kill(self) -> None:
-        """End them without a word, as a crash does."""
+        """End them without a word, as a crash does, with all that they have started."""
         for process in self._processes.values():
-            process.kill()
+            with contextlib.suppress(ProcessLookupError):
+                os.killpg(process.pid, signal.SIGKILL)
             process.wait()
+            assert process.stdin is not None
+            process.stdin.close()
         self._processes.clear()
         self._close()
 
@@ -117,10 +122,15 @@ class Servers:
         for parameter, value in given.items():
             said = str(value).lower() if isinstance(value, bool) else str(value)
             command += ["-p", f"{parameter}:={said}"]
-        environment = {**child_environment(), "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+        path = os.pathsep.join(filter(None, sys.path))
         with self._log(name).open("ab") as output:
             return subprocess.Popen(
-                command, stdout=output, stderr=subprocess.STDOUT, env=environment, start_new_session=True
+                command,
+                stdin=subprocess.PIPE,  # the lifeline: never written to
+                stdout=output,
+                stderr=subprocess.STDOUT,
+                env={**child_environment(), "PYTHONPATH": path, SUPERVISED: "1"},
+                start_new_session=True,
             )
 
     def _log(self, name: str) -> Path:

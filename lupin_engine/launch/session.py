@@ -27,8 +27,9 @@ from lupin_engine.ros.operator import Answer, Operator
 TICK_S = 0.05
 #: A node that has died is started again after so many seconds: the first time, the second, ...; then no more.
 RESPAWN_AFTER_S = (1.0, 4.0, 10.0)
-#: How long nodes may take to appear and serve, in seconds.
-APPEAR_LIMIT_S = 30.0
+#: How long nodes may take to appear and serve, in seconds: small computers, and busy ones, take their time,
+#: and one that has died is told at once.
+APPEAR_LIMIT_S = 90.0
 #: A wait as short as this is not worth telling, in seconds.
 UNTOLD_S = 4.0
 #: How long the orchestrator may wait in BOOT. It has a limit of its own, a parameter, and ends in FAULT.
@@ -116,35 +117,38 @@ class Session:
             Interrupted: the user lost patience.
         """
         self._observer.note("looking for nodes that run already")
-        present = self._look_around()
-        settings = self._settings
-        self.plan = make_plan(
-            plugins,
-            catalog,
-            present,
-            settings.parameters,
-            simulate=settings.simulate,
-            known=settings.known,
-        )
-        used = make_plan(plugins, catalog, Present(), {}, simulate=settings.simulate).starts
-        for name, option in settings.insisted.items():
-            if name not in self.plan.starts:
-                why = "runs already; stop it or choose another --domain"
-                raise RunFailed(
-                    f"{option} is for {name}, which {why if name in used else 'these missions do not start'}"
-                )
+        self.plan = self._planned(list(plugins), catalog, self._look_around())
         if self.plan.joined:
             self._observer.note(f"using what is there: {', '.join(self.plan.joined)}")
+        folder = self._settings.folder
         if self.plan.starts:
-            self._observer.note(f"starting {', '.join(self.plan.starts)}; logs in {settings.folder}")
+            self._observer.note(f"starting {', '.join(self.plan.starts)}; logs in {folder}")
         for launch in self.plan.launches:
-            self.supervisor.start(launch.node.name, command(launch, settings.folder))
+            self.supervisor.start(launch.node.name, command(launch, folder))
         self._wait_for(self._missing_nodes, APPEAR_LIMIT_S)
         self._wait_for(self._missing_servers, BOOT_LIMIT_S)
         self.supervisor.note_segments()
-        if settings.settle or self.plan.joined:
+        if self._settings.settle or self.plan.joined:
             self._tick_for(SETTLE_S)
         self._is_up = True
+
+    def _planned(self, plugins: Sequence[str], catalog: Catalog, present: Present) -> Plan:
+        """Decide what to start; a node that an option is about must be among it."""
+        settings = self._settings
+
+        def plan(there: Present) -> Plan:
+            return make_plan(
+                plugins, catalog, there, settings.parameters, simulate=settings.simulate, known=settings.known
+            )
+
+        wanted = plan(present)
+        for name, option in settings.insisted.items():
+            if name not in wanted.starts:
+                used = name in plan(Present()).starts
+                runs = "runs already; stop it or choose another --domain"
+                why = runs if used else "these missions do not start"
+                raise RunFailed(f"{option} is for {name}, which {why}")
+        return wanted
 
     @property
     def owns_orchestrator(self) -> bool:

@@ -1,7 +1,8 @@
 """Child processes: started in their own groups, watched, and stopped so that none survives.
 
 Each child leads a session of its own, so Ctrl-C in the terminal reaches the supervisor only, which then stops
-them in order. A child ends with its supervisor however that ends (see `lifeline`). Nothing here knows ROS.
+them in order. A child ends with its supervisor however that ends (see `middleware.lifeline`). Nothing here
+knows ROS.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from lupin_engine.launch import shared_memory
-from lupin_engine.launch.lifeline import SUPERVISED
+from lupin_engine.middleware.lifeline import SUPERVISED
 
 #: Lines of its log that are shown when a process has died.
 SHOWN_LINES = 12

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import reprlib
 from collections.abc import Mapping
 from typing import Any
 
 from lupin_engine.chart.model import Environment, Field
-from lupin_engine.errors import nearest
+from lupin_engine.errors import nearest, shortened
 from lupin_engine.machine.environment import World
 from lupin_engine.machine.step import Refusal
 from lupin_engine.plugin.types import Type, convert
 
-#: Wrong elements of a list that are told of, and letters of a wrong name that are looked at.
-MAX_PROBLEMS, MAX_SHOWN = 5, 100
+#: Wrong elements of a list that are told of.
+MAX_PROBLEMS = 5
 
 UNKNOWN_MISSION = "unknown_mission"
 BAD_REQUEST = "bad_request"
@@ -32,8 +31,8 @@ def read_request(
     mission = world.chart.missions.get(data.get("mission_type", ""))
     if mission is None:
         name = data.get("mission_type", "")
-        hint = nearest(name[:MAX_SHOWN], world.chart.missions)
-        return {}, Refusal(UNKNOWN_MISSION, f"unknown mission_type {reprlib.repr(name)}; {hint}")
+        hint = nearest(shortened(name), world.chart.missions)
+        return {}, Refusal(UNKNOWN_MISSION, f"unknown mission_type {shortened(name)!r}; {hint}")
     values: dict[str, Any] = {}
     for field in mission.request.values():
         value, refusal = _read_field(world, field, data.get(field.name), env)

@@ -47,8 +47,8 @@ class ChartState(NestedState):
 class ChartTransition(NestedTransition):
     """A transition of the library that knows its rule."""
 
-    def __init__(self, rule: Transition, target: Any) -> None:
-        super().__init__(_library_name(rule.source), target, _conditions(rule))
+    def __init__(self, rule: Transition, source: str, target: Any) -> None:
+        super().__init__(source, target, _conditions(rule))
         self.rule = rule
 
 
@@ -71,9 +71,7 @@ def build_machine(chart: Chart) -> ChartMachine:
         model=None, states=[top], initial=ROOT, auto_transitions=False, queued=True, send_event=True
     )
     _add_children(chart, top)
-    for state in chart.states.values():
-        for rule in (*state.transitions, *_fault_transition(chart, state)):
-            _add_transition(chart, machine, rule)
+    _add_transitions(chart, machine)
     return machine
 
 
@@ -84,8 +82,9 @@ def _add_children(chart: Chart, above: ChartState) -> None:
     """
     for child in _proper_children(chart, above.rule):
         inner = ChartState(child, _library_initial(chart, child))
-        above.states[child.local_name] = inner
-        _add_children(chart, inner)
+        above.states[inner.name] = inner
+        if child.children:
+            _add_children(chart, inner)
 
 
 def _proper_children(chart: Chart, state: State) -> list[State]:
@@ -93,25 +92,38 @@ def _proper_children(chart: Chart, state: State) -> list[State]:
     return [child for child in children if child.kind is not Kind.HISTORY]
 
 
-def _add_transition(chart: Chart, machine: ChartMachine, rule: Transition) -> None:
-    """Add a transition; `add_transition` asks for each what all of ours have in common."""
-    trigger = rule.event or "always"
-    event = machine.events.get(trigger)
-    if event is None:
-        event = machine.events[trigger] = machine.event_cls(trigger, machine)
-    event.add_transition(ChartTransition(rule, _library_target(chart, rule)))
+def _add_transitions(chart: Chart, machine: ChartMachine) -> None:
+    """Add all transitions; `add_transition` asks for each what all of ours have in common."""
+    names = {name: f"{ROOT}.{name}" if name else ROOT for name in chart.states}
+    # A transition to a history state is declared to its parent.
+    targets = {
+        state.name: names[(state.parent or "") if state.kind is Kind.HISTORY else state.name]
+        for state in chart.states.values()
+    }
+    events = machine.events
+    for state in chart.states.values():
+        for rule in state.transitions if state.name else (*state.transitions, *_fault_transition(chart)):
+            trigger = rule.event or "always"
+            if trigger not in events:
+                events[trigger] = machine.event_cls(trigger, machine)
+            target = None if rule.target is None else targets[rule.target]
+            events[trigger].add_transition(ChartTransition(rule, names[state.name], target))
 
 
-def _fault_transition(chart: Chart, state: State) -> tuple[Transition, ...]:
+def _fault_transition(chart: Chart) -> tuple[Transition, ...]:
     """Return what no author writes: an error that nobody handles leads to FAULT, also while held."""
-    if state.name != "" or FAULT not in chart.states:
+    if FAULT not in chart.states:
         return ()
     through = frozenset(chart.holds)
-    return (Transition(FAULT_RULE, EXECUTION_ERROR, "", state.place, target=FAULT, during=through),)
+    return (
+        Transition(FAULT_RULE, EXECUTION_ERROR, "", chart.states[""].place, target=FAULT, during=through),
+    )
 
 
 def _library_initial(chart: Chart, state: State) -> str | list[str] | None:
     """Return what is entered first; the library's type hints do not know that it may be several."""
+    if not state.children:
+        return None
     if state.kind is Kind.PARALLEL:
         return [child.local_name for child in _proper_children(chart, state)]
     if state.initial:
@@ -119,22 +131,11 @@ def _library_initial(chart: Chart, state: State) -> str | list[str] | None:
     return next((child.local_name for child in _proper_children(chart, state)), None)
 
 
-def _library_name(name: str) -> str:
-    return f"{ROOT}.{name}" if name else ROOT
-
-
-def _library_target(chart: Chart, rule: Transition) -> str | None:
-    if rule.target is None:
-        return None
-    target = chart.states[rule.target]
-    return _library_name((target.parent or "") if target.kind is Kind.HISTORY else target.name)
-
-
 def _conditions(rule: Transition) -> Any:
     """Let the stock machine ask the same guard; it finds the environment in the event's keywords."""
     guard = rule.guard
     if guard is None:
-        return []
+        return None
     return [lambda event_data: bool(guard.evaluate(event_data.kwargs["environment"]))]
 
 
@@ -162,10 +163,11 @@ class Structure:
 
     def _in_written_order(self, name: str, rules: list[Transition]) -> tuple[Transition, ...]:
         # The library groups by event; between an exact name and a wildcard the author's order decides.
-        if len(rules) > 1:
-            written = {rule.id: index for index, rule in enumerate(self.chart.states[name].transitions)}
-            rules.sort(key=lambda rule: written.get(rule.id, len(written)))
-        return tuple(rules)
+        found, written = tuple(rules), self.chart.states[name].transitions
+        if len(found) < 2 or found == written:
+            return found
+        order = {rule.id: index for index, rule in enumerate(written)}
+        return tuple(sorted(found, key=lambda rule: order.get(rule.id, len(order))))
 
     # -- which transitions ------------------------------------------------------------------------------
 

@@ -98,7 +98,7 @@ class Timer:
 
 
 class RosNode:
-    """A node with its own context and executor, all ROS arguments honoured.
+    """A node with its own context and executor, all ROS arguments honoured; a context that closes it.
 
     Everything is called on the thread that spins, except `post` and `stop`. Parameters are declared with
     type, range and documentation; values given on the command line are checked before anything else.
@@ -397,6 +397,12 @@ class RosNode:
         """Close, as the last thing that this process does with ROS: a hanging teardown ends the process."""
         with ends_the_process_after(TEARDOWN_LIMIT):
             self.close()
+
+    def __enter__(self) -> RosNode:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
 
     def close(self) -> None:
         """Release executor, node and context. Closing twice does no harm."""

@@ -22,6 +22,7 @@ from lupin_engine.errors import UsageError
 from lupin_engine.machine.event import Start
 from lupin_engine.runtime.record import step_record
 from lupin_engine.runtime.setup import check_parameters
+from lupin_engine.sim.record_shape import misshapen
 from lupin_engine.sim.scenario import Missions, load_scenario_text
 from lupin_engine.sim.simulation import ENDED, FAULTED, START, Run, is_named, label_of
 from lupin_engine.sim.yaml_text import yaml_text
@@ -68,8 +69,10 @@ def read_recording(text: str, name: str) -> Recording:
     except ValueError:
         return _checked(_steps_of_lines(text, name), name)
     if isinstance(whole, dict) and isinstance(whole.get("steps"), list):
-        recording = _checked(whole["steps"], name)
-        return replace(recording, parameters=whole.get("parameters") or {}, seed=whole.get("seed") or 0)
+        parameters, seed = whole.get("parameters") or {}, whole.get("seed") or 0
+        if not isinstance(parameters, dict) or not isinstance(seed, int):
+            raise UsageError(f"{name}: 'parameters' must be an object and 'seed' a whole number")
+        return replace(_checked(whole["steps"], name), parameters=parameters, seed=seed)
     raise UsageError(f"{name}: expected the output of 'lupin simulate --json', or steps, one a line")
 
 
@@ -91,6 +94,10 @@ def _checked(steps: Iterable[Any], name: str) -> Recording:
     found = [step for step in steps if isinstance(step, dict) and {"event", "time"} <= set(step)]
     if not found:
         raise UsageError(f"{name}: there are no steps in it")
+    for number, step in enumerate(found, 1):
+        part = misshapen(step)
+        if part:
+            raise UsageError(f"{name}: step {number} is none: its {part!r} is not as it is recorded")
     whole = [{"data": {}, "entered": [], "commands": [], **step} for step in found]
     recording = Recording(tuple(whole))
     if not recording.mission:
@@ -312,7 +319,7 @@ def script_of(recording: Recording, mission: str, promise: str, chart: Chart, di
     happenings = _Happenings(chart, recording, digits)
     asked = [step for step in recording.steps if step["event"] == START]
     before = [step for step in recording.steps if "accepted" in step or step["event"] == "value"]
-    starts = before[0] is asked[0] and bool(asked[0].get("accepted"))
+    starts = before[:1] == asked[:1] and bool(asked[0].get("accepted"))
     parts: dict[str, Any] = {
         "scenario": promise,
         "mission": mission,

@@ -11,14 +11,13 @@ from __future__ import annotations
 import json
 import math
 import os
-import reprlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-from lupin_engine.errors import LupinError
+from lupin_engine.errors import LupinError, shortened
 
 BUNDLED = Path(__file__).with_name("greenhouse.json")
 
@@ -83,7 +82,7 @@ class Layout:
 
     def _unknown(self, ids: list[Any]) -> str:
         known = ", ".join(tag.id for tag in self.numeric_order())
-        wanted = ", ".join(reprlib.repr(tag_id) for tag_id in ids)  # whoever asks may say anything
+        wanted = ", ".join(repr(shortened(tag_id) if isinstance(tag_id, str) else tag_id) for tag_id in ids)
         return f"unknown tag {wanted}; the layout has {len(self.tags)} tags: {known}"
 
 

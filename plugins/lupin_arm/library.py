@@ -30,7 +30,7 @@ from lupin_arm.joints import (
     clamp_pose,
     jaw_to_degrees,
 )
-from lupin_engine.errors import LupinError, nearest
+from lupin_engine.errors import LupinError, nearest, shortened
 from lupin_engine.plugin.files import write_atomically
 
 #: Version of the file; one of a later version is left alone.
@@ -107,9 +107,8 @@ def valid_name(text: str) -> str:
     """
     name = text.strip().lower()
     if not _NAME.fullmatch(name):
-        shown = name if len(name) <= 40 else f"{name[:40]}..."
         rule = "1 to 32 letters a to z, digits, - and _, beginning with a letter or digit"
-        raise Refused(f"invalid name {shown!r}: a name has {rule}")
+        raise Refused(f"invalid name {shortened(name)!r}: a name has {rule}")
     return name
 
 
@@ -268,7 +267,7 @@ class Library:
         """
         self._refresh()
         if kind not in KINDS:
-            raise Refused(f"unknown kind {kind[:40]!r}; {nearest(kind, KINDS)}")
+            raise Refused(f"unknown kind {shortened(kind)!r}; {nearest(shortened(kind), KINDS)}")
         name, entries = valid_name(name), self._of(kind)
         if name not in entries:
             raise Refused(_unknown(kind, name, entries))

@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from types import MappingProxyType
 
 from lupin_arm.joints import Pose
+from lupin_engine.errors import shortened
 
 
 def _degrees(pan: float, lift: float, elbow: float, wrist: float) -> Pose:
@@ -36,9 +37,6 @@ PRESETS: Mapping[str, Pose] = MappingProxyType(
     }
 )
 
-#: How much of an unknown name is repeated.
-_SHOWN = 40
-
 
 class UnknownPreset(ValueError):
     """There is no preset of that name; the text lists those that there are."""
@@ -52,6 +50,5 @@ def find_preset(name: str) -> tuple[str, Pose]:
     """
     wanted = name.strip().lower()
     if wanted not in PRESETS:
-        shown = wanted if len(wanted) <= _SHOWN else f"{wanted[:_SHOWN]}..."
-        raise UnknownPreset(f"unknown preset {shown!r}; allowed: {', '.join(sorted(PRESETS))}")
+        raise UnknownPreset(f"unknown preset {shortened(wanted)!r}; allowed: {', '.join(sorted(PRESETS))}")
     return wanted, PRESETS[wanted]

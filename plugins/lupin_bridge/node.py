@@ -18,7 +18,7 @@ __all__ = ["PARAMETERS", "BridgeNode", "main"]
 #: Answered when a known tag cannot be read; the interface has no constant for it, clients read the message.
 STATUS_READING_FAILED = 2
 
-#: Requests older than this, in seconds, are not answered: they waited out a broken link, nobody listens.
+#: Requests older than this, in seconds, get no reading: they waited out a broken link, nobody needs it.
 STALE_AFTER_S = 10.0
 
 
@@ -30,7 +30,8 @@ class BridgeNode:
         self._thread = threading.get_ident()
         parameters = ros.parameters()
         self._backend = make_backend(parameters, Clocks(ros.now, ros.elapsed), self._tell)
-        ros.serve(GetTagReading, "~/get_tag_reading", self._read, stale_after=STALE_AFTER_S)
+        name = "~/get_tag_reading"
+        ros.serve(GetTagReading, name, self._read, stale_after=STALE_AFTER_S, refuse=_refuse)
         ros.log.info("greenhouse ready", backend=parameters["backend"], tags=len(self._backend.tags))
 
     def close(self) -> None:
@@ -71,13 +72,15 @@ class BridgeNode:
         return response
 
 
+def _refuse(response: GetTagReading.Response, reason: str) -> GetTagReading.Response:
+    response.status, response.error_message = STATUS_READING_FAILED, reason
+    return response
+
+
 def main(arguments: Sequence[str]) -> int:
     """Run the node until it is told to stop; `arguments` are the ROS arguments."""
-    ros = RosNode("greenhouse_bridge", arguments, PARAMETERS)
-    try:
+    with RosNode("greenhouse_bridge", arguments, PARAMETERS) as ros:
         bridge = BridgeNode(ros)
         ros.on_stop(bridge.close)
         ros.spin()
-    finally:
-        ros.close()
     return 0

@@ -28,6 +28,8 @@ from lupin_engine.errors import LupinError, nearest
 #: The ways to replay.
 TIME_OF_DAY, SINCE_START = "time_of_day", "since_start"
 CLOCKS = (TIME_OF_DAY, SINCE_START)
+#: Nobody waits longer for a reading, in seconds: thirty years.
+_LONGEST_S = 1e9
 
 
 @dataclass(frozen=True)
@@ -100,7 +102,9 @@ def _replay(recording: Recording, settings: Settings, clocks: Clocks) -> Callabl
         return lambda: fixed
     if settings.clock == SINCE_START:
         start = clocks.steady()
-        return lambda: recording.first + (clocks.steady() - start) * settings.speed
+        # Nothing is served any more when the last value is too old: a fast replay would leave the calendar.
+        end = recording.last + min(settings.max_age, _LONGEST_S) + SECONDS_PER_DAY
+        return lambda: min(end, recording.first + (clocks.steady() - start) * settings.speed)
     days = (datetime.fromtimestamp(recording.last).date() - first_day).days + 1
     start_day = datetime.fromtimestamp(clocks.wall()).date()
 

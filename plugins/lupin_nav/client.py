@@ -65,7 +65,7 @@ class NavClient:
         self._timer: Timer | None = None
         self._map_topic = ros.node.resolve_topic_name(parameters["map_topic"])
         resolved = {"map_topic": self._map_topic, "amcl_pose_topic": self._pose_topic}
-        self._explorer = Explorer(outlet, {**parameters, **resolved}, self._believed_place)
+        self._explorer = Explorer(outlet, {**parameters, **resolved}, self._believed_place, ros.elapsed)
         self._explores = False
         self._searching: Timer | None = None
         if parameters["map_yaml_path"]:

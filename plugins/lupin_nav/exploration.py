@@ -18,6 +18,9 @@ from lupin_nav.frontier import Frontier, Grid, Point, Survey, Thresholds, make_g
 #: Where the robot is, or None while nobody knows.
 Whereabouts = Callable[[], Point | None]
 
+#: Seconds after which the last transforms say nothing any more about where the robot is.
+SILENCE_S = 3.0
+
 
 @dataclass
 class _Waiting:
@@ -30,8 +33,15 @@ class _Waiting:
 class Explorer:
     """The attempts that wait for a frontier, and what they know: the last map and the transforms."""
 
-    def __init__(self, outlet: Outlet, parameters: Mapping[str, Any], localizer: Whereabouts) -> None:
-        """`localizer` is asked where no transform leads from the robot to the map."""
+    def __init__(
+        self,
+        outlet: Outlet,
+        parameters: Mapping[str, Any],
+        localizer: Whereabouts,
+        clock: Callable[[], float],
+    ) -> None:
+        """`localizer` is asked where no transform leads from the robot to the map; `clock` is in seconds."""
+        self._clock = clock
         self._outlet = outlet
         self._parameters = parameters
         self._localizer = localizer
@@ -63,7 +73,7 @@ class Explorer:
 
     def take_transforms(self, message: Any, static: bool = False) -> None:
         """Take in a TFMessage; what is none of a place is left out."""
-        self._frames.take(message.transforms, static=static)
+        self._frames.take(message.transforms, static=static, heard=self._clock())
 
     def take_map(self, message: Any) -> None:
         """Take in an OccupancyGrid in the frame of the map, and look whether it has what is waited for."""
@@ -77,7 +87,8 @@ class Explorer:
         """End the attempts that wait, or tell them what is missing if that is something new."""
         if self.idle:
             return
-        pose = self._frames.find(self._parameters["frame_id"], self._parameters["base_frame"])
+        since = self._clock() - SILENCE_S
+        pose = self._frames.find(self._parameters["frame_id"], self._parameters["base_frame"], since)
         robot = self._localizer() if pose is None else pose.plane
         for attempt, waiting in list(self._waiting.items()):
             missing, found = self._search(robot, waiting.avoid)

@@ -145,20 +145,6 @@ def survey(
     )
 
 
-def choose(
-    data: ArrayLike,
-    width: int,
-    height: int,
-    resolution: float,
-    origin: Sequence[float] = (0.0, 0.0),
-    robot: Point | None = None,
-    thresholds: Thresholds | None = None,
-) -> Frontier | None:
-    """Return the best frontier of row-major `data`; None when there is none, or no grid."""
-    grid = make_grid(data, width, height, resolution, origin)
-    return None if grid is None else survey(grid, robot, thresholds).frontier
-
-
 def _frontier_cells(cells: Cells, free: int) -> Mask:
     unknown = cells == UNKNOWN
     beside = np.zeros_like(unknown)

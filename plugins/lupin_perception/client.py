@@ -11,9 +11,8 @@ from lupin_engine.plugin.contract import Outlet
 from lupin_msgs.msg import DiscoveredTags
 from lupin_msgs.srv import ConfirmTag
 from lupin_perception.discovered import records
+from lupin_perception.sightings import MAP
 
-#: The frame of every pose on this wire.
-FRAME = "map"
 #: How many warnings about lists of tags are told one by one.
 MAX_TOLD = 100
 
@@ -45,8 +44,8 @@ class PerceptionClient(ServiceDriver):
     def _on_discovered(self, message: DiscoveredTags) -> None:
         """Report the whole list, as of its stamp: it is latched, and may be older than the mission."""
         frame = message.header.frame_id.lstrip("/")
-        if frame not in ("", FRAME):
-            self._warn_once(f"tags in frame {frame!r} ignored, expected {FRAME!r}")
+        if frame not in ("", MAP):
+            self._warn_once(f"tags in frame {frame!r} ignored, expected {MAP!r}")
             return
         placed, others = records(message)
         for tag_id in others:

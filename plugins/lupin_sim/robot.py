@@ -46,10 +46,14 @@ class Robot:
         return self._final_yaw is None
 
     @property
+    def path(self) -> list[Point]:
+        """Where it is, and the corners that it still drives over."""
+        return [(self.pose.x, self.pose.y), *self._corners]
+
+    @property
     def remaining(self) -> float:
         """The rest of the path in metres."""
-        places = [(self.pose.x, self.pose.y), *self._corners]
-        return sum(math.dist(a, b) for a, b in pairwise(places))
+        return sum(math.dist(a, b) for a, b in pairwise(self.path))
 
     def follow(self, corners: Iterable[Point], yaw: float) -> None:
         """Drive over `corners` from here, then turn to `yaw`."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lupin_engine.errors import LupinError, nearest
+from lupin_engine.errors import LupinError, nearest, shortened
 from lupin_twin.field import DEFAULTS, BadGrid, Grid, Interpolation, OccupancyMap, Settings
 from lupin_twin.state import Twin
 
@@ -17,9 +17,6 @@ REMEMBERED = 64
 
 #: Fields that are kept up to date, which takes more memory: what is asked for again and again are few.
 FOLLOWED = 8
-
-#: Letters of a wrong sensor type that are repeated in the answer.
-SHOWN = 40
 
 
 class Refused(LupinError):
@@ -107,7 +104,7 @@ class Heatmaps:
         if not sensor:
             raise Refused(f"the sensor type is empty; allowed: {', '.join(map(repr, known))}")
         if sensor not in known:
-            shown = sensor if len(sensor) <= SHOWN else f"{sensor[:SHOWN]}..."
+            shown = shortened(sensor)
             raise Refused(f"unknown sensor type {shown!r}; {nearest(shown, known)}")
         return sensor
 

@@ -294,10 +294,7 @@ def _time_message(seconds: float) -> Time:
 
 def main(arguments: Sequence[str]) -> int:
     """Run the node until it is told to stop; `arguments` are the ROS arguments."""
-    ros = RosNode("lupin_twin", arguments, PARAMETERS)
-    try:
+    with RosNode("lupin_twin", arguments, PARAMETERS) as ros:
         TwinNode(ros)
         ros.spin()
-    finally:
-        ros.close()
     return 0

@@ -29,6 +29,9 @@ WIDEST_M = 1000.0
 #: Inches of the longer side of the field, and dots of each.
 SIDE_IN, DPI = 6.5, 150
 
+#: Points: letters of a label, and half of a mark; and letters of an id that are shown.
+LETTER_PT, MARK_PT, LABEL = 7.0, 3.0, 12
+
 #: An occupied cell of the map has this value or more, of 100.
 OCCUPIED = 65
 
@@ -71,7 +74,7 @@ def picture(
     with mpl.rc_context({"svg.fonttype": "path", "svg.hashsalt": "lupin", "hatch.linewidth": 0.6}):
         figure = Figure(figsize=_size(grid), dpi=DPI, layout="constrained", facecolor="white")
         FigureCanvasAgg(figure)
-        _draw(figure.add_subplot(), record, sensor, field, occupancy, tags)
+        _draw(figure.add_subplot(), record, sensor, field, occupancy, tags, reach)
         file = io.BytesIO()
         # Neither date nor version of the drawing program: the same record is the same file.
         metadata = (
@@ -109,7 +112,7 @@ def _size(grid: Grid) -> tuple[float, float]:
     """Return the figure's width and height in inches; around the field there is room for scale and text."""
     longest = max(grid.width, grid.height)
     width, height = SIDE_IN * grid.width / longest, SIDE_IN * grid.height / longest
-    return max(width + 1.8, 4.2), max(height + 1.1, 3.0)
+    return max(width + 1.8, 4.2), max(height + 1.25, 3.0)
 
 
 def _draw(
@@ -119,6 +122,7 @@ def _draw(
     field: Field,
     occupancy: OccupancyMap | None,
     tags: list[Tag],
+    reach: float,
 ) -> None:
     grid = field.grid
     extent = (
@@ -143,20 +147,21 @@ def _draw(
     )
     if occupancy is not None:
         _walls(axes, grid, occupancy, extent)
-    _tags(axes, tags, sensor)
+    _tags(axes, grid, tags, sensor)
     bar = axes.figure.colorbar(image, ax=axes, fraction=0.05, pad=0.03)
     bar.set_label(_plain(with_unit(sensor)[:40]), color=_INK)
     bar.outline.set_visible(False)
-    axes.set_title(_title(sensor, field), loc="left", fontsize=10, color=_INK, pad=26)
-    key = f"{_source(record, field)}\n{_key(occupancy)}"
+    axes.set_title(_title(sensor, field), loc="left", fontsize=10, color=_INK, pad=36)
+    key = f"{_source(record, field)}\n{_key(occupancy, reach)}"
     axes.text(0.0, 1.01, key, transform=axes.transAxes, fontsize=7, color=_FAINT, va="bottom")
     axes.tick_params(colors=_INK, labelsize=8)
     for spine in axes.spines.values():
         spine.set_color(_FAINT)
 
 
-def _key(occupancy: OccupancyMap | None) -> str:
-    return "filled: read here · hollow: not read" + ("" if occupancy is None else " · hatched: not explored")
+def _key(occupancy: OccupancyMap | None, reach: float) -> str:
+    blank = f"filled: read here · hollow: not read\nblank: nothing was read within {reach:g} m"
+    return blank if occupancy is None else f"{blank} · hatched: not explored"
 
 
 def _range(field: Field) -> tuple[float, float]:
@@ -202,11 +207,11 @@ def _walls(
     axes.imshow(ink, origin="lower", extent=extent, interpolation="nearest", zorder=2)
 
 
-def _tags(axes: Axes, tags: list[Tag], sensor: str) -> None:
+def _tags(axes: Axes, grid: Grid, tags: list[Tag], sensor: str) -> None:
     """Mark each tag with its id; those without a reading of this sensor are hollow."""
     from matplotlib.patheffects import withStroke
 
-    for tag in tags:
+    for tag, place in zip(tags, _labels(grid, tags), strict=True):
         assert tag.pin is not None
         measured = math.isfinite(tag.readings.get(sensor, math.nan))
         axes.plot(
@@ -217,18 +222,54 @@ def _tags(axes: Axes, tags: list[Tag], sensor: str) -> None:
             markerfacecolor=_INK if measured else "white",
             markeredgecolor="white" if measured else _INK,
             markeredgewidth=0.8,
-            zorder=3,
-        )
-        axes.annotate(
-            _plain(tag.tag_id[:12]),
-            (tag.pin.x, tag.pin.y),
-            xytext=(4, 4),
-            textcoords="offset points",
-            fontsize=7,
-            color=_INK,
-            path_effects=[withStroke(linewidth=2.0, foreground="white")],
             zorder=4,
         )
+        right, above = place
+        axes.annotate(
+            _plain(tag.tag_id[:LABEL]),
+            (tag.pin.x, tag.pin.y),
+            xytext=(4 if right else -4, 4 if above else -4),
+            textcoords="offset points",
+            ha="left" if right else "right",
+            va="bottom" if above else "top",
+            fontsize=LETTER_PT,
+            color=_INK,
+            path_effects=[withStroke(linewidth=2.0, foreground="white")],
+            zorder=3,
+        )
+
+
+def _labels(grid: Grid, tags: list[Tag]) -> list[tuple[bool, bool]]:
+    """Return where the label of each tag is: right or left of its mark, above or below.
+
+    The first of the four places that covers no mark and no earlier label; where none is free, the first.
+    """
+    points = 72.0 * SIDE_IN / (max(grid.width, grid.height) * grid.resolution)  # in a metre, about
+    marks = [(tag.pin.x * points, tag.pin.y * points) for tag in tags if tag.pin is not None]
+    taken = [(x - MARK_PT, y - MARK_PT, x + MARK_PT, y + MARK_PT) for x, y in marks]
+    places = []
+    for tag, (x, y) in zip(tags, marks, strict=True):
+        width, height = 0.6 * LETTER_PT * len(tag.tag_id[:LABEL]), LETTER_PT
+        boxes = {
+            (right, above): (
+                x + 4 if right else x - 4 - width,
+                y + 4 if above else y - 4 - height,
+                x + 4 + width if right else x - 4,
+                y + 4 + height if above else y - 4,
+            )
+            for above in (True, False)
+            for right in (True, False)
+        }
+        free = (place for place, box in boxes.items() if not any(_overlap(box, other) for other in taken))
+        place = next(free, (True, True))
+        places.append(place)
+        taken.append(boxes[place])
+    return places
+
+
+def _overlap(one: tuple[float, ...], other: tuple[float, ...]) -> bool:
+    """Say whether two boxes (left, bottom, right, top) share a place."""
+    return one[0] < other[2] and other[0] < one[2] and one[1] < other[3] and other[1] < one[3]
 
 
 def _title(sensor: str, field: Field) -> str:

@@ -139,7 +139,8 @@ class Store:
         free = (f"{self.path}.corrupt-{number}" for number in range(1, 10_000))
         moved = next(name for name in free if not os.path.lexists(name))
         try:
-            for suffix in ("", "-wal", "-shm"):
+            # The file last: a log that is left beside a new one would be taken for its own.
+            for suffix in ("-wal", "-shm", ""):
                 if os.path.exists(self.path + suffix):
                     os.rename(self.path + suffix, moved + suffix)
         except OSError as error:

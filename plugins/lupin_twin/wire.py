@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from lupin_engine.errors import LupinError
+from lupin_engine.errors import LupinError, shortened
 from lupin_twin.field import OccupancyMap
 from lupin_twin.records import Anomaly, Bloom, Box, Discovery, Flowers, Observed, Pin, Reading
 
@@ -27,9 +27,6 @@ FARTHEST_M = 1e6
 
 #: No tag and no sensor has a longer name; both are published with every state, and listed in answers.
 LONGEST_NAME = 64
-
-#: Letters of a text from the wire that are repeated in what is said of it.
-SHOWN = 40
 
 #: Length of (z, w) below which a rotation has no turn about the vertical to speak of.
 SMALLEST_TURN = 1e-6
@@ -149,7 +146,7 @@ def boxes(text: str) -> list[Box]:
         entries = told["boxes"] if isinstance(told, Mapping) else told
         return [_box(entry) for entry in entries]
     except (ValueError, KeyError, TypeError, OverflowError, RecursionError) as error:
-        raise Dropped(f"box geometry dropped: {type(error).__name__}: {_shown(error)}") from None
+        raise Dropped(f"box geometry dropped: {type(error).__name__}: {shortened(str(error), 100)}") from None
 
 
 def _box(entry: Mapping[str, Any]) -> Box:
@@ -157,7 +154,7 @@ def _box(entry: Mapping[str, Any]) -> Box:
     names = ("x", "y", "yaw", "width", "depth")
     x, y, yaw, width, depth = numbers = [float(entry[name]) for name in names]
     if not tag_id or not all(abs(number) <= FARTHEST_M for number in numbers):
-        raise ValueError(f"box {_shown(tag_id)!r} has no id, or no place and size in this greenhouse")
+        raise ValueError(f"box {shortened(tag_id)!r} has no id, or no place and size in this greenhouse")
     ahead, aside = max(0.0, depth) / 2.0, max(0.0, width) / 2.0
     nx, ny = math.cos(yaw), math.sin(yaw)
 
@@ -222,13 +219,7 @@ def _check_frame(expected: str, what: str, *told: str) -> None:
     """Compare with the first frame that was told; nobody having told one is taken for the expected one."""
     frame = next((name for name in told if name), expected).lstrip("/")
     if frame != expected:
-        raise Dropped(f"{what} in frame {_shown(frame)!r} dropped, expected {expected!r}")
-
-
-def _shown(what: object) -> str:
-    """Return the beginning of a text that may be long."""
-    text = str(what)
-    return text if len(text) <= 2 * SHOWN else f"{text[:SHOWN]}..."
+        raise Dropped(f"{what} in frame {shortened(frame)!r} dropped, expected {expected!r}")
 
 
 def _finite(confidence: float) -> float:

@@ -1,9 +1,9 @@
-"""The operator's panel of today, as the robot sees it: what its web page does, through its websocket gateway.
+"""The operator's panel of today, as the robot sees it: its web page, and the gateway that speaks ROS for it.
 
 It shares nothing with what it talks to but the message packages: names, types and rules are written here once
-more, by hand, as the page has them. The gateway is one ROS node for all pages. It derives the quality of service
-of a subscription from the publishers that it knows at that moment, keeps what it publishes for a second,
-and hands everything over as JSON, in which a number that is none is null.
+more, by hand, as the page has them. The gateway is one ROS node for all pages. It derives the quality of
+service of a subscription from the publishers that it knows at that moment, keeps what it publishes for a
+second, and hands everything over as JSON, in which a number that is none is null.
 """
 
 from __future__ import annotations
@@ -13,7 +13,8 @@ import math
 import time
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping
-from typing import Any, NamedTuple
+from functools import cached_property
+from typing import Any
 
 import rclpy
 from rclpy.client import Client
@@ -40,11 +41,18 @@ CANCEL_DRIVES = "/navigate_to_pose/_action/cancel_goal"
 ACTIVE = {"PREPARE", "EXPLORING", "INSPECTING", "MONITORING", "RETURNING"}
 
 
-class Heard(NamedTuple):
+class Heard:
     """A message, and when it came by the clock of this process."""
 
-    at: float
-    message: Any
+    def __init__(self, message: Any) -> None:
+        self.at = time.monotonic()
+        self.message = message
+
+    @cached_property
+    def json(self) -> Json:
+        """The message as the page gets it."""
+        found: Json = as_json(self.message)
+        return found
 
 
 class Panel:
@@ -60,6 +68,7 @@ class Panel:
         self._heard: dict[str, deque[Heard]] = {}
         self._publishers: dict[str, Publisher] = {}
         self._clients: dict[str, Client] = {}
+        self._links: dict[str, Json] = {}
         self.stopped = True
         self.node.create_timer(STOP_PERIOD_S, self._tell_stop)
         self._tell_stop()
@@ -75,21 +84,33 @@ class Panel:
         end = time.monotonic() + limit
         while not condition():
             assert time.monotonic() < end, f"not within {limit:g} s: {what}"
-            self._executor.spin_once(0.05)
+            self.work(0.05)
+
+    def work(self, seconds: float = 0.0) -> None:
+        """Do one piece of work, if there is any within so many seconds."""
+        self._executor.spin_once(seconds)
 
     # --- topics -------------------------------------------------------------------------------------------
 
     def knows(self, topics: Iterable[str]) -> None:
         """Wait until all these topics have a publisher that the gateway knows."""
-        self.until(lambda: all(map(self.node.get_publishers_info_by_topic, topics)), f"publishers of {topics}")
+        self.until(
+            lambda: all(map(self.node.get_publishers_info_by_topic, topics)), f"publishers of {topics}"
+        )
 
-    def subscribe(self, topic: str, kind: str, hears_latched: bool = True) -> None:
-        """Listen to a topic as the gateway does, or, as if it did not know its publishers yet, never latched."""
+    def subscribe(self, topic: str, kind: str, hears_latched: bool = True, depth: int = 10) -> None:
+        """Listen to a topic as the gateway does, or as it does before it knows the publishers.
+
+        Of more than `depth` messages at once it keeps the last ones.
+        """
         heard = self._heard[topic] = deque(maxlen=5000)
         qos = self._derived(topic) if hears_latched else _gateway_qos()
+        qos.depth = depth
 
         def keep(message: Any) -> None:
-            heard.append(Heard(time.monotonic(), message))
+            heard.append(Heard(message))
+            for link in heard[-1].json["transforms"] if kind == "tf2_msgs/TFMessage" else ():
+                self._links[link["child_frame_id"]] = link
 
         self.node.create_subscription(_class(kind, "msg"), topic, keep, qos)
 
@@ -112,13 +133,12 @@ class Panel:
 
     def all(self, topic: str) -> list[Json]:
         """Return what was heard of a topic, oldest first."""
-        return [as_json(heard.message) for heard in self._heard[topic]]
+        return [heard.json for heard in self._heard[topic]]
 
     def last(self, topic: str) -> Json:
         """Return what was heard last of a topic; waits for it if there is nothing yet."""
         self.until(lambda: self._heard[topic], f"a message of {topic}")
-        found: Json = as_json(self._heard[topic][-1].message)
-        return found
+        return self._heard[topic][-1].json
 
     def publish(self, topic: str, kind: str, message: Mapping[str, Any]) -> None:
         """Send a message; for a second it also reaches who comes late."""
@@ -130,21 +150,21 @@ class Panel:
 
     # --- services -----------------------------------------------------------------------------------------
 
-    def call(self, name: str, kind: str, **request: Any) -> Json:
+    def call(self, service: str, kind: str, /, **request: Any) -> Json:
         """Return a service's answer."""
-        future = self.call_later(name, kind, **request)
-        self.until(future.done, f"an answer of {name}")
+        future = self.call_later(service, kind, **request)
+        self.until(future.done, f"an answer of {service}")
         found: Json = as_json(future.result())
         return found
 
-    def call_later(self, name: str, kind: str, **request: Any) -> Future[Any]:
+    def call_later(self, service: str, kind: str, /, **request: Any) -> Future[Any]:
         """Send a request whose answer nobody waits for now."""
-        service = _class(kind, "srv")
-        if name not in self._clients:
-            self._clients[name] = self.node.create_client(service, name)
-        client = self._clients[name]
-        self.until(client.service_is_ready, f"service {name}")
-        return client.call_async(_filled(service.Request(), request))
+        interface = _class(kind, "srv")
+        if service not in self._clients:
+            self._clients[service] = self.node.create_client(interface, service)
+        client = self._clients[service]
+        self.until(client.service_is_ready, f"service {service}")
+        return client.call_async(_filled(interface.Request(), request))
 
     # --- the software stop --------------------------------------------------------------------------------
 
@@ -196,20 +216,17 @@ class Panel:
 
     def place(self) -> tuple[float, float, float] | None:
         """Return where the robot is on the map (m, m, rad), along the links that transforms make."""
-        links: dict[str, tuple[str, Json]] = {}
-        for topic in ("/tf_static", "/tf"):
-            for message in self.all(topic)[-200:]:
-                for link in message["transforms"]:
-                    links[link["child_frame_id"]] = link["header"]["frame_id"], link["transform"]
         x = y = yaw = 0.0
         frame = "base_link"
         for _ in range(MOST_LINKS):
             if frame == "map":
                 return x, y, math.remainder(yaw, math.tau)
-            if frame not in links:
+            if frame not in self._links:
                 return None
-            frame, link = links[frame]
-            there, turn = link["translation"], 2.0 * math.atan2(link["rotation"]["z"], link["rotation"]["w"])
+            link = self._links[frame]
+            frame, there = link["header"]["frame_id"], link["transform"]["translation"]
+            rotation = link["transform"]["rotation"]
+            turn = 2.0 * math.atan2(rotation["z"], rotation["w"])
             x, y = (
                 there["x"] + x * math.cos(turn) - y * math.sin(turn),
                 there["y"] + x * math.sin(turn) + y * math.cos(turn),
@@ -220,9 +237,7 @@ class Panel:
 
 def _gateway_qos() -> QoSProfile:
     """Return the gateway's own wish: reliable, nothing latched, ten messages."""
-    return QoSProfile(
-        depth=10, durability=DurabilityPolicy.VOLATILE, reliability=ReliabilityPolicy.RELIABLE
-    )
+    return QoSProfile(depth=10, durability=DurabilityPolicy.VOLATILE, reliability=ReliabilityPolicy.RELIABLE)
 
 
 def _class(kind: str, group: str) -> Any:

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 #: Seconds that anything may take on a busy machine.
-PATIENCE = 60.0
+PATIENCE = 120.0
 
 
 def until(condition: Callable[[], Any], what: str, limit: float = PATIENCE) -> None:

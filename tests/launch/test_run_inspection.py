@@ -121,9 +121,11 @@ def test_an_absent_action_server_is_named(lupin: Start) -> None:
     """Nobody drives: BOOT gives up after its time, and says what it waited for."""
     run = lupin("run", "inspection", "--no-sim", "--set", "dependency_timeout_s=2 s")
     assert run.end() == 2, run.output
-    assert run.errors == [
-        "lupin: the orchestrator is in FAULT: dependency_timeout: action server navigate_to_pose"
-    ]
+    (told,) = run.errors
+    begin = "lupin: the orchestrator is in FAULT: dependency_timeout: "
+    assert told.startswith(begin)
+    # On a busy machine the bridge may not be there yet either.
+    assert "action server navigate_to_pose" in told.removeprefix(begin).split(", ")
 
 
 def test_a_low_battery_refuses_the_start(lupin: Start) -> None:
@@ -137,7 +139,7 @@ def test_an_engaged_emergency_stop_refuses_the_start(lupin: Start) -> None:
     """Nothing starts while the e-stop is engaged; the text says so."""
     run = lupin("run", "inspection", "--tags", "1", "--sim", "estop=true")
     assert run.end() == 2, run.output
-    assert "estop_engaged" in run.errors[0] or "e-stop engaged" in run.errors[0]
+    assert run.errors == ["lupin: InspectionMission was not started: start refused: e-stop engaged"]
 
 
 def test_nodes_that_run_are_used_and_left_alone(lupin: Start) -> None:

@@ -160,6 +160,9 @@ class FakeRos:
     def now(self) -> float:
         return self.time
 
+    def elapsed(self) -> float:
+        return self.time
+
     def stamp(self) -> Any:
         from builtin_interfaces.msg import Time
 

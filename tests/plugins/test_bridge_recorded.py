@@ -157,6 +157,17 @@ def test_the_time_of_day_can_stand_still(bench: Bench, hour: float, expected: fl
     assert backend.read("7").time_of_day == pytest.approx(hour * 3600.0)
 
 
+@pytest.mark.parametrize("speed", [1e12, 1e308])
+def test_a_replay_of_any_speed_ends_with_a_sentence(bench: Bench, speed: float) -> None:
+    backend = bench.replay(*DAY, clock=SINCE_START, speed=speed, max_age=1e300)
+    bench.now.steady += 1e6
+    assert backend.read("7").time_of_day < 86400.0
+    backend = bench.replay(*DAY, clock=SINCE_START, speed=speed)
+    bench.now.steady += 1e6
+    with pytest.raises(ReadingFailed, match=r"; the recording is at 20\d\d-.*, after its end$"):
+        backend.read("7")
+
+
 def test_a_layout_says_which_sensors_a_tag_has_and_in_which_order(bench: Bench) -> None:
     layout = {"7": ("temperature", "light", "humidity"), "8": ("co2",)}
     backend = Recorded(Settings(bench.write(*DAY)), layout, bench.now.clocks())

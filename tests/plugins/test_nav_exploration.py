@@ -18,6 +18,7 @@ from tf2_msgs.msg import TFMessage
 from lupin_engine.middleware.node import Qos
 from lupin_nav.catalog import PLUGIN
 from lupin_nav.client import SEARCH_PERIOD_S, NavClient
+from lupin_nav.exploration import SILENCE_S
 from tests.plugins.fakes import FakeOutlet, FakeRos, defaults
 
 NO_POSE = "no pose: no transform from map to base_link, no /amcl_pose"
@@ -123,6 +124,22 @@ def test_the_transforms_tell_where_the_robot_is_rather_than_a_pose_that_was_seed
     x, y, yaw = bench.chosen
     assert (x, y) == (4.75, 4.75)
     assert yaw == pytest.approx(-math.pi / 2)
+
+
+def test_transforms_that_have_ceased_tell_no_more_where_the_robot_is() -> None:
+    """A base that died an hour ago: what the localizer says counts, and without that it waits."""
+    bench = Bench()
+    bench.choose()
+    bench.hear("/tf_static", transform("map", "odom", 4.75, 0.0))
+    bench.hear("/tf", transform("odom", "base_link", 0.0, 9.75))
+    bench.ros.pass_time(SILENCE_S + 1.0)
+    bench.hear("/map", grid(half_known()))
+    assert bench.told[-1] == NO_POSE
+    bench.hear("/amcl_pose", at(0.75, 0.75))
+    bench.ros.pass_time(SEARCH_PERIOD_S)
+    x, y, yaw = bench.chosen
+    assert (x, y) == (4.75, 4.75)
+    assert yaw == pytest.approx(math.pi / 4)
 
 
 def test_a_map_of_which_nothing_is_left_says_what_it_has_instead() -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
-from lupin_nav.frontier import Frontier, Grid, Survey, Thresholds, choose, make_grid, survey
+from lupin_nav.frontier import Frontier, Grid, Survey, Thresholds, make_grid, survey
 
 U, F, X = -1, 0, 100
 #: Every frontier counts, however small and narrow.
@@ -23,6 +23,20 @@ def drawn(picture: str) -> np.ndarray[Any, Any]:
     """Read a map: space unknown, `.` free, `#` occupied; the first line is the top, as maps are drawn."""
     lines = [line.strip().strip("|") for line in picture.strip().splitlines()]
     return np.array([[{" ": U, ".": F, "#": X}[c] for c in line] for line in reversed(lines)], dtype=np.int8)
+
+
+def choose(
+    data: Any,
+    width: int,
+    height: int,
+    resolution: float,
+    origin: Sequence[float] = (0.0, 0.0),
+    robot: tuple[float, float] | None = None,
+    thresholds: Thresholds | None = None,
+) -> Frontier | None:
+    """Return the best frontier of row-major `data`; None when there is none, or no grid."""
+    grid = make_grid(data, width, height, resolution, origin)
+    return None if grid is None else survey(grid, robot, thresholds).frontier
 
 
 def best(
@@ -146,10 +160,11 @@ def test_the_radius_is_the_clearance_in_whole_cells(clearance: float, resolution
 
 def test_a_clearance_of_more_cells_than_any_grid_has_is_all_of_it() -> None:
     """A map whose resolution is told in other units, or not at all."""
-    grid = make_grid(corridor(8).ravel(), *corridor(8).shape[::-1], 1e-30)
+    cells = corridor(8)
+    grid = make_grid(cells.ravel(), cells.shape[1], cells.shape[0], 1e-30)
     assert grid is not None
     result = survey(grid, None, Thresholds(min_cells=1))
-    assert (result.frontier, result.cramped) == (None, len(corridor(8)))
+    assert (result.frontier, result.cramped) == (None, len(cells))
 
 
 @pytest.mark.parametrize(("threshold", "found"), [(65, True), (50, False)])

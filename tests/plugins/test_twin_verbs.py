@@ -14,9 +14,11 @@ import numpy as np
 import pytest
 
 from lupin_engine.cli.main import main
-from lupin_twin.field import OccupancyMap
+from lupin_twin.field import Grid, OccupancyMap
+from lupin_twin.picture import _labels
 from lupin_twin.place import store_path
 from lupin_twin.records import Bloom, Discovery, Flowers, Pin, Reading
+from lupin_twin.state import Twin
 from lupin_twin.store import Store, StoreError, read
 
 T = 1_790_000_000.0
@@ -336,6 +338,32 @@ def test_the_same_record_makes_the_same_picture(run: Run, tmp_path: Path) -> Non
 
 
 @pytest.mark.usefixtures("drawing")
+def test_labels_cover_neither_marks_nor_each_other() -> None:
+    """Tags on both sides of a table are a hand's breadth apart; a mark under a label is not seen."""
+    twin = Twin()
+    places = {"29": (2.40, 7.30), "7": (2.55, 7.40), "21": (1.60, 7.50), "6": (1.50, 7.30), "1": (0.0, 0.0)}
+    for tag, (x, y) in places.items():
+        twin.apply(Discovery(tag, Pin(x, y, 0.0, 1.0)), T)
+    told = _labels(Grid.over(-1.0, 0.0, 5.0, 8.0, 0.1), list(twin.tags.values()))
+    right_above = (True, True)
+    assert dict(zip(places, told, strict=True)) == {
+        "29": (False, True),  # to the right is the mark of 7
+        "7": right_above,
+        "21": right_above,
+        "6": (False, True),
+        "1": right_above,
+    }
+
+
+def test_where_there_is_no_room_a_label_is_where_labels_are() -> None:
+    """Five tags in one place."""
+    twin = Twin()
+    for tag in "12345":
+        twin.apply(Discovery(tag, Pin(1.0, 1.0, 0.0, 1.0)), T)
+    told = _labels(Grid.over(0.0, 0.0, 2.0, 2.0, 0.1), list(twin.tags.values()))
+    assert told == [(True, True), (False, True), (True, False), (False, False), (True, True)]
+
+
 def test_a_picture_is_of_the_mission_and_distance_that_were_asked_for(run: Run, tmp_path: Path) -> None:
     pictures = {
         run("plot", "--sensor", "temperature", "-o", "p.svg", *more)[0]: (tmp_path / "p.svg").read_bytes()

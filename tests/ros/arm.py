@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
+from control_msgs.action import GripperCommand
 from mirte_msgs.srv import SetServoAngleWithSpeed
 from rcl_interfaces.msg import Log
 from rcl_interfaces.srv import SetParameters
@@ -22,7 +23,7 @@ from lupin_arm.node.services import serve_all
 from lupin_arm.node.sim import PARAMETERS as SIM_PARAMETERS
 from lupin_arm.node.sim import ArmSimNode
 from lupin_arm.trajectory import Trajectory
-from lupin_engine.middleware.node import Qos, RosNode
+from lupin_engine.middleware.node import Qos, RosNode, ServedGoal
 from lupin_msgs.srv import SetArmPreset
 from tests.ros.helpers import spin_for, spin_until
 
@@ -50,6 +51,8 @@ class Bystander:
         self.told = 0
         self.warnings: list[str] = []
         self._estop = self.ros.publisher(Bool, "/e_stop_state", Qos.EVENT)
+        self._pressed: bool | None = None
+        self.ros.timer(0.2, self._tell_estop)
         self.ros.subscribe(JointTrajectory, TRAJECTORIES, Qos.EVENT, self.sent.append)
         self.ros.subscribe(JointState, "/joint_states", Qos.DETECTION, self._on_states)
         self.ros.subscribe(Log, "/rosout", Qos.BACKLOG, self._on_log)
@@ -127,8 +130,17 @@ class Bystander:
         return self.call(Trigger, "/lupin/arm/init", Trigger.Request())
 
     def estop(self, engaged: bool) -> None:
-        """Press or release the emergency stop."""
-        self._estop.publish(Bool(data=engaged))
+        """Press or release the emergency stop, which from then on is told five times a second."""
+        self._pressed = engaged
+        self._tell_estop()
+
+    def silence(self) -> None:
+        """Let the emergency stop say nothing more."""
+        self._pressed = None
+
+    def _tell_estop(self) -> None:
+        if self._pressed is not None:
+            self._estop.publish(Bool(data=self._pressed))
 
     def set_parameter(self, node: str, name: str, value: Any) -> str:
         """Set a parameter of a node; returns why not, or nothing."""
@@ -184,6 +196,21 @@ class Scene(Bystander):
         for name, value in changed.items():
             setattr(message, name, value)
         self._states.publish(message)
+
+
+def late_jaw(scene: Bystander, make_node: MakeNode) -> list[ServedGoal]:
+    """Start the jaw's controller, which leaves its goals to the test; return them as they come."""
+    goals: list[ServedGoal] = []
+    late = make_node("late")
+    late.serve_action(
+        GripperCommand,
+        "/mirte_master_gripper_controller/gripper_cmd",
+        admit=lambda goal: True,
+        started=goals.append,
+        cancelled=lambda served: served.cancel(GripperCommand.Result()),
+    )
+    scene.nodes.append(late)
+    return goals
 
 
 def _same(message: JointTrajectory, trajectory: Trajectory) -> bool:

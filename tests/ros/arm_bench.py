@@ -139,6 +139,8 @@ class Bench:
         self.told: list[dict[str, Any]] = []
         self.ros.subscribe(String, f"{LIBRARY}/state", Qos.LATCHED, self._on_state)
         self.estop = self.ros.publisher(Bool, "/e_stop_state", Qos.EVENT)
+        self._pressed: bool | None = None
+        self.ros.timer(0.2, self._tell_estop)
         self.mission = self.ros.publisher(MissionState, "/mission/state", Qos.LATCHED)
         self._callers: dict[str, Any] = {}
         if world is None:
@@ -197,5 +199,10 @@ class Bench:
             self.until(lambda before=before: self.drivers.stamp > before + 0.15, "joint states")
 
     def stop(self, engaged: bool = True) -> None:
-        """Press or release the emergency stop."""
-        self.estop.publish(Bool(data=engaged))
+        """Press or release the emergency stop, which from then on is told five times a second."""
+        self._pressed = engaged
+        self._tell_estop()
+
+    def _tell_estop(self) -> None:
+        if self._pressed is not None:
+            self.estop.publish(Bool(data=self._pressed))

@@ -22,6 +22,7 @@ from lupin_engine.middleware.node import Qos, RosNode
 from lupin_engine.world.frames import Frames
 from lupin_msgs.msg import DiscoveredTags, MissionState, Observation
 from lupin_msgs.srv import ConfirmTag
+from lupin_perception import sightings
 from lupin_perception.node import NAME, PARAMETERS, Aggregator
 from lupin_perception.node import aggregator as module
 from tests.ros.helpers import spin_until
@@ -282,7 +283,7 @@ def test_a_sighting_waits_for_a_transform_that_comes_a_moment_later(make_node: M
     for _ in range(3):
         scene.see(5)
         scene.place(5)
-        scene.aggregator._frames = Frames()
+        scene.aggregator._sightings._frames = Frames()
     scene.next_list()
     assert scene.tags() == {"5": 3}
     scene.place(5)
@@ -307,7 +308,7 @@ def test_an_old_transform_places_no_new_sighting(
     make_node: MakeNode, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A detector that goes on, beside transforms that do not: the robot has driven on meanwhile."""
-    monkeypatch.setattr(module, "LATE_S", 0.1)
+    monkeypatch.setattr(sightings, "LATE_S", 0.1)
     scene = Scene(make_node)
     scene.discover()
     scene.wait(0.2)
@@ -319,28 +320,6 @@ def test_an_old_transform_places_no_new_sighting(
     scene.place(5)
     scene.next_list()
     assert scene.tags() == {"5": 4}, "with the one that waited"
-
-
-def test_a_sighting_of_the_last_mission_does_not_wait_for_its_transform_in_the_next(
-    make_node: MakeNode,
-) -> None:
-    """War story A17, in the small."""
-    scene = Scene(make_node, "-p", "min_sightings:=1")
-    scene.mission("EXPLORING")
-    scene.see(5)
-    scene.mission("EXPLORING", mission_id="m2")
-    scene.place(5)
-    assert scene.next_list().tags == []
-
-
-def test_tags_out_of_sight_are_not_kept_for_ever(make_node: MakeNode) -> None:
-    """Also while nobody looks for flowers: a detector gone wild has new ids in each frame."""
-    scene = Scene(make_node, "-p", "tag_in_sight_s:=0.05")
-    scene.mission("EXPLORING")
-    scene.see(*range(400))
-    scene.wait(0.1)
-    scene.see(7)
-    assert list(scene.aggregator._sights) == ["7"]
 
 
 def test_a_tag_is_confirmed_while_it_is_in_sight(make_node: MakeNode) -> None:
@@ -604,7 +583,7 @@ def test_where_a_robot_was_a_while_ago_is_no_place_for_a_pest(
     make_node: MakeNode, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Its localizer or its base has died: the report waits until somebody says again where it is."""
-    monkeypatch.setattr(module, "LATE_S", 0.1)
+    monkeypatch.setattr(sightings, "LATE_S", 0.1)
     scene = Scene(make_node)
     scene.mission("EXPLORING")
     scene.place(5, robot=3.5)

@@ -26,9 +26,8 @@ from lupin_arm.node.refused import Refused
 from lupin_arm.presets import PRESETS
 from lupin_arm.trajectory import VELOCITY_HINT, Point, Trajectory
 from lupin_engine.errors import LupinError
-from lupin_engine.middleware.node import ServedGoal
 from tests.plugins.fakes import FakeOutlet
-from tests.ros.arm import TRAJECTORIES, Bystander, MakeNode, Scene
+from tests.ros.arm import TRAJECTORIES, Bystander, MakeNode, Scene, late_jaw
 from tests.ros.helpers import spin_until
 
 pytestmark = pytest.mark.ros
@@ -253,18 +252,9 @@ def test_without_a_controller_the_jaw_is_not_moved(
 
 def test_a_controller_that_comes_a_little_late_is_waited_for(make_node: MakeNode) -> None:
     scene = Scene(make_node, simulated=False)
-    goals: list[ServedGoal] = []
     name = "/lupin/gripper/set_angle_with_speed"
     request = scene.call_later(SetServoAngleWithSpeed, name, SetServoAngleWithSpeed.Request(angle=12.0))
-    late = make_node("late")
-    late.serve_action(
-        GripperCommand,
-        "/mirte_master_gripper_controller/gripper_cmd",
-        admit=lambda goal: True,
-        started=goals.append,
-        cancelled=lambda served: served.cancel(GripperCommand.Result()),
-    )
-    scene.nodes.append(late)
+    goals = late_jaw(scene, make_node)
     assert request().status
     scene.until(lambda: goals)
     command = goals[0].request.command

@@ -9,15 +9,13 @@ import pytest
 
 pytest.importorskip("rclpy", reason="ROS 2 is not installed here")
 
-from control_msgs.action import GripperCommand
 from std_srvs.srv import SetBool, Trigger
 
 from lupin_arm import simulated as simulated_module
 from lupin_arm.node import arm as arm_module
 from lupin_arm.presets import PRESETS
-from lupin_engine.middleware.node import ServedGoal
 from lupin_msgs.srv import SaveArmPose
-from tests.ros.arm import MakeNode, Scene
+from tests.ros.arm import MakeNode, Scene, late_jaw, near
 from tests.ros.arm_bench import GATE, LIBRARY, POWER, Bench
 from tests.ros.wire import Asked
 
@@ -137,22 +135,53 @@ def test_an_arm_that_is_held_holds_its_jaw(make_node: MakeNode, monkeypatch: pyt
 def test_a_jaw_that_waits_for_its_controller_can_be_stopped(make_node: MakeNode) -> None:
     """The controller comes after the stop: the jaw does not move then."""
     scene = Scene(make_node, simulated=False)
-    goals: list[ServedGoal] = []
     problems: list[str | None] = []
     scene.arm.move_jaw(0.1, "slider", problems.append)
     scene.estop(True)
     scene.until(lambda: scene.arm.stopped, "the stop")
     scene.estop(False)
     scene.until(lambda: not scene.arm.stopped, "the release")
-    late = make_node("late")
-    late.serve_action(
-        GripperCommand,
-        "/mirte_master_gripper_controller/gripper_cmd",
-        admit=lambda goal: True,
-        started=goals.append,
-        cancelled=lambda served: served.cancel(GripperCommand.Result()),
-    )
-    scene.nodes.append(late)
+    goals = late_jaw(scene, make_node)
     scene.until(lambda: problems, "the controller is found")
     assert problems == ["stopped meanwhile"]
     assert goals == []
+
+
+# --- the emergency stop ----------------------------------------------------------------------------------
+
+
+def test_an_emergency_stop_that_falls_silent_counts_as_engaged(make_node: MakeNode) -> None:
+    """Its bridge has died: who presses the button now is not heard. Heard again, it is what it says."""
+    scene = Scene(make_node, preset_duration=3.0, estop_timeout=0.5)
+    assert scene.preset("inspect").success  # no emergency stop was ever heard of: there is none
+    scene.estop(False)
+    reasons: list[str] = []
+    scene.arm.claim("player", "wave is playing", reasons.append)
+    scene.silence()
+    scene.until(lambda: scene.arm.stopped, "the stop")
+    assert reasons == ["the emergency stop was silent"]
+    assert not near(scene.command().target, PRESETS["inspect"])
+    scene.arm.release("player")
+    silent = "the emergency stop is silent (/e_stop_state)"
+    assert (scene.preset("home").success, scene.preset("home").message) == (False, silent)
+    scene.estop(False)
+    scene.until(lambda: scene.preset("home").success, "the emergency stop is heard again")
+
+
+def test_a_silent_stop_that_was_engaged_stays_engaged(make_node: MakeNode) -> None:
+    scene = Scene(make_node, estop_timeout=0.5)
+    scene.estop(True)
+    scene.until(lambda: scene.arm.stopped, "the stop")
+    scene.silence()
+    scene.until(lambda: "silent" in scene.preset("home").message, "the silence")
+    assert scene.arm.stopped
+
+
+def test_silence_can_be_taken_for_released(make_node: MakeNode) -> None:
+    """For a button that speaks only when it is pressed."""
+    scene = Scene(make_node, estop_timeout=0.0)
+    scene.estop(False)
+    scene.until(lambda: scene.arm._stop_heard is not None, "the button")
+    scene.silence()
+    scene.wait(0.3)
+    assert not scene.arm.stopped

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -91,6 +92,16 @@ def test_the_response_of_a_failed_reading_is_empty(bridge: Bridge) -> None:
     bridge.until(lambda: answers)
     assert answers[0].status == STATUS_READING_FAILED
     assert answers[0].reading.tag_id == ""
+
+
+def test_a_stale_request_is_answered_with_the_reason(bridge: Bridge, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The robot's clock is behind: without an answer every reading would end as one that never came."""
+    bridge.until(lambda: not bridge.driver.missing())
+    now = time.time_ns
+    monkeypatch.setattr(time, "time_ns", lambda: now() + 60_000_000_000)
+    kind, _, code, detail = bridge.read("7")
+    assert (kind, code) == ("failed", "scan_failed")
+    assert "refused: the request is 60." in detail
 
 
 def test_a_status_without_a_text_is_told_by_its_number(make_node: MakeNode) -> None:

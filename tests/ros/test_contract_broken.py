@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
 import sys
 import threading
 from collections.abc import Mapping
 from dataclasses import replace
+from pathlib import Path
 from types import ModuleType
 from typing import Any
 
@@ -24,6 +27,7 @@ from lupin_engine.middleware.node import RosNode
 from lupin_engine.middleware.service_driver import Done, Failed, ServiceDriver, ServiceOperation
 from lupin_engine.plugin.contract import Action, Argument, Code, LiveValue, Operation, Outlet, Plugin
 from lupin_engine.plugin.types import BOOL
+from tests.launch.processes import until
 
 pytestmark = [pytest.mark.ros, pytest.mark.timeout(120)]
 
@@ -235,6 +239,31 @@ def test_a_plugin_without_a_client_has_no_driver_to_try() -> None:
     """Said before anything is started."""
     with pytest.raises(LupinError, match="plugin 'x' has no client: there is no driver to try"):
         Lab(Setting(Plugin("x", "X.")))
+
+
+def test_nodes_do_not_outlive_a_harness_that_is_killed(tmp_path: Path) -> None:
+    """`kill -9`, or a machine's limit on tests: nobody is left on the network."""
+    (tmp_path / "stubborn.py").write_text(
+        "import os, signal, threading\n"
+        "from pathlib import Path\n"
+        "def main(arguments):\n"
+        f"    made = Path({str(tmp_path / 'made')!r})\n"
+        "    made.write_text(str(os.getpid()))\n"
+        f"    made.rename({str(tmp_path / 'pid')!r})\n"
+        "    threading.Event().wait()\n"
+    )
+    program = (
+        "from lupin_engine.harness.bench import Servers, Setting\n"
+        "from lupin_engine.plugin.contract import Plugin\n"
+        "Servers(Setting(Plugin('x', 'X.'), nodes={'sim': 'stubborn:main'})).start()\n"
+        "input()\n"
+    )
+    environment = {**os.environ, "PYTHONPATH": str(tmp_path)}
+    with subprocess.Popen([sys.executable, "-c", program], stdin=subprocess.PIPE, env=environment) as harness:
+        until((tmp_path / "pid").exists, "the node has begun")
+        harness.kill()
+    pid = int((tmp_path / "pid").read_text())
+    until(lambda: not Path(f"/proc/{pid}").exists(), "the node ends by itself")
 
 
 def test_a_node_that_ends_by_itself_is_told_with_its_last_words(

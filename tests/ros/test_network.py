@@ -183,11 +183,27 @@ def test_lupin_graph_shows_it_and_its_exit_code_tells_of_problems(
         "/news: /late hears nothing of /talker: volatile publisher and transient local subscription" in told
     )
     assert main(["graph", "nws"]) == 2
-    assert capsys.readouterr().err == "lupin: nothing here has 'nws' in its name, type or nodes\n"
+    assert capsys.readouterr().err == (
+        "lupin: nothing here has 'nws' in its name, type or nodes; did you mean '/news'?\n"
+    )
+    assert main(["graph", "greenhouse"]) == 2
+    assert capsys.readouterr().err == "lupin: nothing here has 'greenhouse' in its name, type or nodes\n"
     assert main(["graph", "--json", "--mermaid"]) == 2
     assert capsys.readouterr().err == (
         "lupin: --mermaid and --json are two forms of the same map: give one of them\n"
     )
+
+
+def test_a_node_that_has_nothing_of_its_own_is_no_map(
+    make_node: MakeNode, ros_domain: int, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """What every node has is shown when it is asked for."""
+    make_node("plain")
+    assert main(["graph"]) == 2
+    told = "lupin: nobody here has more than what every node has; --all shows that\n"
+    assert capsys.readouterr().err == told
+    assert main(["graph", "--all", "--json"]) == 0
+    assert "/plain/get_parameters" in {i["name"] for i in json.loads(capsys.readouterr().out)}
 
 
 def test_an_empty_domain_is_said_to_be_empty(ros_domain: int, capsys: pytest.CaptureFixture[str]) -> None:

@@ -12,9 +12,10 @@ import pytest
 
 pytest.importorskip("rclpy", reason="ROS 2 is not installed here")
 
-from geometry_msgs.msg import PoseWithCovarianceStamped
+from action_msgs.srv import CancelGoal
+from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
 from nav2_msgs.action import NavigateToPose
-from nav_msgs.msg import OccupancyGrid
+from nav_msgs.msg import OccupancyGrid, Path
 from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 from rcl_interfaces.srv import SetParameters
 from sensor_msgs.msg import BatteryState
@@ -136,7 +137,7 @@ def test_a_standing_robot_tells_where_and_how_it_is(make_node: MakeNode) -> None
 
 
 def test_the_robot_drives_to_a_goal_and_knows_where_it_is(make_node: MakeNode) -> None:
-    scene = Scene(make_node)
+    scene = Scene(make_node, "-p", "speed:=4.0")
     drive = scene.drive(0.6, 7.5)
     assert scene.end_of(drive) == 4
     scene.until(lambda: scene.place == (0.6, 7.5))
@@ -253,6 +254,62 @@ def test_bad_settings_are_refused(make_node: MakeNode) -> None:
         SimNode(make_node("other", ["--ros-args", "-p", "fault:=explode"], PARAMETERS))
 
 
+# --- what displays show and ask
+
+
+class Clicked(Scene):
+    """The same, with a display that shows the way and lets somebody click on the map."""
+
+    def __init__(self, make_node: MakeNode, *arguments: str) -> None:
+        super().__init__(make_node, *arguments)
+        self.plans: list[Any] = []
+        self.observer.subscribe(Path, "/plan", Qos.EVENT, self.plans.append)
+        self.clicks = self.observer.publisher(PoseStamped, "/goal_pose", Qos.EVENT)
+        self.cancel_all = self.observer.service(CancelGoal, "/navigate_to_pose/_action/cancel_goal")
+        self.until(lambda: self.clicks.get_subscription_count() == 1 and self.cancel_all.ready())
+        self.until(lambda: self.observer.node.count_publishers("/plan") == 1 and self.poses)
+
+    def click(self, x: float, y: float) -> None:
+        pose = PoseStamped()
+        pose.header.frame_id = "map"
+        pose.pose.position.x, pose.pose.position.y = x, y
+        pose.pose.orientation.w = 1.0
+        self.clicks.publish(pose)
+
+
+def test_a_click_on_the_map_drives_the_robot_and_the_plan_shows_how(make_node: MakeNode) -> None:
+    scene = Clicked(make_node, "-p", "speed:=0.5")
+    scene.click(0.5, 1.5)
+    scene.until(lambda: scene.place == (0.5, 1.5), "there")
+    first, last = scene.plans[0], scene.plans[-1]
+    assert first.header.frame_id == "map"
+    places = [(p.pose.position.x, p.pose.position.y) for p in first.poses]
+    assert places == [(0.5, 0.5), (0.5, 1.5)]
+    # It heads along the way, and ends as the click said.
+    headings = [2.0 * math.atan2(p.pose.orientation.z, p.pose.orientation.w) for p in first.poses]
+    assert headings == pytest.approx([math.pi / 2, 0.0])
+    # Told again while it drives: of what is left.
+    assert last.poses[0].pose.position.y > 0.5
+    assert last.poses[-1].pose.position.y == 1.5
+
+
+def test_a_click_is_a_goal_like_any_other(make_node: MakeNode) -> None:
+    """One that is no place moves nothing; whoever cancels all goals ends it; a new goal takes its place."""
+    scene = Clicked(make_node, "-p", "speed:=0.5")
+    scene.click(math.nan, 1.0)
+    scene.click(0.5, 1.5)
+    scene.until(lambda: scene.plans, "under way")
+    answers: list[Any] = []
+    scene.cancel_all.call(CancelGoal.Request(), 5.0, answers.append)
+    scene.until(lambda: answers and scene.node._goal is None, "cancelled")
+    assert len(answers[0].goals_canceling) == 1
+    assert scene.place[1] < 1.5
+    scene.click(0.5, 1.5)
+    scene.until(lambda: scene.node._goal is not None, "under way again")
+    assert scene.end_of(scene.drive(0.5, 0.5)) == 4
+    assert scene.place == (0.5, 0.5)
+
+
 # --- what the robot senses
 
 
@@ -308,6 +365,15 @@ def test_a_map_without_news_is_not_sent_again(make_node: MakeNode) -> None:
     end = scene.observer.elapsed() + 2.2 * TELL_S
     scene.until(lambda: scene.observer.elapsed() > end, "two chances to tell it")
     assert len(scene.maps) == seen
+
+
+def test_a_map_without_news_is_told_again_for_those_who_hear_nothing_latched(
+    make_node: MakeNode, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("lupin_sim.node.senses.TELL_AGAIN_S", 0.6)
+    scene = Sensed(make_node)
+    scene.until(lambda: len(scene.maps) >= 2, "the map once more")
+    assert scene.maps[-1].data == scene.maps[-2].data
 
 
 def test_the_cameras_tell_every_frame_and_the_place_of_each_tag_in_it(make_node: MakeNode) -> None:

@@ -171,6 +171,53 @@ def test_what_is_no_record_is_told(text: str, told: str) -> None:
     assert str(caught.value).startswith(told)
 
 
+START_STEP = {"event": START, "time": 0, "data": {"mission_type": "inspection"}, "accepted": True}
+
+
+@pytest.mark.parametrize(
+    ("wrong", "part"),
+    [
+        ({"time": "0 s"}, "time"),
+        ({"time": True}, "time"),
+        ({"time": 1e400}, "time"),
+        ({"time": 10**400}, "time"),
+        ({"event": 3}, "event"),
+        ({"data": [1]}, "data"),
+        ({"data": {}}, "data"),
+        ({"event": "value", "data": {"name": 1, "value": 2}}, "data"),
+        ({"event": "attempt.failed", "data": {"attempt": "a1"}}, "data"),
+        ({"event": "attempt.done", "data": {"attempt": "a1", "result": [1]}}, "data"),
+        ({"entered": "READY"}, "entered"),
+        ({"entered": [1]}, "entered"),
+        ({"configuration": [None]}, "configuration"),
+        ({"commands": "x"}, "commands"),
+        ({"commands": [{"command": "start", "attempt": "a1"}]}, "commands"),
+        ({"commands": [{"command": ["cancel"]}]}, "commands"),
+        ({"refusal": "no"}, "refusal"),
+        ({"refusal": {"code": 1}}, "refusal"),
+    ],
+)
+def test_a_step_that_is_none_is_told_with_its_number(wrong: dict[str, Any], part: str) -> None:
+    """Records are cut off, and edited by hand."""
+    steps = [START_STEP, {**START_STEP, **wrong}]
+    with pytest.raises(UsageError) as caught:
+        read_recording(json.dumps({"steps": steps}), "run.json")
+    assert str(caught.value) == f"run.json: step 2 is none: its {part!r} is not as it is recorded"
+
+
+@pytest.mark.parametrize("more", [{"parameters": [1]}, {"seed": "x"}])
+def test_settings_that_are_none_are_told(more: dict[str, Any]) -> None:
+    with pytest.raises(UsageError, match="'parameters' must be an object and 'seed' a whole number"):
+        read_recording(json.dumps({"steps": [START_STEP], **more}), "run.json")
+
+
+def test_a_start_that_nobody_answered_is_no_start() -> None:
+    """The record broke off before the answer."""
+    unanswered = {name: value for name, value in START_STEP.items() if name != "accepted"}
+    with pytest.raises(UsageError, match="does not come out as it was recorded: recorded: nothing more"):
+        remade([unanswered], {})
+
+
 def test_what_does_not_come_out_the_same_is_told() -> None:
     """No scenario is made that would fail; the first difference is named."""
     scenario = load_scenario(SCENARIOS / "three_tags.scenario.yaml", shipped.catalog(), MISSIONS)

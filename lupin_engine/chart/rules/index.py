@@ -153,7 +153,7 @@ class Index:
 
     def _leads_to(self, state: State) -> list[str]:
         """Return what is entered from a state, or together with it whatever it begins with."""
-        ways = (*state.transitions, *state.resume_at)
+        ways = state.transitions + state.resume_at
         found = [transition.target for transition in ways if transition.target is not None]
         if state.kind is Kind.PARALLEL:
             found += [region.name for region in self.regions(state)]

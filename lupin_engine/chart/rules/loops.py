@@ -25,6 +25,8 @@ def always_loop(index: Index) -> Iterator[Diagnostic]:
     """Find transitions that are taken again and again without anything happening in between."""
     loops = _Loops(index)
     for part in components(loops.following):
+        if len(part) == 1 and part[0] not in loops.following[part[0]]:
+            continue  # most of them lead back to nothing
         circles = cycles(loops.following, sorted(part, key=loops.place_of), MAX_STEPS)
         found = next((circle for circle in circles if loops.never_ends(circle)), None)
         if found is not None:
@@ -85,11 +87,14 @@ class _Loops:
         for leaf in self._leaves(transition.target):
             asked: list[Transition] = []
             for name in self._index.lineage[leaf]:
-                for candidate in self._of.get(name, ()):
+                candidates = self._of.get(name)
+                if candidates is None:
+                    continue
+                for candidate in candidates:
                     found[candidate.id] = None
                     self._before[transition.id, candidate.id] = list(asked)
                     asked.append(candidate)
-                if any(always_taken(t) and not t.event for t in self._of.get(name, ())):
+                if any(always_taken(t) and not t.event for t in candidates):
                     break
         return list(found)
 

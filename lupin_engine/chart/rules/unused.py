@@ -54,7 +54,7 @@ def unheard_event(index: Index) -> Iterator[Diagnostic]:
 def unused_code(index: Index) -> Iterator[Diagnostic]:
     """Find a code that a file declares and that nothing reports or asks for."""
     declared = _own(index, "code")
-    used = set(_codes_used(index)) if declared else set()
+    used = _codes_used(index) if declared else set()
     for name, place in declared:
         if name not in used and not index.texts.quotes(name):
             problem, hint = f"nothing reports the code {name!r}", "report it as 'code', or remove it"
@@ -67,28 +67,24 @@ def _own(index: Index, family: str) -> list[tuple[str, Place]]:
     return [(name, place) for name, place in _declared(index, family) if place.file != lifecycle]
 
 
-def _codes_used(index: Index) -> Iterator[str | None]:
-    for state in index.states:
-        for transition in state.transitions:
-            yield transition.code
-            yield transition.refuse
+def _codes_used(index: Index) -> set[str | None]:
+    """Return all codes that are reported or asked for, and other texts among them."""
+    transitions = [t for state in index.states for t in state.transitions]
+    used = {t.code for t in transitions} | {t.refuse for t in transitions}
     for work in index.works:
-        yield work.invoke.timeout_code
-        yield from (code.name for code in work.invoke.operation.codes)
+        used.add(work.invoke.timeout_code)
+        used.update([code.name for code in work.invoke.operation.codes])
     for hold in index.chart.holds.values():
-        yield hold.code
-        yield hold.engage_code
+        used |= {hold.code, hold.engage_code}
     for call in index.calls:
-        yield from (
-            v.value
-            for v in call.action.arguments.values()
-            if isinstance(v, Constant) and v.type.kind == "text"
-        )
+        for value in call.action.arguments.values():
+            if isinstance(value, Constant) and value.type.kind == "text":
+                used.add(value.value)
     for mission in index.chart.missions.values():
         for field in mission.request.values():
-            yield field.not_empty
-            # What a reader refuses a wrong value with.
-            yield f"unknown_{(field.type.item or field.type).name}"
+            # The second is what a reader refuses a wrong value with.
+            used |= {field.not_empty, f"unknown_{(field.type.item or field.type).name}"}
+    return used
 
 
 def unused_input(index: Index) -> Iterator[Diagnostic]:

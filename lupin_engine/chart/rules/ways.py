@@ -61,11 +61,15 @@ def waits_for_the_world(index: Index) -> Iterator[Diagnostic]:
     events = [call.action.arguments["event"] for call in index.calls if call.action.name == "raise"]
     raised = {str(event.value) for event in events if isinstance(event, Constant)}
     for state in index.states:
-        if not state.mission or state.kind is not Kind.ATOMIC or _does_something(index, state):
+        if not state.mission or state.kind is not Kind.ATOMIC or state.timers or state.invoke is not None:
+            continue
+        if any(
+            t.target is not None and not _comes_from_the_world(t.event, raised) for t in state.transitions
+        ):
             continue
         around = [index.chart.states[name] for name in index.lineage[state.name]]
         inner = [one for one in around if one.mission]
-        if any(_does_something(index, one) for one in inner[1:]):
+        if any(_does_something(index, one) for one in inner):
             continue
         ways = [t for one in inner for t in one.transitions if t.target is not None]
         # Nothing is invoked here, so an end can only be that of a state inside, and this is not final.

@@ -41,7 +41,18 @@ class Call(NamedTuple):
 
 def calls_of(chart: Chart) -> list[Call]:
     """Return every action of a chart."""
-    return [found for state in chart.states.values() for found in _calls_of(state)]
+    found: list[Call] = []
+    for state in chart.states.values():
+        found += [Call(call, state, (state.name, "entry")) for call in state.entry]
+        found += [Call(call, state, (state.name, "exit")) for call in state.exit]
+        for transition in state.transitions:
+            if transition.actions:
+                found += [Call(call, state, (transition.id, "do")) for call in transition.actions]
+        if state.for_each is not None:
+            each = state.for_each
+            found += [Call(call, state, (state.name, "for_each.on_done.do")) for call in each.on_done]
+            found += [Call(call, state, (state.name, "for_each.on_error.do")) for call in each.on_error]
+    return found
 
 
 def reads_of(chart: Chart, calls: Iterable[Call]) -> list[Read]:
@@ -52,36 +63,29 @@ def reads_of(chart: Chart, calls: Iterable[Call]) -> list[Read]:
             if not isinstance(value, Constant):
                 words = (*call.words, call.action.name, name)
                 found.append(Read(value, False, call.state.mission, words))
-    for state in chart.states.values():
-        found += [
-            Read(t.guard, True, state.mission, (t.id, "guard"))
-            for t in (*state.transitions, *state.resume_at)
-            if t.guard is not None
-        ]
-        if state.timers or state.invoke or state.budget or state.for_each or state.itinerary:
+    states = chart.states.values()
+    found += [
+        Read(transition.guard, True, state.mission, (transition.id, "guard"))
+        for state in states
+        for transition in (state.transitions + state.resume_at)
+        if transition.guard is not None
+    ]
+    found += [
+        Read(timer.after, False, state.mission, (state.name, timer.event))
+        for state in states
+        for timer in state.timers
+        if not isinstance(timer.after, Constant)
+    ]
+    for state in states:
+        if state.invoke or state.budget or state.for_each or state.itinerary:
             found += _reads_of_work(state)
     found += _declared_reads(chart)
     return found
 
 
-def _calls_of(state: State) -> Iterator[Call]:
-    for call in state.entry:
-        yield Call(call, state, (state.name, "entry"))
-    for call in state.exit:
-        yield Call(call, state, (state.name, "exit"))
-    for transition in state.transitions:
-        for call in transition.actions:
-            yield Call(call, state, (transition.id, "do"))
-    if state.for_each is not None:
-        for call in state.for_each.on_done:
-            yield Call(call, state, (state.name, "for_each.on_done.do"))
-        for call in state.for_each.on_error:
-            yield Call(call, state, (state.name, "for_each.on_error.do"))
-
-
 def _reads_of_work(state: State) -> Iterator[Read]:
-    """Yield what a state computes besides guards and the arguments of actions."""
-    found: list[tuple[str, Value | None]] = [(timer.event, timer.after) for timer in state.timers]
+    """Yield what a state computes besides guards, times and the arguments of actions."""
+    found: list[tuple[str, Value | None]] = []
     if state.budget is not None:
         found.append(("budget.after", state.budget.after))
     if state.invoke is not None:

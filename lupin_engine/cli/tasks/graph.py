@@ -13,7 +13,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from lupin_engine.errors import UsageError
+from lupin_engine.errors import UsageError, nearest
 from lupin_engine.launch.environment import close_the_doors, current_domain
 from lupin_engine.launch.requirements import prepare_ros
 
@@ -41,9 +41,12 @@ def work(words: Sequence[str], domain: int | None, everything: bool, mermaid: bo
         raise UsageError(
             f"there is no other node in ROS domain {current_domain()}; give --domain, or `lupin up`"
         )
-    chosen = [i for i in seen if (everything or not i.is_housekeeping) and _is_meant(i, words)]
+    shown = [i for i in seen if everything or not i.is_housekeeping]
+    if not shown:
+        raise UsageError("nobody here has more than what every node has; --all shows that")
+    chosen = [i for i in shown if _is_meant(i, words)]
     if not chosen:
-        raise UsageError(f"nothing here has {' or '.join(map(repr, words))} in its name, type or nodes")
+        raise UsageError(_not_found(words, shown))
     if as_json:
         click.echo(json.dumps([asdict(interface) for interface in chosen], indent=2, ensure_ascii=False))
     elif mermaid:
@@ -54,8 +57,17 @@ def work(words: Sequence[str], domain: int | None, everything: bool, mermaid: bo
 
 
 def _is_meant(interface: Interface, words: Sequence[str]) -> bool:
-    texts = (interface.name, interface.type, *interface.producers, *interface.consumers)
-    return not words or any(word in text for word in words for text in texts)
+    return not words or any(word in text for word in words for text in _texts(interface))
+
+
+def _texts(interface: Interface) -> tuple[str, ...]:
+    return interface.name, interface.type, *interface.producers, *interface.consumers
+
+
+def _not_found(words: Sequence[str], shown: Iterable[Interface]) -> str:
+    hint = nearest(words[0], {text for interface in shown for text in _texts(interface)})
+    problem = f"nothing here has {' or '.join(map(repr, words))} in its name, type or nodes"
+    return f"{problem}; {hint}" if hint.startswith("did you mean") else problem
 
 
 def _print(chosen: Sequence[Interface]) -> None:

@@ -72,15 +72,28 @@ class Arm:
         self._trajectories = ros.publisher(JointTrajectory, parameters["trajectory_topic"], Qos.EVENT)
         self._gripper = Gripper(ros, parameters["gripper_action"])
         self._torque = Torque(
-            ros, parameters["torque_service"], parameters["gate_service"], self._pin, self._stop_reason
+            ros,
+            parameters["torque_service"],
+            parameters["gate_service"],
+            self._pin,
+            lambda: self._stop_reason,
         )
         self._motion: _Motion | None = None
         self._claim: _Claim | None = None
         self._heard = float("-inf")
-        self.stopped = False
+        self._stop_reason = ""
+        self._stop_heard: float | None = None
+        self._stop_timeout: float = parameters["estop_timeout"]
         self._feedback = Feedback(ros, self._states_topic)
         self._feedback.listen(self._on_feedback)
         ros.subscribe(Bool, self._estop_topic, Qos.EVENT, self._on_estop)
+        if self._stop_timeout:
+            ros.timer(self._stop_timeout / 4.0, self._look_at_estop)
+
+    @property
+    def stopped(self) -> bool:
+        """Whether the emergency stop is engaged, or should be told and is not."""
+        return bool(self._stop_reason)
 
     # --- where it is --------------------------------------------------------------------------------------
 
@@ -146,7 +159,7 @@ class Arm:
         Raises:
             Refused: somebody else has it, or the emergency stop is engaged.
         """
-        reason = self._stop_reason() or self._claim_reason(owner)
+        reason = self._stop_reason or self._claim_reason(owner)
         if reason is not None:
             raise Refused(reason)
         self._claim = _Claim(owner, what, interrupted)
@@ -158,10 +171,7 @@ class Arm:
 
     def refusal(self, owner: str) -> str | None:
         """Say why `owner` may not move anything now; None if he may."""
-        return self._stop_reason() or self._claim_reason(owner) or self._torque_reason()
-
-    def _stop_reason(self) -> str | None:
-        return f"the emergency stop is engaged ({self._estop_topic})" if self.stopped else None
+        return self._stop_reason or self._claim_reason(owner) or self._torque_reason()
 
     def _claim_reason(self, owner: str) -> str | None:
         busy = self._claim is not None and self._claim.owner != owner
@@ -245,7 +255,7 @@ class Arm:
             Refused: somebody else has the arm; or, for on, the emergency stop is engaged, or it is not known
                 where the arm is, so that it might jump.
         """
-        reason = (self._stop_reason() if on else None) or self._claim_reason(owner)
+        reason = (self._stop_reason if on else "") or self._claim_reason(owner)
         if reason is not None:
             raise Refused(reason)
         if on:
@@ -269,16 +279,27 @@ class Arm:
             self._claim.interrupted(reason)
 
     def _on_estop(self, message: Bool) -> None:
-        engaged = bool(message.data)
-        if engaged == self.stopped:
+        self._stop_heard = self._ros.elapsed()
+        self._stop("engaged" if message.data else "")
+
+    def _look_at_estop(self) -> None:
+        """Take silence for a stop: who pressed the button now would not be heard."""
+        heard = self._stop_heard
+        if heard is not None and self._ros.elapsed() - heard > self._stop_timeout:
+            self._stop("silent")
+
+    def _stop(self, how: str) -> None:
+        """Stop, by a button that is `engaged` or `silent`; "" releases what was stopped."""
+        before, now = self.stopped, f"the emergency stop is {how} ({self._estop_topic})" if how else ""
+        self._stop_reason = now
+        if before == self.stopped:
             return
-        self.stopped = engaged
-        if not engaged:
+        if not how:
             self._ros.log.info("emergency stop released")
             return
-        self._ros.log.warning("emergency stop engaged: the arm stays where it is")
+        self._ros.log.warning(f"{now}: the arm stays where it is")
         self.hold()
-        self._interrupt("the emergency stop was engaged")
+        self._interrupt(f"the emergency stop was {how}")
 
 
 def _stay(pose: Pose, seconds: float) -> Trajectory:

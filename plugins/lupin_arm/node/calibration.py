@@ -20,7 +20,7 @@ from lupin_arm.node.mark import Mark
 from lupin_arm.node.mission import Mission
 from lupin_arm.node.refused import Refused
 from lupin_arm.node.serving import STALE_AFTER_S, refuse
-from lupin_engine.errors import nearest
+from lupin_engine.errors import nearest, shortened
 from lupin_engine.machine.event import Event
 from lupin_engine.machine.step import Step
 from lupin_engine.middleware.node import RosNode, Timer
@@ -144,7 +144,7 @@ class Calibration:
         if action == "status":
             return False
         if action not in EVENTS:
-            raise Refused(f"unknown action {action[:40]!r}; {nearest(action[:40], ACTIONS)}")
+            raise Refused(f"unknown action {shortened(action)!r}; {nearest(shortened(action), ACTIONS)}")
         if action == "start":
             self._gates.require()
         self._servos.tell_stopped()

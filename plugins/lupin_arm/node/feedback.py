@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 
 from sensor_msgs.msg import JointState
@@ -42,11 +41,6 @@ class Feedback:
     def jaw(self) -> float | None:
         """Return the angle of the jaw's joint; None while it has not been heard of just now."""
         return self._fresh().get(JAW)
-
-    def age(self) -> float:
-        """Return how long ago the joint that was heard of least lately was heard of, in seconds."""
-        seen = [self._seen.get(joint.state_name, -math.inf) for joint in ARM]
-        return self._ros.elapsed() - min(seen)
 
     def _fresh(self) -> dict[str, float]:
         now = self._ros.elapsed()

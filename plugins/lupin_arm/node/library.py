@@ -22,7 +22,7 @@ from lupin_arm.node.recorder import Recorder, Result
 from lupin_arm.node.refused import Refused
 from lupin_arm.node.serving import STALE_AFTER_S, refuse
 from lupin_arm.trajectory import clamp_speed, move
-from lupin_engine.errors import nearest
+from lupin_engine.errors import nearest, shortened
 from lupin_engine.middleware.node import Qos, RosNode
 from lupin_msgs.srv import (
     ArmLibraryEdit,
@@ -213,7 +213,7 @@ class LibraryServer:
         elif action == "cancel":
             self._recorder.cancel(answer)
         else:
-            raise Refused(f"unknown action {action[:40]!r}; {nearest(action[:40], ACTIONS)}")
+            raise Refused(f"unknown action {shortened(action)!r}; {nearest(shortened(action), ACTIONS)}")
 
     # --- what is going on ---------------------------------------------------------------------------------
 

@@ -17,7 +17,7 @@ from lupin_arm.node.arm import Arm
 from lupin_arm.node.mark import Mark
 from lupin_arm.node.refused import Refused
 from lupin_arm.recorder import Recording
-from lupin_engine.errors import nearest
+from lupin_engine.errors import nearest, shortened
 from lupin_engine.middleware.node import RosNode
 
 #: The name under which the arm is kept for a recording by hand.
@@ -128,7 +128,7 @@ class Recorder:
         """
         mode = mode.strip().lower() or "teleop"
         if mode not in MODES:
-            raise Refused(f"unknown mode {mode[:40]!r}; {nearest(mode[:40], MODES)}")
+            raise Refused(f"unknown mode {shortened(mode)!r}; {nearest(shortened(mode), MODES)}")
         if self._phase is _Phase.UNSAVED:
             raise Refused("a recording is not saved yet; save it under a name, or cancel it")
         if self._phase is not _Phase.IDLE:

@@ -17,12 +17,9 @@ from lupin_engine.middleware.node import RosNode
 
 def main(arguments: Sequence[str]) -> int:
     """Run the node until it is told to stop; `arguments` are the ROS arguments."""
-    ros = RosNode("lupin_arm", arguments, PARAMETERS)
-    try:
+    with RosNode("lupin_arm", arguments, PARAMETERS) as ros:
         serve_all(ros)
         ros.spin()
-    finally:
-        ros.close()
     return 0
 
 

@@ -15,6 +15,13 @@ PARAMETERS = {
         TEXT, "/mirte_master_gripper_controller/gripper_cmd", "GripperCommand: the jaw's controller"
     ),
     "estop_topic": Parameter(TEXT, "/e_stop_state", "Bool: the emergency stop, true while engaged"),
+    "estop_timeout": Parameter(
+        number_in("s"),
+        2.0,
+        "an emergency stop that was heard and is silent for so long counts as engaged; 0: never",
+        minimum=0.0,
+        maximum=60.0,
+    ),
     "torque_service": Parameter(
         TEXT, "/io/servo/hiwonder/enable_all_servos", "SetBool: the vendor's switch of the servos' power"
     ),

@@ -246,10 +246,7 @@ def _servo_pose(what: str, angles: Sequence[float]) -> Pose:
 
 def main(arguments: Sequence[str]) -> int:
     """Run the node until it is told to stop; `arguments` are the ROS arguments."""
-    ros = RosNode("lupin_arm_sim", arguments, PARAMETERS)
-    try:
+    with RosNode("lupin_arm_sim", arguments, PARAMETERS) as ros:
         ArmSimNode(ros)
         ros.spin()
-    finally:
-        ros.close()
     return 0

@@ -16,20 +16,20 @@ from tf2_msgs.msg import TFMessage
 
 from lupin_engine.errors import LupinError
 from lupin_engine.middleware.node import Qos, RosNode
-from lupin_engine.world.frames import Frames, frame_name
-from lupin_engine.world.poses import Array, Pose
+from lupin_engine.world.poses import Array
 from lupin_msgs.msg import DiscoveredTags, MissionState, Observation
 from lupin_msgs.srv import ConfirmTag
 from lupin_perception.anomalies import Watch
 from lupin_perception.boxes import Box, Size, box_from_tag, column_depth, column_fraction
-from lupin_perception.detections import Detection, TagSeen, read_flowers, read_tags
+from lupin_perception.detections import Detection, read_flowers, read_tags
 from lupin_perception.flowers import Bloom, Scan, is_active, scanned_tag
 from lupin_perception.memory import Memory, Past, memory_path
 from lupin_perception.node import messages
 from lupin_perception.node.layout import KnownBoxes
 from lupin_perception.node.passive import PassiveObserver
 from lupin_perception.node.settings import PARAMETERS, fusion_rules
-from lupin_perception.registry import MAX_TAGS, Registry
+from lupin_perception.registry import MAX_TAGS, Known, Registry
+from lupin_perception.sightings import Sightings
 
 __all__ = ["NAME", "PARAMETERS", "Aggregator", "main"]
 
@@ -37,11 +37,6 @@ NAME = "perception_aggregator"
 
 #: Requests older than this, in seconds, are not answered: they waited out a broken link, nobody listens.
 STALE_AFTER_S = 10.0
-#: Frames in a row without a place for any of their tags that are worth a warning.
-UNPLACED_FRAMES = 5
-#: Seconds for which a sighting waits for its transform, which comes by another topic, and seconds after which
-#: one that came before says nothing any more.
-LATE_S = 3.0
 #: Seconds for which a node that was started again waits to hear of the mission that it remembers.
 RECALL_S = 2.0
 #: Without a mission the tag that flowers belong to changes when another one is nearer by so much (m): what is
@@ -58,8 +53,10 @@ class Aggregator:
         self._ros = ros
         self._values = values = ros.parameters()
         self._size = Size(values["box_width"], values["box_depth"])
-        self._frames = Frames()
         self._tags = Registry(values["min_sightings"], values["max_tag_distance_m"], values["freshness_s"])
+        self._sightings = Sightings(
+            self._tags, values["tf_frame_prefix"], values["tag_in_sight_s"], self._on_sighting
+        )
         self._scan = Scan(fusion_rules(values))
         self._watch = Watch(
             values["anomaly_class_name"],
@@ -74,17 +71,11 @@ class Aggregator:
         #: What was last written to the memory: revision of the tags, reports of pests.
         self._kept = 0, 0
         self._begun = ros.elapsed()
-        #: Tags of the last frames: distance in metres, and when.
-        self._sights: dict[str, tuple[float, float]] = {}
         self._pan = 0.0
         self._since = ros.stamp()
         #: The box that the flowers of this scan were told in; None before they were.
         self._told_box: Box | None = None
         self._has_told = False
-        #: Sightings that wait for their transform, by its frame, and since when.
-        self._late: dict[str, tuple[TagSeen, float]] = {}
-        #: Frames in a row with tags of which none could be placed.
-        self._unplaced = 0
         self._warned: set[str] = set()
         self._connect()
         self._boxes = KnownBoxes(ros, values, self._tags, self._warn_once)
@@ -110,13 +101,11 @@ class Aggregator:
     # --- where things are ---------------------------------------------------------------------------------
 
     def _on_transforms(self, message: TFMessage) -> None:
-        for problem in self._frames.take(message.transforms, heard=self._ros.elapsed()):
+        for problem in self._sightings.take(message.transforms, self._ros.elapsed()):
             self._warn_once(f"/tf: {problem}")
-        for stamped in message.transforms if self._late else ():
-            self._place_late(frame_name(stamped.child_frame_id))
 
     def _on_static_transforms(self, message: TFMessage) -> None:
-        for problem in self._frames.take(message.transforms, static=True):
+        for problem in self._sightings.take(message.transforms, self._ros.elapsed(), static=True):
             self._warn_once(f"/tf_static: {problem}")
 
     def _on_joints(self, message: JointState) -> None:
@@ -139,7 +128,7 @@ class Aggregator:
             past = Past(mission_id)
         self._tags.restore(past.tags)
         self._watch.begin(past.reported)
-        self._late.clear()
+        self._sightings.forget()
         self._scan.aim("")
         self._has_told, self._told_box = False, None
         self._since = self._ros.stamp()
@@ -187,76 +176,30 @@ class Aggregator:
 
     def _nearest(self) -> str:
         """Name the nearest discovered tag in sight, '' for none."""
-        here = {tag: distance for tag, distance in self._in_sight().items() if self._tags.find(tag)}
+        in_sight = self._sightings.in_sight(self._ros.elapsed())
+        here = {tag: distance for tag, distance in in_sight.items() if self._tags.find(tag)}
         if not here:
             return ""
         nearest, so_far = min(here, key=lambda tag: (here[tag], tag)), self._scan.tag_id
         return so_far if so_far in here and here[so_far] <= here[nearest] + NEARER_M else nearest
-
-    def _in_sight(self) -> dict[str, float]:
-        """Return the tags of the last frames with their distances in metres."""
-        self._forget_sights()
-        return {tag: distance for tag, (distance, _) in self._sights.items()}
-
-    def _forget_sights(self) -> None:
-        since = self._ros.elapsed() - self._values["tag_in_sight_s"]
-        self._sights = {tag: sight for tag, sight in self._sights.items() if sight[1] >= since}
 
     # --- tags ---------------------------------------------------------------------------------------------
 
     def _on_tags(self, message: String) -> None:
         seen, problems = read_tags(message.data)
         self._tell_problems("tag_detections_topic", problems)
-        now = self._ros.elapsed()
-        self._forget_sights()
-        self._sights.update({tag.id: (tag.distance, now) for tag in seen})
-        near = [tag for tag in seen if self._tags.is_near(tag.distance)]
-        placed = [tag for tag in near if self._add(tag, now)]
-        if placed:
-            self._since = self._ros.stamp()
-        self._wait_for_transforms([tag for tag in near if tag not in placed], now)
-        self._tell_unplaced(near, placed)
+        warning = self._sightings.see(seen, self._ros.elapsed())
+        if warning:
+            self._ros.log.warning(warning)
 
-    def _wait_for_transforms(self, unplaced: Sequence[TagSeen], now: float) -> None:
-        self._late = {frame: late for frame, late in self._late.items() if now - late[1] <= LATE_S}
-        self._late.update({self._frame_of(tag): (tag, now) for tag in unplaced})
-
-    def _place_late(self, frame: str) -> None:
-        """Count the sighting that waits for this frame, if it can be placed now."""
-        tag, since = self._late.get(frame, (None, 0.0))
-        if tag is not None and self._ros.elapsed() - since <= LATE_S and self._add(tag, since):
-            del self._late[frame]
-            self._since = self._ros.stamp()
-
-    def _frame_of(self, tag: TagSeen) -> str:
-        return f"{self._values['tf_frame_prefix']}{tag.id}"
-
-    def _find(self, frame: str) -> Pose | None:
-        """Return where a frame is on the map, None when nobody has said so lately."""
-        return self._frames.find(messages.FRAME, frame, self._ros.elapsed() - LATE_S)
-
-    def _add(self, tag: TagSeen, now: float) -> bool:
-        """Count a sighting of a tag whose place is known; says whether it is."""
-        pose = self._find(self._frame_of(tag))
-        if pose is None:
-            return False
-        known = self._tags.add(tag.id, pose, tag.distance, now)
+    def _on_sighting(self, known: Known | None) -> None:
+        """Take in that a tag was placed; None is one too many."""
+        self._since = self._ros.stamp()
         if known is None:
             self._warn_once(f"more than {MAX_TAGS} tags; further ones left out")
         elif known.sightings == self._values["min_sightings"]:
-            x, y = np.round(pose.position[:2], 3).tolist()
-            self._ros.log.info("tag discovered", tag=tag.id, x=x, y=y)
-        return True
-
-    def _tell_unplaced(self, near: Sequence[TagSeen], placed: Sequence[TagSeen]) -> None:
-        """Tell when tags are seen but none can be placed: an exploration would find nothing."""
-        self._unplaced = 0 if placed else self._unplaced + bool(near)
-        if near and self._unplaced == UNPLACED_FRAMES:
-            since = self._ros.elapsed() - LATE_S
-            gap = self._frames.gap(messages.FRAME, self._frame_of(near[0]), since)
-            self._ros.log.warning(
-                f"tags are seen but none can be placed: {gap}; is the camera calibrated, the robot localized?"
-            )
+            x, y = np.round(known.pose.position[:2], 3).tolist()
+            self._ros.log.info("tag discovered", tag=known.id, x=x, y=y)
 
     def _tick(self) -> None:
         # A list without what is remembered would tell the mission that its finds are gone.
@@ -286,7 +229,7 @@ class Aggregator:
         if self._scan.tag_id:
             self._scan.add(detections, self._pan)
             self._tell_flowers()
-        if self._scan.tag_id or self._in_sight():
+        if self._scan.tag_id or self._sightings.in_sight(self._ros.elapsed()):
             self._watch.interrupt()
         else:
             self._look_for_pests(detections)
@@ -318,14 +261,12 @@ class Aggregator:
         return box.place(fractions, [column_depth(bloom.column, base, spread) for bloom in blooms])
 
     def _look_for_pests(self, detections: Sequence[Detection]) -> None:
-        robot = self._find(self._values["base_frame"])
+        robot = self._sightings.where(self._values["base_frame"], self._ros.elapsed())
         place = None if robot is None else robot.plane
         pest = self._watch.add(detections, place, self._ros.elapsed())
         if pest is not None and robot is not None:
             stamp = self._ros.stamp()
-            self._observations.publish(
-                messages.anomaly_observation(pest, robot, self._mission_id(), stamp)
-            )
+            self._observations.publish(messages.anomaly_observation(pest, robot, self._mission_id(), stamp))
 
     # --- what is wrong ------------------------------------------------------------------------------------
 
@@ -353,10 +294,7 @@ def _is_alike(box: Box | None, other: Box | None) -> bool:
 
 def main(arguments: Sequence[str]) -> int:
     """Run the node until it is told to stop; `arguments` are the ROS arguments."""
-    ros = RosNode(NAME, arguments, PARAMETERS)
-    try:
+    with RosNode(NAME, arguments, PARAMETERS) as ros:
         Aggregator(ros)
         ros.spin()
-    finally:
-        ros.close()
     return 0

@@ -22,9 +22,8 @@ from lupin_perception.anomalies import PEST_SEVERITY, Pest
 from lupin_perception.boxes import Box
 from lupin_perception.flowers import Bloom, Summary
 from lupin_perception.registry import Known
+from lupin_perception.sightings import MAP
 
-#: The frame of every pose on this wire.
-FRAME = "map"
 #: Who these observations are from.
 SOURCE = "perception_aggregator"
 #: An orientation whose w is exactly 0 means that nobody has filled it in; half a turn has one too.
@@ -44,7 +43,7 @@ def pose_message(pose: Pose) -> PoseMessage:
 def discovered_tags(tags: Iterable[Known], since: Time) -> DiscoveredTags:
     """Return all tags, as of the moment when they last changed."""
     message = DiscoveredTags(tags=[_discovered(known) for known in tags])
-    message.header.frame_id, message.header.stamp = FRAME, since
+    message.header.frame_id, message.header.stamp = MAP, since
     return message
 
 
@@ -107,5 +106,5 @@ def reading_observation(known: Known, reading: TagReading, source: str, stamp: T
 
 def _observation(kind: int, mission_id: str, stamp: Time, source: str = SOURCE) -> Observation:
     message = Observation(mission_id=mission_id, source=source, kind=kind, status=Observation.STATUS_OK)
-    message.header.frame_id, message.header.stamp = FRAME, stamp
+    message.header.frame_id, message.header.stamp = MAP, stamp
     return message

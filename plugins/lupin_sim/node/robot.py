@@ -33,6 +33,7 @@ from lupin_sim.faults import Fault, Faults
 from lupin_sim.floor import Floor
 from lupin_sim.layout import load_layout
 from lupin_sim.node import senses
+from lupin_sim.node.display import Display
 from lupin_sim.node.senses import Senses
 from lupin_sim.robot import Pose, Robot
 
@@ -41,9 +42,10 @@ HEARTBEAT_S = 0.2
 BEATS_PER_BATTERY = 5
 #: Seconds between two poses while standing still or driving.
 POSE_PERIOD_S = 0.5
-#: Seconds between two movements, and movements between two feedbacks.
+#: Seconds between two movements, and movements between two feedbacks and two plans.
 MOVE_S = 0.05
 MOVES_PER_FEEDBACK = 2
+MOVES_PER_PLAN = 20
 #: Metres between two looks around while driving; a fast robot looks more often, not less carefully. After a
 #: standstill of so many seconds (a clock that jumps) the looks in between are left out.
 LOOK_M = 0.1
@@ -119,6 +121,7 @@ class SimNode:
             started=self._start,
             cancelled=self._cancel,
         )
+        self._display = Display(ros)
         ros.on_parameter(self._change)
         ros.on_stop(lambda: self._end_goal("aborted", "the simulated robot is switched off"))
         ros.timer(HEARTBEAT_S, self._beat)
@@ -208,6 +211,7 @@ class SimNode:
             return
         self._robot.follow(path, heading(target.orientation))
         self._settle()
+        self._tell_plan(served)
         if self._moving is None:
             self._moves = 0
             self._moving = self._ros.timer(MOVE_S, self._move)
@@ -225,6 +229,11 @@ class SimNode:
             self._publish_transforms()
             if self._moves % MOVES_PER_FEEDBACK == 0:
                 self._goal.feedback(self._feedback())
+            if self._moves % MOVES_PER_PLAN == 0:
+                self._tell_plan(self._goal)
+
+    def _tell_plan(self, served: ServedGoal) -> None:
+        self._display.tell_plan(self._robot.path, heading(served.request.pose.pose.orientation))
 
     def _advance(self) -> None:
         """Let the robot drive until now, and look around on the way."""
@@ -344,10 +353,7 @@ def _duration(seconds: float) -> Duration:
 
 def main(arguments: Sequence[str]) -> int:
     """Run the node until it is told to stop; `arguments` are the ROS arguments."""
-    ros = RosNode("lupin_sim", arguments, PARAMETERS)
-    try:
+    with RosNode("lupin_sim", arguments, PARAMETERS) as ros:
         SimNode(ros)
         ros.spin()
-    finally:
-        ros.close()
     return 0

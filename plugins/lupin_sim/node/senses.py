@@ -24,8 +24,8 @@ from lupin_sim.lidar import ORIGIN_X, ORIGIN_Y, RESOLUTION, GrowingMap, Lidar
 from lupin_sim.node.detections import Detections
 from lupin_sim.robot import Pose
 
-#: The least seconds between two maps.
-TELL_S = 0.5
+#: The least seconds between two maps, and the most: not everybody hears what is latched.
+TELL_S, TELL_AGAIN_S = 0.5, 5.0
 
 PARAMETERS = {
     "lidar_range": Parameter(LENGTH, 1.5, "how far the robot sees walls and tables", minimum=0.1),
@@ -61,6 +61,7 @@ class Senses:
         )
         self._mapped_from: tuple[float, float] | None = None
         self._mission_id = ""
+        self._told = ros.elapsed()
         self._maps = ros.publisher(OccupancyGrid, "/map", Qos.LATCHED)
         self._detections = Detections(ros, send) if values["detector"] else None
         ros.subscribe(MissionState, "/mission/state", Qos.LATCHED, self._on_mission)
@@ -77,8 +78,10 @@ class Senses:
             self._detections.tell(pose, self._camera.sees(pose), self._camera.pests(pose))
 
     def tell_map(self) -> None:
-        """Publish the map if there is anything new in it."""
-        if self._map.changed:
+        """Publish the map if there is anything new in it, or if it was told long ago."""
+        now = self._ros.elapsed()
+        if self._map.changed or now - self._told >= TELL_AGAIN_S:
+            self._told = now
             self._maps.publish(self._grid())
 
     def _on_mission(self, message: MissionState) -> None:

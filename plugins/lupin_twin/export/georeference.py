@@ -1,7 +1,7 @@
 """From metres on the greenhouse's map to longitude and latitude; pure.
 
 The map is a plane that touches the ellipsoid of WGS84 in its origin. Within 1 km of it that is right to
-decimetres, within 100 m to 2 mm.
+decimetres, within 100 m to 5 mm.
 """
 
 from __future__ import annotations

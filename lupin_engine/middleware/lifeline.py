@@ -1,4 +1,4 @@
-"""The child's side of supervision: a process that was started by `lupin run` does not outlive it.
+"""The child's side of supervision: a node that was started by `lupin run`, or by a test, does not outlive it.
 
 The supervisor holds the writing end of the child's standard input and never writes. However the supervisor
 ends, `kill -9` included, the kernel closes that end, and a thread of the child reads the end of the file. The

@@ -1,0 +1,103 @@
+"""Where on the map the tags are that the detector sees: its frames and transforms, brought together. Pure.
+
+They come by two topics, and either may be late; time is an argument, in seconds of a clock that never goes
+back.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any
+
+from lupin_engine.world.frames import Frames, frame_name
+from lupin_engine.world.poses import Pose
+from lupin_perception.detections import TagSeen
+from lupin_perception.registry import Known, Registry
+
+#: The frame of the map.
+MAP = "map"
+#: Frames in a row without a place for any of their tags that are worth a warning.
+UNPLACED_FRAMES = 5
+#: Seconds for which a sighting waits for its transform, and seconds after which one that came before says
+#: nothing any more.
+LATE_S = 3.0
+
+
+class Sightings:
+    """What is in sight, and what of it waits for a transform; what is placed the registry counts."""
+
+    def __init__(
+        self, tags: Registry, prefix: str, in_sight: float, placed: Callable[[Known | None], None]
+    ) -> None:
+        """A tag's frame is `prefix` and its id; it is in sight for `in_sight` seconds after its last frame.
+
+        `placed` is called with each tag that was counted, or None where the registry has no room for it.
+        """
+        self._tags, self._prefix, self._in_sight, self._placed = tags, prefix, in_sight, placed
+        self._frames = Frames()
+        #: Tags of the last frames: distance in metres, and when.
+        self._sights: dict[str, tuple[float, float]] = {}
+        #: Sightings that wait for their transform, by its frame, and since when.
+        self._late: dict[str, tuple[TagSeen, float]] = {}
+        #: Frames in a row with tags of which none could be placed.
+        self._unplaced = 0
+
+    def take(self, transforms: Iterable[Any], now: float, *, static: bool = False) -> list[str]:
+        """Take in the transforms of a TFMessage; returns what was left out, once for each kind of fault."""
+        problems = self._frames.take(transforms, static=static, heard=now)
+        for stamped in transforms if self._late else ():
+            self._place_late(frame_name(stamped.child_frame_id), now)
+        return problems
+
+    def see(self, seen: Sequence[TagSeen], now: float) -> str:
+        """Take in a frame of the detector; returns what people should know, '' for nothing."""
+        self._forget_sights(now)
+        self._sights.update({tag.id: (tag.distance, now) for tag in seen})
+        near = [tag for tag in seen if self._tags.is_near(tag.distance)]
+        unplaced = [tag for tag in near if not self._place(tag, now, now)]
+        self._late = {frame: late for frame, late in self._late.items() if now - late[1] <= LATE_S}
+        self._late.update({self._frame_of(tag): (tag, now) for tag in unplaced})
+        return self._told_of(near, unplaced, now)
+
+    def in_sight(self, now: float) -> dict[str, float]:
+        """Return the tags of the last frames with their distances in metres."""
+        self._forget_sights(now)
+        return {tag: distance for tag, (distance, _) in self._sights.items()}
+
+    def where(self, frame: str, now: float) -> Pose | None:
+        """Return where a frame is on the map, None when nobody has said so lately."""
+        return self._frames.find(MAP, frame, now - LATE_S)
+
+    def forget(self) -> None:
+        """A new mission begins: what still waits to be placed was seen in the last one."""
+        self._late.clear()
+
+    def _forget_sights(self, now: float) -> None:
+        since = now - self._in_sight
+        self._sights = {tag: sight for tag, sight in self._sights.items() if sight[1] >= since}
+
+    def _frame_of(self, tag: TagSeen) -> str:
+        return f"{self._prefix}{tag.id}"
+
+    def _place_late(self, frame: str, now: float) -> None:
+        """Count the sighting that waits for this frame, if it can be placed now."""
+        tag, seen = self._late.get(frame, (None, 0.0))
+        if tag is not None and now - seen <= LATE_S and self._place(tag, seen, now):
+            del self._late[frame]
+
+    def _place(self, tag: TagSeen, seen: float, now: float) -> bool:
+        """Count a tag that was `seen` then, if its place is known now; says whether it is."""
+        pose = self.where(self._frame_of(tag), now)
+        if pose is None:
+            return False
+        self._placed(self._tags.add(tag.id, pose, tag.distance, seen))
+        return True
+
+    def _told_of(self, near: Sequence[TagSeen], unplaced: Sequence[TagSeen], now: float) -> str:
+        """Tell when tags are seen but none can be placed: an exploration would find nothing."""
+        some_placed = len(unplaced) < len(near)
+        self._unplaced = 0 if some_placed else self._unplaced + bool(near)
+        if not near or self._unplaced != UNPLACED_FRAMES:
+            return ""
+        gap = self._frames.gap(MAP, self._frame_of(near[0]), now - LATE_S)
+        return f"tags are seen but none can be placed: {gap}; is the camera calibrated, the robot localized?"

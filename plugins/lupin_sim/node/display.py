@@ -1,0 +1,54 @@
+"""What displays have to do with the navigation: they show the way, and a click on the map is a goal."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from itertools import pairwise
+
+from geometry_msgs.msg import Point as Position
+from geometry_msgs.msg import Pose as PoseMessage
+from geometry_msgs.msg import PoseStamped, Quaternion
+from nav2_msgs.action import NavigateToPose
+from nav_msgs.msg import Path
+
+from lupin_engine.middleware.node import Qos, RosNode
+from lupin_sim.floor import Point
+
+
+class Display:
+    """The topics of the real navigation that displays use, `/plan` and `/goal_pose`."""
+
+    def __init__(self, ros: RosNode) -> None:
+        self._ros = ros
+        self._plans = ros.publisher(Path, "/plan", Qos.EVENT)
+        # As Nav2 does it: a click is a goal like any other, and whoever cancels all goals cancels it too.
+        self._navigation = ros.action(NavigateToPose, "navigate_to_pose")
+        ros.subscribe(PoseStamped, "/goal_pose", Qos.EVENT, self._on_click)
+
+    def tell_plan(self, path: Sequence[Point], yaw: float) -> None:
+        """Publish the corners of the way that is left, from the robot on; it ends turned to `yaw`."""
+        headings = [math.atan2(b[1] - a[1], b[0] - a[0]) for a, b in pairwise(path)]
+        message = Path()
+        message.header.frame_id = "map"
+        message.header.stamp = self._ros.stamp()
+        for (x, y), heading in zip(path, [*headings, yaw], strict=True):
+            turn = Quaternion(x=0.0, y=0.0, z=math.sin(heading / 2.0), w=math.cos(heading / 2.0))
+            pose = PoseMessage(position=Position(x=x, y=y, z=0.0), orientation=turn)
+            message.poses.append(PoseStamped(header=message.header, pose=pose))
+        self._plans.publish(message)
+
+    def _on_click(self, pose: PoseStamped) -> None:
+        place = pose.pose.position
+        self._ros.log.info("driving to where somebody clicked", x=round(place.x, 2), y=round(place.y, 2))
+        self._navigation.send(
+            NavigateToPose.Goal(pose=pose),
+            accepted=_nothing,
+            feedback=_nothing,
+            ended=_nothing,
+            rejected=_nothing,
+        )
+
+
+def _nothing(*_: object) -> None:
+    """A click wants no answer: what becomes of it is seen."""
