@@ -42,9 +42,7 @@ def read_under(
 ) -> Value | None:
     """Read the value under a key as `read_value` does; where it stands is asked for constants only."""
     raw = holder[key]
-    if not is_expression(raw):
-        return read_constant(raw, holder.value_place(key), wanted, findings, path)
-    fragment = fragment_of(raw)
+    fragment = fragment_of(raw) if is_expression(raw) else None
     if fragment is not None:
         return compile_expression(fragment, scope, wanted, findings, path)
     return read_value(raw, holder.value_place(key), wanted, scope, findings, path)
@@ -55,10 +53,7 @@ def read_key(node: Node, key: str, wanted: Type, scope: Scope, findings: Finding
     raw = getattr(node, key)
     if raw is None:
         return None
-    path = f"{path}.{key}"
-    if not is_expression(raw):
-        return read_constant(raw, node.at(key), wanted, findings, path)
-    fragment = fragment_of(raw)
+    fragment, path = fragment_of(raw) if is_expression(raw) else None, f"{path}.{key}"
     if fragment is not None:
         return compile_expression(fragment, scope, wanted, findings, path)
     return read_value(raw, node.at(key), wanted, scope, findings, path)

@@ -1,9 +1,9 @@
 """The operator's panel of today, as the robot sees it: its web page, and the gateway that speaks ROS for it.
 
 It shares nothing with what it talks to but the message packages: names, types and rules are written here once
-more, by hand, as the page has them. The gateway is one ROS node for all pages. It derives the quality of
-service of a subscription from the publishers that it knows at that moment, keeps what it publishes for a
-second, and hands everything over as JSON, in which a number that is none is null.
+more, by hand, as the page has them. The gateway is an ordinary ROS node. It derives the quality of service of
+a subscription from the publishers that it knows at that moment, keeps what it publishes for a second, and
+hands everything over as JSON, in which a number that is none is null.
 """
 
 from __future__ import annotations
@@ -118,7 +118,7 @@ class Panel:
         qos = _gateway_qos()
         offered = [info.qos_profile for info in self.node.get_publishers_info_by_topic(topic)]
         if any(profile.durability is DurabilityPolicy.TRANSIENT_LOCAL for profile in offered):
-            qos.durability = DurabilityPolicy.TRANSIENT_LOCAL
+            qos.durability, qos.reliability = DurabilityPolicy.TRANSIENT_LOCAL, ReliabilityPolicy.RELIABLE
         if any(profile.reliability is ReliabilityPolicy.BEST_EFFORT for profile in offered):
             qos.reliability = ReliabilityPolicy.BEST_EFFORT
         return qos
@@ -236,8 +236,10 @@ class Panel:
 
 
 def _gateway_qos() -> QoSProfile:
-    """Return the gateway's own wish: reliable, nothing latched, ten messages."""
-    return QoSProfile(depth=10, durability=DurabilityPolicy.VOLATILE, reliability=ReliabilityPolicy.RELIABLE)
+    """Return what fits every publisher: best effort, nothing latched; and ten messages."""
+    return QoSProfile(
+        depth=10, durability=DurabilityPolicy.VOLATILE, reliability=ReliabilityPolicy.BEST_EFFORT
+    )
 
 
 def _class(kind: str, group: str) -> Any:

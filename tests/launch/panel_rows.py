@@ -199,7 +199,8 @@ FIELD = {
     "value_max": float,
     "sample_count": int,
 }
-#: Least and greatest value of each sensor in the unit that the panel writes beside it.
+#: Least and greatest value of each sensor in the unit that the panel writes beside it; but soil moisture is a
+#: share, as the greenhouse's simulator has it, and the panel of today writes % beside that.
 UNITS = {
     "temperature": (0.0, 40.0),
     "humidity": (0.0, 100.0),

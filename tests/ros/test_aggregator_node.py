@@ -223,6 +223,14 @@ def test_who_comes_late_gets_the_last_list_at_once(make_node: MakeNode) -> None:
     assert len(scene.lists) == count
 
 
+def test_a_tag_is_told_at_once_when_it_is_discovered(make_node: MakeNode) -> None:
+    """Who has just come to it says where it is with its reading, and the next list would be too late."""
+    scene = Scene(make_node, "-p", "publish_rate_hz:=0.2")
+    scene.discover()
+    spin_until([scene.node, scene.world], scene.tags, 4.0, "the tag, before the next list")
+    assert scene.tags() == {"5": 3}
+
+
 def test_a_list_without_news_keeps_its_stamp(make_node: MakeNode) -> None:
     scene = Scene(make_node)
     scene.discover()

@@ -423,6 +423,19 @@ def test_a_fast_robot_looks_around_as_often_on_its_way_as_a_slow_one(
     assert max(gaps) < 0.11
 
 
+def test_the_robot_has_looked_at_what_it_stands_before_when_it_says_that_it_has_arrived(
+    make_node: MakeNode, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A tag counts at its third sighting, and who asks for its place does so on arrival."""
+    scene = Sensed(make_node)
+    looks: list[Pose] = []
+    monkeypatch.setattr(scene.node._senses, "look", looks.append)
+    drive = scene.drive(0.5, 7.5)
+    scene.until(lambda: scene.node._goal is None, "arrived, by the robot's own account")
+    assert looks[-3:] == [Pose(0.5, 7.5, 0.0)] * 3
+    assert scene.end_of(drive) == 4
+
+
 def test_a_new_mission_begins_with_no_map(make_node: MakeNode) -> None:
     scene = Sensed(make_node)
     scene.mission("m1", "EXPLORING")

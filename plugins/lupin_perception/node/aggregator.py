@@ -200,6 +200,8 @@ class Aggregator:
         elif known.sightings == self._values["min_sightings"]:
             x, y = np.round(known.pose.position[:2], 3).tolist()
             self._ros.log.info("tag discovered", tag=known.id, x=x, y=y)
+            # At once: a mission that has just come to this tag will say where it is.
+            self._tick()
 
     def _tick(self) -> None:
         # A list without what is remembered would tell the mission that its finds are gone.

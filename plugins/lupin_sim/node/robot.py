@@ -51,6 +51,10 @@ MOVES_PER_PLAN = 20
 LOOK_M = 0.1
 LOOKS_WITHIN_S = 1.0
 
+#: Movements for which it stands at its goal, looking, before it says that it has arrived: as with Nav2, whose
+#: goal checkers see a robot stop, its camera has shown by then what it stands before.
+MOVES_STANDING = 4
+
 #: Variance of x, y (m²) and yaw (rad²) of a localized and of a lost robot, and its growth between two poses.
 VARIANCE, LOST_VARIANCE, LOSING = 0.01, 4.0, 4.0
 #: Variance of what a robot on a floor does not know: z, roll and pitch.
@@ -97,6 +101,7 @@ class SimNode:
         self._goal_began = 0.0
         self._moving: Timer | None = None
         self._moves = 0
+        self._standing = 0
         self._beats = 0
         self._next_pose = ros.elapsed()
         self._next_look = ros.elapsed()
@@ -210,6 +215,7 @@ class SimNode:
             self._end_goal("aborted", "no path", NO_VALID_PATH)
             return
         self._robot.follow(path, heading(target.orientation))
+        self._standing = 0
         self._settle()
         self._tell_plan(served)
         if self._moving is None:
@@ -224,13 +230,21 @@ class SimNode:
         if self._faults.now(Fault.ABORT):
             self._end_goal("aborted", "fault: abort")
         elif self._robot.arrived:
-            self._end_goal("succeeded")
+            self._stand()
         else:
             self._publish_transforms()
             if self._moves % MOVES_PER_FEEDBACK == 0:
                 self._goal.feedback(self._feedback())
             if self._moves % MOVES_PER_PLAN == 0:
                 self._tell_plan(self._goal)
+
+    def _stand(self) -> None:
+        """Look at what is before the robot, a few times; then it has arrived."""
+        self._standing += 1
+        if self._standing < MOVES_STANDING:
+            self._senses.look(self._robot.pose)
+        else:
+            self._end_goal("succeeded")
 
     def _tell_plan(self, served: ServedGoal) -> None:
         self._display.tell_plan(self._robot.path, heading(served.request.pose.pose.orientation))
