@@ -18,7 +18,19 @@ from lupin_engine.plugin.contract import (
     Plugin,
     Reader,
 )
-from lupin_engine.plugin.types import ANGLE, BOOL, COUNT, INTEGER, LENGTH, NUMBER, POSE, TEXT, Type, list_of
+from lupin_engine.plugin.types import (
+    ANGLE,
+    BOOL,
+    COUNT,
+    DURATION,
+    INTEGER,
+    LENGTH,
+    NUMBER,
+    POSE,
+    TEXT,
+    Type,
+    list_of,
+)
 from lupin_nav.functions import (
     bind_add_place,
     bind_approach,
@@ -174,7 +186,8 @@ VALUES: Mapping[str, LiveValue] = {
     "robot.pose": LiveValue("where the robot is, in frame `map`; unknown before the first pose", POSE),
     # No freshness: a simulation may have no battery at all, and is full then.
     "robot.battery": LiveValue("charge of the battery", CHARGE, initial=1.0),
-    # No freshness: the emergency stop stays as it was last told, and a machine may have none.
+    # No freshness: a machine may have none, or one that speaks only when it is pressed; a silence that is a
+    # fault the client tells as engaged (`estop_timeout_s`).
     "robot.estop": LiveValue("whether the emergency stop is engaged", BOOL, initial=False),
 }
 
@@ -187,6 +200,12 @@ PARAMETERS: Mapping[str, Parameter] = {
         "whether a pose counts only while its publisher exists; false for a pose that is seeded once (SLAM)",
     ),
     "estop_topic": Parameter(TEXT, "/e_stop_state", "topic of the emergency stop, true while engaged"),
+    "estop_timeout_s": Parameter(
+        DURATION,
+        2.0,
+        "an emergency stop that was told steadily and is silent for so long counts as engaged; 0: never",
+        maximum=60.0,
+    ),
     "battery_topic": Parameter(TEXT, "/io/power/power_watcher", "topic of the battery state"),
     "frame_id": Parameter(TEXT, "map", "frame of goals and of the localizer's pose"),
     "tag_locations_file": Parameter(TEXT, "", "layout of the greenhouse, JSON; empty: the bundled one"),

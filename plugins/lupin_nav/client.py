@@ -14,7 +14,6 @@ from geometry_msgs.msg import PoseWithCovarianceStamped
 from nav2_msgs.action import NavigateToPose
 from nav_msgs.msg import OccupancyGrid
 from sensor_msgs.msg import BatteryState
-from std_msgs.msg import Bool
 from tf2_msgs.msg import TFMessage
 
 from lupin_engine.middleware.action_driver import (
@@ -23,6 +22,7 @@ from lupin_engine.middleware.action_driver import (
     ActionOperation,
     ActionServer,
 )
+from lupin_engine.middleware.estop import RELEASED, SILENT, EmergencyStop
 from lupin_engine.middleware.node import Qos, RosNode, Timer
 from lupin_engine.middleware.service_driver import Done, Failed
 from lupin_engine.plugin.contract import Outlet
@@ -61,7 +61,9 @@ class NavClient:
         self._pose_topic = ros.node.resolve_topic_name(parameters["amcl_pose_topic"])
         ros.subscribe(PoseWithCovarianceStamped, parameters["amcl_pose_topic"], Qos.LATCHED, self._on_pose)
         ros.subscribe(BatteryState, parameters["battery_topic"], Qos.EVENT, self._on_battery)
-        ros.subscribe(Bool, parameters["estop_topic"], Qos.EVENT, self._on_estop)
+        self._estop = EmergencyStop(
+            ros, parameters["estop_topic"], parameters["estop_timeout_s"], self._on_estop
+        )
         self._timer: Timer | None = None
         self._map_topic = ros.node.resolve_topic_name(parameters["map_topic"])
         resolved = {"map_topic": self._map_topic, "amcl_pose_topic": self._pose_topic}
@@ -110,6 +112,7 @@ class NavClient:
         self._stop_searching()
         self._stop_watching()
         self._drives.close()
+        self._estop.close()
 
     # --- localization
 
@@ -245,8 +248,10 @@ class NavClient:
         if fraction is not None:
             self._report("robot.battery", fraction)
 
-    def _on_estop(self, message: Bool) -> None:
-        self._report("robot.estop", bool(message.data))
+    def _on_estop(self, how: str) -> None:
+        if how == SILENT:
+            self._ros.log.warning("the emergency stop has fallen silent, which counts as engaged")
+        self._report("robot.estop", how != RELEASED)
 
     def _report(self, name: str, value: Any) -> None:
         if not self._closed:

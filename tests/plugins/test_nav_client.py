@@ -16,6 +16,7 @@ from sensor_msgs.msg import BatteryState
 from std_msgs.msg import Bool
 
 from lupin_engine.middleware.action_driver import SERVER_GRACE_S
+from lupin_engine.middleware.estop import LOOKS, STEADY
 from lupin_nav.catalog import PLUGIN
 from lupin_nav.client import NavClient
 from tests.plugins.fakes import FakeGoal, FakeOutlet, FakeRos, defaults
@@ -375,6 +376,17 @@ def test_the_emergency_stop_is_reported_as_it_comes() -> None:
     for engaged in (True, True, False):
         bench.ros.subscriptions["/e_stop_state"](Bool(data=engaged))
     assert bench.outlet.of("robot.estop") == [True, True, False]
+
+
+def test_an_emergency_stop_that_falls_silent_is_engaged() -> None:
+    bench = Bench()
+    for _ in range(STEADY):
+        bench.ros.subscriptions["/e_stop_state"](Bool(data=False))
+        bench.ros.pass_time(0.5)
+    for _ in range(LOOKS):
+        bench.ros.pass_time(0.5)
+    assert bench.outlet.of("robot.estop")[-2:] == [False, True]
+    assert bench.ros.log.warnings == [("the emergency stop has fallen silent, which counts as engaged", {})]
 
 
 def test_topics_and_frame_are_those_of_the_parameters() -> None:

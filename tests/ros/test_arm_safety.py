@@ -152,9 +152,10 @@ def test_a_jaw_that_waits_for_its_controller_can_be_stopped(make_node: MakeNode)
 
 def test_an_emergency_stop_that_falls_silent_counts_as_engaged(make_node: MakeNode) -> None:
     """Its bridge has died: who presses the button now is not heard. Heard again, it is what it says."""
-    scene = Scene(make_node, preset_duration=3.0, estop_timeout=0.5)
+    scene = Scene(make_node, preset_duration=30.0, estop_timeout=1.0)
     assert scene.preset("inspect").success  # no emergency stop was ever heard of: there is none
     scene.estop(False)
+    scene.until(lambda: scene.arm._estop.watched, "an emergency stop that is told steadily")
     reasons: list[str] = []
     scene.arm.claim("player", "wave is playing", reasons.append)
     scene.silence()
@@ -169,19 +170,21 @@ def test_an_emergency_stop_that_falls_silent_counts_as_engaged(make_node: MakeNo
 
 
 def test_a_silent_stop_that_was_engaged_stays_engaged(make_node: MakeNode) -> None:
-    scene = Scene(make_node, estop_timeout=0.5)
+    scene = Scene(make_node, estop_timeout=1.0)
     scene.estop(True)
-    scene.until(lambda: scene.arm.stopped, "the stop")
+    scene.until(lambda: scene.arm._estop.watched, "an emergency stop that is told steadily")
+    assert scene.arm.stopped
     scene.silence()
     scene.until(lambda: "silent" in scene.preset("home").message, "the silence")
     assert scene.arm.stopped
 
 
 def test_silence_can_be_taken_for_released(make_node: MakeNode) -> None:
-    """For a button that speaks only when it is pressed."""
     scene = Scene(make_node, estop_timeout=0.0)
+    scene.estop(True)
+    scene.until(lambda: scene.arm.stopped, "the stop")
     scene.estop(False)
-    scene.until(lambda: scene.arm._stop_heard is not None, "the button")
+    scene.until(lambda: not scene.arm.stopped, "its release")
     scene.silence()
     scene.wait(0.3)
     assert not scene.arm.stopped

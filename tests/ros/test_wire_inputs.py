@@ -84,6 +84,26 @@ def test_a_button_that_is_pressed_again_right_after_the_resume_stops_again(wire:
     assert wire.outcomes(mission) == [("1", OK)]
 
 
+def test_a_button_that_was_told_steadily_and_falls_silent_stops(wire: Wire) -> None:
+    """Its bridge has died, and nobody would hear it pressed. Heard again it is released, and may be resumed."""
+    wire.base.plan.append(Drive.accept)
+    mission = wire.start("1")
+    drive = wire.until_driving()
+    steadily = wire.ros.timer(0.1, lambda: wire.estop(False))
+    end = wire.ros.elapsed() + 6.0
+    wire.until(lambda: wire.ros.elapsed() > end, "a while of that")
+    assert (drive.cancels, wire.operator.state.estop_engaged) == ([], False)
+    steadily.cancel()
+    wire.until(lambda: drive.cancels, "the cancel on the wire")
+    wire.until(lambda: wire.operator.state.estop_engaged, "the stop is told")
+    assert not wire.operator.ask("resume").success
+    wire.estop(False)
+    wire.until(lambda: not wire.operator.state.estop_engaged, "heard again")
+    assert wire.operator.ask("resume").success
+    wire.until_done(mission)
+    assert wire.outcomes(mission) == [("1", OK)]
+
+
 # --- the battery ------------------------------------------------------------------------------------------
 
 

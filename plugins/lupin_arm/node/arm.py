@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from typing import Any
 
 from builtin_interfaces.msg import Duration
-from std_msgs.msg import Bool
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from lupin_arm.joints import ARM, JAW_CLOSED, JAW_OPEN, Pose, reach_pose
@@ -21,6 +20,7 @@ from lupin_arm.node.gripper import Gripper
 from lupin_arm.node.refused import Refused
 from lupin_arm.node.torque import Done, Torque
 from lupin_arm.trajectory import FIRST_POINT_S, START_TOLERANCE, VELOCITY_HINT, Point, Trajectory
+from lupin_engine.middleware.estop import EmergencyStop
 from lupin_engine.middleware.node import Qos, RosNode
 
 #: Seconds without feedback after which the arm counts as gone; when it is back it is pinned like a new one.
@@ -82,13 +82,9 @@ class Arm:
         self._claim: _Claim | None = None
         self._heard = float("-inf")
         self._stop_reason = ""
-        self._stop_heard: float | None = None
-        self._stop_timeout: float = parameters["estop_timeout"]
         self._feedback = Feedback(ros, self._states_topic)
         self._feedback.listen(self._on_feedback)
-        ros.subscribe(Bool, self._estop_topic, Qos.EVENT, self._on_estop)
-        if self._stop_timeout:
-            ros.timer(self._stop_timeout / 4.0, self._look_at_estop)
+        self._estop = EmergencyStop(ros, self._estop_topic, parameters["estop_timeout"], self._stop)
 
     @property
     def stopped(self) -> bool:
@@ -278,18 +274,8 @@ class Arm:
         if self._claim is not None:
             self._claim.interrupted(reason)
 
-    def _on_estop(self, message: Bool) -> None:
-        self._stop_heard = self._ros.elapsed()
-        self._stop("engaged" if message.data else "")
-
-    def _look_at_estop(self) -> None:
-        """Take silence for a stop: who pressed the button now would not be heard."""
-        heard = self._stop_heard
-        if heard is not None and self._ros.elapsed() - heard > self._stop_timeout:
-            self._stop("silent")
-
     def _stop(self, how: str) -> None:
-        """Stop, by a button that is `engaged` or `silent`; "" releases what was stopped."""
+        """Stop, or let go of what was stopped; see `EmergencyStop`."""
         before, now = self.stopped, f"the emergency stop is {how} ({self._estop_topic})" if how else ""
         self._stop_reason = now
         if before == self.stopped:

@@ -18,7 +18,7 @@ PARAMETERS = {
     "estop_timeout": Parameter(
         number_in("s"),
         2.0,
-        "an emergency stop that was heard and is silent for so long counts as engaged; 0: never",
+        "an emergency stop that was told steadily and is silent for so long counts as engaged; 0: never",
         minimum=0.0,
         maximum=60.0,
     ),
