@@ -150,6 +150,23 @@ def test_the_map_hides_what_nobody_has_seen(state: Twin) -> None:
     np.testing.assert_array_equal(cells(heatmaps.answer(request())), expected)
 
 
+@pytest.mark.parametrize(
+    ("x", "resolution", "far", "again"),
+    [(0.0, 2.0, -1, 0), (0.1, 2.0, -1, 1), (0.0, 2.5, -1, 1), (0.0, 2.0, 0, 1)],
+    ids=["the same", "moved", "finer", "grown"],
+)
+def test_only_another_map_makes_the_field_another(
+    state: Twin, worked_out: list[int], x: float, resolution: float, far: int, again: int
+) -> None:
+    """Who makes maps tells the same one every few seconds."""
+    heatmaps = Heatmaps(state)
+    heatmaps.explore(OccupancyMap(0.0, 0.0, 0.0, 2.0, np.array([[0, -1]], dtype=np.int8)))
+    heatmaps.answer(request())
+    heatmaps.explore(OccupancyMap(x, 0.0, 0.0, resolution, np.array([[0, far]], dtype=np.int8)))
+    heatmaps.answer(request())
+    assert len(worked_out) == 1 + again
+
+
 def test_what_was_not_asked_for_longest_is_forgotten(state: Twin, worked_out: list[int]) -> None:
     heatmaps = Heatmaps(state)
     areas = [request(max_x=float(n)) for n in range(REMEMBERED + 1)]

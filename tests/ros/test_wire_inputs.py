@@ -85,7 +85,7 @@ def test_a_button_that_is_pressed_again_right_after_the_resume_stops_again(wire:
 
 
 def test_a_button_that_was_told_steadily_and_falls_silent_stops(wire: Wire) -> None:
-    """Its bridge has died, and nobody would hear it pressed. Heard again it is released, and may be resumed."""
+    """Its bridge has died, and nobody would hear it pressed. Heard again, it is what it says."""
     wire.base.plan.append(Drive.accept)
     mission = wire.start("1")
     drive = wire.until_driving()
