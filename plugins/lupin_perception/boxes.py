@@ -19,7 +19,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from lupin_engine.world.poses import Array, Pose, matrix
 
@@ -93,43 +93,46 @@ class View:
     pan_half_span: float
     half_field: float
 
-    def fraction(self, pan: float, bearing: float) -> float:
-        """Return the lateral fraction f = (pan + b half_field) / (pan_half_span + half_field).
+    def fraction(self, pan: float, bearing: ArrayLike) -> Array:
+        """Return the lateral fractions f = (pan + b half_field) / (pan_half_span + half_field) of bearings b.
 
-        `pan` in radians grows to the right, as `bearing` b does, from -1 at the image's left edge to +1 at
-        its right one. The fraction is not clamped: beyond ±1 lies the neighbour's box.
+        `pan` in radians grows to the right, as a bearing does, from -1 at the image's left edge to +1 at its
+        right one. Fractions are not clamped: beyond ±1 lies the neighbour's box.
         """
         span = self.pan_half_span + self.half_field
-        return (pan + bearing * self.half_field) / span if span > 0.0 else 0.0
+        b = np.asarray(bearing, dtype=float)
+        return np.asarray((pan + b * self.half_field) / span if span > 0.0 else np.zeros_like(b))
 
 
-def is_inside(fraction: float, width: float, margin: float) -> bool:
-    """Say whether a lateral fraction is within the box or `margin` metres beside it.
+def is_inside(fraction: ArrayLike, width: float, margin: float) -> NDArray[np.bool_]:
+    """Say which lateral fractions are within the box or `margin` metres beside it.
 
     |f| ≤ 1 + m / (w/2). Blooms outside belong to a neighbour: drawn at the nearest edge, they would be
     credited to this box.
     """
-    return width > 0.0 and abs(fraction) <= 1.0 + margin / (width / 2.0)
+    limit = 1.0 + margin / (width / 2.0) if width > 0.0 else -1.0
+    return np.asarray(np.abs(fraction) <= limit)
 
 
-def column_of(fraction: float, columns: int) -> int:
-    """Return which of the equally wide columns (0 at the left edge) a fraction lies in.
+def column_of(fraction: ArrayLike, columns: int) -> NDArray[np.intp]:
+    """Return which of the equally wide columns (0 at the left edge) lateral fractions lie in.
 
     k = floor((f + 1)/2 N), with what is beyond an edge in the outermost column.
     """
-    return min(columns - 1, max(0, math.floor((fraction + 1.0) / 2.0 * columns)))
+    f = np.asarray(fraction, dtype=float)
+    return np.clip(np.floor((f + 1.0) / 2.0 * columns), 0, columns - 1).astype(np.intp)
 
 
-def column_fraction(column: int, columns: int) -> float:
-    """Return the lateral fraction of the middle of a column: -1 + (2k + 1)/N."""
-    return -1.0 + (2.0 * column + 1.0) / columns
+def column_fraction(column: ArrayLike, columns: int) -> Array:
+    """Return the lateral fractions of the middle of columns k: -1 + (2k + 1)/N."""
+    return np.asarray(-1.0 + (2.0 * np.asarray(column, dtype=float) + 1.0) / columns)
 
 
-def column_depth(column: int, base: float, spread: float) -> float:
-    """Return the depth that a column's bloom is drawn at: cosmetic, not measured.
+def column_depth(column: ArrayLike, base: float, spread: float) -> Array:
+    """Return the depths that the blooms of columns k are drawn at: cosmetic, not measured.
 
     base + (frac(k φ) - 1/2) 2 spread, within 0 and 1, with the golden ratio's φ = 0.618...: irregular to the
     eye and the same every time.
     """
-    jitter = (math.modf(column * GOLDEN)[0] - 0.5) * 2.0 * spread
-    return min(1.0, max(0.0, base + jitter))
+    jitter = (np.modf(np.asarray(column, dtype=float) * GOLDEN)[0] - 0.5) * 2.0 * spread
+    return np.asarray(np.clip(base + jitter, 0.0, 1.0))

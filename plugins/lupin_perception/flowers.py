@@ -2,15 +2,19 @@
 
 A detection is credited to the tag that is scanned while it comes in, and to no other: with the tag the scan
 begins anew, so that what was seen at the previous tag never bleeds into this one. Across the box lie some
-columns of equal width; a column has at most one bloom. Fusion keeps the best of each column and species, so
-the order of detections, and how often one is seen, change nothing.
+columns of equal width; a column has at most one bloom. Fusion keeps the surest detection of each kind (a
+species, or the pest) in each column, so the order of detections, and how often one is seen, change nothing.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
+from numpy.typing import NDArray
+
+from lupin_engine.world.poses import Array
 from lupin_perception.boxes import View, column_of, is_inside
 from lupin_perception.detections import Detection
 
@@ -18,6 +22,10 @@ from lupin_perception.detections import Detection
 ACTIVE = frozenset({"PREPARE", "EXPLORING", "INSPECTING", "MONITORING", "RETURNING"})
 SCANNING = frozenset({"INSPECTING", "MONITORING"})
 
+Indices = NDArray[np.intp]
+
+#: How sure a detection is that is not there.
+NONE = -np.inf
 #: How much the confidence must change to be told again.
 _NEWS = 0.1
 
@@ -51,14 +59,43 @@ class Rules:
     gated: bool
     margin: float
 
-    def fraction(self, detection: Detection, pan: float, width: float | None) -> float | None:
-        """Return where across a box so wide (m; None: unknown) a detection is; None if it does not count."""
-        if detection.confidence < self.min_confidence:
-            return None
-        fraction = self.view.fraction(pan, detection.bearing)
-        if self.gated and width is not None and not is_inside(fraction, width, self.margin):
-            return None
-        return fraction
+    def count(
+        self, bearings: Array, confidences: Array, pan: float, width: float | None
+    ) -> tuple[NDArray[np.bool_], Indices]:
+        """Say which detections count, and in which column of a box so wide (m; None: unknown) each is.
+
+        `bearings` from -1 at the image's left edge to +1, `confidences` from 0 to 1, `pan` as in `View`.
+        """
+        fractions = self.view.fraction(pan, bearings)
+        counted = confidences >= self.min_confidence
+        if self.gated and width is not None:
+            counted &= is_inside(fractions, width, self.margin)
+        return counted, column_of(fractions, self.columns)
+
+
+def fuse(best: Array, columns: Indices, kinds: Indices, confidences: Array) -> Array:
+    """Return how sure the surest detection of each kind in each column is, `NONE` where there is none.
+
+    `best` has a row for each column and a column for each kind; the others have an entry for each detection:
+
+        b'[k, s] = max(b[k, s], max { c_i : k_i = k, s_i = s })
+
+    A maximum asks neither for the order of detections nor how often one was seen.
+    """
+    fused = best.copy()
+    np.maximum.at(fused, (columns, kinds), confidences)
+    return fused
+
+
+def surest(names: NDArray[np.str_], confidences: Array) -> tuple[str, float]:
+    """Return the name that is surest, argmax_s c_s, of equally sure ones the first, and how sure it is.
+
+    Without any, ('', 0.0).
+    """
+    if not np.any(confidences > NONE):
+        return "", 0.0
+    first = int(np.argmax(confidences))
+    return str(names[first]), float(confidences[first])
 
 
 @dataclass(frozen=True)
@@ -99,7 +136,10 @@ class Scan:
         self._rules = rules
         self.tag_id = ""
         self._width: float | None = None
-        self._best: dict[tuple[int, str], float] = {}
+        #: Names of what was seen, in their order, and how sure each is in each column.
+        self._kinds: NDArray[np.str_]
+        self._best: Array
+        self._forget()
 
     def aim(self, tag_id: str, width: float | None = None) -> bool:
         """Say which tag is scanned now, '' for none, and how wide its box is (m), if that is known.
@@ -110,33 +150,43 @@ class Scan:
         if (tag_id, width) == (self.tag_id, self._width):
             return False
         self.tag_id, self._width = tag_id, width
-        self._best.clear()
+        self._forget()
         return True
 
-    def add(self, detections: Iterable[Detection], pan: float) -> None:
+    def add(self, detections: Sequence[Detection], pan: float) -> None:
         """Credit detections to the tag that is scanned; `pan` in radians, see `View`."""
-        for detection in detections:
-            fraction = self._rules.fraction(detection, pan, self._width)
-            if fraction is not None and self.tag_id:
-                where = column_of(fraction, self._rules.columns), detection.name
-                self._best[where] = max(detection.confidence, self._best.get(where, 0.0))
+        if not self.tag_id or not detections:
+            return
+        bearings = np.array([detection.bearing for detection in detections])
+        confidences = np.array([detection.confidence for detection in detections])
+        names = np.array([detection.name for detection in detections])
+        counted, columns = self._rules.count(bearings, confidences, pan, self._width)
+        self._make_room(names[counted])
+        kinds = np.searchsorted(self._kinds, names[counted])
+        self._best = fuse(self._best, columns[counted], kinds, confidences[counted])
 
     def summary(self) -> Summary | None:
         """Return what was seen; None as long as that is nothing."""
-        if not self._best:
+        seen: NDArray[np.bool_] = self._best > NONE
+        is_pest = np.equal(self._kinds, self._rules.anomaly)
+        if not seen.any():
             return None
-        anomaly = self._rules.anomaly
-        species, confidence = _surest((n, c) for (_, n), c in self._best.items() if n != anomaly)
-        columns = sorted({column for column, _ in self._best})
-        found = any(name == anomaly for _, name in self._best)
-        return Summary(species, confidence, found, tuple(self._bloom(column) for column in columns))
+        names, species, pests = self._kinds[~is_pest], self._best[:, ~is_pest], seen[:, is_pest]
+        blooms = (
+            Bloom(column, *surest(names, species[column]), bool(pests[column].any()))
+            for column in np.flatnonzero(seen.any(axis=1)).tolist()
+        )
+        overall = surest(names, species.max(axis=0, initial=NONE))
+        return Summary(*overall, bool(pests.any()), tuple(blooms))
 
-    def _bloom(self, column: int) -> Bloom:
-        here = {name: confidence for (k, name), confidence in self._best.items() if k == column}
-        anomaly = here.pop(self._rules.anomaly, None) is not None
-        return Bloom(column, *_surest(here.items()), anomaly)
+    def _forget(self) -> None:
+        self._kinds = np.empty(0, dtype=np.str_)
+        self._best = np.empty((self._rules.columns, 0))
 
-
-def _surest(candidates: Iterable[tuple[str, float]]) -> tuple[str, float]:
-    """Return the surest species with its confidence; of equally sure ones the first by name."""
-    return min(candidates, key=lambda pair: (-pair[1], pair[0]), default=("", 0.0))
+    def _make_room(self, names: NDArray[np.str_]) -> None:
+        """Have a place for kinds with these names."""
+        kinds = np.union1d(self._kinds, names)
+        if kinds.size > self._kinds.size:
+            best = np.full((self._rules.columns, kinds.size), NONE)
+            best[:, np.searchsorted(kinds, self._kinds)] = self._best
+            self._kinds, self._best = kinds, best

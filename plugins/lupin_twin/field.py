@@ -254,6 +254,12 @@ class OccupancyMap:
     resolution: float
     cells: NDArray[np.int8]
 
+    def same_as(self, other: OccupancyMap) -> bool:
+        """Say whether both show the same, at the same place."""
+        place = (self.x, self.y, self.yaw, self.resolution)
+        there = (other.x, other.y, other.yaw, other.resolution)
+        return place == there and np.array_equal(self.cells, other.cells)
+
     def explored(self, grid: Grid) -> Mask:
         """Return which cells of `grid` have their centre in a part of the map that is known."""
         dx, dy = grid.x - self.x, (grid.y - self.y)[:, None]

@@ -63,7 +63,9 @@ class Heatmaps:
         self._followed: OrderedDict[Request, Interpolation] = OrderedDict()
 
     def explore(self, occupancy: OccupancyMap) -> None:
-        """Show fields only where this map is known, from now on."""
+        """Show fields only where this map is known, from now on. The same map told again is no news."""
+        if self._map is not None and self._map.same_as(occupancy):
+            return
         self._map = occupancy
         self._known.clear()
         self._followed.clear()

@@ -138,7 +138,7 @@ def test_a_camera_that_sees_nothing_across_sees_the_middle() -> None:
     [(1.0, 0.0, True), (1.01, 0.0, False), (1.1, 0.1, True), (-1.1, 0.1, True), (1.5, 0.1, False)],
 )
 def test_a_margin_beside_the_box_still_counts(fraction: float, margin: float, inside: bool) -> None:
-    assert is_inside(fraction, 0.8, margin) is inside
+    assert is_inside(fraction, 0.8, margin) == inside
 
 
 def test_a_box_without_width_holds_nothing() -> None:

@@ -2,15 +2,27 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from lupin_engine.world.poses import Array
 from lupin_perception import anomalies
 from lupin_perception.anomalies import Pest, Watch
 from lupin_perception.boxes import View
 from lupin_perception.detections import Detection
-from lupin_perception.flowers import ACTIVE, Bloom, Rules, Scan, Summary, is_active, scanned_tag
+from lupin_perception.flowers import (
+    ACTIVE,
+    NONE,
+    Bloom,
+    Rules,
+    Scan,
+    Summary,
+    fuse,
+    is_active,
+    scanned_tag,
+)
 
 RULES = Rules(
     view=View(0.5, 0.5),
@@ -78,6 +90,28 @@ def test_the_order_of_detections_changes_nothing(frames: list[Detection], order:
     shuffled = list(frames)
     order.shuffle(shuffled)  # type: ignore[attr-defined]
     assert summary(*frames) == summary(*shuffled)
+
+
+SEEN = st.lists(st.tuples(st.integers(0, 6), st.integers(0, 2), st.floats(0.0, 1.0)), max_size=20)
+
+
+@given(one=SEEN, other=SEEN)
+def test_what_is_fused_in_parts_is_what_is_fused_at_once(
+    one: list[tuple[int, int, float]], other: list[tuple[int, int, float]]
+) -> None:
+    """In either order: each place has the surest that was seen there, and `NONE` where nothing was."""
+
+    def fused(best: Array, seen: list[tuple[int, int, float]]) -> Array:
+        columns, kinds = (np.array([entry[axis] for entry in seen], dtype=np.intp) for axis in (0, 1))
+        return fuse(best, columns, kinds, np.array([entry[2] for entry in seen]))
+
+    nothing = np.full((7, 3), NONE)
+    at_once = fused(nothing, one + other)
+    assert np.array_equal(at_once, fused(fused(nothing, other), one))
+    assert np.array_equal(at_once, fused(fused(nothing, one), other))
+    for column, kind in np.ndindex(7, 3):
+        here = [sure for k, s, sure in one + other if (k, s) == (column, kind)]
+        assert at_once[column, kind] == max(here, default=NONE)
 
 
 @given(frames=st.lists(DETECTIONS, max_size=20))

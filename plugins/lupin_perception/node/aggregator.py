@@ -256,11 +256,9 @@ class Aggregator:
         )
 
     def _places(self, box: Box, blooms: Sequence[Bloom]) -> Array:
-        values = self._values
-        count, base = values["lateral_columns"], values["flower_base_depth_frac"]
-        fractions = [column_fraction(bloom.column, count) for bloom in blooms]
-        spread = values["flower_depth_jitter_frac"]
-        return box.place(fractions, [column_depth(bloom.column, base, spread) for bloom in blooms])
+        values, columns = self._values, [bloom.column for bloom in blooms]
+        depths = column_depth(columns, values["flower_base_depth_frac"], values["flower_depth_jitter_frac"])
+        return box.place(column_fraction(columns, values["lateral_columns"]), depths)
 
     def _look_for_pests(self, detections: Sequence[Detection]) -> None:
         robot = self._sightings.where(self._values["base_frame"], self._ros.elapsed())
