@@ -47,8 +47,6 @@ ROOTS = frozenset({"param", "request", "input", "event", "error", "target", "iti
 #: Names that an expression may call besides the catalog's functions.
 BUILTIN_CALLS = ("len", "min", "max", "abs", "round", "any", "all", "known", "held", "in_state")
 
-_new = tuple.__new__
-
 _BLANK = re.compile(r"\s")
 #: Python warns of a number that runs into a word (`1if`), which is no diagnostic of ours.
 _RUN_TOGETHER = re.compile(r"[0-9][A-Za-z_]")
@@ -148,11 +146,6 @@ class Typed(NamedTuple):
     type: Type
     code: str
     written: str | Choice | None = None
-
-
-def _typed(kind: Type, code: str, written: str | Choice | None = None) -> Typed:
-    """Make a checked expression as `Typed(...)` does, in a third of the time."""
-    return _new(Typed, (kind, code, written))
 
 
 class _Checked(NamedTuple):
@@ -453,13 +446,13 @@ class _Checker:
     def _constant(self, node: ast.Constant) -> Typed:
         value = node.value
         if isinstance(value, bool):
-            return _typed(BOOL, repr(value))
+            return Typed(BOOL, repr(value))
         if isinstance(value, str):
-            return _typed(TEXT, repr(value), value)
+            return Typed(TEXT, repr(value), value)
         if isinstance(value, int) and abs(value) <= MAX_INTEGER:
-            return _typed(q.ZERO if value == 0 else COUNT, repr(value))
+            return Typed(q.ZERO if value == 0 else COUNT, repr(value))
         if isinstance(value, float) and math.isfinite(value):
-            return _typed(q.ZERO_NUMBER if value == 0 else NUMBER, repr(value))
+            return Typed(q.ZERO_NUMBER if value == 0 else NUMBER, repr(value))
         hint = "use known(input.NAME) to ask for what may be missing" if value is None else ""
         return self._wrong(
             node, "bad-expression", f"{self._text_of(node)} is not allowed in an expression", hint
@@ -468,16 +461,16 @@ class _Checker:
     def _name(self, node: ast.Name) -> Typed:
         name, scope = node.id, self._scope
         if name in _TRUTHS:
-            return _typed(BOOL, repr(_TRUTHS[name]))
+            return Typed(BOOL, repr(_TRUTHS[name]))
         if name.startswith("_"):
             return self._wrong(
                 node, "unknown-name", f"unknown name {name!r}: no name begins with an underscore"
             )
         if name in scope.names:
             if name in ROOTS:
-                return _typed(scope.names[name], _environment(name))
+                return Typed(scope.names[name], _environment(name))
             code = _environment("item") if name == scope.item else f"{_environment('context')}[{name!r}]"
-            return _typed(scope.names[name], code)
+            return Typed(scope.names[name], code)
         if name in scope.absent:
             rule, reason = scope.absent[name]
             return self._wrong(node, rule, f"there is no {name!r} here: {reason}")
@@ -509,7 +502,7 @@ class _Checker:
         record = self._visit(node.value)
         code = f"{record.code}[{node.attr!r}]"
         if record.type.kind == "any":
-            return _typed(record.type, code)
+            return Typed(record.type, code)
         if record.type.kind != "record":
             return self._wrong_field(
                 node, f"{self._text_of(node.value)!r} is {q.describe(record.type)}, no record"
@@ -517,7 +510,7 @@ class _Checker:
         if node.attr not in record.type.fields:
             return self._unknown_field(node, record.type, root)
         self._note(root, node.attr)
-        return _typed(record.type.fields[node.attr], code)
+        return Typed(record.type.fields[node.attr], code)
 
     def _note(self, root: str, name: str) -> None:
         if root == "param":
@@ -554,7 +547,7 @@ class _Checker:
         if not q.accepts(INTEGER, index.type):
             self._mismatch(node.slice, INTEGER, index.type)
         item = value.type if value.type.kind == "any" else value.type.item
-        return _typed(item or ANY, f"{value.code}[{index.code}]")
+        return Typed(item or ANY, f"{value.code}[{index.code}]")
 
     def _sequence(self, node: ast.List | ast.Tuple) -> Typed:
         found = [self._visit(element) for element in node.elts]
@@ -566,13 +559,13 @@ class _Checker:
                 problem = f"a list holds one type: {kinds}"
                 return self._wrong(element, "wrong-type", problem)
             item = joined
-        return _typed(list_of(item), f"[{_listed(found)}]")
+        return Typed(list_of(item), f"[{_listed(found)}]")
 
     def _bool_operation(self, node: ast.BoolOp) -> Typed:
         operands = [(operand, self._wanted(operand, BOOL)) for operand in node.values]
         self._operands = operands  # those of the outermost come last
         sign = " and " if isinstance(node.op, ast.And) else " or "
-        return _typed(BOOL, f"({sign.join([typed.code for _, typed in operands])})")
+        return Typed(BOOL, f"({sign.join([typed.code for _, typed in operands])})")
 
     def _wanted(self, node: ast.expr, wanted: Type) -> Typed:
         typed = self._visit(node)
@@ -584,16 +577,16 @@ class _Checker:
         if isinstance(node.op, ast.Not):
             operand = self._wanted(node.operand, BOOL)
             self._operands = [(node.operand, operand)]
-            return _typed(BOOL, f"(not {operand.code})")
+            return Typed(BOOL, f"(not {operand.code})")
         if not isinstance(node.op, ast.USub):
             return self._refuse(node, type(node.op).__name__)
         operand = _calculable(self._visit(node.operand))
         if operand.type is q.WIRE:
-            return _typed(q.WIRE, f"(-{operand.code})")
+            return Typed(q.WIRE, f"(-{operand.code})")
         if not q.is_number(operand.type):
             return self._no_number(node.operand, operand.type)
         kind = INTEGER if operand.type.kind == "integer" and not operand.type.unit else q.plain(operand.type)
-        return _typed(kind, f"(-{operand.code})")
+        return Typed(kind, f"(-{operand.code})")
 
     def _no_number(self, node: ast.expr, got: Type) -> Typed:
         if self._failed and got.kind == "any":
@@ -617,8 +610,8 @@ class _Checker:
             problem = f"cannot compute {q.describe(left.type)} {sign} {q.describe(right.type)}"
             return self._wrong(node, "wrong-unit", problem, q.unit_hint(left.type, right.type))
         if sign == "*" and kind.kind != "number":
-            return _typed(kind, f"_times({left.code}, {right.code})")
-        return _typed(kind, f"({left.code} {sign} {right.code})")
+            return Typed(kind, f"_times({left.code}, {right.code})")
+        return Typed(kind, f"({left.code} {sign} {right.code})")
 
     def _pair(self, left: ast.expr, right: ast.expr) -> tuple[Typed, Typed]:
         """Check two operands that meet; a text that is a quantity becomes a number beside one with a unit."""
@@ -638,7 +631,7 @@ class _Checker:
             self._check_values(operator, left, right, first.type, second.type)
             code = f"{code or first.code} {_COMPARISONS[type(operator)]} {second.code}"
             left = right
-        return _typed(BOOL, f"({code})")
+        return Typed(BOOL, f"({code})")
 
     def _check_comparison(
         self, operator: ast.cmpop, left: ast.expr, right: ast.expr, first: Type, second: Type
@@ -692,7 +685,7 @@ class _Checker:
             problem = f"one outcome is {q.describe(body.type)}, the other {q.describe(other.type)}"
             return self._wrong(node.orelse, rule, problem, "both must have one type")
         choice = Choice(test.code, body, other) if body.written and other.written else None
-        return _typed(kind, _conditional(test.code, body, other), choice)
+        return Typed(kind, _conditional(test.code, body, other), choice)
 
     # -- calls ---------------------------------------------------------------------------------------------
 
@@ -729,7 +722,7 @@ class _Checker:
             self._wanted_value(argument, wanted.type)
             for argument, (_, wanted) in zip(node.args, arguments, strict=False)
         ]
-        return _typed(function.returns, f"{_environment('functions')}[{name!r}]({_listed(given)})")
+        return Typed(function.returns, f"{_environment('functions')}[{name!r}]({_listed(given)})")
 
     def _wanted_value(self, node: ast.expr, wanted: Type) -> Typed:
         typed = _as_quantity(self._visit(node), wanted)
@@ -751,7 +744,7 @@ class _Checker:
         if argument.type.kind not in ("list", "text", "any"):
             problem = f"{self._text_of(node.args[0])!r} is {q.describe(argument.type)}, which has no length"
             return self._wrong(node.args[0], "wrong-type", problem, "expected a list or a text")
-        return _typed(COUNT, f"len({argument.code})")
+        return Typed(COUNT, f"len({argument.code})")
 
     def _extreme(self, node: ast.Call) -> Typed:
         name = _dotted(node.func) or ""
@@ -773,7 +766,7 @@ class _Checker:
             if joined is None:
                 problem = f"cannot compare {q.describe(kinds[0])} with {q.describe(kind)}"
                 return self._wrong(argument, "wrong-unit", problem, q.unit_hint(kinds[0], kind))
-        return _typed(joined or ANY, f"{name}({_listed(found)})")
+        return Typed(joined or ANY, f"{name}({_listed(found)})")
 
     def _abs(self, node: ast.Call) -> Typed:
         if not self._arity(node, "abs", 1):
@@ -781,7 +774,7 @@ class _Checker:
         argument = _calculable(self._visit(node.args[0]))
         if not q.is_number(argument.type) and argument.type is not q.WIRE:
             return self._no_number(node.args[0], argument.type)
-        return _typed(argument.type, f"abs({argument.code})")
+        return Typed(argument.type, f"abs({argument.code})")
 
     def _round(self, node: ast.Call) -> Typed:
         if len(node.args) not in (1, 2):
@@ -799,14 +792,14 @@ class _Checker:
             code = f"{code}, {value}"
         whole = len(node.args) == 1 and argument.type.unit in ("", "*")
         kind = INTEGER if whole else argument.type
-        return _typed(kind, f"round({code})")
+        return Typed(kind, f"round({code})")
 
     def _quantifier(self, node: ast.Call) -> Typed:
         name = _dotted(node.func) or ""
         if not self._arity(node, name, 1):
             return _NOTHING
         argument = self._wanted(node.args[0], list_of(BOOL))
-        return _typed(BOOL, f"{name}({argument.code})")
+        return Typed(BOOL, f"{name}({argument.code})")
 
     def _known(self, node: ast.Call) -> Typed:
         if not self._arity(node, "known", 1):
@@ -815,7 +808,7 @@ class _Checker:
         if not isinstance(argument, ast.Attribute) or _dotted(argument.value) != "input":
             return self._wrong(argument, "wrong-type", "known asks about an input", "write known(input.NAME)")
         self._visit(argument)
-        return _typed(BOOL, f"{_environment('known')}({argument.attr!r})")
+        return Typed(BOOL, f"{_environment('known')}({argument.attr!r})")
 
     def _held(self, node: ast.Call) -> Typed:
         name = self._word(node, "held", "a hold")
@@ -824,7 +817,7 @@ class _Checker:
         if name not in self._scope.holds:
             hint = nearest(name, self._scope.holds)
             return self._wrong(node.args[0], "unknown-hold", f"unknown hold {name!r}", hint)
-        return _typed(BOOL, f"{_environment('held')}({name!r})")
+        return Typed(BOOL, f"{_environment('held')}({name!r})")
 
     def _in_state(self, node: ast.Call) -> Typed:
         name = self._word(node, "in_state", "a state")
@@ -833,7 +826,7 @@ class _Checker:
         states = [state for state in self._scope.states if state == name or state.endswith(f".{name}")]
         if not states:
             self._no_state(node.args[0], name)
-        return _typed(BOOL, f"{_environment('in_state')}({tuple(states)!r})")
+        return Typed(BOOL, f"{_environment('in_state')}({tuple(states)!r})")
 
     def _no_state(self, node: ast.expr, name: str) -> None:
         problem = f"no state is called {name!r}"

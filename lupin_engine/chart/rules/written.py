@@ -43,8 +43,9 @@ def calls_of(chart: Chart) -> list[Call]:
     """Return every action of a chart."""
     found: list[Call] = []
     for state in chart.states.values():
-        found += [Call(call, state, (state.name, "entry")) for call in state.entry]
-        found += [Call(call, state, (state.name, "exit")) for call in state.exit]
+        if state.entry or state.exit:
+            found += [Call(call, state, (state.name, "entry")) for call in state.entry]
+            found += [Call(call, state, (state.name, "exit")) for call in state.exit]
         for transition in state.transitions:
             if transition.actions:
                 found += [Call(call, state, (transition.id, "do")) for call in transition.actions]
