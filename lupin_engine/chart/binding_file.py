@@ -188,6 +188,7 @@ class BoundOperationNode(Node):
 
 
 _FROM_A_TOPIC = "write 'topic: {name: ..., type: PACKAGE/msg/NAME}'"
+_A_FIELD = "write 'fields: {NAME: {type: ..., from: VALUE}}'"
 
 
 class BoundActionNode(Node):
@@ -243,7 +244,14 @@ class BoundValueNode(Node):
 class BoundEventNode(Node):
     """An event of a binding: something that a topic tells once; missions write BINDING.EVENT under `on`."""
 
-    ELSEWHERE = BoundValueNode.ELSEWHERE
+    ELSEWHERE: ClassVar[Mapping[str, tuple[str, str]]] = MappingProxyType(
+        {
+            "service": ("an event comes unasked", _FROM_A_TOPIC),
+            "from": ("what comes with an event are its fields", _A_FIELD),
+            "value": ("what comes with an event are its fields", _A_FIELD),
+            "doc": ("a sentence for people is its summary", "write 'summary: ...'"),
+        }
+    )
 
     summary: str = Field(description="one sentence for people: what happened")
     topic: TopicNode = Field(description="topic that tells it")

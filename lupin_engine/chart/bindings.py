@@ -46,8 +46,8 @@ class Endpoint:
     name: str
     type: str
     place: Place
-    deadline: float | None = None
-    qos: str = ""
+    deadline: float | None
+    qos: str
 
 
 @dataclass(frozen=True)
@@ -70,12 +70,12 @@ class OperationCall:
     done_when: Value | None
     result: Mapping[str, tuple[Type, Value]]
     code: str
-    code_when: Mapping[str, Value] = field(default_factory=dict)
-    unavailable: str = ""
-    rejected: str = ""
-    detail: Value | None = None
-    told: Mapping[str, Value] = field(default_factory=dict)
-    moves: bool = False
+    code_when: Mapping[str, Value]
+    unavailable: str
+    rejected: str
+    detail: Value | None
+    told: Mapping[str, Value]
+    moves: bool
 
     def outcome(self, answer: Mapping[str, Any], around: Around) -> Outcome:
         """Return what `response`, or `status` and `result`, mean; raises what the expressions raise."""
@@ -110,7 +110,7 @@ class MessageHeard:
     endpoint: Endpoint
     when: Value | None
     fields: Mapping[str, tuple[Type, Value]]
-    factor: float = 1.0
+    factor: float
 
     def heard(self, message: Mapping[str, Any], around: Around) -> Mapping[str, Any] | None:
         """Return what a message tells; None when it is passed over. Raises what the expressions raise."""

@@ -18,8 +18,9 @@ from lupin_engine.chart.binding_reader import check_definition
 from lupin_engine.chart.bindings import Binding, Outcome
 from lupin_engine.chart.documents import Node, validate
 from lupin_engine.chart.findings import Findings
-from lupin_engine.chart.load import LIFECYCLE, check_chart, inspect_chart, load_chart
+from lupin_engine.chart.load import LIFECYCLE, check_chart, forget, inspect_chart, load_chart
 from lupin_engine.chart.source import read
+from lupin_engine.errors import Severity
 from lupin_engine.plugin.contract import OnHold
 from lupin_engine.plugin.registry import Catalog
 from lupin_engine.plugin.types import BOOL, COUNT, LENGTH, NUMBER, POSE, TEXT, Type, list_of
@@ -250,6 +251,93 @@ def test_a_goal_is_computed(survey: Binding) -> None:
     }
 
 
+def lamp(folder: Path, catalog: Catalog, text: str) -> Binding:
+    """A binding that an author has on the screen beside the one that says everything."""
+    head = "binding: lamp\nsummary: A lamp.\ncodes: {failed: {label: it failed}}\n"
+    texts = {folder / "bindings" / "lamp.yaml": f"{head}{text}".encode()}
+    inspection = inspect_chart(folder / LIFECYCLE, [folder / "survey_mission.yaml"], catalog, texts)
+    assert [str(one) for one in inspection.found if one.severity is Severity.ERROR] == []
+    assert inspection.bound is not None
+    return inspection.bound.bindings["lamp"]
+
+
+LEAST = """\
+operations:
+  light:
+    summary: Light it.
+    action: {name: /light, type: lamp_msgs/action/Light}
+    done_when: status == 'succeeded'
+    code: failed
+    progress: ${ feedback.share }
+actions:
+  blink:
+    summary: Blink.
+    topic: {name: /blink, type: std_msgs/msg/Empty}
+values:
+  lamp.share:
+    summary: How bright it is.
+    type: number
+    topic: {name: /share, type: std_msgs/msg/Float32}
+    from: ${ message.data }
+  lamp.where:
+    summary: Where it is.
+    type: length
+    topic: {name: /where, type: std_msgs/msg/Float32}
+    from: 3 m
+    unit: cm
+"""
+
+
+def test_what_is_not_written_is_the_harmless(folder: Path, catalog: Catalog) -> None:
+    """Nothing moves the robot, one code is for everything, every message counts and is taken as it is."""
+    binding = lamp(folder, catalog, LEAST)
+    light = binding.calls["light"]
+    assert (light.unavailable, light.rejected, light.moves) == ("failed", "failed", False)
+    assert binding.plugin.operations["light"].on_hold is OnHold.FINISH
+    assert light.sending.sent({}, AROUND) == {}
+    assert light.outcome({"status": "succeeded", "result": {}}, AROUND) == ({}, "", "")
+    assert light.outcome({"status": "aborted", "result": {}}, AROUND) == (None, "failed", "")
+    assert binding.plugin.actions["blink"].moves is False
+    assert binding.sends["blink"].endpoint.qos == "reliable"
+    share = binding.plugin.values["lamp.share"]
+    assert (share.freshness, share.initial) == (None, None)
+    assert binding.values["lamp.share"].heard({"data": 0.0}, AROUND) == {"value": 0.0}
+    assert binding.values["lamp.share"].heard({"data": 0.25}, AROUND) == {"value": 0.25}
+
+
+def test_what_is_written_without_an_expression_has_its_own_unit(folder: Path, catalog: Catalog) -> None:
+    """The unit beside it is the one of numbers in messages."""
+    assert lamp(folder, catalog, LEAST).values["lamp.where"].heard({}, AROUND) == {"value": 3.0}
+
+
+@pytest.mark.parametrize(
+    ("share", "told"), [(0.123456, "0.1235"), (7, "7"), ("half", "half"), (True, "True")]
+)
+def test_one_value_of_progress_needs_no_name(share: Any, told: str, folder: Path, catalog: Catalog) -> None:
+    """People are told it alone, in a few digits."""
+    assert lamp(folder, catalog, LEAST).calls["light"].progress({"share": share}, AROUND) == told
+
+
+def test_what_to_write_stands_apart_from_what_is_wrong(folder: Path, catalog: Catalog) -> None:
+    """An editor and `check --format json` show both by themselves."""
+    file = folder / "bindings" / "survey.yaml"
+    file.write_text(
+        file.read_text(encoding="utf-8").replace("{type: pose,", "{type: poze,"), encoding="utf-8"
+    )
+    found = inspect_chart(folder / LIFECYCLE, [folder / "survey_mission.yaml"], catalog).found
+    assert {(one.problem, one.hint) for one in found if one.rule == "unknown-type"} == {
+        ("unknown type 'poze'", "did you mean 'pose'?")
+    }
+
+
+def test_what_is_forgotten_is_read_again(folder: Path, catalog: Catalog) -> None:
+    """Bindings as well: who measures how long reading takes measures all of it."""
+    files = folder / LIFECYCLE, [folder / "survey_mission.yaml"]
+    first = load_chart(*files, catalog)
+    forget()
+    assert load_chart(*files, catalog).bindings["survey"] is not first.bindings["survey"]
+
+
 def test_how_an_action_ended(survey: Binding) -> None:
     """By status and result; a pose is read with its yaw."""
     call = survey.calls["walk"]
@@ -357,6 +445,15 @@ def test_messages_in_messages(folder: Path, catalog: Catalog) -> None:
         "operations.ask.with.resolution.middle: pose has no field 'z'; "
         "allowed: 'x', 'y', 'yaw' [unknown-argument]"
     ]
+
+
+def test_whole_numbers_of_a_message_may_be_of_any_unit(folder: Path, catalog: Catalog) -> None:
+    """What is on the wire has no unit that could be wrong."""
+    file = folder / "bindings" / "survey.yaml"
+    text = file.read_text(encoding="utf-8").replace("response.ok and", "response.width > param.least and")
+    file.write_text(f"{text}\n  least: {{type: length, default: 5 cm}}\n", encoding="utf-8")
+    chart = load_chart(folder / LIFECYCLE, [folder / "survey_mission.yaml"], catalog)
+    assert misfits(chart.bindings["survey"]) == []
 
 
 def refuse(_: str) -> Definition:

@@ -25,8 +25,9 @@ class Circle:
 
 @pytest.fixture(autouse=True)
 def collector() -> Iterator[None]:
-    """Begin with the collector on and nothing young, and leave it so."""
+    """Begin with the collector on and nothing young or frozen, and leave it so."""
     forget()
+    gc.unfreeze()
     gc.collect()
     yield
     gc.unfreeze()

@@ -22,6 +22,9 @@ from lupin_engine.chart.load import (
     default_missions_folder,
     find_mission,
     forget,
+    is_missions_folder,
+    lifecycle_in,
+    lifecycle_of,
     load_chart,
     mission_files,
 )
@@ -453,6 +456,32 @@ def test_what_is_no_mission_is_not_offered_as_one(tmp_path: Path) -> None:
     assert find_mission("b", [tmp_path]).name == "b.yaml"
 
 
+@pytest.mark.parametrize(
+    ("folder", "files", "expected"),
+    [
+        ("missions", ["tours.yaml"], True),
+        ("missions", [], False),
+        ("missions", ["d.scenario.yaml"], False),
+        ("charts", ["tours.yaml"], False),
+        ("charts", [LIFECYCLE], True),
+    ],
+)
+def test_where_missions_are_looked_for(folder: str, files: list[str], expected: bool, tmp_path: Path) -> None:
+    """A lifecycle says so, or the name of the folder together with a mission in it."""
+    (tmp_path / folder).mkdir()
+    for name in files:
+        (tmp_path / folder / name).write_text("mission: A\nstates: {}\n", encoding="utf-8")
+    assert is_missions_folder(tmp_path / folder) is expected
+
+
+def test_a_mission_runs_in_the_lifecycle_beside_it(tmp_path: Path) -> None:
+    """Where there is none, in the shipped one."""
+    mission = tmp_path / "m.yaml"
+    assert lifecycle_of(mission) == lifecycle_in(tmp_path) == MISSIONS / LIFECYCLE
+    (tmp_path / LIFECYCLE).write_text("lifecycle: own\n", encoding="utf-8")
+    assert lifecycle_of(mission) == lifecycle_in(tmp_path) == tmp_path / LIFECYCLE
+
+
 def test_a_part_is_unused_when_all_missions_are_there(tmp_path: Path, catalog: Catalog) -> None:
     """One that is not loaded may use it."""
     lifecycle, (mission,) = copied(tmp_path)
@@ -512,6 +541,7 @@ def test_no_garbage_is_looked_for_while_loading(
 ) -> None:
     """Nearly all of it stays; only now and then everything is looked through."""
     files = copied(tmp_path)
+    gc.unfreeze()
     assert gc.isenabled()
     assert collections(0, files, catalog) == 0
     monkeypatch.setattr(load, "MAX_UNSEEN", -1)
