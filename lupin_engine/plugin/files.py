@@ -1,11 +1,22 @@
-"""Files that are there as a whole or not at all."""
+"""Where the user's files are, and files that are there as a whole or not at all."""
 
 from __future__ import annotations
 
 import contextlib
 import os
 import tempfile
+from collections.abc import Mapping
 from pathlib import Path
+
+
+def user_folder(variable: str, otherwise: str, environment: Mapping[str, str] = os.environ) -> Path:
+    """Return the engine's folder below one of the user's, by the XDG Base Directory Specification.
+
+    `variable` names the folder, such as XDG_STATE_HOME; `otherwise` is what it is, below the home, where that
+    is not set. A relative one is ignored, as the specification says.
+    """
+    base = environment.get(variable, "")
+    return (Path(base) if Path(base).is_absolute() else Path.home() / otherwise) / "lupin"
 
 
 def write_atomically(path: Path, content: bytes) -> None:

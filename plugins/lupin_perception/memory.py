@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from lupin_engine.errors import LupinError
+from lupin_engine.plugin.files import user_folder, write_atomically
 from lupin_engine.world.poses import pose_of
 from lupin_perception.anomalies import Point
 from lupin_perception.flowers import Bloom, Summary
@@ -65,11 +66,9 @@ class Memory:
         if self._path is None:
             return
         text = json.dumps(_data(past))
-        new = self._path.with_name(f"{self._path.name}.{os.getpid()}.new")
         try:
             self._path.parent.mkdir(parents=True, exist_ok=True)
-            new.write_text(text, encoding="utf-8")
-            new.replace(self._path)
+            write_atomically(self._path, text.encode())
         except OSError as error:
             raise LupinError(
                 f"memory_file {str(self._path)!r} cannot be written: {error.strerror}"
@@ -82,10 +81,8 @@ def memory_path(given: str, environment: Mapping[str, str]) -> Path | None:
         return None
     if given:
         return Path(os.path.expanduser(given))
-    base = environment.get("XDG_STATE_HOME", "")
-    # The specification says that relative ones are ignored.
-    folder = Path(base) if Path(base).is_absolute() else Path.home() / ".local" / "state"
-    return folder / "lupin" / f"perception-{environment.get('ROS_DOMAIN_ID', '').strip() or '0'}.json"
+    folder = user_folder("XDG_STATE_HOME", ".local/state", environment)
+    return folder / f"perception-{environment.get('ROS_DOMAIN_ID', '').strip() or '0'}.json"
 
 
 def _data(past: Past) -> dict[str, Any]:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import os
-from pathlib import Path
+
+from lupin_engine.plugin.files import user_folder
 
 
 def store_path(given: str = "") -> str:
@@ -14,9 +15,6 @@ def store_path(given: str = "") -> str:
     """
     if given:
         return os.path.expanduser(given)
-    base = os.environ.get("XDG_STATE_HOME", "")
-    # The specification says that relative ones are ignored.
-    folder = Path(base) if Path(base).is_absolute() else Path.home() / ".local" / "state"
     domain = os.environ.get("ROS_DOMAIN_ID", "").strip()
     suffix = f"-{int(domain)}" if domain.isdecimal() and int(domain) else ""
-    return str(folder / "lupin" / f"twin{suffix}.sqlite")
+    return str(user_folder("XDG_STATE_HOME", ".local/state") / f"twin{suffix}.sqlite")

@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 import re
-import shutil
 from pathlib import Path
 
 import pytest
 
-from lupin_engine.chart.load import default_missions_folder, lifecycle_in, load_chart
+from lupin_engine.chart.load import lifecycle_in, load_chart
 from lupin_engine.diagram.outline import outline
 from lupin_engine.diagram.svg import svg
 from lupin_engine.plugin.registry import load_catalog
 from lupin_engine.sim.coverage import GUARD, STATE, TRANSITION, Coverage
-from lupin_engine.sim.scenario import Missions
-from lupin_engine.sim.suite import add_up, run_all
+from tests.docs.reader import assert_all_reached, run_scenarios
 
 TUTORIAL = Path(__file__).parents[2] / "docs" / "tutorial"
 STEPS = sorted(file for file in TUTORIAL.glob("*.yaml") if file.suffixes == [".yaml"])
@@ -35,23 +33,10 @@ def test_a_step_is_a_mission(file: Path) -> None:
 @pytest.fixture(scope="module")
 def reached(tmp_path_factory: pytest.TempPathFactory) -> Coverage:
     """Run the scenarios of the page, in a folder as the reader has it at the end."""
-    folder = tmp_path_factory.mktemp("reader")
-    missions = folder / "missions"
-    shutil.copytree(TUTORIAL / "bindings", missions / "bindings")
-    shutil.copy(TUTORIAL / "patrol.yaml", missions)
-    shutil.copy(default_missions_folder() / "lifecycle.yaml", missions)
-    files = [Path(shutil.copy(file, folder)) for file in sorted(TUTORIAL.glob("*.scenario.yaml"))]
-    catalog = load_catalog()
-    results = list(run_all(catalog, files, jobs=1, counts=True))
-    assert [str(result.failures) for result in results if result.failures] == []
-    assert len(results) == 4
-    return add_up(results, Missions(catalog))
+    return run_scenarios(TUTORIAL, "patrol", tmp_path_factory.mktemp("reader"), 4)
 
 
 @pytest.mark.parametrize("kind", [STATE, TRANSITION, GUARD])
 def test_the_scenarios_reach_everything(kind: str, reached: Coverage) -> None:
     """Every state, transition and guard of the patrol."""
-    (patrol,) = (part for part in reached.parts if part.title == "patrol")
-    (tally,) = (tally for tally in patrol.tallies() if tally.kind == kind)
-    assert [piece.text for piece in tally.missing] == []
-    assert tally.total > 5
+    assert_all_reached(reached, "patrol", kind, more_than=5)

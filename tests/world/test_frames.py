@@ -6,23 +6,11 @@ import math
 from types import SimpleNamespace
 from typing import Any
 
-import numpy as np
 import pytest
 
 from lupin_engine.world import frames as module
 from lupin_engine.world.frames import HISTORY_S, Frames
-from lupin_engine.world.poses import Pose, matrix, pose_of
-
-
-def at(x: float = 0.0, y: float = 0.0, z: float = 0.0, yaw: float = 0.0) -> Pose:
-    pose = pose_of((x, y, z), (0.0, 0.0, math.sin(yaw / 2), math.cos(yaw / 2)))
-    assert pose is not None
-    return pose
-
-
-def is_same(one: Pose, other: Pose) -> bool:
-    places = np.allclose(one.position, other.position, atol=1e-9)
-    return bool(places and np.allclose(matrix(one.rotation), matrix(other.rotation), atol=1e-9))
+from tests.world.places import at, is_same
 
 
 def stamped(parent: str, child: str, x: float, moment: float = 0.0, w: float = 1.0) -> Any:

@@ -12,6 +12,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from lupin_engine.world.poses import Pose, between, heading, matrix, pose_of, product
+from tests.world.places import at, is_same
 
 numbers = st.floats(-100.0, 100.0)
 
@@ -23,18 +24,6 @@ def poses(draw: st.DrawFn) -> Pose:
     pose = pose_of(draw(st.tuples(numbers, numbers, numbers)), turn)
     assert pose is not None
     return pose
-
-
-def at(x: float = 0.0, y: float = 0.0, z: float = 0.0, yaw: float = 0.0) -> Pose:
-    pose = pose_of((x, y, z), (0.0, 0.0, math.sin(yaw / 2), math.cos(yaw / 2)))
-    assert pose is not None
-    return pose
-
-
-def is_same(one: Pose, other: Pose) -> bool:
-    """Say whether two poses are one; q and -q are the same rotation."""
-    places = np.allclose(one.position, other.position, atol=1e-9)
-    return bool(places and np.allclose(matrix(one.rotation), matrix(other.rotation), atol=1e-9))
 
 
 @given(a=poses(), b=poses(), c=poses())

@@ -16,6 +16,7 @@ from lupin_engine.chart.load import (
     is_missions_folder,
     lifecycle_of,
 )
+from lupin_engine.cli.files import title_of, write_text
 from lupin_engine.errors import UsageError
 from lupin_engine.launch.mission import LOCAL
 from lupin_engine.plugin.registry import load_catalog
@@ -81,7 +82,7 @@ def write_mission(name: str, like: str | None, folder: Path) -> tuple[list[Path]
     missions = folder / LOCAL
     scenario = folder / "scenarios" / f"{name}{SUFFIX}"
     own = {
-        missions / f"{name}.yaml": MISSION.format(title=_title(name)),
+        missions / f"{name}.yaml": MISSION.format(title=title_of(name)),
         scenario: (SCENARIO_LIKE if like else SCENARIO).format(name=name),
     }
     source = default_missions_folder()
@@ -89,7 +90,7 @@ def write_mission(name: str, like: str | None, folder: Path) -> tuple[list[Path]
     if like is not None:
         file, parts = _model(like, folder)
         source, lifecycle = file.parent, lifecycle_of(file)
-        own[missions / f"{name}.yaml"] = _renamed(file.read_text(encoding="utf-8"), _title(name))
+        own[missions / f"{name}.yaml"] = _renamed(file.read_text(encoding="utf-8"), title_of(name))
         others += parts
     for file in own:
         if file.exists():
@@ -99,7 +100,7 @@ def write_mission(name: str, like: str | None, folder: Path) -> tuple[list[Path]
     kept = [file for file in shared if file.exists()]
     written = {file: text for file, text in {**shared, **own}.items() if file not in kept}
     for file, text in written.items():
-        _write(file, text)
+        write_text(file, text)
     return list(written), kept
 
 
@@ -113,18 +114,5 @@ def _model(like: str, folder: Path) -> tuple[Path, list[str]]:
     return file, [f"{PARTS}/{part}" for part in parts]
 
 
-def _title(name: str) -> str:
-    """Return what requests call a mission: `water_beds` is `WaterBeds`."""
-    return "".join(word.capitalize() for word in name.split("_"))
-
-
 def _renamed(text: str, title: str) -> str:
     return re.sub(r"^mission:.*", f"mission: {title}", text, count=1, flags=re.MULTILINE)
-
-
-def _write(file: Path, text: str) -> None:
-    try:
-        file.parent.mkdir(parents=True, exist_ok=True)
-        file.write_text(text, encoding="utf-8")
-    except OSError as problem:
-        raise UsageError(f"cannot write {str(file)!r}: {problem.strerror}") from None

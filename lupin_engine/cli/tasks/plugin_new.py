@@ -9,6 +9,7 @@ from types import MappingProxyType
 
 import click
 
+from lupin_engine.cli.files import title_of, write_text
 from lupin_engine.errors import PluginError, UsageError
 from lupin_engine.plugin.contract import Plugin
 from lupin_engine.plugin.discovery import entry_points, source_file
@@ -61,7 +62,7 @@ def write_plugin(name: str, folder: Path, no_node: bool = False) -> list[Path]:
         if file.exists():
             raise UsageError(f"{str(file)!r} exists; choose another folder, or remove it")
     for file, text in texts.items():
-        _write(file, text)
+        write_text(file, text)
     return list(texts)
 
 
@@ -95,13 +96,4 @@ def _filled(source: str, name: str, no_node: bool) -> str:
 
 
 def _named(text: str, name: str) -> str:
-    title = "".join(word.capitalize() for word in name.split("_"))
-    return text.replace("%name%", name).replace("%Title%", title)
-
-
-def _write(file: Path, text: str) -> None:
-    try:
-        file.parent.mkdir(parents=True, exist_ok=True)
-        file.write_text(text, encoding="utf-8")
-    except OSError as problem:
-        raise UsageError(f"cannot write {str(file)!r}: {problem.strerror}") from None
+    return text.replace("%name%", name).replace("%Title%", title_of(name))

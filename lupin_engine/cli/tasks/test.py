@@ -9,6 +9,7 @@ from typing import Any
 
 import click
 
+from lupin_engine.cli.files import write_text
 from lupin_engine.errors import UsageError
 from lupin_engine.plugin.registry import Catalog, load_catalog
 from lupin_engine.sim import SUFFIX
@@ -66,7 +67,7 @@ def work(
     if coverage is not None and drawing is not None:
         _draw(coverage, drawing)
     if junit_file is not None:
-        _write(junit_file, junit(results))
+        write_text(junit_file, junit(results))
     if as_json:
         click.echo(json.dumps(_record(results, coverage), default=str))
     else:
@@ -107,7 +108,7 @@ def _make_scenario(
         raise UsageError(f"{str(output)!r} exists; remove it, or choose another name")
     recorded = read_recording(_text(recording), str(recording))
     promise = f"{recorded.mission} as it was recorded in {recording.name}"
-    _write(output, scenario_text(recorded, promise, output, Missions(catalog)))
+    write_text(output, scenario_text(recorded, promise, output, Missions(catalog)))
     click.echo(f"wrote {output}")
     return 0
 
@@ -130,15 +131,7 @@ def _draw(coverage: Coverage, file: Path) -> None:
         ways = {name: count for (kind, name, _), count in reached.items() if kind == TRANSITION}
         picture = coloured(outline(chart), Counts(states, ways, "reached by scenarios; pale: never"))
         alone = len(coverage.charts) == 1
-        _write(file if alone else file.with_name(f"{file.stem}-{mission.stem}.svg"), svg(picture))
-
-
-def _write(file: Path, text: str) -> None:
-    try:
-        file.parent.mkdir(parents=True, exist_ok=True)
-        file.write_text(text, encoding="utf-8")
-    except OSError as problem:
-        raise UsageError(f"cannot write {str(file)!r}: {problem.strerror}") from None
+        write_text(file if alone else file.with_name(f"{file.stem}-{mission.stem}.svg"), svg(picture))
 
 
 def _show(result: Result, quiet: bool) -> None:

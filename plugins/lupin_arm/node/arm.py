@@ -22,6 +22,7 @@ from lupin_arm.node.torque import Done, Torque
 from lupin_arm.trajectory import FIRST_POINT_S, START_TOLERANCE, VELOCITY_HINT, Point, Trajectory
 from lupin_engine.middleware.estop import EmergencyStop
 from lupin_engine.middleware.node import Qos, RosNode
+from lupin_engine.plugin.wire import time_fields
 
 #: Seconds without feedback after which the arm counts as gone; when it is back it is pinned like a new one.
 LOST_S = 2.0
@@ -298,13 +299,8 @@ def _message(trajectory: Trajectory) -> JointTrajectory:
         JointTrajectoryPoint(
             positions=list(point.pose),
             velocities=[VELOCITY_HINT] * len(ARM),
-            time_from_start=_duration(point.time),
+            time_from_start=Duration(**time_fields(point.time)),
         )
         for point in trajectory.points
     ]
     return JointTrajectory(joint_names=[joint.state_name for joint in ARM], points=points)
-
-
-def _duration(seconds: float) -> Duration:
-    whole, rest = divmod(round(seconds * 1e9), 10**9)
-    return Duration(sec=whole, nanosec=rest)

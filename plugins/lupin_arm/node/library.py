@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Callable
 from datetime import datetime, timezone
 from functools import partial
@@ -24,6 +23,7 @@ from lupin_arm.node.serving import STALE_AFTER_S, refuse
 from lupin_arm.trajectory import clamp_speed, move
 from lupin_engine.errors import nearest, shortened
 from lupin_engine.middleware.node import Qos, RosNode
+from lupin_engine.plugin.files import user_folder
 from lupin_msgs.srv import (
     ArmLibraryEdit,
     ArmRecord,
@@ -248,10 +248,7 @@ def library_path(given: str) -> Path:
     """Return the file of the library: the given one, else one among the user's settings."""
     if given:
         return Path(given).expanduser()
-    base = os.environ.get("XDG_CONFIG_HOME", "")
-    # The specification says that relative ones are ignored.
-    folder = Path(base) if Path(base).is_absolute() else Path.home() / ".config"
-    return folder / "lupin" / "arm_library.json"
+    return user_folder("XDG_CONFIG_HOME", ".config") / "arm_library.json"
 
 
 def _now() -> str:

@@ -33,8 +33,7 @@ class Display:
         message.header.frame_id = "map"
         message.header.stamp = self._ros.stamp()
         for (x, y), heading in zip(path, [*headings, yaw], strict=True):
-            turn = Quaternion(x=0.0, y=0.0, z=math.sin(heading / 2.0), w=math.cos(heading / 2.0))
-            pose = PoseMessage(position=Position(x=x, y=y, z=0.0), orientation=turn)
+            pose = PoseMessage(position=Position(x=x, y=y, z=0.0), orientation=quaternion(heading))
             message.poses.append(PoseStamped(header=message.header, pose=pose))
         self._plans.publish(message)
 
@@ -48,6 +47,11 @@ class Display:
             ended=_nothing,
             rejected=_nothing,
         )
+
+
+def quaternion(yaw: float) -> Quaternion:
+    """Return the turn by `yaw` radians about the vertical."""
+    return Quaternion(x=0.0, y=0.0, z=math.sin(yaw / 2.0), w=math.cos(yaw / 2.0))
 
 
 def _nothing(*_: object) -> None:

@@ -14,7 +14,6 @@ from builtin_interfaces.msg import Duration
 from geometry_msgs.msg import (
     PoseStamped,
     PoseWithCovarianceStamped,
-    Quaternion,
     Transform,
     TransformStamped,
     Vector3,
@@ -28,12 +27,13 @@ from lupin_engine.errors import LupinError
 from lupin_engine.middleware.node import Qos, RosNode, ServedGoal, Timer
 from lupin_engine.plugin.contract import Parameter
 from lupin_engine.plugin.types import BOOL, COUNT, NUMBER, POSE, TEXT, number_in
+from lupin_engine.plugin.wire import time_fields
 from lupin_engine.world.poses import heading
 from lupin_sim.faults import Fault, Faults
 from lupin_sim.floor import Floor
 from lupin_sim.layout import load_layout
 from lupin_sim.node import senses
-from lupin_sim.node.display import Display
+from lupin_sim.node.display import Display, quaternion
 from lupin_sim.node.senses import Senses
 from lupin_sim.robot import Pose, Robot
 
@@ -283,8 +283,8 @@ class SimNode:
     def _feedback(self) -> NavigateToPose.Feedback:
         feedback = NavigateToPose.Feedback()
         feedback.current_pose = self._pose_message(self._believed)
-        feedback.navigation_time = _duration(self._ros.elapsed() - self._goal_began)
-        feedback.estimated_time_remaining = _duration(self._robot.remaining / self._robot.speed)
+        feedback.navigation_time = Duration(**time_fields(self._ros.elapsed() - self._goal_began))
+        feedback.estimated_time_remaining = Duration(**time_fields(self._robot.remaining / self._robot.speed))
         feedback.distance_remaining = self._robot.remaining
         return feedback
 
@@ -343,7 +343,7 @@ class SimNode:
         message.header.stamp = self._ros.stamp()
         message.header.frame_id = "map"
         message.pose.position.x, message.pose.position.y = pose.x, pose.y
-        message.pose.orientation = _quaternion(pose.yaw)
+        message.pose.orientation = quaternion(pose.yaw)
         return message
 
 
@@ -351,18 +351,9 @@ def _transform(parent: str, child: str, pose: Pose) -> TransformStamped:
     message = TransformStamped(child_frame_id=child)
     message.header.frame_id = parent
     message.transform = Transform(
-        translation=Vector3(x=pose.x, y=pose.y, z=0.0), rotation=_quaternion(pose.yaw)
+        translation=Vector3(x=pose.x, y=pose.y, z=0.0), rotation=quaternion(pose.yaw)
     )
     return message
-
-
-def _quaternion(yaw: float) -> Quaternion:
-    return Quaternion(x=0.0, y=0.0, z=math.sin(yaw / 2.0), w=math.cos(yaw / 2.0))
-
-
-def _duration(seconds: float) -> Duration:
-    whole = math.floor(seconds)
-    return Duration(sec=whole, nanosec=int((seconds - whole) * 1e9))
 
 
 def main(arguments: Sequence[str]) -> int:

@@ -1,0 +1,25 @@
+"""Files that verbs write for people, and the names in them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from lupin_engine.errors import UsageError
+
+
+def write_text(file: Path, text: str) -> None:
+    """Write a file, in a folder that is made where it is missing.
+
+    Raises:
+        UsageError: it cannot be written.
+    """
+    try:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_text(text, encoding="utf-8")
+    except OSError as problem:
+        raise UsageError(f"cannot write {str(file)!r}: {problem.strerror}") from None
+
+
+def title_of(name: str) -> str:
+    """Return a name in the words of a title: `water_beds` is `WaterBeds`."""
+    return "".join(word.capitalize() for word in name.split("_"))
