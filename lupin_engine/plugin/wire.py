@@ -54,7 +54,8 @@ def pose_from(value: Any, kind: Type) -> Any:
         return value
     position, turned = value["position"], value["orientation"]
     x, y, z, w = (turned[name] for name in "xyzw")
-    yaw = math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+    # For a quaternion of any length, as `world.poses.heading` has it; neither room may know the other.
+    yaw = math.atan2(2.0 * (w * z + x * y), w * w + x * x - y * y - z * z)
     return {"x": position["x"], "y": position["y"], "yaw": yaw}
 
 
