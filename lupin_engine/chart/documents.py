@@ -170,7 +170,6 @@ class ActionNode(Node):
         return {"name": name, "arguments": arguments}
 
 
-ActionInput = str | dict[str, dict[str, Any] | None]
 Actions = Annotated[
     list[Annotated[ActionNode, WithJsonSchema({"type": ["string", "object"], "maxProperties": 1})]],
     BeforeValidator(_to_list),

@@ -38,8 +38,6 @@ SHORT_FORMS: Mapping[str, Schema] = MappingProxyType(
         "InvariantNode": {"type": ["string", "boolean"], "description": "condition"},
     }
 )
-#: Everything that a scalar can be, where an expression may stand.
-_SCALARS = ["string", "number", "boolean"]
 
 
 def kinds(further: Mapping[str, type[BaseModel]] | None = None) -> dict[str, type[BaseModel]]:
