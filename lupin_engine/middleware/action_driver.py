@@ -114,9 +114,8 @@ class ActionAttempts:
         self._ros = ros
         self._outlet = outlet
         self._running: dict[str, _Attempt] = {}
-        self._lost: dict[
-            str, _Attempt
-        ] = {}  # nobody waits for these, and yet a server may still work on them
+        #: Nobody waits for these, and yet a server may still work on them.
+        self._lost: dict[str, _Attempt] = {}
         self._timer: Timer | None = None
 
     def start(self, attempt: str, operation: ActionOperation, goal: Any) -> None:
@@ -148,9 +147,7 @@ class ActionAttempts:
         for attempt in list(self._running):
             self._abandon(attempt)
         # Also what a server has taken and not yet said so.
-        for server in {
-            id(lost.operation.server): lost.operation.server for lost in self._lost.values()
-        }.values():
+        for server in dict.fromkeys(lost.operation.server for lost in self._lost.values()):
             server.clear()
 
     def _on_accepted(self, attempt: str) -> None:
