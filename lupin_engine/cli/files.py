@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 from lupin_engine.errors import UsageError
+from lupin_engine.plugin.registry import NAME
 
 
 def write_text(file: Path, text: str) -> None:
@@ -23,3 +25,9 @@ def write_text(file: Path, text: str) -> None:
 def title_of(name: str) -> str:
     """Return a name in the words of a title: `water_beds` is `WaterBeds`."""
     return "".join(word.capitalize() for word in name.split("_"))
+
+
+def nearest_name(wanted: str) -> str:
+    """Return the name that may be meant by one that cannot be: "; did you mean 'water_beds'?", '' for none."""
+    name = re.sub(r"\W+|(?<=[a-z0-9])(?=[A-Z])", "_", wanted).strip("_").lower()
+    return f"; did you mean {name!r}?" if NAME.fullmatch(name) and name != wanted else ""

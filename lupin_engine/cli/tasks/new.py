@@ -16,14 +16,13 @@ from lupin_engine.chart.load import (
     is_missions_folder,
     lifecycle_of,
 )
-from lupin_engine.cli.files import title_of, write_text
+from lupin_engine.cli.files import nearest_name, title_of, write_text
 from lupin_engine.errors import UsageError
 from lupin_engine.launch.mission import LOCAL
-from lupin_engine.plugin.registry import load_catalog
+from lupin_engine.plugin.registry import NAME, load_catalog
 from lupin_engine.sim import SUFFIX
 
 #: What a file's name may be: it is also how the mission is called on the command line.
-_NAME = re.compile(r"[a-z][a-z0-9_]*")
 
 MISSION = """\
 mission: {title}
@@ -74,11 +73,11 @@ def write_mission(name: str, like: str | None, folder: Path) -> tuple[list[Path]
     Raises:
         UsageError: the name cannot be one, the mission exists, or there is none to be `like`.
     """
-    if not _NAME.fullmatch(name) or name == Path(LIFECYCLE).stem:
-        hint = re.sub(r"\W+|(?<=[a-z0-9])(?=[A-Z])", "_", name).strip("_").lower()
-        other = f"; did you mean {hint!r}?" if _NAME.fullmatch(hint) and hint != name else ""
+    if not NAME.fullmatch(name) or name == Path(LIFECYCLE).stem:
         wanted = "lower-case letters, digits and underscores, such as water_beds"
-        raise UsageError(f"{name!r} cannot be the name of a mission's file: write {wanted}{other}")
+        raise UsageError(
+            f"{name!r} cannot be the name of a mission's file: write {wanted}{nearest_name(name)}"
+        )
     missions = folder / LOCAL
     scenario = folder / "scenarios" / f"{name}{SUFFIX}"
     own = {

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
 from pathlib import Path
 from types import MappingProxyType
 
 import click
 
-from lupin_engine.cli.files import title_of, write_text
+from lupin_engine.cli.files import nearest_name, title_of, write_text
 from lupin_engine.errors import PluginError, UsageError
 from lupin_engine.plugin.contract import Plugin
 from lupin_engine.plugin.discovery import entry_points, source_file
-from lupin_engine.plugin.registry import build_catalog
+from lupin_engine.plugin.registry import NAME, build_catalog
 
 TEMPLATE = Path(__file__).with_name("plugin_template")
 #: What is written -> what it is made of; `%name%` stands for the plugin's name.
@@ -36,7 +35,6 @@ WITHOUT_NODE: Mapping[str, str | None] = MappingProxyType(
 )
 #: Ends a line that is about the node.
 _NODE_MARK = " ;;node"
-_NAME = re.compile(r"[a-z][a-z0-9_]*")
 #: Of a name; folders, modules, parameters and codes begin with it.
 MAX_NAME = 40
 
@@ -67,11 +65,9 @@ def write_plugin(name: str, folder: Path, no_node: bool = False) -> list[Path]:
 
 
 def _check_name(name: str) -> None:
-    if not _NAME.fullmatch(name) or len(name) > MAX_NAME:
-        hint = re.sub(r"\W+|(?<=[a-z0-9])(?=[A-Z])", "_", name).strip("_").lower()
-        other = f"; did you mean {hint!r}?" if _NAME.fullmatch(hint) and hint != name else ""
+    if not NAME.fullmatch(name) or len(name) > MAX_NAME:
         wanted = f"up to {MAX_NAME} lower-case letters, digits and underscores, such as lamp"
-        raise UsageError(f"{name!r} cannot be the name of a plugin: write {wanted}{other}")
+        raise UsageError(f"{name!r} cannot be the name of a plugin: write {wanted}{nearest_name(name)}")
     try:
         build_catalog([Plugin(name, "A new one.")])
     except PluginError as problem:
