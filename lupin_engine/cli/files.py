@@ -28,6 +28,6 @@ def title_of(name: str) -> str:
 
 
 def nearest_name(wanted: str) -> str:
-    """Return the name that may be meant by one that cannot be: "; did you mean 'water_beds'?", '' for none."""
+    """Return a hint at the name that is meant by one that cannot be, `''` where there is none."""
     name = re.sub(r"\W+|(?<=[a-z0-9])(?=[A-Z])", "_", wanted).strip("_").lower()
     return f"; did you mean {name!r}?" if NAME.fullmatch(name) and name != wanted else ""
