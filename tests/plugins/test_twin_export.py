@@ -318,6 +318,9 @@ def test_ngsi_ld_holds_to_its_standard(mission: str, origin: Georeference | None
         lambda tag: tag["temperature"][0].update(observedAt="yesterday"),
         lambda tag: tag["temperature"][0].update(value=None),
         lambda tag: tag["location"]["value"].update(coordinates=[200.0, 0.0]),
+        lambda tag: tag["location"].pop("observedAt"),
+        lambda tag: tag.update(location=[tag["location"]]),
+        lambda tag: tag.update(mapPosition=tag["mapPosition"][0]),
     ],
 )
 def test_the_schema_of_ngsi_ld_refuses_what_is_wrong(spoil: Callable[[Any], Any]) -> None:
@@ -341,13 +344,16 @@ def test_ngsi_ld_has_every_value_with_its_time_and_unit() -> None:
     odd = entities["urn:ngsi-ld:GreenhouseTag:7%20%C3%A4%2F%0A%25"]
     assert [one["value"] for one in odd["sensor_p_2e_H_20__24_"]] == [6.5]
     assert "location" not in odd
-    assert entities["urn:ngsi-ld:AnomalyReport:all-1"]["severity"]["value"] == 2
+    report = entities["urn:ngsi-ld:AnomalyReport:all-1"]
+    assert [one["value"] for one in report["severity"]] == [2]
+    assert report["location"]["observedAt"] == report["severity"][0]["observedAt"] == utc(T + 7.0)
+    assert tag["location"]["observedAt"] == utc(T + 9.0)
 
 
 def test_without_an_origin_ngsi_ld_has_the_place_on_the_map_only() -> None:
     tag = next(e for e in json.loads(ngsi_ld(record_of("m1"))) if e["id"] == "urn:ngsi-ld:GreenhouseTag:5")
     assert "location" not in tag
-    assert tag["mapPosition"]["value"] == {"x": 1.0, "y": 2.0}
+    assert [place["value"] for place in tag["mapPosition"]] == [{"x": 1.0, "y": 2.0}]
 
 
 @pytest.mark.filterwarnings("ignore:ConjunctiveGraph is deprecated:DeprecationWarning")

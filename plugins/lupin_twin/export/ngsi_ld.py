@@ -1,8 +1,9 @@
 """A mission's record as NGSI-LD (ETSI GS CIM 009): entities in their temporal representation (clause 4.5.7).
 
 An array of one `GreenhouseTag` for each tag, one `AnomalyReport` for each anomaly, and one `Mission` for each
-mission. What was observed more than once is an array of Property instances, each with `observedAt`. A
-GeoProperty `location` needs to know where the map is; the place on the map is always there.
+mission. Each attribute is an array of instances with `observedAt`, also where there is only one: the clause
+allows that one without an array, the `EntityTemporal` of ETSI's OpenAPI does not. A GeoProperty `location`, which
+is one and no array there, needs to know where the map is; the place on the map is always there.
 """
 
 from __future__ import annotations
@@ -62,7 +63,7 @@ def _missions(record: MissionRecord) -> Iterator[dict[str, Any]]:
     for mission in record.missions:
         if mission.mission_id:
             source = _property(mission.source, observedAt=utc(mission.first))
-            yield _entity("Mission", mission.mission_id, {"source": source}, {})
+            yield _entity("Mission", mission.mission_id, {"source": [source]}, {})
 
 
 def _tags(record: MissionRecord, origin: Georeference | None) -> Iterator[dict[str, Any]]:
@@ -119,15 +120,17 @@ def attribute_name(sensor: str) -> str:
     return "sensor_" + re.sub(r"[^A-Za-z0-9]", lambda letter: f"_{ord(letter[0]):x}_", sensor)
 
 
-def _where(tag: Tag, origin: Georeference | None) -> dict[str, Attribute]:
-    return {} if tag.pin is None else _position(tag.pin, origin)
+def _where(tag: Tag, origin: Georeference | None) -> dict[str, Any]:
+    if tag.pin is None or tag.last_observed is None:
+        return {}
+    return _position(tag.pin, {"observedAt": utc(tag.last_observed)}, origin)
 
 
-def _position(pin: Pin, origin: Georeference | None) -> dict[str, Attribute]:
-    x, y = finite(pin.x), finite(pin.y)
-    found = {"mapPosition": _property({"x": x, "y": y}, unitCode="MTR")}
+def _position(pin: Pin, when: Attribute, origin: Georeference | None) -> dict[str, Any]:
+    place = {"x": finite(pin.x), "y": finite(pin.y)}
+    found: dict[str, Any] = {"mapPosition": [_property(place, unitCode="MTR", **when)]}
     point = None if origin is None else origin.point(pin.x, pin.y)
-    return found if point is None else {"location": {"type": "GeoProperty", "value": point}, **found}
+    return found if point is None else {"location": {"type": "GeoProperty", "value": point, **when}, **found}
 
 
 def _anomalies(record: MissionRecord, origin: Georeference | None) -> Iterator[dict[str, Any]]:
@@ -136,8 +139,8 @@ def _anomalies(record: MissionRecord, origin: Georeference | None) -> Iterator[d
         seen, when = observation.record, _when(observation)
         assert isinstance(seen, Anomaly)
         attributes = {
-            **_position(Pin(seen.x, seen.y, 0.0, 1.0), origin),
-            "description": _property(seen.description, **when),
-            "severity": _property(seen.severity, **when),
+            **_position(Pin(seen.x, seen.y, 0.0, 1.0), when, origin),
+            "description": [_property(seen.description, **when)],
+            "severity": [_property(seen.severity, **when)],
         }
         yield _entity("AnomalyReport", f"{record.name}-{number}", attributes, {})
