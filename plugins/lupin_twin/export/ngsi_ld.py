@@ -1,9 +1,10 @@
 """A mission's record as NGSI-LD (ETSI GS CIM 009): entities in their temporal representation (clause 4.5.7).
 
-An array of one `GreenhouseTag` for each tag, one `AnomalyReport` for each anomaly, and one `Mission` for each
-mission. Each attribute is an array of instances with `observedAt`, also where there is only one: the clause
-allows that one without an array, the `EntityTemporal` of ETSI's OpenAPI does not. A GeoProperty `location`, which
-is one and no array there, needs to know where the map is; the place on the map is always there.
+An array of one `GreenhouseTag` for each tag, one `AnomalyReport` for each anomaly, and one `Mission` for
+each mission. Each attribute is an array of instances with `observedAt`, also where there is only one: the
+clause allows that one without an array, the `EntityTemporal` of ETSI's OpenAPI does not. Only a GeoProperty
+`location` is one without an array there. It needs to know where the map is; the place on the map is always
+there.
 """
 
 from __future__ import annotations
