@@ -25,6 +25,7 @@ from lupin_engine.sim.scenario_file import (
 )
 from lupin_engine.sim.scripted import contains
 from lupin_engine.sim.simulation import End, Happening, Run, Seen, is_named
+from lupin_engine.sim.story import shorten
 
 #: A difference at a moment: the key and its index, what was expected, what there was, the states concerned.
 Difference = tuple[str, int | None, Any, Any, Sequence[str]]
@@ -41,7 +42,13 @@ class Comparison:
         self._reporter = Reporter(run)
 
     def failures(self) -> Iterator[Failure]:
-        """Yield what differs."""
+        """Yield what differs; then also the mocks that had no part in it, for one may be meant otherwise."""
+        found = list(self._differences())
+        yield from found
+        if found:
+            yield from self._unspent()
+
+    def _differences(self) -> Iterator[Failure]:
         expect, run = self._expect, self._run
         yield from self._moments()
         yield from self._same("lifecycle", expect.lifecycle, list(run.lifecycles))
@@ -238,6 +245,21 @@ class Comparison:
             around = next((step for step in reversed(self._run.steps) if step.time <= time), None)
             place, actual = self._scenario.at("when", happening.number), f"not so at {time:.1f} s"
             yield self._reporter.failure(place, "when", expected, actual, around)
+
+    def _unspent(self) -> Iterator[Failure]:
+        """What a mock had left is no mistake by itself: it may say what must not happen."""
+        for number, used in self._run.unspent.items():
+            mock, attempts = self._scenario.mocks[number], self._attempts(self._scenario.mocks[number].do)
+            count = f"{len(mock.then)} attempts" if mock.in_turn else "an attempt"
+            first = attempts[0].arguments if attempts and not used else {}
+            given = [name for name in mock.with_ if name in first]
+            told = "".join(f"; {name} of the first: {shorten(first[name])}" for name in given)
+            expected, actual = f"{count} of {mock.do} under this mock", f"{used} of {len(attempts)}{told}"
+            yield Failure(self._scenario.at("mocks", number), "mock not used up", expected, actual)
+
+    def _attempts(self, operation: str) -> list[Start]:
+        commands = [command for step in self._run.steps for command in step.commands]
+        return [one for one in commands if isinstance(one, Start) and one.operation == operation]
 
 
 def _error(view: View, wanted: str | None) -> str:

@@ -142,6 +142,16 @@ class _Server:
         self._name = f"{seed}/{number}"
         self._used = 0
 
+    @property
+    def is_spent(self) -> bool:
+        """Whether every outcome was that of an attempt."""
+        return not self._left if self.rule.once else self._used > 0
+
+    @property
+    def used(self) -> int:
+        """How many attempts fell under the rule."""
+        return self._used
+
     def covers(self, operation: str, arguments: Mapping[str, Any], target: str) -> bool:
         """Say whether an attempt falls under the rule and the rule is not spent."""
         return bool(self._left) and self.rule.covers(operation, arguments, target)
@@ -204,6 +214,11 @@ class Stage:
         """Return a driver for every plugin of the catalog, all reporting to `outlet`."""
         self._outlet = outlet
         return {name: ScriptedDriver(self, name) for name in self._catalog.plugins}
+
+    @property
+    def unspent(self) -> dict[int, int]:
+        """How many attempts fell under each rule of which not all outcomes were used, by its number."""
+        return {number: one.used for number, one in enumerate(self._servers) if not one.is_spent}
 
     @property
     def outlet(self) -> Outlet:

@@ -169,7 +169,8 @@ class Run:
     started it, `tries` says which try it was. `holds` and `broken` are the holds that were engaged and the
     invariants that were broken, in order, each with its step; `held` is what was held from when on. `looks`
     is what was seen, by number. `context` are the variables at the end. `stopped`: the state was entered at
-    which it was to stop. `parameters` are the settings that were given.
+    which it was to stop. `parameters` are the settings that were given. `unspent` says for each rule of which
+    not all outcomes were used, by its number, how many attempts fell under it.
     """
 
     chart: Chart
@@ -192,6 +193,7 @@ class Run:
     tries: Mapping[str, int] = field(default_factory=dict)
     stopped: bool = False
     parameters: Mapping[str, Any] = field(default_factory=dict)
+    unspent: Mapping[int, int] = field(default_factory=dict)
 
     @property
     def ended(self) -> bool:
@@ -454,6 +456,7 @@ class Simulation:
             tries=record.tries,
             stopped=self._stopped,
             parameters=self._parameters,
+            unspent=self._stage.unspent,
         )
 
 

@@ -319,6 +319,27 @@ def test_what_never_came_to_pass_is_a_failure(tmp_path: Path, when: str, told: s
     assert found.startswith(f"6:5: when | expected: {told}")
 
 
+MOCKS = """\
+mocks:
+  - {do: nav.go_to, with: {pose: {x: 1 m}}, then: never}
+  - {do: bridge.read_tag, target: "2", then: never}
+  - {do: nav.dock, then: [{after: 1 s}, {after: 2 s}]}
+  - {do: nav.localize, then: [{after: 1 s}]}
+"""
+
+
+def test_mocks_that_had_no_part_in_a_failure_are_told_beside_it(tmp_path: Path) -> None:
+    """One of them may be meant otherwise; without a failure they may say what must not happen."""
+    ran(tmp_path, MOCKS + "expect: {published: [1 OK]}\n")
+    assert failures(tmp_path, MOCKS + "expect: {published: [1 UNREACHABLE]}\n") == [
+        "9:22: published | expected: 1 UNREACHABLE | actual:   1 OK",
+        "5:5: mock not used up | expected: an attempt of nav.go_to under this mock"
+        " | actual:   0 of 1; pose of the first: {x 1.107, y 1.382, yaw -0.1651}",
+        "6:5: mock not used up | expected: an attempt of bridge.read_tag under this mock | actual:   0 of 1",
+        "7:5: mock not used up | expected: 2 attempts of nav.dock under this mock | actual:   1 of 1",
+    ]
+
+
 def test_a_failure_shows_both_files_and_what_happened_around_it(tmp_path: Path) -> None:
     """The line of the expectation, the line of the chart, and the story with its step marked."""
     text = (
