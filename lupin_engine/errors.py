@@ -11,7 +11,7 @@ from __future__ import annotations
 import bisect
 import difflib
 import enum
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -84,16 +84,38 @@ class ChartError(LupinError):
         super().__init__("\n".join(str(d) for d in self.diagnostics))
 
 
+def all_of(*looks: Callable[[], object]) -> None:
+    """Look at several things, at all of them.
+
+    Raises:
+        LupinError: some cannot be used; the text has what is wrong with each.
+    """
+    problems = []
+    for look in looks:
+        try:
+            look()
+        except LupinError as problem:
+            problems.append(str(problem))
+    if problems:
+        raise LupinError("\n".join(problems))
+
+
 def nearest(name: str, allowed: Iterable[str]) -> str:
     """Say what was probably meant by `name`, else list all that is allowed, sorted so the text is stable."""
     names = sorted(set(allowed))
-    close = difflib.get_close_matches(name, _around(name, names), n=1, cutoff=0.6)
-    if close:
-        return f"did you mean {close[0]!r}?"
+    guess = meant(name, names)
+    if guess:
+        return guess
     if not names:
         return "nothing is allowed here"
     more = f" and {len(names) - MAX_LISTED} more" if len(names) > MAX_LISTED else ""
     return "allowed: " + ", ".join(repr(n) for n in names[:MAX_LISTED]) + more
+
+
+def meant(name: str, allowed: Iterable[str]) -> str:
+    """Say what was probably meant by `name`; '' where nothing is like it."""
+    close = difflib.get_close_matches(name, _around(name, sorted(set(allowed))), n=1, cutoff=0.6)
+    return f"did you mean {close[0]!r}?" if close else ""
 
 
 def shortened(text: str, most: int = MAX_SHOWN) -> str:

@@ -118,6 +118,11 @@ class Broker:
                 return self
         raise AssertionError(f"the broker ended: {''.join(said)}")
 
+    def signal(self, number: int) -> None:
+        """Send a signal to the broker."""
+        assert self._process is not None
+        self._process.send_signal(number)
+
     def kill(self) -> None:
         """End the broker without a word to anybody."""
         if self._process is not None:

@@ -31,11 +31,11 @@ VENV = ROOT / ".venv"
 STAMP = VENV / "bootstrap.json"
 LOG = VENV / "bootstrap.log"
 BUILD_LOG = VENV / "bootstrap-interfaces.log"
+#: Raised when this file starts to arrange `.venv` differently: older ones are then made anew.
 LAYOUT = 1
-"""Raised when this file starts to arrange `.venv` differently: older ones are then made anew."""
 
+#: What ROS 2 Jazzy's wheels exist for, best first: 3.12 is the Python of Jazzy itself.
 VERSIONS = ((3, 12), (3, 13), (3, 11), (3, 10))
-"""What ROS 2 Jazzy's wheels exist for, best first: 3.12 is the Python of Jazzy itself."""
 
 PACKAGES = (
     ("lupin_msgs", "lupin_msgs"),
@@ -226,7 +226,7 @@ class Background(threading.Thread):
 
 def failure(purpose: str, output: List[str], log: Path) -> Problem:
     """Turn the output of a failed command into something to act on."""
-    if self_live():
+    if on_terminal():
         print("\r\033[K", end="")
     advice = ["    " + line for line in output[-12:]]
     advice.append("The whole output is in {}".format(log))
@@ -238,8 +238,8 @@ def failure(purpose: str, output: List[str], log: Path) -> Problem:
     return Problem(purpose + " failed; the last lines were:", *advice)
 
 
-def self_live() -> bool:
-    """Whether the progress display left a living line to wipe."""
+def on_terminal() -> bool:
+    """Whether the progress display has a living line, to be wiped before something else is said."""
     return sys.stdout.isatty()
 
 
@@ -568,7 +568,9 @@ def build_requirements(pyproject: Path) -> List[str]:
 
 def cache_folder() -> Path:
     """Where built wheels are kept for the next environment: the user's cache, else inside this one."""
-    base = os.environ.get("XDG_CACHE_HOME") or os.path.join(os.path.expanduser("~"), ".cache")
+    base = os.environ.get("XDG_CACHE_HOME", "")
+    if not os.path.isabs(base):  # the specification says that relative ones are ignored
+        base = os.path.join(os.path.expanduser("~"), ".cache")
     folder = Path(base, "lupin-engine", "wheels")
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -742,7 +744,7 @@ def bring_up_to_date(progress: Progress) -> None:
 
 
 def carry_out(work: Work, python: Python, folders: List[str], target: Path, progress: Progress) -> None:
-    """The long steps."""
+    """Make what is missing, and write the stamp once all of it works; these are the steps that take long."""
     runner = Runner(progress, LOG)
     if work.afresh:
         before = "" if not VENV.exists() else " anew (it was unfinished, or made in another way)"
@@ -792,7 +794,7 @@ def alone(progress: Progress) -> Iterator[None]:
 
 def main() -> int:
     """Prepare `.venv`; the exit code says whether it is ready."""
-    progress = Progress(live=self_live())
+    progress = Progress(live=on_terminal())
     try:
         if os.name != "posix":
             raise Problem("Lupin needs Linux.", "On Windows, use WSL with Ubuntu 24.04.")
@@ -804,7 +806,7 @@ def main() -> int:
     except KeyboardInterrupt:
         print("\nInterrupted. Run it again: what is unfinished is made anew.", file=sys.stderr)
         return 130
-    except Exception as error:
+    except Exception as error:  # a defect of this program, told in a line like everything else
         place = Path(tempfile.gettempdir(), "lupin-bootstrap-error.log")
         place.write_text(traceback.format_exc(), encoding="utf-8")
         print("\n{}: {}\nDetails are in {}".format(type(error).__name__, error, place), file=sys.stderr)

@@ -44,6 +44,13 @@ def alternatives(node: ast.AST, place: str, inside: bool) -> Iterator[ast.AST]:
     """Yield what may stand in place of `node`, which is the field `place` of its parent."""
     if place in ("test", "ifs", "guard") and not isinstance(node, (ast.Compare, ast.UnaryOp)):
         yield ast.UnaryOp(ast.Not(), node)  # type: ignore[arg-type]
+    yield from _other_expressions(node, inside)
+    yield from _other_statements(node)
+    if isinstance(node, (ast.Expr, ast.Raise, ast.Delete, ast.AugAssign)) or (inside and _writes(node)):
+        yield ast.Pass()
+
+
+def _other_expressions(node: ast.AST, inside: bool) -> Iterator[ast.expr]:
     if isinstance(node, ast.Compare):
         for index, operator in enumerate(node.ops):
             for other in COMPARISONS[type(operator)]:
@@ -56,13 +63,19 @@ def alternatives(node: ast.AST, place: str, inside: bool) -> Iterator[ast.AST]:
     elif isinstance(node, ast.BinOp) and type(node.op) in ARITHMETIC and (inside or not _is_type(node)):
         yield ast.BinOp(node.left, ARITHMETIC[type(node.op)](), node.right)
     elif isinstance(node, ast.Constant) and isinstance(node.value, (bool, int, float, str)):
-        value = node.value
-        yield ast.Constant(
-            not value if isinstance(value, bool) else f"XX{value}" if isinstance(value, str) else value + 1
-        )
+        yield ast.Constant(_other_value(node.value))
     elif isinstance(node, ast.Name) and node.id in NAMES and isinstance(node.ctx, ast.Load):
         yield ast.Name(NAMES[node.id], ast.Load())
-    elif isinstance(node, ast.Return):
+
+
+def _other_value(value: bool | float | str) -> bool | float | str:
+    if isinstance(value, bool):
+        return not value
+    return f"XX{value}" if isinstance(value, str) else value + 1
+
+
+def _other_statements(node: ast.AST) -> Iterator[ast.stmt]:
+    if isinstance(node, ast.Return):
         if node.value is None:
             yield ast.Pass()
         elif not (isinstance(node.value, ast.Constant) and not node.value.value):
@@ -71,8 +84,6 @@ def alternatives(node: ast.AST, place: str, inside: bool) -> Iterator[ast.AST]:
         yield ast.Break() if isinstance(node, ast.Continue) else ast.Continue()
     elif isinstance(node, ast.AugAssign) and type(node.op) in ARITHMETIC:
         yield ast.AugAssign(node.target, ARITHMETIC[type(node.op)](), node.value)
-    if isinstance(node, (ast.Expr, ast.Raise, ast.Delete, ast.AugAssign)) or (inside and _writes(node)):
-        yield ast.Pass()
 
 
 def _is_type(node: ast.BinOp) -> bool:

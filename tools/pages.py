@@ -31,6 +31,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
+from typing import NamedTuple
 
 from lupin_engine.cli.main import main as run_lupin
 
@@ -45,6 +46,7 @@ BOOKS: Mapping[str, tuple[Path, ...]] = MappingProxyType(
         "tutorial": (DOCS / "tutorial-new-mission.md",),
         "bindings": (DOCS / "bindings.md",),
         "plugins": (DOCS / "plugins.md",),
+        "scale": (DOCS / "scale.md",),
     }
 )
 
@@ -60,6 +62,20 @@ _TOOK = re.compile(r"(?<=computed)(\s+in) \d+\.\d\d s")
 
 class PageError(Exception):
     """A page asks for something that cannot be done."""
+
+
+class _Announced(NamedTuple):
+    """What the comment before a block says that it is: a file, a look, or neither."""
+
+    file: str = ""
+    look: str = ""
+
+    def after(self, line: str) -> _Announced:
+        """Return what is announced after another line; blank ones change nothing."""
+        if not line.strip():
+            return self
+        file, look = _FILE.fullmatch(line.strip()), _SHOWS.fullmatch(line.strip())
+        return _Announced(file[1] if file else "", look[1] if look else "")
 
 
 @dataclass
@@ -79,37 +95,42 @@ class Reader:
             raise PageError(f"{file.relative_to(ROOT)}: {problem}") from None
 
     def _read(self, lines: Sequence[str], beside: Path) -> Iterator[str]:
-        number, shown, looked = 0, "", ""
+        number, announced = 0, _Announced()
         while number < len(lines):
             line = lines[number]
-            number += 1
             fence = _FENCE.fullmatch(line)
             if fence is None:
-                named, looks = _FILE.fullmatch(line.strip()), _SHOWS.fullmatch(line.strip())
-                looked = looks[1] if looks else looked if not line.strip() else ""
-                shown = named[1] if named else shown if not line.strip() else ""
+                announced = announced.after(line)
                 if line.startswith("#"):
                     self._undo()
                 yield line
+                number += 1
                 continue
-            indent, ticks, language, rest = fence.groups()
-            end = next((n for n in range(number, len(lines)) if lines[n].strip() == ticks), None)
+            after = number + 1
+            end = next((n for n in range(after, len(lines)) if lines[n].strip() == fence[2]), None)
             if end is None:
-                raise PageError(f"line {number}: the block has no end")
-            block = [text.removeprefix(indent) for text in lines[number:end]]
-            title = _TITLE.search(rest)
-            if shown:
-                line, block = self._file(line, title[1] if title else "", beside / shown)
-            elif looked:
-                block = (self.folder / looked).read_text(encoding="utf-8").splitlines()
-            elif language == "console":
-                block = [*self._console(block)]
-            elif language == "diff" and title:
-                self._change(title[1], block)
-            yield line
-            yield from (f"{indent}{text}".rstrip() for text in block)
+                raise PageError(f"line {after}: the block has no end")
+            yield from self._block(fence, lines[after:end], announced, beside)
             yield lines[end]
-            number, shown, looked = end + 1, "", ""
+            number, announced = end + 1, _Announced()
+
+    def _block(
+        self, fence: re.Match[str], lines: Sequence[str], announced: _Announced, beside: Path
+    ) -> Iterator[str]:
+        """Do what a block says; yield it, without its last line, as it should be."""
+        indent, _, language, rest = fence.groups()
+        first, block = fence[0], [text.removeprefix(indent) for text in lines]
+        title = _TITLE.search(rest)
+        if announced.file:
+            first, block = self._file(first, title[1] if title else "", beside / announced.file)
+        elif announced.look:
+            block = (self.folder / announced.look).read_text(encoding="utf-8").splitlines()
+        elif language == "console":
+            block = [*self._console(block)]
+        elif language == "diff" and title:
+            self._change(title[1], block)
+        yield first
+        yield from (f"{indent}{text}".rstrip() for text in block)
 
     # -- files ------------------------------------------------------------------------------------------
 

@@ -56,7 +56,7 @@ from lupin_engine.plugin.contract import (
     Plugin,
 )
 from lupin_engine.plugin.registry import DOTTED_NAME, FREE_NAME, LETTERS, NAME, Catalog
-from lupin_engine.plugin.types import ANY, DURATION, UNITS, Type, parse_type, units_of
+from lupin_engine.plugin.types import ANY, DURATION, NUMBER, UNITS, Type, number_in, parse_type, units_of
 
 #: A name over ROS: absolute, relative, or below the node's own (~/).
 _CHANNEL = re.compile(r"(~?/)?[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*")
@@ -327,8 +327,9 @@ class _Reader:
     def _unused_parameters(self) -> None:
         for name in self._node.params:
             if name not in self._usage.parameters:
-                place, problem = self._node.key_at("params", name), f"nothing reads the parameter {name!r}"
-                hint = f"read it as param.{name}, or remove it"
+                place = self._node.key_at("params", name)
+                problem = f"nothing in the binding reads the parameter {name!r}"
+                hint = f"read it as param.{name}, or declare it in the mission that does"
                 self._findings.warn(place, "unused-parameter", f"params.{name}", problem, hint)
 
     def _codes(self) -> Iterator[tuple[str, Code]]:
@@ -401,6 +402,8 @@ class _Reader:
     def _value(self, name: str, node: BoundValueNode) -> LiveValue:
         path = self._named("values", name, DOTTED_NAME, "value")
         kind = self._type(node.type, node.at("type"), path)
+        if kind is NUMBER and node.unit is not None and node.unit in UNITS:
+            kind = number_in(UNITS[node.unit][0])  # as of a parameter that is written so
         initial = None
         if kind is not None and node.initial is not None:
             read = read_constant(node.initial, node.at("initial"), kind, self._findings, f"{path}.initial")
@@ -441,7 +444,8 @@ class _Reader:
                 written.default, written.at("default"), kind, self._findings, f"{path}.default"
             )
             default = read.value if read else None
-        return Argument(kind or ANY, written.summary, default)
+        # A default that is wrong has been told; missions are not blamed for relying on it.
+        return Argument(kind or ANY, written.summary, default, optional=written.default is not None)
 
     def _result(self, node: BoundOperationNode | BoundEventNode, key: str, path: str) -> dict[str, Type]:
         found = {}

@@ -35,7 +35,7 @@ from lupin_engine.chart.documents import (
 from lupin_engine.chart.findings import Findings
 from lupin_engine.chart.model import Chart
 from lupin_engine.chart.source import head, parse_bytes, read_bytes
-from lupin_engine.errors import ChartError, Diagnostic, Place, UsageError, nearest
+from lupin_engine.errors import ChartError, Diagnostic, Place, UsageError, meant, nearest
 from lupin_engine.plugin.registry import Catalog
 
 #: What the file around the missions of a folder is called.
@@ -281,7 +281,7 @@ def find_mission(name: str, folders: Iterable[Path]) -> Path:
     if path.suffix in (".yaml", ".yml") or len(path.parts) > 1:
         if path.is_file():
             return path
-        raise UsageError(f"no mission file {name!r}")
+        raise UsageError(_no_file(path))
     searched = list(folders)
     known: dict[str, Path] = {}
     for folder in searched:
@@ -291,8 +291,19 @@ def find_mission(name: str, folders: Iterable[Path]) -> Path:
                 known.setdefault(title, file)
     if name in known:
         return known[name]
+    if path.is_dir():
+        raise UsageError(_no_file(path))
     where = ", ".join(str(folder) for folder in searched) or "no folder"
     raise UsageError(f"no mission {name!r} in {where}; {nearest(name, known)}")
+
+
+def _no_file(path: Path) -> str:
+    """Say why a path is no mission, and which are beside it or in it."""
+    if path.is_dir():
+        files = [str(file) for file in mission_files(path)]
+        return f"{str(path)!r} is a folder; " + (nearest("", files) if files else "it has no missions")
+    guess = meant(str(path), map(str, mission_files(path.parent))) if path.parent.is_dir() else ""
+    return f"no mission file {str(path)!r}" + (f"; {guess}" if guess else "")
 
 
 def _read(path: Path, model: type[_D], findings: Findings, texts: Mapping[Path, bytes]) -> _Document[_D]:

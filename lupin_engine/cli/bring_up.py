@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from lupin_engine.cli.settings import of_nodes, of_the_mission, read_settings
-from lupin_engine.errors import UsageError, nearest
+from lupin_engine.cli.problems import Problems
+from lupin_engine.cli.settings import of_nodes, of_the_mission, settings_in
+from lupin_engine.errors import LupinError, nearest
 from lupin_engine.launch.environment import close_the_doors, for_children
-from lupin_engine.launch.folders import new_run_folder
+from lupin_engine.launch.folders import new_run_folder, writable
 from lupin_engine.launch.mission import Loaded
 from lupin_engine.launch.nodes import ORCHESTRATOR, nodes_of
-from lupin_engine.launch.plan import Values, simulators
+from lupin_engine.launch.plan import Present, Values, make_plan, simulators
 from lupin_engine.launch.requirements import prepare_ros
 from lupin_engine.plugin.contract import Parameter
 from lupin_engine.plugin.registry import Catalog
@@ -35,82 +37,155 @@ class Wanted:
     log_dir: Path | None = None
 
 
-def session_settings(
-    wanted: Wanted, loaded: Loaded, catalog: Catalog, values: Mapping[str, Any], patience: float | None = None
-) -> Settings:
-    """Make this process ready for ROS and return how the nodes of checked missions are to be started.
+class Options:
+    """The options of `run` and `up`, read against what missions and nodes declare.
 
-    Raises:
-        UsageError: ROS is not there, or a `--sim` or a `--set` of a node is wrong.
+    What is wrong with any of them is collected in `problems`; `values` are those of the missions' parameters
+    that can be used.
     """
-    close_the_doors(wanted.domain)
-    prepare_ros()
-    from lupin_engine.launch.session import Settings  # needs rclpy
 
-    declared = {name: node.parameters() for name, node in nodes_of(catalog).items() if name != ORCHESTRATOR}
-    given = _of_simulators(wanted, {name: declared[name] for name in simulators(catalog)})
-    for name, values_of_node in _of_nodes(wanted, declared).items():
-        given[name] = {**given.get(name, {}), **values_of_node}
-    parameters = _parameters(loaded, values, declared, given)
-    folder = new_run_folder(wanted.log_dir)
-    return Settings(
-        folder=folder,
-        environment=for_children(folder),
-        parameters=parameters,
-        known=loaded.chart.parameters,
-        insisted=_insisted(wanted, given),
-        simulate=not wanted.no_sim,
-        settle=bool(wanted.sim),
-        patience=patience,
-        respawn=not wanted.no_respawn,
-    )
+    def __init__(self, wanted: Wanted, loaded: Loaded, catalog: Catalog) -> None:
+        self.problems = Problems()
+        self._wanted = wanted
+        self._loaded = loaded
+        self._catalog = catalog
+        given = of_the_mission(wanted.settings)
+        self.values = self._read("--set", given, loaded.chart.parameters)
 
+    def settings(self, patience: float | None = None) -> Settings:
+        """Make this process ready for ROS and return how the nodes of the missions are to be started.
 
-def _parameters(
-    loaded: Loaded,
-    values: Mapping[str, Any],
-    declared: Mapping[str, Mapping[str, Parameter]],
-    given: Mapping[str, Values],
-) -> dict[str, Values]:
-    """Return the parameters of the nodes: the mission's for the orchestrator, those given for simulations."""
-    found: dict[str, Values] = {ORCHESTRATOR: {**loaded.parameters(), **values}}
-    for name, known in declared.items():
-        # What several know, such as the layout of the greenhouse, must be the same for all.
-        shared = {setting: value for setting, value in values.items() if setting in known}
-        found[name] = {**shared, **given.get(name, {})}
-    return found
+        Raises:
+            UsageError: ROS is not there, an option is wrong, or what was collected before is.
+        """
+        self._look_at_the_surroundings()
+        # Reading what nodes declare takes ROS and a second: only where it matters.
+        if self.problems and not (self._wanted.sim or of_nodes(self._wanted.settings)):
+            self.problems.tell()
+        with self.problems.collecting():
+            given = self._given()
+            parameters = self._parameters(given)
+            self._check_nodes(parameters, given)
+        self.problems.tell()
+        from lupin_engine.launch.session import Settings  # needs rclpy
 
+        folder = new_run_folder(self._wanted.log_dir)
+        return Settings(
+            folder=folder,
+            environment=for_children(folder),
+            parameters=parameters,
+            known=self._loaded.chart.parameters,
+            insisted=self._insisted(given),
+            simulate=not self._wanted.no_sim,
+            settle=bool(self._wanted.sim),
+            patience=patience,
+            respawn=not self._wanted.no_respawn,
+        )
 
-def _of_simulators(wanted: Wanted, declared: Mapping[str, Mapping[str, Parameter]]) -> dict[str, Values]:
-    """Return what `--sim` and `--speed` say of each simulation that has such a parameter."""
-    together = {name: spec for known in declared.values() for name, spec in known.items()}
-    given = {**_faster(wanted.speed, together), **read_settings("--sim", wanted.sim, together)}
-    return {
-        simulator: {name: value for name, value in given.items() if name in known}
-        for simulator, known in declared.items()
-    }
+    def _look_at_the_surroundings(self) -> None:
+        with self.problems.collecting():
+            close_the_doors(self._wanted.domain)
+        with self.problems.collecting():
+            if self._wanted.log_dir is not None:
+                writable(self._wanted.log_dir)
 
+    # -- what nodes are given -----------------------------------------------------------------------------
 
-def _of_nodes(wanted: Wanted, declared: Mapping[str, Mapping[str, Parameter]]) -> dict[str, Values]:
-    """Return what `--set NODE.NAME=VALUE` says, by node."""
-    found = of_nodes(wanted.settings)
-    for name, given in found.items():
-        if name == ORCHESTRATOR:
-            raise UsageError(f"--set: parameters of the mission go without a node: write --set {given[0]!r}")
-        if name not in declared:
-            raise UsageError(f"--set: unknown node {name!r}; {nearest(name, declared)}")
-    return {name: read_settings("--set", given, declared[name], name) for name, given in found.items()}
+    @cached_property
+    def _declared(self) -> Mapping[str, Mapping[str, Parameter]]:
+        """The parameters of every node but the orchestrator, whose are those of the missions."""
+        prepare_ros()
+        nodes = nodes_of(self._catalog)
+        return {name: node.parameters() for name, node in nodes.items() if name != ORCHESTRATOR}
+
+    def _read(
+        self, option: str, given: Iterable[str], declared: Mapping[str, Parameter], node: str = ""
+    ) -> dict[str, Any]:
+        values, wrong = settings_in(option, given, declared, node, self._elsewhere)
+        self.problems.add(wrong)
+        return values
+
+    def _elsewhere(self, name: str) -> str:
+        """Say how a parameter is given that belongs to somebody else; '' where nobody knows it."""
+        if name in self._loaded.chart.parameters:
+            return f"it belongs to the mission: write --set {name}=VALUE"
+        try:
+            owners = [node for node, known in self._declared.items() if name in known]
+        except LupinError:
+            return ""  # without ROS only the missions say what they know
+        written = " or ".join(f"--set {node}.{name}=VALUE" for node in owners)
+        return f"it belongs to {' and '.join(owners)}: write {written}" if owners else ""
+
+    def _given(self) -> dict[str, Values]:
+        """Return what options say of nodes, by node."""
+        found: dict[str, Values] = self._of_simulators()
+        for name, values in self._of_nodes().items():
+            found[name] = {**found.get(name, {}), **values}
+        return found
+
+    def _of_simulators(self) -> dict[str, Values]:
+        """Return what `--sim` and `--speed` say of each simulation that has such a parameter."""
+        declared = {name: self._declared[name] for name in simulators(self._catalog)}
+        together = {name: spec for known in declared.values() for name, spec in known.items()}
+        given = {**_faster(self._wanted.speed, together), **self._read("--sim", self._wanted.sim, together)}
+        return {
+            simulator: {name: value for name, value in given.items() if name in known}
+            for simulator, known in declared.items()
+        }
+
+    def _of_nodes(self) -> dict[str, Values]:
+        """Return what `--set NODE.NAME=VALUE` says, by node."""
+        found: dict[str, Values] = {}
+        for name, given in of_nodes(self._wanted.settings).items():
+            if name in self._declared:
+                found[name] = self._read("--set", given, self._declared[name], name)
+            elif name == ORCHESTRATOR:
+                hints = " ".join(f"--set {setting!r}" for setting in given)
+                self.problems.add([f"--set: parameters of the mission go without a node: write {hints}"])
+            else:
+                self.problems.add([f"--set: unknown node {name!r}; {nearest(name, self._declared)}"])
+        return found
+
+    def _parameters(self, given: Mapping[str, Values]) -> dict[str, Values]:
+        """Return the parameters of the nodes: the mission's for the orchestrator, and those given."""
+        found: dict[str, Values] = {ORCHESTRATOR: {**self._loaded.parameters(), **self.values}}
+        for name, known in self._declared.items():
+            # What several know, such as the layout of the greenhouse, must be the same for all.
+            shared = {setting: value for setting, value in self.values.items() if setting in known}
+            found[name] = {**shared, **given.get(name, {})}
+        return found
+
+    # -- what would keep them from starting ---------------------------------------------------------------
+
+    def _check_nodes(self, parameters: Mapping[str, Values], given: Mapping[str, Values]) -> None:
+        """Look whether the nodes that something is given to are started at all, and could be."""
+        simulate = not self._wanted.no_sim
+        alone = make_plan(self._loaded.plugins, self._catalog, Present(), parameters, simulate=simulate)
+        for name, option in self._insisted(given).items():
+            if name not in alone.starts:
+                self.problems.add([f"{option} is for {name}, which {self._why_not(name)}"])
+        for launch in alone.launches:
+            known = self._declared.get(launch.node.name, {})
+            if launch.parameters and known:
+                defaults = {name: spec.default for name, spec in known.items()}
+                with self.problems.collecting():
+                    launch.node.check({**defaults, **launch.parameters})
+
+    def _why_not(self, name: str) -> str:
+        if self._wanted.no_sim and name in simulators(self._catalog):
+            return "--no-sim leaves out"
+        return f"{', '.join(self._loaded.names)} has no use for"
+
+    def _insisted(self, given: Mapping[str, Values]) -> dict[str, str]:
+        """Name the nodes that must be ours, because an option sets something of theirs, with that option."""
+        found = {ORCHESTRATOR: "--set"} if of_the_mission(self._wanted.settings) else {}
+        option = "--sim" if self._wanted.sim else "--speed"
+        simulated = {name: option for name in simulators(self._catalog) if given.get(name)}
+        named = [name for name in of_nodes(self._wanted.settings) if name in self._declared]
+        return {**found, **simulated, **dict.fromkeys(named, "--set")}
 
 
 def _faster(speed: float, declared: Mapping[str, Parameter]) -> dict[str, Any]:
     """Return the speed of a simulated robot that is so many times as fast as usual."""
     spec = declared.get("speed")
     return {"speed": spec.default * speed} if spec is not None and speed != 1.0 else {}
-
-
-def _insisted(wanted: Wanted, given: Mapping[str, Values]) -> dict[str, str]:
-    """Name the nodes that must be ours, because an option sets something of theirs, with that option."""
-    found = {ORCHESTRATOR: "--set"} if of_the_mission(wanted.settings) else {}
-    option = "--sim" if wanted.sim else "--speed"
-    simulated = {simulator: option for simulator, values in given.items() if values}
-    return {**found, **simulated, **dict.fromkeys(of_nodes(wanted.settings), "--set")}

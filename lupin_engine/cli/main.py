@@ -114,9 +114,24 @@ def _verb_of_plugin(verb: str) -> click.Command | None:
 def _author(arguments: Sequence[str] | None) -> str:
     """Return whose defect it is when the verb fails: the group itself has no option that takes a value."""
     given = sys.argv[1:] if arguments is None else arguments
-    verb = next((word for word in given if not word.startswith("-")), "")
+    verb, name, *_ = [*(word for word in given if not word.startswith("-")), "", ""]
     points = _points_of_plugins().get(verb)
-    return f"the verb {verb!r} of {points[0].distribution}" if points else "the engine"
+    if points:
+        return f"the verb {verb!r} of {points[0].distribution}"
+    return _author_of_node(name) if verb == "node" else "the engine"
+
+
+def _author_of_node(name: str) -> str:
+    from lupin_engine.launch.nodes import find_node
+    from lupin_engine.plugin.discovery import find_entry_point
+    from lupin_engine.plugin.registry import load_catalog
+
+    try:
+        distribution = find_entry_point(find_node(name, load_catalog()).plugin).distribution
+    except LupinError:  # a node of no plugin
+        return "the engine"
+    is_ours = distribution is not None and distribution.name == "lupin-engine"
+    return "the engine" if is_ours else f"the node {name!r} of {distribution}"
 
 
 def _imported(name: str) -> ModuleType:
@@ -143,6 +158,7 @@ def lupin() -> None:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit code (the console entry point)."""
+    _open_streams()
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")  # a terminal without a sign must not end a run
@@ -150,10 +166,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
         code = _run(arguments)
         sys.stdout.flush()
     except BrokenPipeError:
-        # Python flushes again at exit, which would fail again, with a traceback.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        from lupin_engine.cli.terminal import hang_up
+
+        hang_up()
         return READER_GONE
     return code
+
+
+def _open_streams() -> None:
+    """Have all three streams, if only to nowhere: whoever starts us may have closed some (`<&-`)."""
+    for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
+        if getattr(sys, name) is None:
+            setattr(sys, name, open(os.devnull, mode))  # noqa: SIM115 - as long as the process
 
 
 def _run(arguments: Sequence[str] | None) -> int:

@@ -28,7 +28,7 @@ def node(name: str | None, arguments: tuple[str, ...]) -> int:
     found = find_node(name, catalog)
     prepare_ros()
     hold_on()
-    return found.load()(arguments)
+    return found.run(list(arguments))  # rclpy.init takes no tuple
 
 
 def _list(catalog: Catalog) -> None:

@@ -18,6 +18,7 @@ from rich.text import Text
 
 from lupin_engine.chart.model import Chart
 from lupin_engine.cli import view
+from lupin_engine.cli.terminal import hang_up
 from lupin_engine.errors import Severity
 from lupin_engine.launch.story import STATUSES, TAG_READING, Happening, Reading, Story
 
@@ -176,6 +177,45 @@ class JsonObserver:
 
 def _reading(reading: Reading) -> dict[str, Any]:
     return asdict(reading)
+
+
+class Heard:
+    """Passes everything on to another observer for as long as somebody reads it; then the run is stopped.
+
+    A terminal that was closed, or a pipe whose reader has left, must not keep a robot from being stopped.
+    """
+
+    def __init__(self, inner: Any, stop: Callable[[], None]) -> None:
+        """`stop` is called once, when what is told can be written nowhere."""
+        self._inner = inner
+        self._stop = stop
+        self._gone = False
+
+    def note(self, text: str, severity: Severity = Severity.INFO) -> None:
+        """Pass on."""
+        self._pass_on(self._inner.note, text, severity)
+
+    def arrived(self, kind: str, data: Mapping[str, Any], story: Story) -> None:
+        """Pass on."""
+        self._pass_on(self._inner.arrived, kind, data, story)
+
+    def show(self, story: Story) -> None:
+        """Pass on."""
+        self._pass_on(self._inner.show, story)
+
+    def close(self, story: Story | None, code: int) -> None:
+        """Pass on."""
+        self._pass_on(self._inner.close, story, code)
+
+    def _pass_on(self, tell: Callable[..., None], *what: Any) -> None:
+        if self._gone:
+            return
+        try:
+            tell(*what)
+        except OSError:
+            self._gone = True
+            hang_up()
+            self._stop()
 
 
 class SavingPicture:

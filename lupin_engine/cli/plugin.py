@@ -33,6 +33,8 @@ def list_plugins(**given: Any) -> int:
 def show(**given: Any) -> int:
     """Show what a plugin offers: operations, functions, live values, parameters with units and ranges.
 
+    NAME may also be a binding of the missions in the current folder, or its file.
+
     Example: lupin plugin show nav
     """
     from lupin_engine.cli.tasks.plugin import show_work

@@ -35,7 +35,8 @@ def run(**given: Any) -> int:
     is started; what runs already is used and left alone. Ctrl-C aborts the mission, lets the robot drive home
     and ends everything that was started; a second one stops the robot on the way, a third one forces.
 
-    Exit code: 0 all targets visited, 1 some missed, 2 fault or not started, 130 interrupted.
+    Exit code: 0 all targets visited, 1 some missed, 2 fault or not started, 130 interrupted, or
+    nobody reads any more.
     """
     from lupin_engine.cli.tasks.run import work
 

@@ -9,30 +9,54 @@ import yaml
 
 from lupin_engine.errors import UsageError
 from lupin_engine.plugin.contract import Parameter
+from lupin_engine.plugin.parameters import sorted_out
 from lupin_engine.plugin.types import TEXT, Type
-from lupin_engine.runtime.setup import check_parameters
 
 _BOOLEANS = {"true": True, "yes": True, "on": True, "false": False, "no": False, "off": False}
 
 
-def read_settings(
-    option: str, given: Iterable[str], declared: Mapping[str, Parameter], node: str = ""
-) -> dict[str, Any]:
+def read_settings(option: str, given: Iterable[str], declared: Mapping[str, Parameter]) -> dict[str, Any]:
     """Return the checked values, in base units, of what was given as `name=value`; nothing else.
+
+    Raises:
+        UsageError: naming everything that is wrong (see `settings_in`).
+    """
+    values, problems = settings_in(option, given, declared)
+    if problems:
+        raise UsageError("\n".join(problems))
+    return values
+
+
+def settings_in(
+    option: str,
+    given: Iterable[str],
+    declared: Mapping[str, Parameter],
+    node: str = "",
+    elsewhere: Callable[[str], str] = lambda name: "",
+) -> tuple[dict[str, Any], list[str]]:
+    """Return the checked values, in base units, of what was given as `name=value`, and what is wrong with it.
+
+    That is: no `=`, an unknown name, a value of another type or out of range.
 
     Args:
         option: the option that gave it.
         given: as it was written, of a node without the node's name before it.
         declared: the parameters that there are.
         node: whose parameters they are; '' for the mission's.
-
-    Raises:
-        UsageError: naming everything that is wrong: no `=`, an unknown name with the nearest one, a value of
-            another type or out of range.
+        elsewhere: says where a name belongs that is not declared here (see `plugin.parameters.sorted_out`).
     """
+    texts, problems = _split(option, given, f"{node}." if node else "")
+    types = {name: declared[name].type if name in declared else TEXT for name in texts}
+    data = {name: read_value(text, types[name]) for name, text in texts.items()}
+    values, wrong = sorted_out(declared, data, elsewhere=elsewhere)
+    where = f"{option} {node}".rstrip()
+    return values, [f"{where}: {problem}" for problem in [*problems, *wrong]]
+
+
+def _split(option: str, given: Iterable[str], before: str) -> tuple[dict[str, str], list[str]]:
+    """Return the texts by name, and what is none; `before` stands before each name on the command line."""
     texts: dict[str, str] = {}
     problems = []
-    before = f"{node}." if node else ""
     for item in given:
         name, equals, text = item.partition("=")
         if equals and name.strip():
@@ -40,17 +64,7 @@ def read_settings(
         else:
             lacks = "name before its '='" if equals else "'='"
             problems.append(f"{before + item!r} has no {lacks}; write {option} {before}NAME=VALUE")
-    types = {name: declared[name].type if name in declared else TEXT for name in texts}
-    values = {name: read_value(text, types[name]) for name, text in texts.items()}
-    try:
-        checked = check_parameters(declared, values)
-    except UsageError as problem:
-        problems += str(problem).splitlines()
-        checked = {}
-    if problems:
-        where = f"{option} {node}".rstrip()
-        raise UsageError("\n".join(f"{where}: {problem}" for problem in problems))
-    return {name: checked[name] for name in texts}
+    return texts, problems
 
 
 def of_the_mission(given: Iterable[str]) -> list[str]:

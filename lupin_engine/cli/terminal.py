@@ -1,8 +1,9 @@
-"""The terminal while a picture is redrawn in place."""
+"""The terminal while a picture is redrawn in place, and when it is gone."""
 
 from __future__ import annotations
 
 import contextlib
+import os
 import sys
 import termios
 from collections.abc import Iterator
@@ -23,4 +24,14 @@ def quiet_terminal() -> Iterator[None]:
     try:
         yield
     finally:
-        termios.tcsetattr(descriptor, termios.TCSANOW, before)
+        with contextlib.suppress(termios.error):  # it may have been closed meanwhile
+            termios.tcsetattr(descriptor, termios.TCSANOW, before)
+
+
+def hang_up() -> None:
+    """Write to nobody where nobody reads: what is left unwritten would fail again at the exit, visibly."""
+    for stream in (sys.stdout, sys.stderr):
+        try:
+            stream.flush()
+        except OSError:
+            os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import contextlib
-import importlib
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -15,25 +15,33 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from lupin_engine.errors import LupinError
+from lupin_engine.errors import LupinError, PluginError
 from lupin_engine.harness.domains import claimed_domain
 from lupin_engine.harness.examples import arguments_for, defaults_of
-from lupin_engine.harness.referee import Attempt, ContractBroken, Referee
-from lupin_engine.harness.rules import Given
+from lupin_engine.harness.referee import Attempt, ContractBroken, Referee, Untried
+from lupin_engine.harness.rules import Given, as_told, changes
 from lupin_engine.middleware.environment import child_environment
 from lupin_engine.middleware.lifeline import SUPERVISED
+from lupin_engine.middleware.network import interfaces
 from lupin_engine.middleware.node import RosNode
+from lupin_engine.plugin.clients import make_client
 from lupin_engine.plugin.contract import Argument, Driver, Plugin
+from lupin_engine.plugin.discovery import told
+from lupin_engine.plugin.types import convert
 
 #: Seconds in which everything that must happen has happened, on a busy machine.
-PATIENCE = 30.0
+PATIENCE_S = 30.0
 #: Seconds that a call of a driver may take; it should be far less, but the machine may be busy.
-AT_ONCE = 1.0
+AT_ONCE_S = 1.0
+#: Seconds between two looks at the network while a driver misses somebody.
+LOOK_S = 1.0
 #: Seconds after which an attempt is cancelled of which nobody knows whether there is a server for it.
 TRY_S = 5.0
 #: Seconds that a process gets to end when it is asked to.
 LEAVING_S = 5.0
 
+#: A step in a traceback: file and line.
+_STEP = re.compile(r'\s+File "(.+)", line (\d+)')
 #: Runs `module:function` with the ROS arguments that follow.
 _RUN = (
     "import importlib, sys; from lupin_engine.middleware.environment import prepare; prepare(); "
@@ -65,6 +73,20 @@ class Setting:
     def arguments_for(self, name: str, declared: Mapping[str, Argument]) -> dict[str, Any]:
         """Return arguments for the operation or action `name`."""
         return arguments_for(declared, self.arguments.get(name, {}))
+
+    def parameter_values(self) -> dict[str, Any]:
+        """Return every parameter, in base units; a name of somebody else's is a parameter of the mission.
+
+        Raises:
+            LupinError: what differs from a default is not of its type.
+        """
+        values = {**defaults_of(self.plugin.parameters), **self.parameters}
+        for name in self.plugin.parameters.keys() & self.parameters.keys():
+            try:
+                values[name] = convert(values[name], self.plugin.parameters[name].type)
+            except ValueError as problem:
+                raise LupinError(f"parameter {name!r} of plugin {self.plugin.name!r}: {problem}") from None
+        return values
 
 
 class Servers:
@@ -110,8 +132,8 @@ class Servers:
         """Raise when a process has ended by itself."""
         for name, process in self._processes.items():
             if process.poll() is not None:
-                log = self._log(name).read_text(encoding="utf-8", errors="replace").strip()
-                last = "\n".join(log.splitlines()[-5:]) or "it said nothing"
+                log = self._log(name).read_text(encoding="utf-8", errors="replace")
+                last = last_words(log)
                 raise ContractBroken(f"node {name!r} has ended with code {process.returncode}: {last}")
 
     def _run(self, name: str, entry: str) -> subprocess.Popen[bytes]:
@@ -142,6 +164,15 @@ class Servers:
             self.here = None
 
 
+def last_words(log: str) -> str:
+    """Return what a process said at its end; of a traceback the error and the last step to it."""
+    lines = log.strip().splitlines()
+    steps = [step for step in map(_STEP.match, lines) if step is not None]
+    if steps and not lines[-1].startswith(" "):
+        return f"{lines[-1]}; at {steps[-1][1]}:{steps[-1][2]}"
+    return "\n".join(lines[-5:]) or "it said nothing"
+
+
 class Bench:
     """A driver on a node of its own, with a referee."""
 
@@ -152,15 +183,20 @@ class Bench:
         self.waits = setting.waits
         self.ros = RosNode(f"harness_{self.plugin.name}")
         self._open: list[Driver] = []
-        self.referee, self.driver = self.make_driver()
+        self._declared = as_told(self.plugin)
+        try:
+            self.referee, self.driver = self.make_driver()
+        except ContractBroken:
+            self.ros.close()
+            raise
 
     def make_driver(self) -> tuple[Referee, Driver]:
         """Make a driver with a referee of its own."""
         referee = Referee(self.plugin, lambda attempt: self.ros.post(lambda: self._cancel_again(attempt)))
-        module, _, name = self.plugin.client.partition(":")
-        parameters = {**defaults_of(self.plugin.parameters), **self._setting.parameters}
-        make: Callable[..., Driver] = getattr(importlib.import_module(module), name)
-        driver = make(self.ros, referee, parameters)
+        try:
+            driver = make_client(self.plugin, self.ros, referee, self._setting.parameter_values())
+        except PluginError as problem:
+            raise ContractBroken(str(problem)) from problem
         self._open.append(driver)
         return referee, driver
 
@@ -206,21 +242,22 @@ class Bench:
         try:
             call()
         except Exception as problem:
-            raise ContractBroken(f"{what} raises {type(problem).__name__}: {problem}") from problem
+            why = told(problem, self.plugin.client.partition(":")[0])
+            raise ContractBroken(f"{what} raises {why}") from problem
         took = time.monotonic() - begun
-        if took > AT_ONCE:
+        if took > AT_ONCE_S:
             raise ContractBroken(f"{what} blocks: it took {took:.1f} s; call back when there is an answer")
 
     # --- time
 
     def until(self, condition: Callable[[], Any], what: str) -> None:
         """Let everybody work until a condition holds."""
-        end = time.monotonic() + PATIENCE
+        end = time.monotonic() + PATIENCE_S
         while not condition():
             if self._servers is not None:
                 self._servers.check()
             if time.monotonic() > end:
-                raise ContractBroken(f"{what}: not within {PATIENCE:g} s{self._seen()}")
+                raise ContractBroken(f"{what}: not within {PATIENCE_S:g} s{self._seen()}")
             self.ros.spin_once(0.005)
             if self._servers is not None and self._servers.here is not None:
                 self._servers.here.spin_once(0.005)
@@ -230,8 +267,30 @@ class Bench:
         return f"; reports so far: {'; '.join(told)}" if told else ""
 
     def until_ready(self) -> None:
-        """Wait until the driver misses nothing."""
-        self.until(lambda: not self.missing(), f"missing() is to become empty; it names {self.missing()}")
+        """Wait until the driver misses nothing, or something on the network keeps it from its servers."""
+        apart: list[str] = []
+        look_at = time.monotonic() + LOOK_S
+
+        def is_ready_or_apart() -> bool:
+            nonlocal look_at
+            if time.monotonic() > look_at:
+                apart.extend(self.network_problems())
+                look_at = time.monotonic() + LOOK_S
+            return bool(apart) or not self.missing()
+
+        self.until(is_ready_or_apart, f"missing() is to become empty; it names {self.missing()}")
+        if apart:
+            raise ContractBroken("\n".join(apart))
+
+    def look_around(self) -> None:
+        """Give discovery its time: of what is just found the name is not known yet."""
+        end = time.monotonic() + LOOK_S
+        self.until(lambda: time.monotonic() > end, "a look around")
+
+    def network_problems(self) -> list[str]:
+        """Tell what is sent on the driver's domain and does not arrive."""
+        found = interfaces(self.ros.node)
+        return [f"{interface.name}: {problem}" for interface in found for problem in interface.problems]
 
     def until_heard(self, attempt: str) -> None:
         """Wait until an attempt is accepted, or has ended."""
@@ -253,12 +312,20 @@ class Bench:
 
     def succeed(self, operation: str) -> str:
         """Do one attempt to its good end; return its name."""
+        attempt = self.begin_prepared(operation)
+        self.until_done(attempt)
+        return attempt
+
+    def begin_prepared(self, operation: str) -> str:
+        """Start an attempt after all that comes before it; return its name."""
         self.prepare(operation)
-        attempt = self.begin(operation)
+        return self.begin(operation)
+
+    def until_done(self, attempt: str) -> None:
+        """Wait for the good end of an attempt."""
         known = self.until_ended(attempt)
         if "done" not in known.reports:
             raise ContractBroken(f"{attempt}: {known}; give arguments with which it succeeds")
-        return attempt
 
     def _insist(self, operation: str) -> str:
         """Try until an attempt is done: a driver that waits for nobody cannot say when it could work."""
@@ -286,8 +353,11 @@ class Bench:
                 driver.close()
         finally:
             self.ros.close()
-        if self.referee.problems:
-            raise ContractBroken("\n".join(self.referee.problems))
+        changed = changes(self._declared, as_told(self.plugin))
+        problems = [f"the driver changes the catalog: {name}; it is data" for name, *_ in changed]
+        problems += dict.fromkeys(self.referee.problems)
+        if problems:
+            raise ContractBroken("\n".join(problems))
 
 
 class Lab:
@@ -299,6 +369,7 @@ class Lab:
         self.setting = setting
         self.plugin = setting.plugin
         self._domain, self._lonely = 0, 0
+        self._hopeless = False
         self.servers: Servers
 
     @contextlib.contextmanager
@@ -313,12 +384,16 @@ class Lab:
 
     @contextlib.contextmanager
     def bench(self) -> Iterator[Bench]:
-        """Make a bench among servers."""
+        """Make a bench among servers; a driver that did not come to work there is not waited for again."""
+        if self._hopeless:
+            raise Untried("not tried: the driver does not come to work among its servers")
+        self._hopeless = True
         self.restart()
         with _on_domain(self._domain):
             bench = Bench(self.setting, self.servers)
         with _closed_after(bench):
             bench.until_ready()
+            self._hopeless = False
             yield bench
 
     def restart(self) -> None:

@@ -60,7 +60,7 @@ _EXAMPLES: Mapping[str, Callable[[Type], Any]] = {
     "bool": lambda _: True,
     "integer": _integer,
     "number": _number,
-    "text": lambda kind: kind.values[0] if kind.values else TEXT,
+    "text": lambda kind: kind.values[0] if kind.values else kind.example or TEXT,
     "list": _list,
     "record": _record,
     "any": lambda _: TEXT,

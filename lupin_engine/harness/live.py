@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Iterator, Mapping
 from types import MappingProxyType
 from typing import TYPE_CHECKING
@@ -11,6 +12,9 @@ from lupin_engine.plugin.contract import Plugin
 
 if TYPE_CHECKING:
     from lupin_engine.harness.bench import Bench, Lab
+
+#: Seconds that an operation must take, for a cancel that changes nothing to be told from one that is late.
+NOTICEABLE_S = 0.3
 
 
 def waits_alone(lab: Lab) -> None:
@@ -29,6 +33,15 @@ def waits_alone(lab: Lab) -> None:
             _give_up(bench, operation)
 
 
+def comes_to_work(lab: Lab) -> None:
+    """Among its servers the driver can be made, misses nobody, and hears all that is sent to it."""
+    with lab.bench() as bench:
+        bench.look_around()
+        problems = bench.network_problems()
+    if problems:
+        raise ContractBroken("\n".join(problems))
+
+
 def ends_once(lab: Lab, operation: str) -> None:
     """An attempt that is left alone is done, with the declared result; a cancel afterwards is ignored."""
     with lab.bench() as bench:
@@ -43,10 +56,20 @@ def is_cancelled(lab: Lab, operation: str) -> None:
         bench.prepare(operation)
         attempt = bench.begin(operation)
         bench.until_heard(attempt)
+        begun = time.monotonic()
         bench.cancel(attempt)
         bench.cancel(attempt)
-        bench.until_ended(attempt)
-        bench.succeed(operation)
+        ended = bench.until_ended(attempt)
+        cancelled_s = time.monotonic() - begun
+        left_alone = bench.begin_prepared(operation)
+        begun = time.monotonic()
+        bench.until_done(left_alone)
+        whole_s = time.monotonic() - begun
+        if "done" in ended.reports and whole_s > NOTICEABLE_S and cancelled_s > whole_s / 2:
+            raise ContractBroken(
+                f"the cancel of {attempt} changes nothing: it is done {cancelled_s:.1f} s later, as if left "
+                f"alone ({whole_s:.1f} s); end the work and report `cancelled`"
+            )
 
 
 def is_cancelled_at_once(lab: Lab, operation: str) -> None:
@@ -100,7 +123,7 @@ def is_silent_when_closed(lab: Lab) -> None:
         for operation in lab.plugin.operations:  # by then the answers to the first driver have come
             bench.succeed(operation)
         if closed.problems:
-            raise ContractBroken("\n".join(closed.problems))
+            raise ContractBroken("\n".join(dict.fromkeys(closed.problems)))
 
 
 def survives_its_servers(lab: Lab) -> None:
@@ -159,6 +182,7 @@ RULES: Mapping[str, Callable[[Lab], None]] = MappingProxyType(
     {
         rule.__name__: rule
         for rule in (
+            comes_to_work,
             waits_alone,
             ignores_strangers,
             acts,

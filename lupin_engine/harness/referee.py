@@ -17,6 +17,10 @@ class ContractBroken(AssertionError):
     """A driver does not keep the contract; the text says in what."""
 
 
+class Untried(ContractBroken):
+    """A rule could not be tried, because the driver does not even come to work; another one tells why."""
+
+
 @dataclass
 class Attempt:
     """What became of an attempt: `reports` are the words about it in order, without progress."""

@@ -2,24 +2,24 @@
 
 from __future__ import annotations
 
-import ast
 import copy
 import json
 import os
+import re
 import subprocess
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from functools import cached_property
-from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
 from lupin_engine.errors import PluginError, nearest
 from lupin_engine.harness.examples import arguments_for, defaults_of
-from lupin_engine.plugin.contract import Argument, Code, Operation, Plugin
-from lupin_engine.plugin.discovery import EntryPoint, find_entry_point, source_file
-from lupin_engine.plugin.registry import build_catalog, import_plugin, load_catalog
+from lupin_engine.harness.sources import client_problems, node_problems, undeclared
+from lupin_engine.plugin.contract import Argument, Code, LiveValue, Operation, Plugin
+from lupin_engine.plugin.discovery import EntryPoint, entry_points, find_entry_point, told
+from lupin_engine.plugin.registry import build_catalog, import_plugin, load_catalog, refuse_rivals
 from lupin_engine.plugin.types import Type, convert
 
 #: Arguments by operation, action or function; what is not given is made up from the types.
@@ -31,6 +31,8 @@ ODD: tuple[Any, ...] = ("", "no such thing", 0, -1.5, True, None, [], {}, ["", {
 ROS = ("rclpy", "rosidl_parser")
 #: Seconds that loading a catalog may take in a new process, on a busy machine.
 LOADING_S = 30.0
+#: Where something is in memory, in what Python prints of it.
+_ADDRESS = re.compile(r" at 0x[0-9a-f]+")
 
 
 @dataclass(frozen=True)
@@ -48,6 +50,11 @@ class Subject:
             PluginError: it cannot be.
         """
         return import_plugin(self.point)
+
+    @cached_property
+    def elsewhere(self) -> Elsewhere | str:
+        """The plugin as a process of its own loads it, or why that cannot be."""
+        return load_elsewhere(self.point)
 
     def arguments_for(self, name: str, declared: Mapping[str, Argument]) -> dict[str, Any]:
         """Return arguments for what is called `name`."""
@@ -68,8 +75,11 @@ def registered(subject: Subject) -> Iterator[str]:
     plugin = subject.plugin
     if plugin.name != subject.point.name:
         yield f"the entry point {subject.point.name!r} names a plugin that calls itself {plugin.name!r}"
+    point = subject.point
     try:
         build_catalog([plugin])
+        rivals = [other for other in entry_points() if (other.name, other != point) == (point.name, True)]
+        refuse_rivals(point.name, [point, *rivals])
         installed = load_catalog().plugins
         if plugin.name not in installed:
             build_catalog([*installed.values(), plugin])
@@ -77,77 +87,101 @@ def registered(subject: Subject) -> Iterator[str]:
         yield from str(problem).splitlines()
 
 
-def loads_without_ros(subject: Subject) -> Iterator[str]:
-    """Loading the catalog imports nothing of ROS: a laptop must be able to check missions with it."""
-    program = (
-        "import json, sys; path, name, value, ros = json.loads(sys.argv[1]); sys.path[:] = path; "
-        "from lupin_engine.plugin.discovery import EntryPoint; EntryPoint(name, value).load(); "
-        "print('\\n', json.dumps(sorted(set(ros) & set(sys.modules))))"
-    )
-    point = subject.point
-    given = json.dumps([sys.path, point.name, point.value, ROS])
-    command = [sys.executable, "-c", program, given]
+@dataclass(frozen=True)
+class Elsewhere:
+    """What loading a catalog in a process of its own came to: what of ROS it imports, and what it is."""
+
+    ros: tuple[str, ...]
+    catalog: Mapping[str, str]
+
+
+#: Loads an entry point, and prints what of some modules that has imported, and the catalog.
+_LOAD = (
+    "import json, sys; path, name, value, ros = json.loads(sys.argv[1]); sys.path[:] = path; "
+    "from lupin_engine.plugin.discovery import EntryPoint; found = EntryPoint(name, value).load(); "
+    "imported = sorted(set(ros) & set(sys.modules)); "
+    "from lupin_engine.harness.rules import as_told; "
+    "print('\\n', json.dumps([imported, as_told(found)]))"
+)
+
+
+def load_elsewhere(point: EntryPoint) -> Elsewhere | str:
+    """Load a catalog in a process of its own; a text says why that cannot be."""
+    command = [sys.executable, "-c", _LOAD, json.dumps([sys.path, point.name, point.value, ROS])]
     environment = {name: value for name, value in os.environ.items() if name != "PYTHONSTARTUP"}
     try:
         done = subprocess.run(
             command, capture_output=True, text=True, timeout=LOADING_S, env=environment, check=False
         )
     except subprocess.TimeoutExpired:
-        yield f"{point.module} is not loaded within {LOADING_S:g} s"
-        return
+        return f"{point.module} is not loaded within {LOADING_S:g} s"
     if done.returncode:
         reason = (done.stderr.strip().splitlines() or ["no word of why"])[-1]
-        yield f"{point.module} cannot be loaded in a process of its own: {reason}"
-        return
-    for module in json.loads(done.stdout.splitlines()[-1]):
-        yield f"loading {point.module} imports {module}; import it in the client or the node only"
+        return f"{point.module} cannot be loaded in a process of its own: {reason}"
+    imported, catalog = json.loads(done.stdout.splitlines()[-1])
+    return Elsewhere(tuple(imported), catalog)
 
 
-def names_modules(subject: Subject) -> Iterator[str]:
-    """Client and nodes are where the catalog says."""
-    plugin = subject.plugin
-    named = {"client": plugin.client} if plugin.client else {}
-    named |= {f"node {name!r}": target for name, target in plugin.nodes.items()}
-    for what, target in named.items():
-        module, _, attribute = target.partition(":")
-        source = source_file(module)
-        if source is None:
-            yield f"{what}: there is no module {module!r}"
-            continue
-        try:
-            names = _names_in(Path(source))
-        except (OSError, ValueError, SyntaxError) as problem:
-            yield f"{what}: the module {module!r} cannot be read: {problem}"
-            continue
-        if names is not None and attribute not in names:
-            yield f"{what}: there is no {attribute!r} in {module!r}; {nearest(attribute, names)}"
-
-
-def _names_in(source: Path) -> set[str] | None:
-    """Return what a module names at its top, read without importing it; None where that cannot be seen."""
-    if source.suffix != ".py":
-        return None  # compiled, or built in
-    tree = ast.parse(source.read_bytes(), source.name)
-    outside = (ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)
-    found: set[str] = set()
-    for node in _at_the_top(tree.body):
-        if isinstance(node, outside):
-            found.add(node.name)
-        elif isinstance(node, (ast.ImportFrom, ast.Import)):
-            found |= {alias.asname or alias.name for alias in node.names}
-        elif isinstance(node, ast.Assign):
-            found |= {target.id for target in node.targets if isinstance(target, ast.Name)}
-        elif isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name):
-            found.add(node.target.id)
+def as_told(plugin: object) -> dict[str, str]:
+    """Return all that a catalog declares as texts, by what people call it; where it is in memory left out."""
+    found: dict[str, str] = {}
+    for part in fields(plugin) if isinstance(plugin, Plugin) else ():
+        value = getattr(plugin, part.name)
+        if isinstance(value, Mapping):
+            word = part.name.removesuffix("s").replace("_", " ")
+            found |= {f"{word} {name!r}": _ADDRESS.sub("", repr(thing)) for name, thing in value.items()}
+        else:
+            found[part.name] = _ADDRESS.sub("", repr(value))
     return found
 
 
-def _at_the_top(body: Iterable[ast.AST]) -> Iterator[ast.AST]:
-    """Yield the statements of a module, also those below `if` and `try`."""
-    for node in body:
-        yield node
-        if isinstance(node, (ast.If, ast.Try, ast.ExceptHandler)):
-            yield from _at_the_top(ast.iter_child_nodes(node))
+def loads_without_ros(subject: Subject) -> Iterator[str]:
+    """Loading the catalog imports nothing of ROS: a laptop must be able to check missions with it."""
+    point, loaded = subject.point, subject.elsewhere
+    if isinstance(loaded, str):
+        yield loaded
+        return
+    for module in loaded.ros:
+        yield f"loading {point.module} imports {module}; import it in the client or the node only"
+
+
+def stays_the_same(subject: Subject) -> Iterator[str]:
+    """Loading it again, in another process, gives the same catalog: what was checked is what runs."""
+    if isinstance(subject.elsewhere, Elsewhere):
+        for name, one, other in changes(as_told(subject.plugin), subject.elsewhere.catalog):
+            yield f"{name} is {_differs(one, other)}; write down what it is"
+
+
+def changes(
+    before: Mapping[str, str], after: Mapping[str, str]
+) -> Iterator[tuple[str, str | None, str | None]]:
+    """Yield what differs between two catalogs (see `as_told`), with both texts; None: it is not there."""
+    for name in dict.fromkeys([*before, *after]):
+        if before.get(name) != after.get(name):
+            yield name, before.get(name), after.get(name)
+
+
+def _differs(one: str | None, other: str | None) -> str:
+    if one is None or other is None:
+        return "there in one process and not in another"
+    first = next(i for i, (a, b) in enumerate(zip(f"{one}\0", f"{other}\1", strict=False)) if a != b)
+    around = slice(max(0, first - 20), first + 20)
+    return f"not the same each time it is loaded: {one[around]!r}, then {other[around]!r}"
+
+
+def names_modules(subject: Subject) -> Iterator[str]:
+    """Client and nodes are where the catalog says, and can be called as the engine calls them."""
+    plugin = subject.plugin
+    if plugin.client:
+        yield from (f"client: {text}" for text in client_problems(plugin.client))
+    for name, target in plugin.nodes.items():
+        yield from (f"node {name!r}: {text}" for text in node_problems(target))
+
+
+def reports_what_is_declared(subject: Subject) -> Iterator[str]:
+    """Codes, live values, events and parameters that the client writes out are those of the catalog."""
+    if subject.plugin.client:
+        yield from undeclared(subject.plugin)
 
 
 def documented(subject: Subject) -> Iterator[str]:
@@ -200,8 +234,7 @@ def mocked(subject: Subject) -> Iterator[str]:
     """In a simulation every operation gives all that it declares, in the right types."""
     plugin = subject.plugin
     parameters = defaults_of(plugin.parameters)
-    values = {name: value.type for name, value in load_catalog().values.items()}
-    values |= {name: value.type for name, value in plugin.values.items()}
+    values = {name: value.type for name, value in (*_values_of_others(), *plugin.values.items())}
     for name, operation in plugin.operations.items():
         where = f"operation {name!r}: the mock"
         arguments = subject.arguments_for(name, operation.arguments)
@@ -209,7 +242,7 @@ def mocked(subject: Subject) -> Iterator[str]:
             result = _mocked(operation.mock.result, arguments, parameters)
             changed = _mocked(operation.mock.values, arguments, parameters)
         except Exception as problem:  # foreign code
-            yield f"{where} fails for {arguments}: {type(problem).__name__}: {problem}"
+            yield f"{where} fails for {arguments}: {told(problem, subject.point.module)}"
             continue
         yield from (f"{where} {text}" for text in result_problems(operation, result))
         for value in changed:
@@ -217,6 +250,13 @@ def mocked(subject: Subject) -> Iterator[str]:
                 yield f"{where} changes {value!r}, which is no live value; {nearest(value, values)}"
             else:
                 yield from (f"{where}: {text}" for text in _mismatch(value, changed[value], values[value]))
+
+
+def _values_of_others() -> Iterable[tuple[str, LiveValue]]:
+    try:
+        return load_catalog().values.items()
+    except PluginError:  # which is told where the plugin is registered
+        return ()
 
 
 def _mocked(given: Any, arguments: Mapping[str, Any], parameters: Mapping[str, Any]) -> Mapping[str, Any]:
@@ -256,7 +296,7 @@ def computes(subject: Subject) -> Iterator[str]:
             outcomes = [_outcome(bound, arguments), _outcome(bound, arguments)]
             outcomes.append(_outcome(function.bind(defaults_of(plugin.parameters)), arguments))
         except Exception as problem:  # foreign code; ValueError is told in an outcome
-            yield f"{where} fails for {arguments}: {type(problem).__name__}: {problem}"
+            yield f"{where} fails for {arguments}: {told(problem, subject.point.module)}"
             continue
         if (arguments, parameters) != before:
             yield f"{where} changes its arguments or the parameters"
@@ -282,8 +322,8 @@ def reads(subject: Subject) -> Iterator[str]:
         try:
             bound = reader.bind(defaults_of(plugin.parameters))
         except Exception as problem:  # foreign code
-            kind = type(problem).__name__
-            yield f"reader {name!r} does not bind with the default parameters: {kind}: {problem}"
+            why = told(problem, subject.point.module)
+            yield f"reader {name!r} does not bind with the default parameters: {why}"
             continue
         for given in ODD:
             try:
@@ -303,7 +343,9 @@ RULES: Mapping[str, Callable[[Subject], Iterator[str]]] = MappingProxyType(
         for rule in (
             registered,
             loads_without_ros,
+            stays_the_same,
             names_modules,
+            reports_what_is_declared,
             documented,
             labelled,
             mocked,
@@ -314,14 +356,27 @@ RULES: Mapping[str, Callable[[Subject], Iterator[str]]] = MappingProxyType(
 )
 
 
+#: The rule that the others build on, and how the problem of one that cannot do so begins.
+RULES_FIRST = registered.__name__
+UNTRIED = "it cannot be tried"
+
+
 def problems_with(rule: str, subject: Subject) -> list[str]:
     """Return what breaks a rule; nothing where it is kept."""
     try:
         return list(RULES[rule](subject))
     except Exception as problem:  # foreign data, so wrong that another rule refuses it already
-        return [f"it cannot be tried: {type(problem).__name__}: {problem}"]
+        return [f"{UNTRIED}: {type(problem).__name__}: {problem}"]
 
 
 def findings(subject: Subject) -> dict[str, list[str]]:
-    """Return what breaks each rule, by the rule's name; an empty list where it is kept."""
-    return {rule: problems_with(rule, subject) for rule in RULES}
+    """Return what breaks each rule, by the rule's name; an empty list where it is kept.
+
+    Of a catalog that the registry refuses the other rules tell only what they can see.
+    """
+    found = {RULES_FIRST: problems_with(RULES_FIRST, subject)}
+    for rule in RULES:
+        problems = problems_with(rule, subject) if rule not in found else ()
+        if not (found[RULES_FIRST] and any(problem.startswith(UNTRIED) for problem in problems)):
+            found.setdefault(rule, list(problems))
+    return found

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import shutil
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 from lupin_engine.errors import UsageError
+from lupin_engine.plugin.files import user_folder
 
 #: What is kept of earlier runs and crashes; the oldest go first.
 KEPT_RUNS = KEPT_CRASHES = 20
@@ -17,8 +19,7 @@ KEPT_RUNS = KEPT_CRASHES = 20
 
 def state_folder(name: str) -> Path:
     """Return (and make) the folder `name` among this program's state; a temporary one if that cannot be."""
-    for base in _bases():
-        folder = base / "lupin" / name
+    for folder in (base / name for base in _bases()):
         try:
             folder.mkdir(parents=True, exist_ok=True)
         except OSError:
@@ -29,37 +30,45 @@ def state_folder(name: str) -> Path:
 
 
 def _bases() -> Iterator[Path]:
-    given = os.environ.get("XDG_STATE_HOME")
-    if given and Path(given).is_absolute():  # the specification says that relative ones are ignored
-        yield Path(given)
-    try:
-        yield Path.home() / ".local" / "state"
-    except RuntimeError:
-        return  # no home, for example an unknown user id in a container
+    """Yield the state folder that is set, and the one that holds where it is not."""
+    environments: tuple[Mapping[str, str], ...] = (os.environ, {})
+    with contextlib.suppress(UsageError):  # no home, for example an unknown user id in a container
+        for environment in environments:
+            yield user_folder("XDG_STATE_HOME", ".local/state", environment)
 
 
 def new_run_folder(given: Path | None = None) -> Path:
     """Make the folder for the logs of one run: the given one, else a fresh one named by time and process.
 
     Raises:
-        UsageError: the given one cannot be made, or written to.
+        UsageError: it cannot be made, or written to.
     """
     if given is not None:
-        return _writable(given)
-    runs = state_folder("runs")
-    make_room(runs, KEPT_RUNS)
-    folder = runs / name_of_now()
-    folder.mkdir()
+        return writable(given)
+    try:
+        runs = state_folder("runs")
+        make_room(runs, KEPT_RUNS)
+        folder = runs / name_of_now()
+        folder.mkdir()
+    except OSError as problem:
+        where = f" in {str(problem.filename)!r}" if problem.filename else ""
+        reason = f"there is no room for the logs of a run{where}: {problem.strerror}"
+        raise UsageError(f"{reason}; make some, or name a folder with --log-dir") from None
     return folder
 
 
-def _writable(folder: Path) -> Path:
+def writable(folder: Path, what: str = "logs") -> Path:
+    """Return a folder for `what`, made where it is missing.
+
+    Raises:
+        UsageError: it cannot be made, or written to.
+    """
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as problem:
-        raise UsageError(f"no logs can be written to {str(folder)!r}: {problem.strerror}") from None
+        raise UsageError(f"no {what} can be written to {str(folder)!r}: {problem.strerror}") from None
     if not os.access(folder, os.W_OK | os.X_OK):
-        raise UsageError(f"no logs can be written to {str(folder)!r}: it is not writable")
+        raise UsageError(f"no {what} can be written to {str(folder)!r}: it is not writable")
     return folder.resolve()
 
 

@@ -18,7 +18,7 @@ from typing import Literal
 from lupin_engine import __version__
 from lupin_engine.chart.load import check_chart, lifecycle_in, mission_files
 from lupin_engine.errors import LupinError, Severity
-from lupin_engine.launch.environment import DOMAIN, HIGHEST_DOMAIN, RANGE
+from lupin_engine.launch.environment import DOMAIN, RANGE, domain_advice, range_advice
 from lupin_engine.launch.mission import folders
 from lupin_engine.launch.requirements import INSTALL_ROS, SOURCE_ROS
 from lupin_engine.launch.shared_memory import stale_segments
@@ -44,7 +44,6 @@ WIRE: Mapping[str, str] = {
 RIHS = "RIHS01_"
 
 _PROFILES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
-_RANGES = ("SUBNET", "LOCALHOST", "OFF", "SYSTEM_DEFAULT")
 
 
 @dataclass(frozen=True)
@@ -58,8 +57,17 @@ class Finding:
 
 
 def examine() -> list[Finding]:
-    """Look at everything."""
-    return [finding for look in LOOKS for finding in look()]
+    """Look at everything; a look that fails itself is told as a problem, and the others go on."""
+    return [finding for look in LOOKS for finding in _findings(look)]
+
+
+def _findings(look: Callable[[], Iterator[Finding]]) -> Iterator[Finding]:
+    topic = look.__name__.removeprefix("look_at_").replace("_", " ")
+    try:
+        yield from look()
+    except Exception as broken:  # of an installation that is broken anything can be expected
+        reason = str(broken) if isinstance(broken, LupinError) else f"{type(broken).__name__}: {broken}"
+        yield Finding(topic, "cannot be looked at", "problem", f"{reason}; install the packages anew")
 
 
 def usable(findings: Sequence[Finding]) -> bool:
@@ -135,24 +143,15 @@ def look_at_interfaces() -> Iterator[Finding]:
 
 def look_at_network() -> Iterator[Finding]:
     """The domain, who can be discovered, and how."""
-    domain = os.environ.get(DOMAIN, "").strip()
-    if not domain:
-        yield Finding(DOMAIN, "not set: 0")
-    elif domain.isdecimal() and int(domain) <= HIGHEST_DOMAIN:
-        yield Finding(DOMAIN, domain)
+    domain, advice = os.environ.get(DOMAIN, "").strip(), domain_advice()
+    yield Finding(DOMAIN, domain or "not set: 0", "problem" if advice else "ok", advice)
+    doors, advice = os.environ.get(RANGE, ""), range_advice()
+    if advice:
+        yield Finding(RANGE, doors, "problem", advice)
+    elif doors in ("", "LOCALHOST"):
+        yield Finding(RANGE, doors or "not set: `lupin run` takes LOCALHOST")
     else:
-        yield Finding(DOMAIN, domain, "problem", f"use a number from 0 to {HIGHEST_DOMAIN}")
-    doors = os.environ.get(RANGE, "")
-    if not doors:
-        yield Finding(RANGE, "not set: `lupin run` takes LOCALHOST")
-    elif doors not in _RANGES:
-        yield Finding(RANGE, doors, "problem", f"use one of {', '.join(_RANGES)}")
-    elif doors == "LOCALHOST":
-        yield Finding(RANGE, doors)
-    else:
-        advice = "" if doors != "OFF" else "nodes do not find each other: unset it"
-        state: State = "problem" if doors == "OFF" else "note"
-        yield Finding(RANGE, doors, state, advice or "other machines can command the robot")
+        yield Finding(RANGE, doors, "note", "other machines can command the robot")
     yield _profile()
 
 

@@ -14,7 +14,10 @@ class Interrupted(Exception):
 
 
 class Interrupts:
-    """Counts SIGINT, SIGTERM and SIGHUP while active (the terminal was closed, the service is stopped)."""
+    """Counts SIGINT, SIGTERM and SIGHUP while active (the terminal was closed, the service is stopped).
+
+    Where SIGHUP is ignored it stays so: whoever starts a program with `nohup` wants it to go on.
+    """
 
     def __init__(self) -> None:
         self.count = 0
@@ -37,8 +40,14 @@ class Interrupts:
         """Whether there was a third signal: wait for nothing any more."""
         return self.count > 2
 
+    def stop(self) -> None:
+        """Be interrupted by the program itself, as by SIGTERM."""
+        self.count += 1
+
     def __enter__(self) -> Interrupts:
-        self._before = {number: signal.signal(number, self._count) for number in _HANDLED}
+        ignored = signal.getsignal(signal.SIGHUP) is signal.SIG_IGN
+        numbers = [number for number in _HANDLED if number != signal.SIGHUP or not ignored]
+        self._before = {number: signal.signal(number, self._count) for number in numbers}
         return self
 
     def __exit__(self, *_: object) -> None:

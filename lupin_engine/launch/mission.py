@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +19,7 @@ from lupin_engine.chart.load import (
     mission_files,
 )
 from lupin_engine.chart.model import Chart
-from lupin_engine.errors import UsageError
+from lupin_engine.errors import LupinError, UsageError, all_of
 from lupin_engine.plugin.registry import Catalog
 
 #: Where missions are looked for before the shipped ones: the folder `missions` of the current folder.
@@ -69,15 +70,28 @@ def load_missions(names: Sequence[str], catalog: Catalog) -> Loaded:
     """Find, load and check missions; without names all of the nearest folder.
 
     Raises:
-        UsageError: a mission does not exist, or they do not share a lifecycle.
+        UsageError: missions do not exist, or do not share a lifecycle.
         ChartError: with every error of every file.
     """
-    files = [find_mission(name, folders()) for name in names] or mission_files(folders()[0])
+    files = _files(names) if names else mission_files(folders()[0])
     lifecycles = {lifecycle_of(file).resolve(): None for file in files}
     if len(lifecycles) > 1:
         raise UsageError(f"these missions have different lifecycles: {', '.join(map(str, lifecycles))}")
     lifecycle = next(iter(lifecycles), lifecycle_in(folders()[0]))
     return Loaded(load_chart(lifecycle, files, catalog), tuple(files), lifecycle)
+
+
+def _files(names: Sequence[str]) -> list[Path]:
+    files: list[Path] = []
+
+    def find(name: str) -> None:
+        files.append(find_mission(name, folders()))
+
+    try:
+        all_of(*(partial(find, name) for name in names))
+    except LupinError as problem:
+        raise UsageError(str(problem)) from None
+    return files
 
 
 def check_request(loaded: Loaded, given: Mapping[str, Any], tags: Sequence[str], goal: int) -> None:

@@ -8,12 +8,15 @@ import importlib.util
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from types import ModuleType
+from typing import Any
 
-from lupin_engine.errors import PluginError, UsageError, nearest
+from lupin_engine.errors import LupinError, PluginError, UsageError, nearest
+from lupin_engine.middleware.process import is_rclpys_end
 from lupin_engine.plugin.contract import Parameter
 from lupin_engine.plugin.registry import Catalog
+from lupin_engine.ros import names
 
-ORCHESTRATOR = "mission_orchestrator"
+ORCHESTRATOR = names.NODE
 _ORCHESTRATOR_ENTRY = "lupin_engine.ros.orchestrator:main"
 
 
@@ -41,6 +44,25 @@ class Node:
         found: Mapping[str, Parameter] = getattr(self._module(), "PARAMETERS", {})
         return found
 
+    def check(self, values: Mapping[str, Any]) -> None:
+        """Check parameters together: whether files are there, whether one fits the other; starts nothing.
+
+        What the node's module has as `check`, if it has any, is called with the value of every parameter.
+
+        Raises:
+            LupinError: the node would not start with them; the text has everything that is wrong.
+            PluginError: the function itself failed.
+        """
+        check: Callable[[Mapping[str, Any]], None] | None = getattr(self._module(), "check", None)
+        try:
+            if check is not None:
+                check(values)
+        except LupinError:
+            raise
+        except Exception as defect:
+            reason = f"{type(defect).__name__}: {defect}"
+            raise PluginError(f"node {self.name!r} of {self._owner}: its check failed: {reason}") from defect
+
     def load(self) -> Callable[[Sequence[str]], int]:
         """Import the function that runs the node."""
         attribute = self.entry.partition(":")[2]
@@ -49,6 +71,19 @@ class Node:
             raise self._broken(f"there is no {attribute!r}")
         return found
 
+    def run(self, arguments: Sequence[str]) -> int:
+        """Run the node until it is told to stop, and return its exit code."""
+        try:
+            return self.load()(arguments)
+        except (Exception, KeyboardInterrupt) as problem:
+            if not is_rclpys_end(problem):
+                raise
+            return 0
+
+    @property
+    def _owner(self) -> str:
+        return f"plugin {self.plugin!r}" if self.plugin else "the engine"
+
     def _module(self) -> ModuleType:
         try:
             return importlib.import_module(self.entry.partition(":")[0])
@@ -56,8 +91,9 @@ class Node:
             raise self._broken(str(problem)) from problem
 
     def _broken(self, reason: str) -> PluginError:
-        owner = f"plugin {self.plugin!r}" if self.plugin else "the engine"
-        return PluginError(f"node {self.name!r} of {owner} cannot be loaded from {self.entry}: {reason}")
+        return PluginError(
+            f"node {self.name!r} of {self._owner} cannot be loaded from {self.entry}: {reason}"
+        )
 
 
 def nodes_of(catalog: Catalog) -> Mapping[str, Node]:

@@ -17,7 +17,7 @@ from lupin_engine.errors import LupinError, Severity
 from lupin_engine.launch.interrupts import Interrupted, Interrupts
 from lupin_engine.launch.neighbours import settled
 from lupin_engine.launch.nodes import ORCHESTRATOR
-from lupin_engine.launch.plan import Plan, Present, Values, command, make_plan
+from lupin_engine.launch.plan import Launch, Plan, Present, Values, command, make_plan
 from lupin_engine.launch.story import Story
 from lupin_engine.launch.supervisor import IMPATIENT, Patience, Supervisor
 from lupin_engine.plugin.registry import Catalog
@@ -124,7 +124,7 @@ class Session:
         if self.plan.starts:
             self._observer.note(f"starting {', '.join(self.plan.starts)}; logs in {folder}")
         for launch in self.plan.launches:
-            self.supervisor.start(launch.node.name, command(launch, folder))
+            self._start(launch)
         self._wait_for(self._missing_nodes, APPEAR_LIMIT_S)
         self._wait_for(self._missing_servers, BOOT_LIMIT_S)
         self.supervisor.note_segments()
@@ -132,22 +132,27 @@ class Session:
             self._tick_for(SETTLE_S)
         self._is_up = True
 
+    def _start(self, launch: Launch) -> None:
+        folder = self._settings.folder
+        try:
+            self.supervisor.start(launch.node.name, command(launch, folder))
+        except OSError as problem:  # a disk that is full, or no process more
+            name, reason = launch.node.name, problem.strerror
+            raise RunFailed(f"{name} cannot be started with its files in {folder}: {reason}") from None
+
     def _planned(self, plugins: Sequence[str], catalog: Catalog, present: Present) -> Plan:
         """Decide what to start; a node that an option is about must be among it."""
         settings = self._settings
-
-        def plan(there: Present) -> Plan:
-            return make_plan(
-                plugins, catalog, there, settings.parameters, simulate=settings.simulate, known=settings.known
-            )
-
-        wanted = plan(present)
-        for name, option in settings.insisted.items():
-            if name not in wanted.starts:
-                used = name in plan(Present()).starts
-                runs = "runs already; stop it or choose another --domain"
-                why = runs if used else "these missions do not start"
-                raise RunFailed(f"{option} is for {name}, which {why}")
+        wanted = make_plan(
+            plugins, catalog, present, settings.parameters, simulate=settings.simulate, known=settings.known
+        )
+        taken = [
+            f"{option} is for {name}, which runs already; stop it or choose another --domain"
+            for name, option in settings.insisted.items()
+            if name not in wanted.starts
+        ]
+        if taken:
+            raise RunFailed("\n".join(taken))
         return wanted
 
     @property
@@ -339,11 +344,12 @@ class Session:
             self._observer.arrived(kind, data, self.story)
 
     def _look_at_processes(self) -> None:
-        for death in self.supervisor.deaths():
-            # At the start everything is needed. Later the mission has its own answer to a dead plugin: a
-            # declared error. Only without the orchestrator there is no mission.
-            if not self._is_up or death.name == ORCHESTRATOR:
-                raise RunFailed(death.told)
+        deaths = self.supervisor.deaths()
+        # At the start everything is needed. Later the mission has its own answer to a dead plugin: a declared
+        # error. Only without the orchestrator there is no mission.
+        if deaths and (not self._is_up or any(death.name == ORCHESTRATOR for death in deaths)):
+            raise RunFailed("\n".join(death.told for death in deaths))
+        for death in deaths:
             self._observer.note(death.told, Severity.ERROR)
             if self.story is not None:
                 self.story.note(time.monotonic(), Severity.ERROR, f"{death.name} {death.how}")

@@ -14,7 +14,8 @@ from typing import Any
 from action_msgs.msg import GoalStatus
 from action_msgs.srv import CancelGoal
 
-from lupin_engine.middleware.node import Goal, RosNode, Timer
+from lupin_engine.middleware.node import Goal, RosNode
+from lupin_engine.middleware.repeater import Repeater
 from lupin_engine.middleware.service_driver import Done, Failed
 from lupin_engine.plugin.contract import Outlet
 
@@ -111,12 +112,11 @@ class ActionAttempts:
     """The attempts of one driver; see `plugin.contract.Driver` for what `start` and `cancel` promise."""
 
     def __init__(self, ros: RosNode, outlet: Outlet) -> None:
-        self._ros = ros
         self._outlet = outlet
         self._running: dict[str, _Attempt] = {}
         #: Nobody waits for these, and yet a server may still work on them.
         self._lost: dict[str, _Attempt] = {}
-        self._timer: Timer | None = None
+        self._watching = Repeater(ros.steady_timer, WATCH_PERIOD_S, self._watch)
 
     def start(self, attempt: str, operation: ActionOperation, goal: Any) -> None:
         """Send a goal; to nobody it would be lost without a word."""
@@ -124,8 +124,7 @@ class ActionAttempts:
             self._fail(attempt, operation.failed(operation.unavailable, "not there"))
             return
         made = self._running[attempt] = _Attempt(operation)
-        if self._timer is None:
-            self._timer = self._ros.steady_timer(WATCH_PERIOD_S, self._watch)
+        self._watching.start()
         made.goal = operation.server.send(
             goal,
             accepted=partial(self._on_accepted, attempt),
@@ -143,7 +142,7 @@ class ActionAttempts:
 
     def close(self) -> None:
         """Have every goal cancelled as far as that can still be said, and report no more."""
-        self._stop_watching()
+        self._watching.stop()
         for attempt in list(self._running):
             self._abandon(attempt)
         # Also what a server has taken and not yet said so.
@@ -195,7 +194,7 @@ class ActionAttempts:
     def _watch(self) -> None:
         """Look at the servers from time to time; only while an attempt runs, for the sake of idling."""
         if not self._running:
-            self._stop_watching()
+            self._watching.stop()
             return
         for attempt, running in list(self._running.items()):
             operation = running.operation
@@ -204,11 +203,6 @@ class ActionAttempts:
             if away >= SERVER_GRACE_S:
                 self._abandon(attempt)
                 self._fail(attempt, operation.failed(operation.unavailable, "gone"))
-
-    def _stop_watching(self) -> None:
-        if self._timer is not None:
-            self._timer.cancel()
-            self._timer = None
 
     def _abandon(self, attempt: str) -> None:
         """Wait for an attempt no more, but have its goal cancelled.

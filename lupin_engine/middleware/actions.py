@@ -19,11 +19,12 @@ from rclpy.action.server import ServerGoalHandle
 from rclpy.task import Future
 from unique_identifier_msgs.msg import UUID
 
-from lupin_engine.middleware.host import Host, Timer
+from lupin_engine.middleware.host import Host
 from lupin_engine.middleware.qos import Qos
+from lupin_engine.middleware.repeater import Repeater
 
 #: Seconds between two looks at the servers while a goal is under way; none otherwise.
-WATCH_PERIOD = 1.0
+WATCH_PERIOD_S = 1.0
 
 _TERMINAL = frozenset((GoalStatus.STATUS_SUCCEEDED, GoalStatus.STATUS_CANCELED, GoalStatus.STATUS_ABORTED))
 
@@ -46,7 +47,7 @@ class ActionCaller:
         )
         self._goals: list[Goal] = []
         self._servers: frozenset[bytes] = frozenset()
-        self._watch: Timer | None = None
+        self._watch = Repeater(ros.steady_timer, WATCH_PERIOD_S, self._look)
         self.closed = False
 
     def ready(self) -> bool:
@@ -71,9 +72,9 @@ class ActionCaller:
         """
         sent = Goal(self, accepted, feedback, ended, rejected)
         self._goals.append(sent)
-        if self._watch is None:
+        if not self._watch.running:
             self._servers = self._matched_servers()
-            self._watch = self.ros.steady_timer(WATCH_PERIOD, self._look)
+            self._watch.start()
         sent.send(goal)
         return sent
 
@@ -81,9 +82,8 @@ class ActionCaller:
         """Stop watching `goal`, which has ended."""
         if goal in self._goals:
             self._goals.remove(goal)
-        if not self._goals and self._watch is not None:
-            self._watch.cancel()
-            self._watch = None
+        if not self._goals:
+            self._watch.stop()
 
     def close(self) -> None:
         """Release the client; no callback follows. Closing twice does no harm."""

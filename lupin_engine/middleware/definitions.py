@@ -234,9 +234,10 @@ def _element(listed: str) -> Any:
 
 def plain(value: Any) -> Any:
     """Return a message as dictionaries, lists and scalars; a time as seconds."""
+    if _is_time(value):
+        return seconds_of(value)
     if hasattr(value, "get_fields_and_field_types"):
-        fields = {name: plain(getattr(value, name)) for name in value.get_fields_and_field_types()}
-        return seconds_of(fields) if fields.keys() == _TIME_FIELDS and _is_time(value) else fields
+        return {name: plain(getattr(value, name)) for name in value.get_fields_and_field_types()}
     if isinstance(value, bytes):
         return value[0] if len(value) == 1 else list(value)
     if isinstance(value, str) or not hasattr(value, "__iter__"):
@@ -244,8 +245,6 @@ def plain(value: Any) -> Any:
     return [plain(element) for element in value]
 
 
-_TIME_FIELDS = {"sec", "nanosec"}
-
-
-def _is_time(message: Any) -> bool:
-    return type(message).__module__.startswith("builtin_interfaces.")
+def _is_time(value: Any) -> bool:
+    # That package has Time and Duration only.
+    return type(value).__module__.startswith("builtin_interfaces.")

@@ -25,8 +25,8 @@ RclpySource = Literal["wheels", "apt"]
 
 AMENT_PREFIXES = "AMENT_PREFIX_PATH"
 LIBRARIES = "LD_LIBRARY_PATH"
+#: Set for the process that `prepare` starts anew, so that it can happen once only.
 RESTARTED = "_LUPIN_ROS_ENVIRONMENT"
-"""Set for the process that `prepare` starts anew, so that it can happen once only."""
 
 PACKAGE_MARKERS = Path("share", "ament_index", "resource_index", "packages")
 

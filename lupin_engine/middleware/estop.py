@@ -6,8 +6,8 @@ from collections.abc import Callable
 
 from std_msgs.msg import Bool
 
-from lupin_engine.middleware.host import Timer
 from lupin_engine.middleware.node import Qos, RosNode
+from lupin_engine.middleware.repeater import Repeater
 
 #: What `told` is called with.
 ENGAGED, RELEASED, SILENT = "engaged", "", "silent"
@@ -27,12 +27,11 @@ class EmergencyStop:
 
     def __init__(self, ros: RosNode, topic: str, timeout: float, told: Callable[[str], None]) -> None:
         """Call `told` with each message's meaning, and with `SILENT` after `timeout` s of it; 0: never."""
-        self._ros = ros
         self._period = timeout / LOOKS
         self._told = told
         self._heard = False
         self._in_a_row = self._missed = 0
-        self._looking: Timer | None = None
+        self._looking = Repeater(ros.steady_timer, self._period, self._look)
         ros.subscribe(Bool, topic, Qos.EVENT, self._on_message)
 
     @property
@@ -43,14 +42,12 @@ class EmergencyStop:
     def close(self) -> None:
         """Wait for nothing any more."""
         self._in_a_row = 0
-        if self._looking is not None:
-            self._looking.cancel()
-            self._looking = None
+        self._looking.stop()
 
     def _on_message(self, message: Bool) -> None:
         self._heard = True
-        if self._looking is None and self._period:
-            self._looking = self._ros.steady_timer(self._period, self._look)
+        if self._period:
+            self._looking.start()
         self._told(ENGAGED if message.data else RELEASED)
 
     def _look(self) -> None:

@@ -1,4 +1,6 @@
-"""Logging: structured events as lines of the node's logger, and callbacks whose exceptions end up there."""
+"""Logging: structured events as lines of the node's logger, callbacks whose exceptions end up there, and
+warnings that are not repeated.
+"""
 
 from __future__ import annotations
 
@@ -21,6 +23,22 @@ def guarded(callback: Callable[..., Any], log: FilteringBoundLogger) -> Callable
             return None
 
     return guard
+
+
+class WarnOnce:
+    """Warnings that may come with every message: each is told once, and not more than `most` of them."""
+
+    def __init__(self, log: FilteringBoundLogger, most: int = 100) -> None:
+        self._log = log
+        self._most = most
+        self._told: set[tuple[str, ...]] = set()
+
+    def __call__(self, text: str, **details: str) -> None:
+        """Warn, unless that was done before in the same words and with the same details."""
+        warning = (text, *details.values())
+        if warning not in self._told and len(self._told) < self._most:
+            self._told.add(warning)
+            self._log.warning(text, **details)
 
 
 def ros_log(node: Node) -> FilteringBoundLogger:

@@ -73,14 +73,14 @@ __all__ = [
 ]
 
 #: Seconds after the start, and between, two looks at the peers.
-FIRST_PEER_CHECK = 1.0
-PEER_CHECK_PERIOD = 5.0
+FIRST_PEER_CHECK_S = 1.0
+PEER_CHECK_PERIOD_S = 5.0
 
 #: This many exceptions outside callbacks within one second are a broken node, not a bad message.
 MAX_FAILURES_PER_SECOND = 20
 
 #: Seconds that releasing a node at the end of its spin may take before the process is ended by force.
-TEARDOWN_LIMIT = 3.0
+TEARDOWN_LIMIT_S = 3.0
 
 
 class Timer:
@@ -123,6 +123,8 @@ class RosNode:
         self._executor = Executor(self._context, self.log)
         self._executor.add_node(self.node)
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self._simulated = 0.0  # simulated time when it was read last; 0 is what ROS says before it knows
+        self._behind = 0.0  # what has to be added to it
         self._posted: deque[Callable[[], object]] = deque()
         self._wakeup = self.node.create_guard_condition(self._run_posted)
         self._closed = self._stopping = False
@@ -134,8 +136,8 @@ class RosNode:
         self._seen_rivals: frozenset[str] = frozenset()
         try:
             self._declared = DeclaredParameters(self.node, self.log, arguments, parameters)
-            self._one_shot(FIRST_PEER_CHECK, self._check_peers, self._steady)
-            self.steady_timer(PEER_CHECK_PERIOD, self._check_peers)
+            self._one_shot(FIRST_PEER_CHECK_S, self._check_peers, self._steady)
+            self.steady_timer(PEER_CHECK_PERIOD_S, self._check_peers)
         except BaseException:
             self.close()
             raise
@@ -195,8 +197,21 @@ class RosNode:
         return self.node.get_clock().now().to_msg()
 
     def elapsed(self) -> float:
-        """Return seconds on the clock of the timers: for durations, not to be shown or sent."""
-        return float(self._timer_clock().now().nanoseconds) * 1e-9
+        """Return seconds on the clock of the timers: for durations, not to be shown or sent.
+
+        It never goes back. Simulated time that does goes on from here: what was a second ago is still a
+        second ago. So does time that is heard of for the first time: nobody has waited since 1970.
+        """
+        clock = self._timer_clock()
+        if clock is self._steady:
+            return float(clock.now().nanoseconds) * 1e-9
+        return self._continued(float(clock.now().nanoseconds) * 1e-9)
+
+    def _continued(self, simulated: float) -> float:
+        if simulated < self._simulated or not self._simulated:
+            self._behind += self._simulated - simulated
+        self._simulated = simulated
+        return simulated + self._behind
 
     def timer(self, period: float, callback: Callable[[], None]) -> Timer:
         """Call `callback` every `period` seconds (of ROS time with `use_sim_time`, else of real time)."""
@@ -395,7 +410,7 @@ class RosNode:
 
     def leave(self) -> None:
         """Close, as the last thing that this process does with ROS: a hanging teardown ends the process."""
-        with ends_the_process_after(TEARDOWN_LIMIT):
+        with ends_the_process_after(TEARDOWN_LIMIT_S):
             self.close()
 
     def __enter__(self) -> RosNode:

@@ -16,7 +16,8 @@ from rclpy.parameter import Parameter as RosParameter
 
 from lupin_engine.errors import LupinError, PluginError
 from lupin_engine.plugin.contract import Parameter
-from lupin_engine.plugin.types import Type, convert
+from lupin_engine.plugin.parameters import named, narrowed, sorted_out
+from lupin_engine.plugin.types import Type
 
 _ROS_TYPES = {
     "bool": RosParameter.Type.BOOL,
@@ -48,10 +49,12 @@ def ros_type(name: str, kind: Type) -> RosParameter.Type:
 
 
 def descriptor(spec: Parameter) -> ParameterDescriptor:
-    """Return what `ros2 param describe` shows: documentation, unit and range."""
+    """Return what `ros2 param describe` shows: documentation, unit and range or choice."""
     kind, unit = spec.type, _unit(spec.type)
     described = ParameterDescriptor(description=f"{spec.doc} [{unit}]" if unit else spec.doc)
-    low, high = _limits(spec)
+    if kind.values:
+        described.additional_constraints = f"one of {', '.join(kind.values)}"
+    low, high = narrowed(spec).minimum, narrowed(spec).maximum
     if low is None and high is None:
         return described
     if kind.kind == "integer":
@@ -86,14 +89,9 @@ def read(name: str, spec: Parameter, value: Any) -> Any:
     if spec.default is None and _is_nothing(spec, value):
         return None
     try:
-        read_value = convert(_unpacked(spec.type, value), spec.type)
+        return named(name, spec, _unpacked(spec.type, value))
     except ValueError as error:
-        raise ValueError(f"parameter {name!r}: {error}{_hint(spec.type, value)}") from None
-    low, high = _limits(spec)
-    if isinstance(read_value, (int, float)) and not _within(read_value, low, high):
-        allowed = _allowed(low, high)
-        raise ValueError(f"parameter {name!r}: expected {spec.type} {allowed}, got {value!r}")
-    return read_value
+        raise ValueError(f"{error}{_hint(spec.type, value)}") from None
 
 
 def to_ros(name: str, spec: Parameter, value: Any) -> RosParameter:
@@ -117,15 +115,8 @@ def starting_values(specs: Mapping[str, Parameter], given: Mapping[str, Any]) ->
     Raises:
         LupinError: some given values cannot be used; the text lists all of them, one a line.
     """
-    problems: list[str] = []
-
-    def value_of(name: str, spec: Parameter) -> Any:
-        try:
-            return read(name, spec, given.get(name, spec.default))
-        except ValueError as error:
-            problems.append(str(error))
-
-    values = {name: value_of(name, spec) for name, spec in specs.items()}
+    wanted = {name: given.get(name, spec.default) for name, spec in specs.items()}
+    values, problems = sorted_out(specs, wanted, read)
     if problems:
         raise LupinError("\n".join(problems))
     return values
@@ -163,19 +154,3 @@ def _hint(kind: Type, value: Any) -> str:
     if kind.kind == "list" and isinstance(value, (str, int, float)):
         return f"; write [{value}]"
     return ""
-
-
-def _limits(spec: Parameter) -> tuple[float | None, float | None]:
-    lows = [low for low in (spec.minimum, spec.type.minimum) if low is not None]
-    highs = [high for high in (spec.maximum, spec.type.maximum) if high is not None]
-    return (max(lows) if lows else None), (min(highs) if highs else None)
-
-
-def _within(value: float, low: float | None, high: float | None) -> bool:
-    return (low is None or value >= low) and (high is None or value <= high)
-
-
-def _allowed(low: float | None, high: float | None) -> str:
-    if low is not None and high is not None:
-        return f"between {low:g} and {high:g}"
-    return f"of at least {low:g}" if low is not None else f"of at most {high:g}"

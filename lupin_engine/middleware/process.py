@@ -70,3 +70,11 @@ def ends_the_process_after(seconds: float) -> Iterator[None]:
         yield
     finally:
         faulthandler.cancel_dump_traceback_later()
+
+
+def is_rclpys_end(problem: BaseException) -> bool:
+    """Say whether this is how rclpy's own spin ends at a signal: in one of three ways, as it happens."""
+    from rclpy.executors import ExternalShutdownException  # only who has run a node asks
+
+    too_late = type(problem).__name__ == "RCLError" and "context is not valid" in str(problem)
+    return too_late or isinstance(problem, (ExternalShutdownException, KeyboardInterrupt))

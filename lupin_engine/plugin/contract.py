@@ -38,7 +38,11 @@ class Code:
 
 @dataclass(frozen=True)
 class Argument:
-    """An argument of an operation, action or function; without `default` it must be given."""
+    """An argument of an operation, action or function.
+
+    Without `default` it must be given, unless it is `optional`: then it may be left out, and is not among the
+    arguments that the driver or function gets.
+    """
 
     type: Type
     doc: str
@@ -156,7 +160,8 @@ class Plugin:
     `companions` names nodes that only listen, and run beside every mission, whether it uses the plugin or
     not. `simulated_defaults` are values, in base units, that parameters of missions take by default where
     the plugin's simulations are started. `serves` are the services and actions that its nodes have for
-    whoever calls them by name, as a binding does.
+    whoever calls them by name, as a binding does. `readers` are by the name of the type that they read. What
+    is `internal` is for a chart of the plugin's own, and no author of missions is offered it.
     """
 
     name: str

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from lupin_engine.plugin.contract import Argument, Code, OnHold, Operation, Parameter, Plugin
 from lupin_engine.plugin.types import Type
@@ -109,8 +109,13 @@ def _parameters(plugin: Plugin) -> Iterator[Entry]:
 
 
 def _parameter_type(parameter: Parameter) -> str:
-    limits = _limits(parameter.minimum, parameter.maximum)
-    return f"{type_text(parameter.type)}{limits}"
+    kind = parameter.type
+    if kind.kind not in ("number", "integer"):
+        return type_text(kind)
+    lowest = [limit for limit in (kind.minimum, parameter.minimum) if limit is not None]
+    highest = [limit for limit in (kind.maximum, parameter.maximum) if limit is not None]
+    within = replace(kind, minimum=max(lowest, default=None), maximum=min(highest, default=None))
+    return type_text(within)
 
 
 def _nodes(plugin: Plugin) -> Iterator[Entry]:

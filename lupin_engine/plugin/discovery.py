@@ -28,6 +28,8 @@ VERBS = "lupin.verbs"
 #: What installers name the folders in which they describe a package: by wheels, and by what came before them.
 _DESCRIPTIONS = (".dist-info", ".egg-info")
 _SEPARATORS = re.compile(r"[-_.]+")
+#: What Python says of a name that a module does not have.
+_NO_NAME = re.compile(r"cannot import name '(\w+)' from '([\w.]+)'")
 #: A value in a pyproject.toml, in quotes of either kind; a remark may follow.
 _QUOTED = re.compile(r"""(["'])(.*?)\1""")
 
@@ -82,8 +84,7 @@ class EntryPoint:
         try:
             found = self.load()
         except (Exception, SystemExit) as error:  # foreign code: whatever its import does is told in one line
-            reason = f"{type(error).__name__}: {error}"
-            raise PluginError(f"{where} cannot be imported: {reason}") from error
+            raise PluginError(f"{where} cannot be imported: {told(error, self.module)}") from error
         if not isinstance(found, kind):
             other = type(found).__name__
             raise PluginError(f"{where} names something of type {other}; it must name {called}")
@@ -110,10 +111,46 @@ def find_entry_point(name: str) -> EntryPoint:
     Raises:
         UsageError: there is none; the text has the nearest name.
     """
-    points = {point.name: point for point in entry_points()}
-    if name not in points:
-        raise UsageError(f"no plugin is called {name!r}; {nearest(name, points)}")
-    return points[name]
+    points = entry_points()
+    for point in points:
+        if point.name == name:
+            return point
+    raise UsageError(f"no plugin is called {name!r}; {nearest(name, (point.name for point in points))}")
+
+
+def told(error: BaseException, module: str) -> str:
+    """Say what an error of foreign code is and where the package of `module` met it, in one line."""
+    place = _place_in(error, module)
+    return _reason(error) + (f"; at {place}" if place else "")
+
+
+def _reason(error: BaseException) -> str:
+    """Return kind and text of an error; a name that a module does not have with the nearest that it has."""
+    missing = _NO_NAME.match(str(error)) if isinstance(error, ImportError) else None
+    if missing is None or missing[2] not in sys.modules:
+        return f"{type(error).__name__}: {error}".rstrip(": ")
+    offered = [name for name in vars(sys.modules[missing[2]]) if not name.startswith("_")]
+    return f"there is no {missing[1]!r} in {missing[2]}; {nearest(missing[1], offered)}"
+
+
+def _place_in(error: BaseException, module: str) -> str:
+    """Return file and line of the innermost step within the package of `module`; '' where there is none."""
+    top = sys.modules.get(module.partition(".")[0])
+    file = getattr(top, "__file__", None) or source_file(module) or ""
+    folder = os.path.dirname(file) if file.endswith("__init__.py") else file
+    step, place = error.__traceback__, ""
+    while step is not None and folder:
+        passed = step.tb_frame.f_code.co_filename
+        if passed == folder or passed.startswith(folder + os.sep):
+            place = f"{_from_here(passed)}:{step.tb_lineno}"
+        step = step.tb_next
+    return place
+
+
+def _from_here(file: str) -> str:
+    """Return a file as it is called from the current folder, where it is below that."""
+    here = os.getcwd() + os.sep
+    return file.removeprefix(here)
 
 
 def source_file(module: str) -> str | None:

@@ -8,15 +8,33 @@ import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 
+from lupin_engine.errors import UsageError
+
 
 def user_folder(variable: str, otherwise: str, environment: Mapping[str, str] = os.environ) -> Path:
     """Return the engine's folder below one of the user's, by the XDG Base Directory Specification.
 
     `variable` names the folder, such as XDG_STATE_HOME; `otherwise` is what it is, below the home, where that
     is not set. A relative one is ignored, as the specification says.
+
+    Raises:
+        UsageError: it is not set, and this user has no home.
     """
     base = environment.get(variable, "")
-    return (Path(base) if Path(base).is_absolute() else Path.home() / otherwise) / "lupin"
+    return (Path(base) if Path(base).is_absolute() else _home(variable) / otherwise) / "lupin"
+
+
+def ros_domain(environment: Mapping[str, str] = os.environ) -> int:
+    """Return the ROS domain of this process, of which some files have one each; 0 where none is set."""
+    text = environment.get("ROS_DOMAIN_ID", "").strip()
+    return int(text) if text.isdecimal() else 0
+
+
+def _home(variable: str) -> Path:
+    try:
+        return Path.home()
+    except RuntimeError:  # for example an unknown user id in a container
+        raise UsageError(f"this user has no home folder; set {variable} to an absolute path") from None
 
 
 def write_atomically(path: Path, content: bytes) -> None:

@@ -8,7 +8,7 @@ point (group `lupin.plugins`, each naming a `Plugin`); nothing of ROS is importe
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from types import MappingProxyType
@@ -29,7 +29,8 @@ from lupin_engine.plugin.contract import (
     Reader,
 )
 from lupin_engine.plugin.discovery import EntryPoint, entry_points
-from lupin_engine.plugin.types import BUILTIN_TYPES, Type, convert
+from lupin_engine.plugin.shapes import misshapen
+from lupin_engine.plugin.types import BUILTIN_TYPES, UNITS, Type, convert
 
 #: What names consist of: of most things; of functions and values; of types and codes.
 NAME = re.compile(r"[a-z][a-z0-9_]*")
@@ -93,7 +94,21 @@ def load_catalog() -> Catalog:
     Raises:
         PluginError: a plugin cannot be imported, breaks the contract, or contradicts another one.
     """
-    return build_catalog([builtin.PLUGIN, *map(import_plugin, entry_points())])
+    points = {point: import_plugin(point) for point in entry_points()}
+    for name in {plugin.name for plugin in points.values()}:
+        refuse_rivals(name, [point for point, plugin in points.items() if plugin.name == name])
+    return build_catalog([builtin.PLUGIN, *points.values()])
+
+
+def refuse_rivals(name: str, points: Sequence[EntryPoint]) -> None:
+    """See that not two packages bring a plugin of one name; `points` are all that do.
+
+    Raises:
+        PluginError: there are two.
+    """
+    if len(points) > 1:
+        offers = " and ".join(map(str, points))
+        raise PluginError(f"plugin {name!r} is offered more than once: {offers}; uninstall all but one")
 
 
 def import_plugin(point: EntryPoint) -> Plugin:
@@ -109,8 +124,9 @@ def verified_plugin(point: EntryPoint) -> Plugin:
     """Return the plugin that an entry point names, which the registry takes.
 
     Raises:
-        PluginError: it cannot be imported, or breaks the contract.
+        PluginError: it cannot be imported, breaks the contract, or another package brings one of its name.
     """
+    refuse_rivals(point.name, [other for other in entry_points() if other.name == point.name])
     plugin = import_plugin(point)
     build_catalog([plugin])
     return plugin
@@ -201,7 +217,7 @@ def _refused(plugin: Plugin, reason: str) -> PluginError:
 def _verify(plugin: Plugin) -> None:
     """Check one plugin by itself, and tell all that is wrong with it, in the order of its declaration."""
     try:
-        problems = list(_problems(plugin))
+        problems = list(misshapen(plugin)) or list(_problems(plugin))
     except Exception as error:  # what stands there is not even of the kind that can be checked
         reason = f"{type(error).__name__}: {error}"
         raise _refused(plugin, f"it is not written as the contract wants it: {reason}") from error
@@ -296,8 +312,6 @@ def _argument_problems(where: str, arguments: Mapping[str, Argument]) -> Iterato
 def _function_problems(where: str, function: Function) -> Iterator[str]:
     yield from _argument_problems(where, function.arguments)
     yield from _type_problems(f"{where}: what it returns", function.returns)
-    if not callable(function.bind):
-        yield f"{where}: bind must be a function of the parameters"
     optional = False
     for name, argument in function.arguments.items():
         if optional and not argument.optional:
@@ -328,6 +342,21 @@ def _field_problems(where: str, what: str, fields: Mapping[str, Type]) -> Iterat
 def _type_problems(where: str, kind: object) -> Iterator[str]:
     if not isinstance(kind, Type):
         yield f"{where} must have a Type, such as `types.TEXT`, got {kind!r}"
+        return
+    if kind.unit:
+        yield from _unit_problems(where, kind.unit)
+    if kind.item is not None:
+        yield from _type_problems(where, kind.item)
+    yield from _field_problems(where, "field", kind.fields)
+
+
+def _unit_problems(where: str, unit: str) -> Iterator[str]:
+    """Numbers are kept in the base of their dimension, and missions write them with one of its units."""
+    base = UNITS[unit][0] if unit in UNITS else None
+    if base is None:
+        yield f"{where} has the unit {unit!r}, which missions cannot write; {nearest(unit, UNITS)}"
+    elif base != unit:
+        yield f"{where} has the unit {unit!r}; numbers are kept in {base or 'no unit'!r}, so declare that one"
 
 
 def _parameter_problems(where: str, parameter: Parameter) -> Iterator[str]:
@@ -342,6 +371,10 @@ def _parameter_problems(where: str, parameter: Parameter) -> Iterator[str]:
         return
     if parameter.type.kind not in ("integer", "number"):
         yield f"{where}: a {parameter.type} has no minimum or maximum"
+        return
+    lowest, highest = parameter.minimum, parameter.maximum
+    if lowest is not None and highest is not None and lowest > highest:
+        yield f"{where}: the minimum {lowest:g} is above the maximum {highest:g}"
         return
     default = convert(parameter.default, parameter.type)
     if parameter.minimum is not None and default < parameter.minimum:

@@ -1,8 +1,8 @@
 """Types of the mission language, and the conversion of plain data to them.
 
 Values are plain data: `bool`, `int`, `float`, `str`, `list`, and `dict` for records. A number may carry a
-unit; inside the engine it is always in the SI base of its dimension (seconds, metres, radians), so `2 min`
-in a file is `120.0` in a value. Angles are radians, frames are `map` unless a field says otherwise.
+unit; inside the engine it is always in the base of its dimension (seconds, metres, radians), so `2 min` in a
+file is `120.0` in a value. Angles are radians, frames are `map` unless a field says otherwise.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from functools import lru_cache
 from types import MappingProxyType
 from typing import Any
 
-from lupin_engine.errors import nearest
+from lupin_engine.errors import meant, nearest
 
 #: unit as written -> (base unit, factor to the base)
 UNITS: Mapping[str, tuple[str, float]] = MappingProxyType(
@@ -32,6 +32,13 @@ UNITS: Mapping[str, tuple[str, float]] = MappingProxyType(
         "rad": ("rad", 1.0),
         "m/s": ("m/s", 1.0),
         "Hz": ("Hz", 1.0),
+        "g": ("kg", 1e-3),
+        "kg": ("kg", 1.0),
+        "ml": ("l", 1e-3),
+        "l": ("l", 1.0),
+        "N": ("N", 1.0),
+        "V": ("V", 1.0),
+        "A": ("A", 1.0),
         "%": ("", 1e-2),
     }
 )
@@ -48,7 +55,8 @@ class Type:
 
     `kind` is one of bool, integer, number, text, list, record, any. `name` is what messages and files call
     it (`duration` is the number with unit s). `unit` is the base unit of a number. `values` are all that a
-    text can be, where that is known: a comparison with another one is a slip of the pen.
+    text can be, where that is known: a comparison with another one is a slip of the pen. `pattern` is the
+    regular expression that a text matches as a whole, and `example` one that does.
     """
 
     kind: str
@@ -59,6 +67,8 @@ class Type:
     minimum: float | None = None
     maximum: float | None = None
     values: tuple[str, ...] = ()
+    pattern: str = ""
+    example: str = ""
 
     def __str__(self) -> str:
         return self.name
@@ -78,6 +88,14 @@ LENGTH = Type("number", "length", unit="m")
 ANGLE = Type("number", "angle", unit="rad")
 ANY = Type("any", "any")
 
+#: What a topic, service or action is called; relative ones are in the namespace of the node that uses them.
+ROS_NAME = Type(
+    "text",
+    "ROS name",
+    pattern=r"(~?/)?[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*",
+    example="/camera/image_raw",
+)
+
 #: A place on the floor of the greenhouse: metres and radians in frame `map`.
 POSE = Type("record", "pose", fields={"x": LENGTH, "y": LENGTH, "yaw": ANGLE})
 
@@ -89,6 +107,11 @@ BUILTIN_TYPES: Mapping[str, Type] = MappingProxyType(
 def list_of(item: Type) -> Type:
     """Return the type of a list whose elements are all `item`."""
     return Type("list", f"list of {item.name}", item=item)
+
+
+def one_of(*values: str) -> Type:
+    """Return the type of a text that is one of a few words."""
+    return Type("text", "text", values=values)
 
 
 def number_in(unit: str) -> Type:
@@ -163,21 +186,24 @@ def _to_bool(value: Any, wanted: Type) -> bool:
 def _to_integer(value: Any, wanted: Type) -> int:
     if isinstance(value, bool) or not isinstance(value, int):
         raise _wrong(value, wanted)
-    _check_range(value, wanted)
+    _check_range(value, wanted, value)
     return value
 
 
 def _to_number(value: Any, wanted: Type) -> float:
-    if isinstance(value, str):
-        quantity = parse_quantity(value)
-        if quantity is None or quantity[1] != wanted.unit:
-            units = ", ".join(map(repr, units_of(wanted.unit)))
-            raise _wrong(value, wanted, f"; its units are {units}" if wanted.unit and units else "")
-        value = quantity[0]
-    if isinstance(value, bool) or not isinstance(value, (int, float)) or not _is_finite(value):
+    number = _from_quantity(value, wanted) if isinstance(value, str) else value
+    if isinstance(number, bool) or not isinstance(number, (int, float)) or not _is_finite(number):
         raise _wrong(value, wanted)
-    _check_range(value, wanted)
-    return float(value)
+    _check_range(number, wanted, value)
+    return float(number)
+
+
+def _from_quantity(text: str, wanted: Type) -> float:
+    quantity = parse_quantity(text)
+    if quantity is None or quantity[1] != wanted.unit:
+        units = ", ".join(map(repr, units_of(wanted.unit)))
+        raise _wrong(text, wanted, f"; its units are {units}" if wanted.unit and units else "")
+    return quantity[0]
 
 
 def _is_finite(value: float) -> bool:
@@ -187,16 +213,30 @@ def _is_finite(value: float) -> bool:
         return False
 
 
-def _check_range(value: float, wanted: Type) -> None:
-    if wanted.minimum is not None and value < wanted.minimum:
-        raise ValueError(f"expected {wanted} of at least {wanted.minimum:g}, got {value!r}")
-    if wanted.maximum is not None and value > wanted.maximum:
-        raise ValueError(f"expected {wanted} of at most {wanted.maximum:g}, got {value!r}")
+def _check_range(number: float, wanted: Type, written: Any) -> None:
+    low, high = wanted.minimum, wanted.maximum
+    if (low is not None and number < low) or (high is not None and number > high):
+        raise ValueError(f"expected {wanted} {_range(wanted)}, got {written!r}")
+
+
+def _range(kind: Type) -> str:
+    """Return what numbers of a type are allowed, with their unit."""
+    unit = f" {kind.unit}" if kind.unit and kind.unit not in kind.name.split() else ""
+    low, high = kind.minimum, kind.maximum
+    if low is not None and high is not None:
+        return f"between {low:g} and {high:g}{unit}"
+    return f"of at least {low:g}{unit}" if low is not None else f"of at most {high:g}{unit}"
 
 
 def _to_text(value: Any, wanted: Type) -> str:
     if not isinstance(value, str):
         raise _wrong(value, wanted)
+    if wanted.values and value not in wanted.values:
+        guess = meant(value, wanted.values)
+        text = f"expected one of {', '.join(wanted.values)}, got {value!r}"
+        raise ValueError(f"{text}; {guess}" if guess else text)
+    if wanted.pattern and not re.fullmatch(wanted.pattern, value):
+        raise _wrong(value, wanted, f", such as {wanted.example}" if wanted.example else "")
     return value
 
 

@@ -1,4 +1,4 @@
-"""What messages of ROS mean to the language: times are seconds, a pose has a yaw.
+"""What messages of ROS mean to the language: times are seconds, a pose has a yaw, in radians.
 
 Everything else on the wire is what it is: numbers, texts, lists and messages inside of messages.
 """
@@ -15,6 +15,10 @@ from lupin_engine.plugin.types import POSE, Type, parse_quantity
 TIMES = frozenset({"builtin_interfaces/msg/Time", "builtin_interfaces/msg/Duration"})
 #: The message that is filled from a `pose`, and read as one.
 POSE_MESSAGE = "geometry_msgs/msg/Pose"
+
+#: A half turn has w = 0, which on the wire means that nobody has filled the orientation in; this is close
+#: enough to it.
+SMALLEST_W = 1e-9
 
 _NANOSECONDS = 1_000_000_000
 
@@ -34,18 +38,25 @@ def time_fields(seconds: Any) -> dict[str, int]:
     return {"sec": whole + carried, "nanosec": nanoseconds}
 
 
-def seconds_of(fields: Mapping[str, Any]) -> float:
-    """Return a time or duration as seconds."""
-    return float(fields["sec"]) + float(fields["nanosec"]) / _NANOSECONDS
+def seconds_of(message: Any) -> float:
+    """Return a Time or Duration as seconds."""
+    return float(message.sec) + float(message.nanosec) / _NANOSECONDS
 
 
 def pose_fields(pose: Mapping[str, float]) -> dict[str, dict[str, float]]:
     """Return the fields of the message for a place on the floor."""
-    half = pose["yaw"] / 2.0
-    return {
-        "position": {"x": float(pose["x"]), "y": float(pose["y"])},
-        "orientation": {"z": math.sin(half), "w": math.cos(half)},
-    }
+    position = {"x": float(pose["x"]), "y": float(pose["y"])}
+    return {"position": position, "orientation": turn_fields(pose["yaw"])}
+
+
+def turn_fields(yaw: float) -> dict[str, float]:
+    """Return the fields, other than 0, of the quaternion of a turn by `yaw` radians about the vertical."""
+    return {"z": math.sin(yaw / 2.0), "w": math.cos(yaw / 2.0)}
+
+
+def filled_in(w: float) -> float:
+    """Return the w of an orientation that somebody has filled in: never 0."""
+    return w if abs(w) >= SMALLEST_W else math.copysign(SMALLEST_W, w)
 
 
 def pose_from(value: Any, kind: Type) -> Any:
@@ -59,4 +70,14 @@ def pose_from(value: Any, kind: Type) -> Any:
     return {"x": position["x"], "y": position["y"], "yaw": yaw}
 
 
-__all__ = ["POSE_MESSAGE", "TIMES", "pose_fields", "pose_from", "seconds_of", "time_fields"]
+__all__ = [
+    "POSE_MESSAGE",
+    "SMALLEST_W",
+    "TIMES",
+    "filled_in",
+    "pose_fields",
+    "pose_from",
+    "seconds_of",
+    "time_fields",
+    "turn_fields",
+]

@@ -25,7 +25,7 @@ from lupin_engine.middleware.definitions import interface_types
 from lupin_engine.plugin.registry import Catalog
 
 #: How often the folder is looked at while no mission runs, in seconds.
-LOOK_PERIOD = 1.0
+LOOK_PERIOD_S = 1.0
 
 
 class MissionsFolder:

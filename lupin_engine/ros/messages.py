@@ -8,19 +8,17 @@ from dataclasses import dataclass
 from typing import Any
 
 from builtin_interfaces.msg import Time
-from geometry_msgs.msg import Pose, Quaternion
+from geometry_msgs.msg import Point, Pose, Quaternion
 
 from lupin_engine.errors import Severity
 from lupin_engine.machine.event import Publish
 from lupin_engine.machine.view import View
 from lupin_engine.plugin.contract import Code
+from lupin_engine.plugin.wire import filled_in, pose_fields, time_fields
 from lupin_msgs.msg import MissionState, Observation, SensorReading, TagReading
 
 #: The counters of MissionState are uint16; a robot that monitors for weeks stays at the highest.
 HIGHEST_COUNT = 2**16 - 1
-
-#: A true heading of 180° has w = 0, which on this wire means "never populated"; this is close enough to it.
-SMALLEST_W = 1e-9
 
 _STATUS = {
     "OK": Observation.STATUS_OK,
@@ -42,8 +40,7 @@ class Inputs:
 
 def to_time(seconds: float) -> Time:
     """Return seconds since the epoch of the node's clock as a stamp."""
-    whole = math.floor(seconds)
-    return Time(sec=whole, nanosec=min(999_999_999, round((seconds - whole) * 1e9)))
+    return Time(**time_fields(seconds))
 
 
 def mission_state(
@@ -56,8 +53,8 @@ def mission_state(
 ) -> MissionState:
     """Return the published state. An empty mission leaves the mission's fields empty.
 
-    `started` is when the mission was accepted, of the same clock as `stamp`; the view's own time is the
-    loop's and means nothing to others.
+    `codes` are the declared ones, `request` is what the mission was started with. `started` is when it was
+    accepted, of the same clock as `stamp`; the view's own time is the loop's and means nothing to others.
     """
     message = MissionState()
     message.header.stamp = stamp
@@ -67,16 +64,7 @@ def mission_state(
     message.lifecycle_state = view.lifecycle
     message.mission_phase = view.phase
     message.current_target = view.target
-    message.discovery_goal = int(request.get("discovery_goal", 0))
-    message.tags_discovered = _count(inputs.discovered) if message.discovery_goal else 0
-    if message.discovery_goal and not view.total:  # it searches: what it is to find is its list
-        message.targets_total, message.targets_completed = message.discovery_goal, message.tags_discovered
-    else:
-        message.targets_total = _count(view.total)
-        message.targets_completed = _count(view.completed)
-        message.targets_failed = _count(view.failed)
-        message.targets_unreachable = _count(view.unreachable)
-        message.targets_skipped = _count(view.skipped)
+    _fill_counters(message, view, int(request.get("discovery_goal", 0)), inputs.discovered)
     message.last_error = f"{view.code}: {view.detail}" if view.detail else view.code
     message.last_event, message.last_event_severity = classify(view.code, codes)
     message.estop_engaged = inputs.estop is True
@@ -86,6 +74,19 @@ def mission_state(
     if started is not None:
         message.started_at = started
     return message
+
+
+def _fill_counters(message: MissionState, view: View, goal: int, discovered: int) -> None:
+    message.discovery_goal = goal
+    message.tags_discovered = _count(discovered) if goal else 0
+    if goal and not view.total:  # it searches: what it is to find is its list
+        message.targets_total, message.targets_completed = goal, message.tags_discovered
+        return
+    message.targets_total = _count(view.total)
+    message.targets_completed = _count(view.completed)
+    message.targets_failed = _count(view.failed)
+    message.targets_unreachable = _count(view.unreachable)
+    message.targets_skipped = _count(view.skipped)
 
 
 def _count(number: int) -> int:
@@ -154,22 +155,16 @@ def plate_pose(seen: Mapping[str, Any]) -> Pose:
     facing = {axis: float(value) for axis, value in seen.get("facing", {}).items()}
     if any(facing.values()):
         message.orientation = Quaternion(**facing)
-        message.orientation.w = _not_zero(message.orientation.w)
+        message.orientation.w = filled_in(message.orientation.w)
     return message
 
 
 def to_pose(pose: Mapping[str, float]) -> Pose:
     """Return a pose on the floor; its quaternion's w is never exactly 0."""
-    message = Pose()
-    message.position.x = float(pose["x"])
-    message.position.y = float(pose["y"])
-    message.orientation.z = math.sin(pose["yaw"] / 2.0)
-    message.orientation.w = _not_zero(math.cos(pose["yaw"] / 2.0))
+    fields = pose_fields(pose)
+    message = Pose(position=Point(**fields["position"]), orientation=Quaternion(**fields["orientation"]))
+    message.orientation.w = filled_in(message.orientation.w)
     return message
-
-
-def _not_zero(w: float) -> float:
-    return w if abs(w) >= SMALLEST_W else math.copysign(SMALLEST_W, w)
 
 
 def tag_reading(tag_id: str, reading: Mapping[str, Any]) -> TagReading:

@@ -20,13 +20,15 @@ from std_srvs.srv import Trigger
 from lupin_engine.chart.model import OPERATOR_REQUESTS
 from lupin_engine.middleware.network import Kind, interfaces
 from lupin_engine.middleware.node import Failure, Qos, RosNode, ServiceCaller
+from lupin_engine.ros.names import (
+    OBSERVATIONS_TOPIC,
+    START_SERVICE,
+    STATE_TOPIC,
+    STEPS_TOPIC,
+    request_service,
+)
 from lupin_msgs.msg import MissionState, Observation
 from lupin_msgs.srv import StartMission
-
-#: Topics of the orchestrator.
-STATE_TOPIC = "/mission/state"
-OBSERVATIONS_TOPIC = "/floranova/observations"
-STEPS_TOPIC = "/mission_orchestrator/steps"
 
 _START = "start"
 
@@ -56,9 +58,9 @@ class Operator:
     def __init__(self) -> None:
         self._ros = RosNode(f"lupin_operator_{os.getpid()}")
         self._arrived: list[Arrival] = []
-        self._callers: dict[str, ServiceCaller] = {_START: self._ros.service(StartMission, "/mission/start")}
+        self._callers: dict[str, ServiceCaller] = {_START: self._ros.service(StartMission, START_SERVICE)}
         for name in OPERATOR_REQUESTS:
-            self._callers[name] = self._ros.service(Trigger, f"/mission/{name}")
+            self._callers[name] = self._ros.service(Trigger, request_service(name))
         # The state is latched with depth 1 by its publisher. A reader of that depth would lose all but the
         # last of the short phases that come in one burst.
         listen = partial(self._ros.subscribe, qos=Qos.BACKLOG)
@@ -127,7 +129,9 @@ class Operator:
         while not answers and time.monotonic() < until and self._ros.spin_once(0.1):
             pass
         call.cancel()
-        return _answer(answers[0]) if answers else Answer(False, f"/mission/{name}: no answer", reached=False)
+        if answers:
+            return _answer(answers[0])
+        return Answer(False, f"{self._callers[name].name}: no answer", reached=False)
 
     def close(self) -> None:
         """Leave the network; nothing can be asked any more."""

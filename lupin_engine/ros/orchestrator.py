@@ -7,9 +7,7 @@ its parameters from the chart, its answers from the step that a request caused.
 
 from __future__ import annotations
 
-import importlib
 import json
-import time
 import uuid
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
@@ -28,11 +26,13 @@ from lupin_engine.machine.view import Moment, View
 from lupin_engine.middleware.bound_client import BoundClient
 from lupin_engine.middleware.node import Qos, RosNode, Timer
 from lupin_engine.plugin.builtin import BUILTIN
+from lupin_engine.plugin.clients import make_client
 from lupin_engine.plugin.contract import Driver, Parameter
 from lupin_engine.plugin.registry import load_catalog
 from lupin_engine.plugin.types import NUMBER, TEXT, list_of
 from lupin_engine.ros import messages
-from lupin_engine.ros.folder import LOOK_PERIOD, MissionsFolder
+from lupin_engine.ros.folder import LOOK_PERIOD_S, MissionsFolder
+from lupin_engine.ros.names import NODE, OBSERVATIONS_TOPIC, START_SERVICE, STATE_TOPIC, request_service
 from lupin_engine.ros.readiness import Readiness
 from lupin_engine.runtime.engine import Engine, EngineOutlet
 from lupin_engine.runtime.offer import offered
@@ -41,9 +41,8 @@ from lupin_engine.runtime.setup import make_machine, make_world
 from lupin_msgs.msg import MissionState, Observation
 from lupin_msgs.srv import StartMission
 
-NAME = "mission_orchestrator"
-#: A request that was sent longer ago than this is not carried out: whoever sent it has given up, in seconds.
-STALE_REQUEST = 5.0
+#: Seconds after which a request is not carried out: whoever sent it has given up.
+STALE_AFTER_S = 5.0
 
 #: Parameters of the node itself, beside those of the missions.
 OWN_PARAMETERS: Mapping[str, Parameter] = {
@@ -57,32 +56,18 @@ OWN_PARAMETERS: Mapping[str, Parameter] = {
 
 
 class NodeClock:
-    """The loop's clock: ROS time with `use_sim_time`, else monotonic: a stepped wall clock is harmless.
-
-    Simulated time that jumps back goes on from here: what is due in a second stays due in a second. So does
-    time that is heard of for the first time: nobody has waited since 1970.
-    """
+    """The loop's clock: the one of the node's timers, which neither steps nor goes back."""
 
     def __init__(self, ros: RosNode) -> None:
         self._ros = ros
-        self._simulated = bool(ros.node.get_clock().ros_time_is_active)
-        self._seen = 0.0  # simulated time when it was read last; 0 is what ROS says before it knows
-        self._behind = 0.0  # what has to be added to it
 
     def now(self) -> float:
         """Return seconds of an origin of its own."""
-        return self._continued() if self._simulated else time.monotonic()
+        return self._ros.elapsed()
 
     def from_ros(self, stamp: float) -> float:
         """Return seconds of the node's clock as a moment of this clock."""
         return self.now() - (self._ros.now() - stamp)
-
-    def _continued(self) -> float:
-        read = self._ros.now()
-        if read < self._seen or not self._seen:
-            self._behind += self._seen - read
-        self._seen = read
-        return read + self._behind
 
 
 class Outlet(EngineOutlet):
@@ -123,8 +108,8 @@ class Orchestrator:
         drivers: dict[str, Driver] = {}
         self._engine = Engine(machine, self._clock, drivers, ros.guarded(self._stepped))
         self._outlet = Outlet(self._engine, self._clock, self._work)
-        self._state = ros.publisher(MissionState, "/mission/state", Qos.LATCHED)
-        self._observations = ros.publisher(Observation, "/floranova/observations", Qos.BACKLOG)
+        self._state = ros.publisher(MissionState, STATE_TOPIC, Qos.LATCHED)
+        self._observations = ros.publisher(Observation, OBSERVATIONS_TOPIC, Qos.BACKLOG)
         self._steps = ros.publisher(String, "~/steps", Qos.BACKLOG)
         self._missions = ros.publisher(String, "~/missions", Qos.LATCHED)
         self._offered = ""
@@ -133,7 +118,7 @@ class Orchestrator:
         self._started: Time | None = None
         self._deadline: tuple[float, Timer] | None = None
         drivers.update(_clients(ros, chart, chart.plugins, self._outlet, machine.world.parameters))
-        drivers["plugins"] = Readiness(drivers, self._outlet, ros.steady_timer, ros.now)
+        drivers[BUILTIN] = Readiness(drivers, self._outlet, ros.steady_timer, ros.now)
         self._drivers = drivers
         ros.on_stop(self._close)
         self._serve()
@@ -142,7 +127,7 @@ class Orchestrator:
         self._engine.start()
         self._work()
         self._offer()
-        ros.steady_timer(LOOK_PERIOD, self._look)
+        ros.steady_timer(LOOK_PERIOD_S, self._look)
 
     def _close(self) -> None:
         for driver in self._drivers.values():
@@ -152,11 +137,12 @@ class Orchestrator:
 
     def _serve(self) -> None:
         serve = partial(self._ros.serve, refuse=_refuse)
-        serve(StartMission, "/mission/start", self._start, stale_after=STALE_REQUEST)
+        serve(StartMission, START_SERVICE, self._start, stale_after=STALE_AFTER_S)
         for name in OPERATOR_REQUESTS:
             # Stopping late is better than not at all.
-            limit = None if name == "pause" else STALE_REQUEST
-            serve(Trigger, f"/mission/{name}", _answering(self._ask, f"operator.{name}"), stale_after=limit)
+            limit = None if name == "pause" else STALE_AFTER_S
+            answer = _answering(self._ask, f"operator.{name}")
+            serve(Trigger, request_service(name), answer, stale_after=limit)
 
     def _start(self, request: Any, response: Any) -> Any:
         mission_id = f"{self._prefix}-{uuid.uuid4().hex[:8]}"
@@ -372,9 +358,9 @@ def _clients(
         if name in chart.bindings:
             clients[name] = BoundClient(ros, chart.bindings[name], outlet, parameters)
             continue
-        module, _, attribute = chart.catalog.plugins[name].client.partition(":")
-        if module:
-            clients[name] = getattr(importlib.import_module(module), attribute)(ros, outlet, parameters)
+        plugin = chart.catalog.plugins[name]
+        if plugin.client:
+            clients[name] = make_client(plugin, ros, outlet, parameters)
     return clients
 
 
@@ -388,7 +374,7 @@ def main(arguments: Sequence[str] = ()) -> int:
         loaded.append((folder.load(), folder))
         return {**OWN_PARAMETERS, **loaded[-1][0].parameters}
 
-    ros = RosNode(NAME, arguments, declared)
+    ros = RosNode(NODE, arguments, declared)
     Orchestrator(ros, *loaded[-1])
     ros.spin()
     return 0

@@ -12,7 +12,7 @@ from lupin_engine.plugin.builtin import MISSING
 from lupin_engine.plugin.contract import Driver, Outlet
 
 #: How often the drivers are asked, in seconds.
-POLL_PERIOD = 0.2
+POLL_PERIOD_S = 0.2
 #: How often in a row something must be missing until that is told: discovery that stumbles is back sooner.
 POLLS_UNTIL_GONE = 10
 
@@ -35,7 +35,7 @@ class Readiness:
         self._progress = ""
         self._polls = 0  # in a row that found something missing
         self._gone: list[str] = []  # as it was told last
-        self._timer = every(POLL_PERIOD, self._poll)
+        self._timer = every(POLL_PERIOD_S, self._poll)
 
     def missing(self) -> list[str]:
         """Name what the other plugins wait for."""

@@ -6,11 +6,11 @@ from collections.abc import Mapping
 from typing import Any
 
 from lupin_engine.chart.model import Chart
-from lupin_engine.errors import UsageError, nearest
+from lupin_engine.errors import UsageError
 from lupin_engine.machine.environment import World
 from lupin_engine.machine.machine import Machine
 from lupin_engine.plugin.contract import Parameter
-from lupin_engine.plugin.types import convert
+from lupin_engine.plugin.parameters import sorted_out
 
 
 def make_machine(chart: Chart, given: Mapping[str, Any]) -> Machine:
@@ -48,27 +48,7 @@ def check_parameters(declared: Mapping[str, Parameter], given: Mapping[str, Any]
     Raises:
         UsageError: naming every unknown name with the nearest one, and every wrong value with its range.
     """
-    values = {name: parameter.default for name, parameter in declared.items()}
-    problems = []
-    for name, value in given.items():
-        if name not in declared:
-            problems.append(f"unknown parameter {name!r}; {nearest(name, declared)}")
-            continue
-        try:
-            values[name] = check_value(declared[name], value)
-        except ValueError as problem:
-            problems.append(f"parameter {name}: {problem}")
+    values, problems = sorted_out(declared, given)
     if problems:
         raise UsageError("\n".join(problems))
-    return values
-
-
-def check_value(parameter: Parameter, value: Any) -> Any:
-    """Return `value` as the parameter's type, within its range; ValueError says what is allowed."""
-    converted = convert(value, parameter.type)
-    low, high = parameter.minimum, parameter.maximum
-    if low is not None and converted < low:
-        raise ValueError(f"must be at least {low:g} {parameter.type.unit}".rstrip() + f", got {value!r}")
-    if high is not None and converted > high:
-        raise ValueError(f"must be at most {high:g} {parameter.type.unit}".rstrip() + f", got {value!r}")
-    return converted
+    return {name: values.get(name, parameter.default) for name, parameter in declared.items()}

@@ -14,8 +14,8 @@ from lupin_engine.chart.source import Map, Seq
 from lupin_engine.chart.values import is_expression, read_constant
 from lupin_engine.errors import Place
 from lupin_engine.plugin.contract import Operation
+from lupin_engine.plugin.parameters import accepted
 from lupin_engine.plugin.types import DURATION, NUMBER, Type, convert
-from lupin_engine.runtime.setup import check_value
 from lupin_engine.sim.scenario_file import (
     END,
     EVERY,
@@ -216,7 +216,7 @@ class ScriptReader:
             if not self._words.known(key, "parameter", name, declared, "parameters"):
                 continue
             try:
-                found[name] = check_value(declared[name], value)
+                found[name] = accepted(declared[name], value)
             except ValueError as problem:
                 place = self._node.value_at("parameters", name)
                 self._words.findings.add(place, "wrong-type", f"parameters.{name}", str(problem))

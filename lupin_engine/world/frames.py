@@ -61,6 +61,8 @@ class Frames:
     def __init__(self) -> None:
         """Nothing is known at first."""
         self._tracks: dict[str, _Track] = {}
+        #: Tracks of frames in another parent than the one that was told last: a tag that two cameras see.
+        self._resting: dict[tuple[str, str], _Track] = {}
 
     def add(
         self, parent: str, child: str, pose: Pose, moment: float, *, static: bool = False, heard: float = 0.0
@@ -70,10 +72,20 @@ class Frames:
         track = self._tracks.get(child)
         if track is None and len(self._tracks) >= MAX_FRAMES:
             return False
-        if track is None or track.parent != parent or track.static or static:
-            track = self._tracks[child] = _Track(parent, static)
+        if track is None or track.static or static:
+            track = _Track(parent, static)
+        elif track.parent != parent:
+            track = self._exchanged(child, track, parent)
+        self._tracks[child] = track
         track.add(pose, moment, heard)
         return True
+
+    def _exchanged(self, child: str, track: _Track, parent: str) -> _Track:
+        """Put a track aside; return the one of the same frame in another parent."""
+        if len(self._resting) >= MAX_FRAMES:
+            self._resting.clear()
+        self._resting[child, track.parent] = track
+        return self._resting.pop((child, parent), None) or _Track(parent, static=False)
 
     def take(self, transforms: Iterable[Any], *, static: bool = False, heard: float = 0.0) -> list[str]:
         """Take in the transforms of a TFMessage; returns what was left out, once for each kind of fault."""

@@ -18,6 +18,7 @@ from types import MappingProxyType
 from typing import Any
 
 from lupin_engine.errors import LupinError, shortened
+from lupin_engine.world.numbers import finite
 
 BUNDLED = Path(__file__).with_name("greenhouse.json")
 
@@ -133,7 +134,7 @@ def parse(data: Any) -> Layout:
 
 
 def _tag(tag_id: str, raw: Any) -> Tag:
-    x, y = (_finite(raw, key) for key in ("x", "y"))
+    x, y = (_metres(raw, key) for key in ("x", "y"))
     if x is None or y is None:
         raise ValueError(f"tag {tag_id!r} has no position: expected numbers x and y in metres, got {raw!r}")
     sensors = raw.get("sensors", [])
@@ -143,18 +144,11 @@ def _tag(tag_id: str, raw: Any) -> Tag:
 
 
 def _table(name: str, raw: Any) -> Table | None:
-    x0, x1, y0, y1 = (_finite(raw, key) for key in ("x0", "x1", "y0", "y1"))
+    x0, x1, y0, y1 = (_metres(raw, key) for key in ("x0", "x1", "y0", "y1"))
     if x0 is None or x1 is None or y0 is None or y1 is None:
         return None
     return Table(name, min(x0, x1), max(x0, x1), min(y0, y1), max(y0, y1))
 
 
-def _finite(raw: Any, key: str) -> float | None:
-    value = raw.get(key) if isinstance(raw, Mapping) else None
-    if isinstance(value, bool) or not isinstance(value, (int, float)):
-        return None
-    try:
-        number = float(value)
-    except OverflowError:  # a whole number that no float can hold
-        return None
-    return number if math.isfinite(number) else None
+def _metres(raw: Any, key: str) -> float | None:
+    return finite(raw.get(key)) if isinstance(raw, Mapping) else None

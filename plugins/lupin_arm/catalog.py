@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from lupin_engine.plugin.contract import Action, Argument, Parameter, Plugin
-from lupin_engine.plugin.types import BOOL, TEXT
+from lupin_engine.plugin.types import BOOL, ROS_NAME, TEXT
 
 PLUGIN = Plugin(
     name="arm",
@@ -18,7 +18,7 @@ PLUGIN = Plugin(
     parameters={
         "arm_patrol_enabled": Parameter(BOOL, False, "whether missions move the arm at all"),
         "arm_preset_service": Parameter(
-            TEXT, "/lupin/arm/preset", "service that takes preset names (SetArmPreset)"
+            ROS_NAME, "/lupin/arm/preset", "service that takes preset names (SetArmPreset)"
         ),
     },
     client="lupin_arm.client:ArmClient",

@@ -40,6 +40,8 @@ BACKUPS = 3
 #: Entries of each kind, and waypoints of all sequences; a library is read and written as a whole, by the
 #: process that stops the arm.
 MAX_ENTRIES, MAX_WAYPOINTS = 500, 40_000
+#: What is larger has more in it than that, and would be read for many seconds.
+MAX_BYTES = 10_000_000
 #: What rounding may add to a limit, in radians.
 ROUNDING = 1e-6
 
@@ -50,8 +52,8 @@ _NAME = re.compile(r"[a-z0-9][a-z0-9_-]{0,31}")
 _MODEL = ConfigDict(frozen=True, extra="allow", allow_inf_nan=False, strict=True)
 
 
-class Refused(LupinError):
-    """What was asked for cannot be done; the text says why and what can."""
+class NotInLibrary(LupinError):
+    """What was asked of the library cannot be had or kept; the text says why, and what can."""
 
 
 class StoreFailed(LupinError):
@@ -103,12 +105,12 @@ def valid_name(text: str) -> str:
     """Return the name that a text stands for: without blanks around it, in lower case.
 
     Raises:
-        Refused: no entry can be called so.
+        NotInLibrary: no entry can be called so.
     """
     name = text.strip().lower()
     if not _NAME.fullmatch(name):
         rule = "1 to 32 letters a to z, digits, - and _, beginning with a letter or digit"
-        raise Refused(f"invalid name {shortened(name)!r}: a name has {rule}")
+        raise NotInLibrary(f"invalid name {shortened(name)!r}: a name has {rule}")
     return name
 
 
@@ -116,15 +118,15 @@ def checked_pose(arm: Iterable[float], gripper: float | None, created: str) -> t
     """Return a pose within the limits, and what had to be changed for that.
 
     Raises:
-        Refused: not one finite number for each joint.
+        NotInLibrary: not one finite number for each joint.
     """
     given = list(arm)
     if not all(map(math.isfinite, given if gripper is None else [*given, gripper])):
-        raise Refused("a pose has finite numbers in radians only, no NaN and no infinity")
+        raise NotInLibrary("a pose has finite numbers in radians only, no NaN and no infinity")
     try:
         inside = clamp_pose(given)
     except OutsideLimits as reason:
-        raise Refused(str(reason)) from None
+        raise NotInLibrary(str(reason)) from None
     jaw = None if gripper is None else clamp_jaw(gripper)
     moves = zip((joint.name for joint in ARM), given, inside, strict=True)
     told = [
@@ -188,7 +190,7 @@ class Library:
         """Return names and what is to be known of the entries, by name; never the waypoints.
 
         Raises:
-            Refused: the file was written by a later version.
+            NotInLibrary: the file was written by a later version.
         """
         self._refresh()
         poses = [
@@ -211,7 +213,7 @@ class Library:
         """Return a pose that can be moved to.
 
         Raises:
-            Refused: there is none of that name, or it is beyond the limits.
+            NotInLibrary: there is none of that name, or it is beyond the limits.
         """
         self._refresh()
         return self._found("pose", name, self._poses)
@@ -220,7 +222,7 @@ class Library:
         """Return a sequence that can be replayed.
 
         Raises:
-            Refused: there is none of that name, or it is beyond the limits.
+            NotInLibrary: there is none of that name, or it is beyond the limits.
         """
         self._refresh()
         return self._found("sequence", name, self._sequences)
@@ -229,54 +231,62 @@ class Library:
         """Return the name that an entry can be saved under.
 
         Raises:
-            Refused: the name is none, or it is taken and may not be overwritten, or the library is full.
+            NotInLibrary: the name is none, or it is taken and may not be overwritten, or the library is full.
         """
         self._refresh()
         name = valid_name(name)
         entries = self._of(kind)
         if name in entries:
             if not overwrite:
-                raise Refused(f"{kind} {name!r} exists; choose another name or overwrite it")
+                raise NotInLibrary(f"{kind} {name!r} exists; choose another name or overwrite it")
         elif len(entries) >= MAX_ENTRIES:
-            raise Refused(f"the library is full: {MAX_ENTRIES} {kind}s; delete some")
+            raise NotInLibrary(f"the library is full: {MAX_ENTRIES} {kind}s; delete some")
         return name
 
     def save_pose(self, name: str, pose: Pose, overwrite: bool) -> str:
         """Keep a pose; what is overwritten leaves its note. Return the name.
 
         Raises:
-            Refused: as for `check_free`.
+            NotInLibrary: as for `check_free`.
             StoreFailed: it could not be written; the library is as it was.
         """
         return self._save("pose", name, pose, overwrite)
 
     def save_sequence(self, name: str, sequence: Sequence, overwrite: bool) -> str:
-        """Keep a sequence; otherwise as `save_pose`."""
+        """Keep a sequence; what is overwritten leaves its note. Return the name.
+
+        Raises:
+            NotInLibrary: as for `check_free`, or all sequences together would have too many waypoints.
+            StoreFailed: it could not be written; the library is as it was.
+        """
+        self._refresh()
         others = (found for other, found in self._sequences.items() if other != valid_name(name))
         kept = sum(len(found.waypoints) for found in others)
         if kept + len(sequence.waypoints) > MAX_WAYPOINTS:
-            raise Refused(f"the library is full: {MAX_WAYPOINTS} waypoints in all; delete some sequences")
+            raise NotInLibrary(
+                f"the library is full: {MAX_WAYPOINTS} waypoints in all; delete some sequences"
+            )
         return self._save("sequence", name, sequence, overwrite)
 
     def edit(self, kind: str, name: str, new_name: str) -> str:
         """Rename an entry, or delete it when the new name is empty; return what was done.
 
         Raises:
-            Refused: unknown kind or entry, a new name that is none or that is taken.
+            NotInLibrary: unknown kind or entry, a new name that is none or that is taken.
             StoreFailed: it could not be written; the library is as it was.
         """
         self._refresh()
         if kind not in KINDS:
-            raise Refused(f"unknown kind {shortened(kind)!r}; {nearest(shortened(kind), KINDS)}")
+            raise NotInLibrary(f"unknown kind {shortened(kind)!r}; {nearest(shortened(kind), KINDS)}")
         name, entries = valid_name(name), self._of(kind)
         if name not in entries:
-            raise Refused(_unknown(kind, name, entries))
+            raise NotInLibrary(_unknown(kind, name, entries))
         if not new_name:  # blanks are no name, and no wish to delete something
             self._write(kind, {other: entry for other, entry in entries.items() if other != name})
             return f"deleted {kind} {name!r}"
         new_name = valid_name(new_name)
         if new_name in entries and new_name != name:
-            raise Refused(f"{kind} {new_name!r} exists; delete it first or choose another name")
+            raise NotInLibrary(f"{kind} {new_name!r} exists; delete it first or choose another name")
         self._write(kind, {new_name if other == name else other: e for other, e in entries.items()})
         return f"renamed {kind} {name!r} to {new_name!r}"
 
@@ -288,10 +298,10 @@ class Library:
     def _found(self, kind: str, name: str, entries: Mapping[str, Entry]) -> Entry:
         name = valid_name(name)
         if name not in entries:
-            raise Refused(_unknown(kind, name, entries))
+            raise NotInLibrary(_unknown(kind, name, entries))
         wrong = beyond_limits(entries[name])
         if wrong:
-            raise Refused(f"{kind} {name!r} is beyond the limits: {wrong}; record it again or delete it")
+            raise NotInLibrary(f"{kind} {name!r} is beyond the limits: {wrong}; record it again or delete it")
         return entries[name]
 
     def _save(self, kind: str, name: str, entry: Pose | Sequence, overwrite: bool) -> str:
@@ -308,7 +318,7 @@ class Library:
         if self._unusable or self._seen != _identity(self.path):
             self._load()
         if self._unusable:
-            raise Refused(self._unusable)
+            raise NotInLibrary(self._unusable)
 
     def _load(self) -> None:
         """Take in what the file says; see the class for what is done where it cannot be read."""
@@ -330,10 +340,15 @@ class Library:
             _Corrupt: it is no library.
         """
         try:
-            raw = file.read_bytes()
+            size = file.stat().st_size
+            raw = file.read_bytes() if size <= MAX_BYTES else b""
         except FileNotFoundError:
             return False
-        data = _object(raw)
+        if size > MAX_BYTES:
+            self._unusable = f"{file} has {size} bytes, a library at most {MAX_BYTES}; it is left as it is"
+            return True
+        wrong: list[str] = []
+        data = _object(raw, wrong)
         version = data.get("version")
         if isinstance(version, int) and version > VERSION:
             self._unusable = (
@@ -343,7 +358,6 @@ class Library:
             return True
         if version != VERSION or isinstance(version, bool):
             raise _Corrupt(f"its version is {version!r}, not {VERSION}")
-        wrong: list[str] = []
         self._poses = _entries(data, "poses", Pose, wrong)
         self._sequences = _entries(data, "sequences", Sequence, wrong)
         self._others = {key: value for key, value in data.items() if key not in _KEYS}
@@ -403,9 +417,11 @@ class Library:
 
     def _persist(self, poses: Mapping[str, Pose], sequences: Mapping[str, Sequence]) -> None:
         try:
-            text = self._text(poses, sequences)
+            content = self._text(poses, sequences).encode()
+            if len(content) > MAX_BYTES:
+                raise ValueError(f"it would have more than {MAX_BYTES} bytes")
             self.path.parent.mkdir(parents=True, exist_ok=True)
-            keep_backups(self.path, lambda: write_atomically(self.path, text.encode()), self._backups())
+            keep_backups(self.path, lambda: write_atomically(self.path, content), self._backups())
         except (OSError, ValueError) as error:  # a ValueError is of what others have put into the file
             reason = getattr(error, "strerror", None) or error
             raise StoreFailed(f"{self.path} cannot be written: {reason}; nothing was changed") from None
@@ -439,9 +455,19 @@ def _identity(path: Path) -> tuple[int, ...] | None:
     return found.st_ino, found.st_size, found.st_mtime_ns
 
 
-def _object(raw: bytes) -> dict[str, Any]:
+def _object(raw: bytes, wrong: list[str]) -> dict[str, Any]:
+    """Return what a file says; `wrong` is told of names that are there twice, of which the first counts."""
+
+    def once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+        found = dict(pairs)
+        if len(found) == len(pairs):
+            return found
+        names = [name for name, _ in pairs]
+        wrong.extend(f"{shortened(name)!r} is there twice" for name in found if names.count(name) > 1)
+        return dict(reversed(pairs))
+
     try:
-        data = json.loads(raw)
+        data = json.loads(raw, object_pairs_hook=once)
     except (ValueError, RecursionError) as error:  # bytes that are no text raise a ValueError, too
         raise _Corrupt(f"no JSON: {error}") from None
     if not isinstance(data, dict):
@@ -465,9 +491,9 @@ def _entries(data: Mapping[str, Any], key: str, model: type[Entry], wrong: list[
         try:
             known = valid_name(name)
             if known in sound:
-                raise Refused(f"{name!r} is {known!r}, which is there already")
+                raise NotInLibrary(f"{name!r} is {known!r}, which is there already")
             sound[known] = model.model_validate(entry)
-        except Refused as reason:
+        except NotInLibrary as reason:
             wrong.append(f"{key}: {reason}")
         except ValidationError as error:
             problem: Any = error.errors()[0]
@@ -500,6 +526,6 @@ def keep_backups(path: Path, write: Callable[[], None], backups: list[Path]) -> 
 
 def _link_or_copy(path: Path, copy: Path) -> None:
     try:
-        os.link(path, copy)
+        os.link(path.resolve(), copy)  # a link to the library itself would follow its changes
     except OSError:  # a file system without links, such as that of a USB stick
         shutil.copy2(path, copy)

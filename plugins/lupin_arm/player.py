@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from lupin_arm.joints import Pose
-from lupin_arm.library import Refused, Sequence
+from lupin_arm.library import NotInLibrary, Sequence
 from lupin_arm.trajectory import Sample, Trajectory, replay
 
 #: The jaw is commanded where a recording moves it farther than this since the last command, in radians.
@@ -40,13 +40,13 @@ def plan(sequence: Sequence, speed: float, start: Pose) -> Replay:
     arm keep together where a stretch takes longer than it was recorded.
 
     Raises:
-        Refused: the speed is no number.
+        NotInLibrary: the speed is no number.
     """
     samples = [Sample(waypoint.t, waypoint.arm) for waypoint in sequence.waypoints]
     try:
         trajectory = replay(samples, speed, start)
     except ValueError as reason:
-        raise Refused(str(reason)) from None
+        raise NotInLibrary(str(reason)) from None
     return Replay(trajectory, tuple(_jaw_events(sequence, trajectory)))
 
 

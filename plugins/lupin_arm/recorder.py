@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from lupin_arm.joints import Pose, clamp_jaw, clamp_pose, farthest
-from lupin_arm.library import Refused, Sequence, Waypoint
+from lupin_arm.library import NotInLibrary, Sequence, Waypoint
 
 #: A pose is taken when so much time has passed since the last one, and a joint has moved so far.
 PERIOD_S = 0.05
@@ -13,6 +13,8 @@ MOVED = math.radians(0.5)
 #: Where a recording ends by itself.
 MAX_WAYPOINTS = 800
 MAX_SECONDS = 60.0
+#: Stamps that go on so many seconds more or less than their arrivals are of a clock that was set.
+CLOCK_SET_S = 1.0
 #: Less than this, in seconds, lies between two waypoints of the same moment.
 _MOMENT_S = 0.001
 
@@ -21,7 +23,8 @@ class Recording:
     """The poses of one recording; times begin with the first of them.
 
     A pose comes with its stamp, which is what the arm's own computer says, and with the time of its arrival
-    on a clock of ours. What lies beyond the limits, where a hand can push the arm, is taken at the limit.
+    on a clock of ours, which goes on where the other one is set. What lies beyond the limits, where a hand
+    can push the arm, is taken at the limit.
     """
 
     def __init__(self, mode: str, include_gripper: bool) -> None:
@@ -34,6 +37,7 @@ class Recording:
         self.clamped = 0
         self._begun = 0.0  # stamp of the first pose
         self._arrived = 0.0  # its arrival
+        self._stamp = self._heard = 0.0  # stamp of the last pose, and its arrival
         self._last: Waypoint | None = None  # the last that was seen, taken or not
 
     def sample(self, stamp: float, arrival: float, pose: Pose, jaw: float | None) -> None:
@@ -42,6 +46,10 @@ class Recording:
             return
         if self._last is None:
             self._begun, self._arrived = stamp, arrival
+        else:
+            step = (stamp - self._stamp) - (arrival - self._heard)
+            self._begun += step if abs(step) > CLOCK_SET_S else 0.0
+        self._stamp, self._heard = stamp, arrival
         time = stamp - self._begun
         if self._last is not None and not time > self._last.t:
             return  # told twice, or by a clock that was set back
@@ -80,10 +88,11 @@ class Recording:
         """Return what was recorded until `now`; its last waypoint is at its end.
 
         Raises:
-            Refused: no pose was seen.
+            NotInLibrary: no pose was seen.
         """
         if self._last is None:
-            raise Refused("nothing was recorded: no joint states with all joints of the arm have arrived")
+            missing = "no joint states with all joints of the arm have arrived"
+            raise NotInLibrary(f"nothing was recorded: {missing}")
         waypoints, end = list(self.waypoints), self.elapsed(now)
         # One who has held still at the end means that, too.
         if end - waypoints[-1].t > _MOMENT_S and len(waypoints) < MAX_WAYPOINTS:

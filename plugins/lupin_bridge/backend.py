@@ -7,12 +7,9 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Protocol
 
-from lupin_engine.errors import LupinError, Severity
+from lupin_engine.errors import LupinError, Severity, shortened
 
 SECONDS_PER_DAY = 86400.0
-
-#: How much of a name that somebody else wrote is repeated to people.
-SHOWN = 60
 
 #: The sensors of each tag, in their order.
 Sensors = Mapping[str, tuple[str, ...]]
@@ -78,15 +75,14 @@ class Backend(Protocol):
         """Let go of files and connections."""
 
 
-def shown(name: str) -> str:
-    """Return a name for a message: quoted, control characters escaped, and of bounded length."""
-    text = repr(name[: SHOWN + 1])
-    return text if len(name) <= SHOWN else f"{name[:SHOWN]!r}... ({len(name)} characters)"
-
-
 def unknown_tag(tag_id: str, known: int, where: str) -> UnknownTag:
     """Return the error for a tag that is not among those `known` to `where`."""
-    return UnknownTag(f"unknown tag {shown(tag_id)}; {where} {known} tag{'' if known == 1 else 's'}")
+    return UnknownTag(f"unknown tag {shortened(tag_id)!r}; {where} {known} tag{'' if known == 1 else 's'}")
+
+
+def no_sensors(tag_id: str) -> ReadingFailed:
+    """Return the error for a tag at which nothing can be measured."""
+    return ReadingFailed(f"tag {shortened(tag_id)!r}: the layout gives it no sensors")
 
 
 def fresh_only(
@@ -95,7 +91,8 @@ def fresh_only(
     """Return those of the values that are at most `max_age` seconds old.
 
     Raises:
-        ReadingFailed: all are older; the text tells each, and the sensors that are `absent` altogether.
+        ReadingFailed: all are older, and the text tells each, and the sensors that are `absent` altogether;
+            or there are none at all.
     """
     values = tuple(found)
     fresh = tuple(value for value in values if value.age <= max_age)
@@ -103,7 +100,7 @@ def fresh_only(
         return fresh
     reasons = [f"{value.sensor} is {value.age:.0f} s old" for value in values]
     reasons += [f"no {sensor}" for sensor in absent]
-    raise ReadingFailed(
-        f"tag {shown(tag_id)}: nothing measured in the last {max_age:g} s"
-        + (f" ({', '.join(reasons)})" if reasons else "")
-    )
+    if not reasons:
+        raise no_sensors(tag_id)
+    nothing = f"nothing measured in the last {max_age:g} s"
+    raise ReadingFailed(f"tag {shortened(tag_id)!r}: {nothing} ({', '.join(reasons)})")

@@ -16,7 +16,18 @@ from lupin_engine.plugin.contract import (
     Parameters,
     Plugin,
 )
-from lupin_engine.plugin.types import BOOL, DURATION, INTEGER, NUMBER, TEXT, Type, list_of, number_in
+from lupin_engine.plugin.types import (
+    BOOL,
+    DURATION,
+    INTEGER,
+    NUMBER,
+    ROS_NAME,
+    TEXT,
+    Type,
+    list_of,
+    number_in,
+    one_of,
+)
 
 #: One measured value; the unit belongs to the name (temperature °C, humidity %, co2 ppm, light lx,
 #: soil_moisture 0-1).
@@ -56,10 +67,12 @@ def mock_reading(arguments: Mapping[str, Any], _: Parameters) -> Mapping[str, An
 
 #: Where readings come from.
 BACKENDS = ("simulator", "recorded", "mqtt")
+#: The ways to replay a recording.
+RECORDING_CLOCKS = ("time_of_day", "since_start")
 
 #: Of the node `greenhouse_bridge`. What a backend has no use for is left alone by it.
 NODE_PARAMETERS: Mapping[str, Parameter] = {
-    "backend": Parameter(TEXT, "simulator", f"where readings come from: {', '.join(BACKENDS)}"),
+    "backend": Parameter(one_of(*BACKENDS), "simulator", "where readings come from"),
     "tag_file": Parameter(
         TEXT, "", "layout of the greenhouse, JSON; empty: the simulator's own, or whatever tags there are"
     ),
@@ -91,7 +104,9 @@ NODE_PARAMETERS: Mapping[str, Parameter] = {
     ),
     "recording_file": Parameter(TEXT, "", "recorded: the readings, CSV"),
     "recording_clock": Parameter(
-        TEXT, "time_of_day", "recorded: replay by time_of_day, or since_start of the bridge"
+        one_of(*RECORDING_CLOCKS),
+        "time_of_day",
+        "recorded: replay by time_of_day, or since_start of the bridge",
     ),
     "mqtt_host": Parameter(TEXT, "localhost", "mqtt: the broker's name or address"),
     "mqtt_port": Parameter(
@@ -125,7 +140,7 @@ PLUGIN = Plugin(
     types={"reading": READING, "sensor": SENSOR},
     parameters={
         "bridge_service_name": Parameter(
-            TEXT, "/greenhouse_bridge/get_tag_reading", "service that reads a tag (GetTagReading)"
+            ROS_NAME, "/greenhouse_bridge/get_tag_reading", "service that reads a tag (GetTagReading)"
         ),
     },
     client="lupin_bridge.client:BridgeClient",

@@ -6,9 +6,9 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from lupin_bridge import greenhouse, mqtt, recorded
-from lupin_bridge.backend import Backend, Clocks, Sensors, Tell
-from lupin_bridge.catalog import BACKENDS
-from lupin_engine.errors import LupinError, Severity, nearest
+from lupin_bridge.backend import REAL_CLOCKS, Backend, Clocks, Sensors, Tell
+from lupin_bridge.recording import load_recording
+from lupin_engine.errors import Severity, all_of
 from lupin_engine.world import layout
 
 Parameters = Mapping[str, Any]
@@ -20,10 +20,16 @@ def make_backend(parameters: Parameters, clocks: Clocks, tell: Tell) -> Backend:
     Raises:
         LupinError: a parameter cannot be used; the text names it.
     """
-    name = parameters["backend"]
-    if name not in _MAKERS:
-        raise LupinError(f"unknown backend {name!r}; {nearest(name, BACKENDS)}")
-    return _MAKERS[name](parameters, clocks, tell)
+    return _MAKERS[parameters["backend"]](parameters, clocks, tell)
+
+
+def check(parameters: Parameters) -> None:
+    """Look whether the node's parameters make a backend, without a connection to anybody.
+
+    Raises:
+        LupinError: they do not; the text has everything that is wrong.
+    """
+    _CHECKS[parameters["backend"]](parameters)
 
 
 def _layout(parameters: Parameters) -> str:
@@ -41,19 +47,21 @@ def _sensors(parameters: Parameters) -> Sensors | None:
 
 
 def _simulator(parameters: Parameters, clocks: Clocks, tell: Tell) -> Backend:
-    backend = greenhouse.Greenhouse(
-        greenhouse.Settings(
-            tag_file=_layout(parameters),
-            sim_config_file=parameters["sim_config_file"],
-            debug_time_of_day=parameters["debug_time_of_day"],
-            debug_seed=parameters["debug_seed"],
-            speedup_factor=parameters["speedup_factor"],
-        ),
-        clocks,
-    )
+    backend = _greenhouse(parameters, clocks)
     for tag, sensors in backend.unmeasurable().items():
         tell(Severity.WARN, f"tag {tag} cannot be read: no climate for its sensors {', '.join(sensors)}")
     return backend
+
+
+def _greenhouse(parameters: Parameters, clocks: Clocks = REAL_CLOCKS) -> greenhouse.Greenhouse:
+    settings = greenhouse.Settings(
+        tag_file=_layout(parameters),
+        sim_config_file=parameters["sim_config_file"],
+        debug_time_of_day=parameters["debug_time_of_day"],
+        debug_seed=parameters["debug_seed"],
+        speedup_factor=parameters["speedup_factor"],
+    )
+    return greenhouse.Greenhouse(settings, clocks)
 
 
 def _recorded(parameters: Parameters, clocks: Clocks, _: Tell) -> Backend:
@@ -67,8 +75,21 @@ def _recorded(parameters: Parameters, clocks: Clocks, _: Tell) -> Backend:
     return recorded.Recorded(settings, _sensors(parameters), clocks)
 
 
+def _check_recorded(parameters: Parameters) -> None:
+    all_of(lambda: _sensors(parameters), lambda: load_recording(parameters["recording_file"]))
+
+
 def _mqtt(parameters: Parameters, _: Clocks, tell: Tell) -> Backend:
-    settings = mqtt.Settings(
+    # Real sensors know no simulated time.
+    return mqtt.Mqtt(_broker(parameters), _sensors(parameters), tell)
+
+
+def _check_mqtt(parameters: Parameters) -> None:
+    all_of(lambda: _sensors(parameters), lambda: mqtt.check(_broker(parameters)))
+
+
+def _broker(parameters: Parameters) -> mqtt.Settings:
+    return mqtt.Settings(
         host=parameters["mqtt_host"],
         port=parameters["mqtt_port"],
         topic=parameters["mqtt_topic"],
@@ -79,12 +100,16 @@ def _mqtt(parameters: Parameters, _: Clocks, tell: Tell) -> Backend:
         key_file=parameters["mqtt_key_file"],
         credentials_file=parameters["mqtt_credentials_file"],
     )
-    # Real sensors know no simulated time.
-    return mqtt.Mqtt(settings, _sensors(parameters), tell)
 
 
 _MAKERS: Mapping[str, Callable[[Parameters, Clocks, Tell], Backend]] = {
     "simulator": _simulator,
     "recorded": _recorded,
     "mqtt": _mqtt,
+}
+
+_CHECKS: Mapping[str, Callable[[Parameters], object]] = {
+    "simulator": _greenhouse,
+    "recorded": _check_recorded,
+    "mqtt": _check_mqtt,
 }

@@ -9,6 +9,7 @@ from lupin_bridge.catalog import SCAN_FAILED, UNKNOWN_TAG
 from lupin_engine.middleware.node import Failure, RosNode
 from lupin_engine.middleware.service_driver import Done, Failed, ServiceDriver, ServiceOperation
 from lupin_engine.plugin.contract import Outlet
+from lupin_engine.plugin.wire import seconds_of
 from lupin_msgs.msg import TagReading
 from lupin_msgs.srv import GetTagReading
 
@@ -41,7 +42,7 @@ def plain_reading(message: TagReading) -> dict[str, Any]:
     """Return a TagReading as plain data of type `reading`."""
     return {
         "tag_id": message.tag_id,
-        "stamp": message.stamp.sec + message.stamp.nanosec * 1e-9,
+        "stamp": seconds_of(message.stamp),
         "sim_time_of_day_seconds": message.sim_time_of_day_seconds,
         "readings": [{"name": sensor.name, "value": sensor.value} for sensor in message.readings],
     }

@@ -21,6 +21,7 @@ from lupin_bridge.backend import (
     Measurement,
     ReadingFailed,
     TagValues,
+    no_sensors,
     unknown_tag,
 )
 from lupin_bridge.units import unit_of
@@ -82,6 +83,8 @@ class Greenhouse:
         """
         if tag_id not in self._tags:
             raise unknown_tag(tag_id, len(self._tags), "the layout has")
+        if not self._sensors_of(tag_id):
+            raise no_sensors(tag_id)
         try:
             data = self._simulator.get_sensor_data(tag_id)
             time_of_day = float(data[_TIME_KEY]) % SECONDS_PER_DAY
@@ -122,7 +125,7 @@ def _simulator(settings: Settings) -> GreenhouseSimulator:
     try:
         simulator = GreenhouseSimulator(tag_file, config_file)
         tags = simulator.tags()
-    except Exception as error:
+    except Exception as error:  # as for a reading: it has no errors of its own
         raise LupinError(f"the greenhouse simulator cannot use {files}: {error}") from error
     if not tags:
         raise LupinError(f"the greenhouse has no tags in {files}")

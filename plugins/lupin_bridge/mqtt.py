@@ -8,6 +8,7 @@ whatever is in it, reaches the node as anything but values that were checked.
 from __future__ import annotations
 
 import os
+import re
 import ssl
 import stat
 import sys
@@ -26,13 +27,12 @@ from lupin_bridge.backend import (
     TagValues,
     Tell,
     fresh_only,
-    shown,
     unknown_tag,
 )
 from lupin_bridge.latest import Latest
 from lupin_bridge.stamps import time_of_day
 from lupin_bridge.topics import Rejected, Sample, Template, samples
-from lupin_engine.errors import LupinError, Severity
+from lupin_engine.errors import LupinError, Severity, all_of, shortened
 
 if TYPE_CHECKING:
     from paho.mqtt.client import Client, MQTTMessage
@@ -53,6 +53,9 @@ _QOS = 1
 
 #: Seconds that a clock may be ahead before its stamps say nothing about the age of what the broker has kept.
 AHEAD_S = 60.0
+
+#: What no name or address of a host has: somebody wrote a URL.
+_NO_HOST = re.compile(r"[/\s]")
 
 #: How many topics with a mistake are told one by one.
 MAX_TOLD = 100
@@ -78,6 +81,21 @@ class Settings:
     retry: tuple[int, int] = (1, 30)
 
 
+def check(settings: Settings) -> None:
+    """Look whether settings can be used; nobody is connected to.
+
+    Raises:
+        LupinError: they cannot be, or the library is not installed; the text has everything that is wrong.
+    """
+    client = _new_client()
+    all_of(
+        lambda: Template(settings.topic),
+        lambda: _aim(client, settings),
+        lambda: _credentials(settings.credentials_file),
+        lambda: _secure(client, settings),
+    )
+
+
 class Mqtt:
     """The sensors behind a broker.
 
@@ -89,6 +107,7 @@ class Mqtt:
         self, settings: Settings, sensors: Sensors | None, tell: Tell, clocks: Clocks = REAL_CLOCKS
     ) -> None:
         """`sensors` are those of a layout, which alone are served; without one whatever is heard."""
+        check(settings)
         self._settings = settings
         self._sensors = sensors
         self._tell = tell
@@ -99,7 +118,7 @@ class Mqtt:
         self._told: set[tuple[str, str]] = set()
         #: How many messages could not be used, by the reason.
         self.rejected: Counter[str] = Counter()
-        self._broker = f"{settings.host}:{settings.port or (TLS_PORT if settings.tls else PORT)}"
+        self._broker = f"{settings.host}:{_port(settings)}"
         self._client = self._connected()
 
     # --- what the bridge asks
@@ -114,7 +133,7 @@ class Mqtt:
         heard = self._latest.of(tag_id)
         if self._sensors is None:
             if not heard and self._connection:
-                raise ReadingFailed(f"tag {shown(tag_id)}: {self._connection}")
+                raise ReadingFailed(f"tag {shortened(tag_id)!r}: {self._connection}")
             expected = tuple(heard)
         else:
             expected = self._sensors.get(tag_id, ())
@@ -144,13 +163,7 @@ class Mqtt:
     # --- the connection; what follows runs on the library's thread
 
     def _connected(self) -> Client:
-        try:
-            from paho.mqtt import client as mqtt
-            from paho.mqtt.enums import CallbackAPIVersion
-        except ImportError as error:
-            raise LupinError("the MQTT library is not installed: pip install 'lupin-engine[mqtt]'") from error
-        host, _, port = self._broker.rpartition(":")
-        client = mqtt.Client(CallbackAPIVersion.VERSION2)
+        client = _new_client()
         client.on_connect = self._on_connect
         client.on_connect_fail = self._on_connect_fail
         client.on_disconnect = self._on_disconnect
@@ -158,11 +171,7 @@ class Mqtt:
         client.on_message = self._on_message
         client.connect_timeout = CONNECTING_S
         client.reconnect_delay_set(*self._settings.retry)
-        try:
-            host.encode("idna")  # what the library does later, on its thread, where it would end it
-            client.connect_async(host, int(port), KEEPALIVE_S)
-        except (UnicodeError, ValueError) as error:
-            raise LupinError(f"mqtt_host {host!r}, port {port}: {error}") from None
+        _aim(client, self._settings)
         self._identify(client)
         _secure(client, self._settings)
         self._note(Severity.INFO, f"no connection yet to the broker at {self._broker}")
@@ -251,31 +260,61 @@ class Mqtt:
         self.rejected[reason.kind] += 1
         if (reason.kind, topic) not in self._told and len(self._told) < MAX_TOLD:
             self._told.add((reason.kind, topic))
-            self._tell(Severity.WARN, f"message on {shown(topic)} not used: {reason}")
+            self._tell(Severity.WARN, f"message on {shortened(topic)!r} not used: {reason}")
+
+
+def _new_client() -> Client:
+    try:
+        from paho.mqtt import client as mqtt
+        from paho.mqtt.enums import CallbackAPIVersion
+    except ImportError as error:
+        raise LupinError("the MQTT library is not installed: pip install 'lupin-engine[mqtt]'") from error
+    return mqtt.Client(CallbackAPIVersion.VERSION2)
+
+
+def _port(settings: Settings) -> int:
+    return settings.port or (TLS_PORT if settings.tls else PORT)
+
+
+def _aim(client: Client, settings: Settings) -> None:
+    """Tell the client where the broker is; it connects once its loop runs."""
+    host, port = settings.host, _port(settings)
+    if _NO_HOST.search(host) or host.count(":") == 1:  # an address of IPv6 has more
+        hint = "expected a name or an address, such as broker.local; the port goes into mqtt_port"
+        raise LupinError(f"mqtt_host {host!r}: {hint}")
+    try:
+        host.encode("idna")  # what the library does later, on its thread, where it would end it
+        client.connect_async(host, port, KEEPALIVE_S)
+    except (UnicodeError, ValueError) as error:
+        raise LupinError(f"mqtt_host {host!r}, port {port}: {error}") from None
 
 
 def _secure(client: Client, settings: Settings) -> None:
-    files = {
+    """Encrypt the connection where that is wanted.
+
+    Raises:
+        LupinError: a file is given and not used, is not there, or is none of its kind; the text names it.
+    """
+    given = {
         "mqtt_ca_file": settings.ca_file,
         "mqtt_certificate_file": settings.certificate_file,
         "mqtt_key_file": settings.key_file,
     }
+    files = {name: file for name, file in given.items() if file}
     if not settings.tls:
-        for name, file in files.items():
-            if file:
-                raise LupinError(f"{name} is given, but mqtt_tls is not set")
+        for name in files:
+            raise LupinError(f"{name} is given, but mqtt_tls is not set")
         return
-    paths = {name: os.path.expanduser(file) if file else None for name, file in files.items()}
+    paths = {name: os.path.expanduser(file) for name, file in files.items()}
     for name, path in paths.items():
-        if path and not Path(path).is_file():
+        if not Path(path).is_file():
             raise LupinError(f"{name}: file {files[name]} does not exist")
     try:
-        client.tls_set(paths["mqtt_ca_file"], paths["mqtt_certificate_file"], paths["mqtt_key_file"])
+        authority, certificate, key = map(paths.get, given)
+        client.tls_set(authority, certificate, key)
     except (ssl.SSLError, ValueError, OSError) as error:
-        given = (
-            ", ".join(f"{name} {file}" for name, file in files.items() if file) or "the system's authorities"
-        )
-        raise LupinError(f"TLS cannot use {given}: {error}") from None
+        used = ", ".join(f"{name} {file}" for name, file in files.items()) or "the system's authorities"
+        raise LupinError(f"TLS cannot use {used}: {error}") from None
 
 
 def _credentials(file: str, environment: Mapping[str, str] = os.environ) -> tuple[str, str | None]:

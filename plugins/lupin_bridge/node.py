@@ -7,13 +7,13 @@ from collections.abc import Callable, Sequence
 
 from lupin_bridge.backend import Clocks, ReadingFailed, UnknownTag
 from lupin_bridge.catalog import NODE_PARAMETERS as PARAMETERS
-from lupin_bridge.choice import make_backend
+from lupin_bridge.choice import check, make_backend
 from lupin_engine.errors import Severity
 from lupin_engine.middleware.node import RosNode
 from lupin_msgs.msg import SensorReading, TagReading
 from lupin_msgs.srv import GetTagReading
 
-__all__ = ["PARAMETERS", "BridgeNode", "main"]
+__all__ = ["PARAMETERS", "BridgeNode", "check", "main"]
 
 #: Answered when a known tag cannot be read; the interface has no constant for it, clients read the message.
 STATUS_READING_FAILED = 2

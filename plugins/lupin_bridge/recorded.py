@@ -20,14 +20,13 @@ from lupin_bridge.backend import (
     fresh_only,
     unknown_tag,
 )
+from lupin_bridge.catalog import RECORDING_CLOCKS
 from lupin_bridge.recording import Recording, load_recording
 from lupin_bridge.stamps import time_of_day
 from lupin_bridge.units import unit_of
-from lupin_engine.errors import LupinError, nearest
 
 #: The ways to replay.
-TIME_OF_DAY, SINCE_START = "time_of_day", "since_start"
-CLOCKS = (TIME_OF_DAY, SINCE_START)
+TIME_OF_DAY, SINCE_START = RECORDING_CLOCKS
 #: Nobody waits longer for a reading, in seconds: thirty years.
 _LONGEST_S = 1e9
 
@@ -36,7 +35,7 @@ _LONGEST_S = 1e9
 class Settings:
     """Which file is replayed, and how.
 
-    `clock` is one of CLOCKS. `fixed_hour` from 0 on holds the replay at that hour of its first day;
+    `clock` is one of RECORDING_CLOCKS. `fixed_hour` from 0 on holds the replay at that hour of its first day;
     `speed` is how many recorded seconds pass in a second since the start. `max_age` is in seconds.
     """
 
@@ -56,11 +55,10 @@ class Recorded:
 
     def __init__(self, settings: Settings, sensors: Sensors | None, clocks: Clocks = REAL_CLOCKS) -> None:
         """`sensors` are those of a layout, which alone are served; without one whatever is recorded."""
-        if settings.clock not in CLOCKS:
-            raise LupinError(f"unknown recording_clock {settings.clock!r}; {nearest(settings.clock, CLOCKS)}")
         self._recording = load_recording(settings.file)
         self._settings = settings
         self._sensors = sensors or {tag: tuple(own) for tag, own in self._recording.series.items()}
+        self._known = "the recording has" if sensors is None else "the layout has"
         self._now = _replay(self._recording, settings, clocks)
 
     @property
@@ -71,7 +69,7 @@ class Recorded:
     def read(self, tag_id: str) -> TagValues:
         """Return what was measured at a tag by the time that is replayed now."""
         if tag_id not in self._sensors:
-            raise unknown_tag(tag_id, len(self._sensors), "the recording has")
+            raise unknown_tag(tag_id, len(self._sensors), self._known)
         now = self._now()
         own = self._recording.series.get(tag_id, {})
         found, absent = [], []

@@ -16,14 +16,13 @@ import csv
 import io
 import math
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from lupin_bridge.backend import shown
-from lupin_bridge.stamps import seconds_since_1970
+from lupin_bridge.stamps import number, seconds_since_1970
 from lupin_bridge.units import checked
-from lupin_engine.errors import LupinError, Place
+from lupin_engine.errors import LupinError, Place, shortened
 
 TAG, SENSOR, VALUE, STAMP, UNIT, KIND = "tag_id", "sensor", "value", "stamp", "unit", "kind"
 #: What the twin calls the stamp.
@@ -149,7 +148,7 @@ def _series(values: Iterator[_Value], mistakes: _Mistakes) -> dict[str, dict[str
         one = series.setdefault(value.tag, {}).setdefault(value.sensor, Series())
         if before is not None and one.stamps and one.stamps[-1] == value.stamp:
             if before.value != value.value:
-                what = f"{value.sensor} of tag {shown(value.tag)}"
+                what = f"{value.sensor} of tag {shortened(value.tag)!r}"
                 text = f"{what} has another value at this time in line {before.line}"
                 mistakes.add((value.line, 1), text)
             continue
@@ -160,33 +159,48 @@ def _series(values: Iterator[_Value], mistakes: _Mistakes) -> dict[str, dict[str
 
 
 def _values(text: str, mistakes: _Mistakes) -> Iterator[_Value]:
+    """Yield what a file says, in the order of its rows; nothing where its header is wrong."""
     rows = _rows(text, mistakes)
     first = next(rows, None)
     header = [name.strip() for name in first.cells] if first else []
+    columns = _columns(header, mistakes)
+    if columns is None:
+        return
+    nameless = [index for index, name in enumerate(header) if not name]  # spreadsheets leave some at the end
+    read = _long if _is_long(columns) else _wide
+    for row in rows:
+        if len(row.cells) != len(header):
+            problem = f"expected {len(header)} cells as in the header, got {len(row.cells)}"
+            mistakes.add((row.line, 1), problem)
+            continue
+        for index in nameless:
+            if row.cell(index):
+                mistakes.add(row.place(index), "this column has no name in the header")
+        yield from read(row, columns, mistakes)
+
+
+def _columns(header: Sequence[str], mistakes: _Mistakes) -> Mapping[str, int] | None:
+    """Return where each column is, the stamps' by their own name; None where the header has mistakes."""
     if not any(header):
         expected = ",".join((TAG, SENSOR, VALUE, STAMP, UNIT))
         mistakes.add((1, 1), f"no header; expected such as {expected}")
-        return
-    columns = {name: index for index, name in enumerate(header)}
-    columns.setdefault(STAMP, columns.get(OBSERVED_AT, -1))
-    long = SENSOR in columns or VALUE in columns
-    missing = [
-        name for name in ((TAG, SENSOR, VALUE, STAMP) if long else (TAG, STAMP)) if columns.get(name, -1) < 0
-    ]
+        return None
+    columns = {name: index for index, name in enumerate(header) if name}
+    if OBSERVED_AT in columns:
+        columns.setdefault(STAMP, columns[OBSERVED_AT])
+    needed = (TAG, SENSOR, VALUE, STAMP) if _is_long(columns) else (TAG, STAMP)
+    missing = [name for name in needed if name not in columns]
     for name in missing:
         mistakes.add((1, 1), f"no column {name!r}; {_instead(header)}")
-    twice = sorted({name for name in header if header.count(name) > 1})
+    twice = sorted({name for name in columns if header.count(name) > 1})
     if twice:
-        mistakes.add((1, 1), f"more than one column {', '.join(map(shown, twice))}")
-    if missing or twice:
-        return
-    read = _long if long else _wide
-    for row in rows:
-        if len(row.cells) != len(header):
-            text = f"expected {len(header)} cells as in the header, got {len(row.cells)}"
-            mistakes.add((row.line, 1), text)
-        else:
-            yield from read(row, columns, mistakes)
+        mistakes.add((1, 1), f"more than one column {_quoted(twice)}")
+    return None if missing or twice else columns
+
+
+def _is_long(columns: Iterable[str]) -> bool:
+    """Tell whether a file has a row for each value."""
+    return bool({SENSOR, VALUE}.intersection(columns))
 
 
 def _rows(text: str, mistakes: _Mistakes) -> Iterator[_Row]:
@@ -207,7 +221,11 @@ def _instead(header: Sequence[str]) -> str:
     """Say what the header has in place of a column."""
     if len(header) == 1 and ";" in header[0]:
         return "cells are separated by commas, not by semicolons"
-    return f"the file has {', '.join(map(shown, header))}"
+    return f"the file has {_quoted(header)}"
+
+
+def _quoted(names: Iterable[str]) -> str:
+    return ", ".join(repr(shortened(name)) for name in names)
 
 
 def _long(row: _Row, columns: Mapping[str, int], mistakes: _Mistakes) -> Iterator[_Value]:
@@ -265,6 +283,6 @@ def _stamp(row: _Row, index: int, mistakes: _Mistakes) -> float | None:
 
 def _number(written: str) -> float:
     try:
-        return float(written)
+        return number(written)
     except ValueError:
-        raise ValueError(f"{written[:40]!r} is no number") from None
+        raise ValueError(f"{shortened(written)!r} is no number") from None

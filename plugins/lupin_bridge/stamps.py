@@ -5,10 +5,22 @@ from __future__ import annotations
 from datetime import datetime
 
 from lupin_bridge.backend import SECONDS_PER_DAY
+from lupin_engine.errors import shortened
 
 #: Seconds since 1970 are smaller than this until the year 5138; a larger number is milliseconds.
 _MILLISECONDS_FROM = 1e11
 _LATEST = 1e14
+
+
+def number(written: str | float) -> float:
+    """Read a number.
+
+    Raises:
+        ValueError: it is none; 2_1.5 is one to Python alone, and to people a mistake.
+    """
+    if isinstance(written, str) and "_" in written:
+        raise ValueError(written)
+    return float(written)
 
 
 def seconds_since_1970(written: str | float) -> float:
@@ -18,12 +30,12 @@ def seconds_since_1970(written: str | float) -> float:
         ValueError: it is neither.
     """
     try:
-        number = float(written)
+        seconds = number(written)
     except ValueError:
         return _from_iso(str(written).strip())
-    if not 0.0 <= number < _LATEST:
-        raise ValueError(f"{number:g} is no time: expected seconds since 1970")
-    return number / 1000.0 if number >= _MILLISECONDS_FROM else number
+    if not 0.0 <= seconds < _LATEST:
+        raise ValueError(f"{seconds:g} is no time: expected seconds since 1970")
+    return seconds / 1000.0 if seconds >= _MILLISECONDS_FROM else seconds
 
 
 def _from_iso(text: str) -> float:
@@ -32,7 +44,7 @@ def _from_iso(text: str) -> float:
         return datetime.fromisoformat(text[:-1] + "+00:00" if text.endswith("Z") else text).timestamp()
     except (ValueError, OverflowError, OSError):
         raise ValueError(
-            f"{text[:40]!r} is no time: expected seconds since 1970, or such as 2026-05-01T14:30:00"
+            f"{shortened(text)!r} is no time: expected seconds since 1970, or such as 2026-05-01T14:30:00"
         ) from None
 
 

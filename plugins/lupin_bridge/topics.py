@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 from lupin_bridge.stamps import seconds_since_1970
 from lupin_bridge.units import QUANTITIES, checked
-from lupin_engine.errors import LupinError
+from lupin_engine.errors import LupinError, shortened
 
 #: A payload that says more than one sensor has to say is none, in bytes.
 MAX_PAYLOAD = 4096
@@ -84,7 +84,7 @@ class Template:
         found = match.groupdict()
         for name in found.values():
             if not _NAME.fullmatch(name):
-                raise Rejected("no name of a tag or sensor", repr(name[:MAX_NAME]))
+                raise Rejected("no name of a tag or sensor", repr(shortened(name)))
         return found["tag"], found.get("sensor", "")
 
 
@@ -132,17 +132,19 @@ def _decoded(payload: bytes) -> object:
     if len(payload) > MAX_PAYLOAD:
         raise Rejected("payload too long", f"{len(payload)} bytes, at most {MAX_PAYLOAD}")
     try:
-        # Whole numbers as well become floats, infinite if need be: Python's own are without bounds.
-        return json.loads(payload.decode("utf-8"), parse_int=float)
+        text = payload.decode("utf-8")
     except UnicodeDecodeError:
         raise Rejected("payload is not UTF-8") from None
+    try:
+        # Whole numbers as well become floats, infinite if need be: Python's own are without bounds.
+        return json.loads(text, parse_int=float)
     except (ValueError, RecursionError):
-        raise Rejected("payload is neither a number nor JSON", repr(payload[:MAX_NAME])) from None
+        raise Rejected("payload is neither a number nor JSON", repr(shortened(text))) from None
 
 
 def _checked(sensor: str, value: object, unit: str) -> float:
     if not isinstance(value, float):
-        raise Rejected("value is no number", repr(value)[:MAX_NAME])
+        raise Rejected("value is no number", shortened(repr(value)))
     try:
         return checked(sensor, value, unit)
     except ValueError as error:
@@ -154,7 +156,7 @@ def _stamp(data: dict[str, object]) -> float | None:
     if written is None:
         return None
     if not isinstance(written, (str, float)):
-        raise Rejected("stamp is no time", repr(written)[:MAX_NAME])
+        raise Rejected("stamp is no time", shortened(repr(written)))
     try:
         return seconds_since_1970(written)
     except ValueError as error:

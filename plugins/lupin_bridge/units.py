@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 
-from lupin_engine.errors import nearest
+from lupin_engine.errors import nearest, shortened
 
 #: A sensor that is not known here has no unit; its values must be smaller than this.
 UNKNOWN_LIMIT = 1e9
@@ -80,5 +80,5 @@ def _conversion(sensor: str, quantity: Quantity, unit: str) -> tuple[float, floa
         return 1.0, 0.0
     if written not in quantity.others:
         allowed = (quantity.unit, *quantity.others)
-        raise ValueError(f"{unit[:20]!r} is no unit of {sensor}; {nearest(unit[:20], allowed)}")
+        raise ValueError(f"{shortened(unit)!r} is no unit of {sensor}; {nearest(shortened(unit), allowed)}")
     return quantity.others[written]

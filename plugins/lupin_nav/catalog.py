@@ -27,6 +27,7 @@ from lupin_engine.plugin.types import (
     LENGTH,
     NUMBER,
     POSE,
+    ROS_NAME,
     TEXT,
     Type,
     list_of,
@@ -192,21 +193,21 @@ VALUES: Mapping[str, LiveValue] = {
 }
 
 PARAMETERS: Mapping[str, Parameter] = {
-    "nav_action_name": Parameter(TEXT, "navigate_to_pose", "action server that drives (NavigateToPose)"),
-    "amcl_pose_topic": Parameter(TEXT, "/amcl_pose", "topic of the localizer's pose with covariance"),
+    "nav_action_name": Parameter(ROS_NAME, "navigate_to_pose", "action server that drives (NavigateToPose)"),
+    "amcl_pose_topic": Parameter(ROS_NAME, "/amcl_pose", "topic of the localizer's pose with covariance"),
     "amcl_pose_must_live": Parameter(
         BOOL,
         True,
         "whether a pose counts only while its publisher exists; false for a pose that is seeded once (SLAM)",
     ),
-    "estop_topic": Parameter(TEXT, "/e_stop_state", "topic of the emergency stop, true while engaged"),
+    "estop_topic": Parameter(ROS_NAME, "/e_stop_state", "topic of the emergency stop, true while engaged"),
     "estop_timeout_s": Parameter(
         DURATION,
         2.0,
         "an emergency stop that was told steadily and is silent for so long counts as engaged; 0: never",
         maximum=60.0,
     ),
-    "battery_topic": Parameter(TEXT, "/io/power/power_watcher", "topic of the battery state"),
+    "battery_topic": Parameter(ROS_NAME, "/io/power/power_watcher", "topic of the battery state"),
     "frame_id": Parameter(TEXT, "map", "frame of goals and of the localizer's pose"),
     "tag_locations_file": Parameter(TEXT, "", "layout of the greenhouse, JSON; empty: the bundled one"),
     "tag_sequence": Parameter(list_of(TEXT), [], "tags to visit when a request names none; empty: all"),
@@ -216,7 +217,7 @@ PARAMETERS: Mapping[str, Parameter] = {
     "map_yaml_path": Parameter(
         TEXT, "", "a map to load; this build loads none and only warns: Nav2 must have one already"
     ),
-    "map_topic": Parameter(TEXT, "/map", "topic of the occupancy grid that is explored"),
+    "map_topic": Parameter(ROS_NAME, "/map", "topic of the occupancy grid that is explored"),
     "base_frame": Parameter(TEXT, "base_link", "frame of the robot's body"),
     # Occupancy is 0 (free) to 100 (occupied), -1 is unknown; as nav_msgs/OccupancyGrid has it.
     "frontier_free_thresh": Parameter(COUNT, 20, "occupancy up to which a cell is free", maximum=100),

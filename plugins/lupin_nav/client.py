@@ -5,12 +5,12 @@ Every callback runs on the node's one thread, so nothing here is locked.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from geometry_msgs.msg import PoseWithCovarianceStamped
+from geometry_msgs.msg import Point as Position
+from geometry_msgs.msg import PoseWithCovarianceStamped, Quaternion
 from nav2_msgs.action import NavigateToPose
 from nav_msgs.msg import OccupancyGrid
 from sensor_msgs.msg import BatteryState
@@ -23,9 +23,12 @@ from lupin_engine.middleware.action_driver import (
     ActionServer,
 )
 from lupin_engine.middleware.estop import RELEASED, SILENT, EmergencyStop
-from lupin_engine.middleware.node import Qos, RosNode, Timer
+from lupin_engine.middleware.logs import WarnOnce
+from lupin_engine.middleware.node import Qos, RosNode
+from lupin_engine.middleware.repeater import Repeater
 from lupin_engine.middleware.service_driver import Done, Failed
 from lupin_engine.plugin.contract import Outlet
+from lupin_engine.plugin.wire import pose_fields
 from lupin_engine.world.frames import frame_name
 from lupin_nav import goal_status, localization
 from lupin_nav.battery import charge
@@ -54,7 +57,7 @@ class NavClient:
         self._fix: localization.Fix | None = None
         self._drives = ActionAttempts(ros, outlet)
         self._localizing: dict[str, _Localizing] = {}
-        self._frames_refused: set[tuple[str, str]] = set()
+        self._warn = WarnOnce(ros.log)
         self._closed = False
         self._server = ActionServer(ros, NavigateToPose, parameters["nav_action_name"], ours=True)
         self._driving = ActionOperation(self._server, _outcome, _told, "nav_rejected", "nav_unavailable")
@@ -64,12 +67,12 @@ class NavClient:
         self._estop = EmergencyStop(
             ros, parameters["estop_topic"], parameters["estop_timeout_s"], self._on_estop
         )
-        self._timer: Timer | None = None
+        self._watching = Repeater(ros.steady_timer, WATCH_PERIOD_S, self._watch)
         self._map_topic = ros.node.resolve_topic_name(parameters["map_topic"])
         resolved = {"map_topic": self._map_topic, "amcl_pose_topic": self._pose_topic}
         self._explorer = Explorer(outlet, {**parameters, **resolved}, self._believed_place, ros.elapsed)
         self._explores = False
-        self._searching: Timer | None = None
+        self._searching = Repeater(ros.steady_timer, SEARCH_PERIOD_S, self._search)
         if parameters["map_yaml_path"]:
             ros.log.warning(
                 "map_yaml_path is ignored: this build loads no maps, Nav2 must have one already",
@@ -109,8 +112,8 @@ class NavClient:
         self._closed = True
         self._localizing.clear()
         self._explorer.close()
-        self._stop_searching()
-        self._stop_watching()
+        self._searching.stop()
+        self._watching.stop()
         self._drives.close()
         self._estop.close()
 
@@ -118,9 +121,16 @@ class NavClient:
 
     def _start_localizing(self, attempt: str, limit: float) -> None:
         self._localizing[attempt] = _Localizing(limit)
-        self._start_watching()
+        self._watching.start()
         self._outlet.accepted(attempt)
         self._look_at_localization()
+
+    def _watch(self) -> None:
+        """Look at the pose, while an attempt waits for it."""
+        if self._localizing:
+            self._look_at_localization()
+        else:
+            self._watching.stop()
 
     def _look_at_localization(self) -> None:
         for attempt, waiting in list(self._localizing.items()):
@@ -156,19 +166,14 @@ class NavClient:
         frame, expected = frame_name(frame), self._parameters["frame_id"]
         if frame in ("", expected):
             return True
-        if (topic, frame) not in self._frames_refused:
-            self._frames_refused.add((topic, frame))
-            self._ros.log.warning(
-                "message in another frame ignored", topic=topic, frame=frame, expected=expected
-            )
+        self._warn("message in another frame ignored", topic=topic, frame=frame, expected=expected)
         return False
 
     # --- exploring
 
     def _choose_frontier(self, attempt: str, avoid: Sequence[Mapping[str, float]]) -> None:
         self._start_exploring()
-        if self._searching is None:
-            self._searching = self._ros.steady_timer(SEARCH_PERIOD_S, self._search)
+        self._searching.start()
         self._explorer.start(attempt, [(pose["x"], pose["y"]) for pose in avoid])
 
     def _start_exploring(self) -> None:
@@ -194,12 +199,7 @@ class NavClient:
     def _search(self) -> None:
         self._explorer.look()
         if self._explorer.idle:
-            self._stop_searching()
-
-    def _stop_searching(self) -> None:
-        if self._searching is not None:
-            self._searching.cancel()
-            self._searching = None
+            self._searching.stop()
 
     # --- driving
 
@@ -217,29 +217,10 @@ class NavClient:
         goal = NavigateToPose.Goal()
         goal.pose.header.frame_id = self._parameters["frame_id"]
         goal.pose.header.stamp = self._ros.stamp()
-        goal.pose.pose.position.x = float(pose["x"])
-        goal.pose.pose.position.y = float(pose["y"])
-        goal.pose.pose.orientation.z = math.sin(pose["yaw"] / 2.0)
-        goal.pose.pose.orientation.w = math.cos(pose["yaw"] / 2.0)
+        fields = pose_fields(pose)
+        goal.pose.pose.position = Position(**fields["position"])
+        goal.pose.pose.orientation = Quaternion(**fields["orientation"])
         return goal
-
-    # --- looking at the localizer
-
-    def _start_watching(self) -> None:
-        """Look at the pose from time to time; only while an attempt waits for it, for the sake of idling."""
-        if self._timer is None:
-            self._timer = self._ros.steady_timer(WATCH_PERIOD_S, self._watch)
-
-    def _stop_watching(self) -> None:
-        if self._timer is not None:
-            self._timer.cancel()
-            self._timer = None
-
-    def _watch(self) -> None:
-        if self._localizing:
-            self._look_at_localization()
-        else:
-            self._stop_watching()
 
     # --- live values
 

@@ -6,7 +6,6 @@ and metres in frame `map`.
 
 from __future__ import annotations
 
-import math
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
@@ -17,6 +16,7 @@ from typing import Any
 import yaml
 
 from lupin_engine.errors import LupinError
+from lupin_engine.world.numbers import finite
 
 
 @dataclass(frozen=True)
@@ -33,6 +33,18 @@ class Override:
 KEYS = tuple(field.name for field in fields(Override))
 
 
+class _Loader(yaml.SafeLoader):
+    """Refuses a name that is there twice: one of the two would be lost without a word."""
+
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
+        names = [str(self.construct_object(key)) for key, _ in node.value]
+        for name in names:
+            if names.count(name) > 1:
+                raise ValueError(f"{name!r} is there twice in what begins in line {node.start_mark.line + 1}")
+        found: dict[Any, Any] = super().construct_mapping(node, deep)
+        return found
+
+
 def load(path: str) -> Mapping[str, Override]:
     """Read an overrides file; an empty path means none.
 
@@ -44,8 +56,8 @@ def load(path: str) -> Mapping[str, Override]:
         return MappingProxyType({})
     file = Path(os.path.expanduser(path))
     try:
-        return parse(yaml.safe_load(file.read_text(encoding="utf-8")))
-    except (OSError, ValueError, yaml.YAMLError) as error:
+        return parse(_Loader(file.read_text(encoding="utf-8")).get_single_data())
+    except (OSError, ValueError, RecursionError, yaml.YAMLError) as error:
         raise LupinError(f"approach_overrides_file {str(file)!r} cannot be used: {error}") from error
 
 
@@ -70,6 +82,7 @@ def _override(tag_id: str, entry: Mapping[str, Any]) -> Override:
 
 
 def _number(tag_id: str, key: str, value: Any) -> float:
-    if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
+    number = finite(value)
+    if number is None:
         raise ValueError(f"{key} of tag {tag_id!r} must be a finite number, got {value!r}")
-    return float(value)
+    return number

@@ -12,7 +12,7 @@ from lupin_engine.plugin.contract import (
     Parameter,
     Plugin,
 )
-from lupin_engine.plugin.types import BOOL, COUNT, LENGTH, NUMBER, TEXT, Type, list_of
+from lupin_engine.plugin.types import BOOL, COUNT, LENGTH, NUMBER, ROS_NAME, TEXT, Type, list_of
 
 #: A tag that was seen: its id and position in metres in frame `map`, the rotation of its plate (+Z is the
 #: plate's normal; x, y, z, w as in ROS), the dominant flower with its confidence (0 to 1), whether a pest was
@@ -54,10 +54,10 @@ PLUGIN = Plugin(
     types={"discovered_tag": DISCOVERED_TAG},
     parameters={
         "discovered_tags_topic": Parameter(
-            TEXT, "/perception/discovered_tags", "topic of the tags that were seen (DiscoveredTags)"
+            ROS_NAME, "/perception/discovered_tags", "topic of the tags that were seen (DiscoveredTags)"
         ),
         "visual_confirmation_service": Parameter(
-            TEXT, "/perception/confirm_tag", "service that confirms a tag (ConfirmTag)"
+            ROS_NAME, "/perception/confirm_tag", "service that confirms a tag (ConfirmTag)"
         ),
     },
     client="lupin_perception.client:PerceptionClient",

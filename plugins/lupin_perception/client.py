@@ -5,16 +5,17 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from lupin_engine.errors import shortened
+from lupin_engine.middleware.logs import WarnOnce
 from lupin_engine.middleware.node import Failure, Qos, RosNode
 from lupin_engine.middleware.service_driver import Done, Failed, ServiceDriver, ServiceOperation
 from lupin_engine.plugin.contract import Outlet
+from lupin_engine.plugin.wire import seconds_of
+from lupin_engine.world.frames import frame_name
 from lupin_msgs.msg import DiscoveredTags
 from lupin_msgs.srv import ConfirmTag
 from lupin_perception.discovered import records
 from lupin_perception.sightings import MAP
-
-#: How many warnings about lists of tags are told one by one.
-MAX_TOLD = 100
 
 
 class PerceptionClient(ServiceDriver):
@@ -27,7 +28,7 @@ class PerceptionClient(ServiceDriver):
         self._required = bool(parameters.get("require_visual_confirmation", False))
         self._ros = ros
         self._values = outlet
-        self._told: set[str] = set()
+        self._warn = WarnOnce(ros.log)
         self._closed = False
         topic = parameters["discovered_tags_topic"]
         ros.subscribe(DiscoveredTags, topic, Qos.LATCHED, self._on_discovered)
@@ -43,25 +44,19 @@ class PerceptionClient(ServiceDriver):
 
     def _on_discovered(self, message: DiscoveredTags) -> None:
         """Report the whole list, as of its stamp: it is latched, and may be older than the mission."""
-        frame = message.header.frame_id.lstrip("/")
+        frame = frame_name(message.header.frame_id)
         if frame not in ("", MAP):
-            self._warn_once(f"tags in frame {frame!r} ignored, expected {MAP!r}")
+            self._warn(f"tags in frame {shortened(frame)!r} ignored, expected {MAP!r}")
             return
         placed, others = records(message)
         for tag_id in others:
-            self._warn_once(f"tag {tag_id!r} left out: it has no pose yet")
+            self._warn(f"tag {shortened(tag_id)!r} left out: it has no pose yet")
         if not self._closed:
             self._values.value("tags.discovered", placed, self._time_of(message))
 
     def _time_of(self, message: DiscoveredTags) -> float:
         """Return the stamp; a message that nobody stamped counts from its receipt."""
-        stamp = message.header.stamp
-        return float(stamp.sec + stamp.nanosec * 1e-9) or self._ros.now()
-
-    def _warn_once(self, text: str) -> None:
-        if text not in self._told and len(self._told) < MAX_TOLD:
-            self._told.add(text)
-            self._ros.log.warning(text)
+        return seconds_of(message.header.stamp) or self._ros.now()
 
 
 def _request(arguments: Mapping[str, Any]) -> ConfirmTag.Request:

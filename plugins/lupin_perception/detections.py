@@ -18,6 +18,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from lupin_engine.world.numbers import finite
 from lupin_perception.boxes import Box, Size
 
 #: The longest text, in characters, and the longest list that are read: a frame has some dozens of entries.
@@ -87,7 +88,7 @@ def read_boxes(text: str) -> tuple[dict[str, Box], list[str]]:
 
 def _box(entry: Mapping[str, Any]) -> tuple[str, Box] | Unreadable:
     tag_id = entry.get("id", entry.get("box_id"))
-    numbers = [_number(entry.get(name)) for name in ("x", "y", "yaw", "width", "depth")]
+    numbers = [finite(entry.get(name)) for name in ("x", "y", "yaw", "width", "depth")]
     x, y, yaw, width, depth = (math.nan if number is None else number for number in numbers)
     if not isinstance(tag_id, (str, int)) or None in numbers:
         return Unreadable("a box has no id, or x, y, yaw, width and depth are not all finite numbers")
@@ -131,7 +132,7 @@ def _strange_keys(entries: Sequence[Any], keys: frozenset[str]) -> Iterator[str]
 
 def _tag(entry: Mapping[str, Any]) -> TagSeen | Unreadable:
     number = _tag_id(entry.get("id"))
-    distance = _number(entry.get("dist", 0.0))
+    distance = finite(entry.get("dist", 0.0))
     if number is None:
         return Unreadable(f"an id is no whole number from 0 to {MAX_TAG_ID}")
     if distance is None:
@@ -148,7 +149,7 @@ def _tag_id(value: Any) -> int | None:
 
 def _flower(entry: Mapping[str, Any], classes: Sequence[str], width: float) -> Detection | Unreadable:
     name = _class_name(entry, classes)
-    confidence = _number(entry.get("confidence"))
+    confidence = finite(entry.get("confidence"))
     bearing = _bearing(entry.get("bbox_xyxy"), width)
     if name is None:
         return Unreadable(f"a class is none of {', '.join(classes)}")
@@ -171,18 +172,8 @@ def _class_name(entry: Mapping[str, Any], classes: Sequence[str]) -> str | None:
 def _bearing(box: Any, width: float) -> float | None:
     if not isinstance(box, list) or len(box) != 4:
         return None
-    numbers = [_number(value) for value in box]
+    numbers = [finite(value) for value in box]
     left, right = numbers[0], numbers[2]
     if left is None or right is None or None in numbers:
         return None
     return max(-1.0, min(1.0, ((left + right) / 2.0 / width - 0.5) * 2.0))
-
-
-def _number(value: Any) -> float | None:
-    if isinstance(value, bool) or not isinstance(value, (int, float)):
-        return None
-    try:
-        number = float(value)
-    except OverflowError:
-        return None
-    return number if math.isfinite(number) else None

@@ -18,8 +18,7 @@ from lupin_engine.world.poses import Array
 from lupin_perception.boxes import View, column_of, is_inside
 from lupin_perception.detections import Detection
 
-#: Lifecycle states of a mission under way, and those of them in which targets are scanned.
-ACTIVE = frozenset({"PREPARE", "EXPLORING", "INSPECTING", "MONITORING", "RETURNING"})
+#: Lifecycle states in which targets are scanned.
 SCANNING = frozenset({"INSPECTING", "MONITORING"})
 
 Indices = NDArray[np.intp]
@@ -28,11 +27,6 @@ Indices = NDArray[np.intp]
 NONE = -np.inf
 #: How much the confidence must change to be told again.
 _NEWS = 0.1
-
-
-def is_active(lifecycle: str) -> bool:
-    """Say whether a mission is under way."""
-    return lifecycle in ACTIVE
 
 
 def scanned_tag(lifecycle: str, phase: str, target: str) -> str:
@@ -139,6 +133,8 @@ class Scan:
         #: Names of what was seen, in their order, and how sure each is in each column.
         self._kinds: NDArray[np.str_]
         self._best: Array
+        #: The same, from before `age` was called last.
+        self._before: Array
         self._forget()
 
     def aim(self, tag_id: str, width: float | None = None) -> bool:
@@ -161,17 +157,33 @@ class Scan:
         confidences = np.array([detection.confidence for detection in detections])
         names = np.array([detection.name for detection in detections])
         counted, columns = self._rules.count(bearings, confidences, pan, self._width)
-        self._make_room(names[counted])
-        kinds = np.searchsorted(self._kinds, names[counted])
-        self._best = fuse(self._best, columns[counted], kinds, confidences[counted])
+        self._fuse(columns[counted], names[counted], confidences[counted])
+
+    def _fuse(self, columns: Indices, names: NDArray[np.str_], confidences: Array) -> None:
+        self._make_room(names)
+        self._best = fuse(self._best, columns, np.searchsorted(self._kinds, names), confidences)
+
+    def resume(self, summary: Summary) -> None:
+        """Go on with what an earlier process has told of this scan; how sure a pest was it has not told."""
+        found = [(bloom.column, bloom.species, bloom.confidence) for bloom in summary.blooms if bloom.species]
+        found += [(bloom.column, self._rules.anomaly, 0.0) for bloom in summary.blooms if bloom.anomaly]
+        found = [one for one in found if 0 <= one[0] < self._rules.columns]
+        if found:
+            columns, names, confidences = map(np.array, zip(*found, strict=True))
+            self._fuse(columns, names, confidences)
+
+    def age(self) -> None:
+        """Forget what was not seen since this was called last: for a scan that has no end."""
+        self._before, self._best = self._best, np.full_like(self._best, NONE)
 
     def summary(self) -> Summary | None:
         """Return what was seen; None as long as that is nothing."""
-        seen: NDArray[np.bool_] = self._best > NONE
+        best = np.maximum(self._best, self._before)
+        seen: NDArray[np.bool_] = best > NONE
         is_pest = np.equal(self._kinds, self._rules.anomaly)
         if not seen.any():
             return None
-        names, species, pests = self._kinds[~is_pest], self._best[:, ~is_pest], seen[:, is_pest]
+        names, species, pests = self._kinds[~is_pest], best[:, ~is_pest], seen[:, is_pest]
         blooms = (
             Bloom(column, *surest(names, species[column]), bool(pests[column].any()))
             for column in np.flatnonzero(seen.any(axis=1)).tolist()
@@ -181,12 +193,21 @@ class Scan:
 
     def _forget(self) -> None:
         self._kinds = np.empty(0, dtype=np.str_)
-        self._best = np.empty((self._rules.columns, 0))
+        self._best = self._before = np.empty((self._rules.columns, 0))
 
     def _make_room(self, names: NDArray[np.str_]) -> None:
         """Have a place for kinds with these names."""
         kinds = np.union1d(self._kinds, names)
         if kinds.size > self._kinds.size:
-            best = np.full((self._rules.columns, kinds.size), NONE)
-            best[:, np.searchsorted(kinds, self._kinds)] = self._best
-            self._kinds, self._best = kinds, best
+            places = np.searchsorted(kinds, self._kinds)
+            self._best, self._before = (
+                _spread(best, places, kinds.size) for best in (self._best, self._before)
+            )
+            self._kinds = kinds
+
+
+def _spread(best: Array, places: Indices, size: int) -> Array:
+    """Return a table of `size` kinds with these columns at their new places, and nothing elsewhere."""
+    wider = np.full((len(best), size), NONE)
+    wider[:, places] = best
+    return wider

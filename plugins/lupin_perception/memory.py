@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from lupin_engine.errors import LupinError
-from lupin_engine.plugin.files import user_folder, write_atomically
+from lupin_engine.plugin.files import ros_domain, user_folder, write_atomically
 from lupin_engine.world.poses import pose_of
 from lupin_perception.anomalies import Point
 from lupin_perception.flowers import Bloom, Summary
@@ -27,11 +27,12 @@ NOWHERE = "none"
 
 @dataclass(frozen=True)
 class Past:
-    """A mission's tags, and the places at which pests were reported."""
+    """A mission's tags, the places at which pests were reported, and the tag whose scan was under way."""
 
     mission_id: str
     tags: Sequence[Known] = ()
     reported: Sequence[Point] = ()
+    scanned: str = ""
 
 
 class Memory:
@@ -82,7 +83,7 @@ def memory_path(given: str, environment: Mapping[str, str]) -> Path | None:
     if given:
         return Path(os.path.expanduser(given))
     folder = user_folder("XDG_STATE_HOME", ".local/state", environment)
-    return folder / f"perception-{environment.get('ROS_DOMAIN_ID', '').strip() or '0'}.json"
+    return folder / f"perception-{ros_domain(environment)}.json"
 
 
 def _data(past: Past) -> dict[str, Any]:
@@ -90,6 +91,7 @@ def _data(past: Past) -> dict[str, Any]:
         "mission_id": past.mission_id,
         "tags": [_tag_data(known) for known in past.tags],
         "reported": list(past.reported),
+        "scanned": past.scanned,
     }
 
 
@@ -117,7 +119,9 @@ def _summary_data(summary: Summary) -> dict[str, Any]:
 
 def _past(data: Any) -> Past:
     reported = [(float(x), float(y)) for x, y in data["reported"]]
-    return Past(_text(data["mission_id"]), [_tag(entry) for entry in data["tags"]], reported)
+    tags = [_tag(entry) for entry in data["tags"]]
+    scanned = _text(data.get("scanned", ""))  # not there in files from before scans were resumed
+    return Past(_text(data["mission_id"]), tags, reported, scanned)
 
 
 def _tag(entry: Any) -> Known:

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lupin_engine.errors import shortened
 from lupin_engine.world.poses import Pose
 from lupin_perception.flowers import Summary
 
@@ -21,8 +22,6 @@ from lupin_perception.flowers import Summary
 MAX_TAGS = 1000
 #: A pose that differs by less (m; cosine of half the angle) is the same.
 _STILL_M, _STILL_TURN = 1e-3, 1.0 - 1e-6
-#: Characters of an id that are told back to whoever asks for it.
-_SHOWN = 20
 
 
 @dataclass
@@ -90,13 +89,19 @@ class Registry:
                 return None
             known = self._known[tag_id] = Known(tag_id, pose, distance, 0, now)
         known.sightings += 1
-        known.last_seen = now
+        known.last_seen = max(known.last_seen, now)  # it may have waited for its place
         is_news = known.sightings == self._enough
         if distance <= known.distance:
             is_news |= known.sightings > self._enough and _has_moved(known.pose, pose)
             known.pose, known.distance = pose, distance
         self.revision += is_news
         return known
+
+    def saw(self, tag_id: str, now: float) -> None:
+        """Take in that a tag is in sight whose place cannot be told now: it counts for nothing but that."""
+        known = self._known.get(tag_id)
+        if known is not None:
+            known.last_seen = max(known.last_seen, now)
 
     def classify(self, tag_id: str, summary: Summary) -> None:
         """Set what grows at a discovered tag: each scan tells it anew."""
@@ -114,7 +119,7 @@ class Registry:
 
     def confirm(self, tag_id: str, now: float) -> Confirmation:
         """Say whether a tag was seen often enough, and lately."""
-        known, name = self._known.get(tag_id), f"tag {tag_id[:_SHOWN]!r}"
+        known, name = self._known.get(tag_id), f"tag {shortened(tag_id)!r}"
         if known is None:
             return Confirmation(False, 0.0, error=f"{name} not discovered")
         if known.sightings < self._enough:

@@ -9,9 +9,9 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
-from lupin_engine.world.frames import Frames, frame_name
+from lupin_engine.world.frames import Frames
 from lupin_engine.world.poses import Pose
-from lupin_perception.detections import TagSeen
+from lupin_perception.detections import MAX_ENTRIES, TagSeen
 from lupin_perception.registry import Known, Registry
 
 #: The frame of the map.
@@ -37,7 +37,7 @@ class Sightings:
         self._frames = Frames()
         #: Tags of the last frames: distance in metres, and when.
         self._sights: dict[str, tuple[float, float]] = {}
-        #: Sightings that wait for their transform, by its frame, and since when.
+        #: Sightings that wait for a transform, by the id of their tag, and since when.
         self._late: dict[str, tuple[TagSeen, float]] = {}
         #: Frames in a row with tags of which none could be placed.
         self._unplaced = 0
@@ -45,8 +45,8 @@ class Sightings:
     def take(self, transforms: Iterable[Any], now: float, *, static: bool = False) -> list[str]:
         """Take in the transforms of a TFMessage; returns what was left out, once for each kind of fault."""
         problems = self._frames.take(transforms, static=static, heard=now)
-        for stamped in transforms if self._late else ():
-            self._place_late(frame_name(stamped.child_frame_id), now)
+        # Whichever transform it was that was missing: that of the tag, or one on the way to the map.
+        self._late = {tag: late for tag, late in self._late.items() if not self._place_late(*late, now)}
         return problems
 
     def see(self, seen: Sequence[TagSeen], now: float) -> str:
@@ -55,8 +55,11 @@ class Sightings:
         self._sights.update({tag.id: (tag.distance, now) for tag in seen})
         near = [tag for tag in seen if self._tags.is_near(tag.distance)]
         unplaced = [tag for tag in near if not self._place(tag, now, now)]
-        self._late = {frame: late for frame, late in self._late.items() if now - late[1] <= LATE_S}
-        self._late.update({self._frame_of(tag): (tag, now) for tag in unplaced})
+        for tag in unplaced:
+            self._tags.saw(tag.id, now)
+        self._late.update({tag.id: (tag, now) for tag in unplaced})
+        if len(self._late) > MAX_ENTRIES:  # a detector gone wild: each transform would try them all
+            self._late = dict(list(self._late.items())[-MAX_ENTRIES:])
         return self._told_of(near, unplaced, now)
 
     def in_sight(self, now: float) -> dict[str, float]:
@@ -79,11 +82,9 @@ class Sightings:
     def _frame_of(self, tag: TagSeen) -> str:
         return f"{self._prefix}{tag.id}"
 
-    def _place_late(self, frame: str, now: float) -> None:
-        """Count the sighting that waits for this frame, if it can be placed now."""
-        tag, seen = self._late.get(frame, (None, 0.0))
-        if tag is not None and now - seen <= LATE_S and self._place(tag, seen, now):
-            del self._late[frame]
+    def _place_late(self, tag: TagSeen, seen: float, now: float) -> bool:
+        """Count a sighting that waits, if it can be placed now; says whether it waits no more."""
+        return now - seen > LATE_S or self._place(tag, seen, now)
 
     def _place(self, tag: TagSeen, seen: float, now: float) -> bool:
         """Count a tag that was `seen` then, if its place is known now; says whether it is."""

@@ -26,6 +26,7 @@ from lupin_twin.place import store_path
 from lupin_twin.records import Bloom
 from lupin_twin.state import Tag, Twin
 from lupin_twin.store import Content, read
+from lupin_twin.text import number, printable
 from lupin_twin.units import QUANTITIES
 
 #: What the name of a file may end in, and the format that it says.
@@ -45,9 +46,7 @@ class CannotWrite(LupinError):
 
 def _content(store: str, domain: int | None) -> Content:
     """Return what is in the store; what is damaged in it is told and left out."""
-    if domain is not None:
-        os.environ["ROS_DOMAIN_ID"] = str(domain)
-    content = read(store_path(store))
+    content = read(store_path(store, domain))
     for problem in content.unreadable:
         click.echo(f"lupin: {problem}", err=True)
     return content
@@ -119,7 +118,7 @@ def _row(tag: Tag, now: float) -> tuple[str, ...]:
 
 def _value(sensor: str, value: float) -> str:
     symbol = QUANTITIES[sensor].symbol if sensor in QUANTITIES else "1"
-    return f"{value:.4g}" if symbol == "1" else f"{value:.4g} {symbol}"
+    return number(value) if symbol == "1" else f"{number(value)} {symbol}"
 
 
 def _duration(seconds: float) -> str:
@@ -142,13 +141,8 @@ def _print_table(header: tuple[str, ...], rows: list[tuple[str, ...]]) -> None:
     for title in header:
         drawn.add_column(title, overflow="fold")
     for row in rows:
-        drawn.add_row(*(Text(_printable(cell)) for cell in row))
+        drawn.add_row(*(Text(printable(cell)) for cell in row))
     Console(width=None if os.isatty(1) else 200).print(drawn)
-
-
-def _printable(text: str) -> str:
-    """Return what came over the wire without what would be an order to the terminal."""
-    return "".join(letter if letter.isprintable() else "\N{REPLACEMENT CHARACTER}" for letter in text)
 
 
 # --- missions -----------------------------------------------------------------------------------------------

@@ -14,7 +14,8 @@ from std_msgs.msg import Header, String
 
 from lupin_engine.middleware.node import Qos, RosNode
 from lupin_engine.plugin.contract import Parameter
-from lupin_engine.plugin.types import COUNT, NUMBER, TEXT, number_in
+from lupin_engine.plugin.types import COUNT, NUMBER, ROS_NAME, TEXT, number_in
+from lupin_engine.plugin.wire import filled_in, time_fields
 from lupin_msgs.msg import DiscoveredTags, FlowerPoint, Observation, SensorReading, TwinState, TwinTagState
 from lupin_msgs.srv import GetField
 from lupin_twin import wire
@@ -35,16 +36,15 @@ MAX_COMPLAINTS = 100
 #: Seconds between two maps that are kept.
 MAP_PERIOD_S = 30.0
 
-#: A true half turn has w = 0, which on this wire means "never observed"; this is close enough to it.
-SMALLEST_W = 1e-9
-
 PARAMETERS = {
-    "observations_topic": Parameter(TEXT, "/floranova/observations", "Observation: what was observed"),
-    "state_topic": Parameter(TEXT, "/twin/state", "TwinState: all that is known, published"),
-    "field_service_name": Parameter(TEXT, "/twin/get_field", "GetField: a sensor field over an area"),
-    "discovered_tags_topic": Parameter(TEXT, "/perception/discovered_tags", "DiscoveredTags: where tags are"),
-    "box_geometry_topic": Parameter(TEXT, "/perception/box_geometry_json", "JSON: planter boxes at tags"),
-    "map_topic": Parameter(TEXT, "/map", "OccupancyGrid: fields are shown only where it is known"),
+    "observations_topic": Parameter(ROS_NAME, "/floranova/observations", "Observation: what was observed"),
+    "state_topic": Parameter(ROS_NAME, "/twin/state", "TwinState: all that is known, published"),
+    "field_service_name": Parameter(ROS_NAME, "/twin/get_field", "GetField: a sensor field over an area"),
+    "discovered_tags_topic": Parameter(
+        ROS_NAME, "/perception/discovered_tags", "DiscoveredTags: where tags are"
+    ),
+    "box_geometry_topic": Parameter(ROS_NAME, "/perception/box_geometry_json", "JSON: planter boxes at tags"),
+    "map_topic": Parameter(ROS_NAME, "/map", "OccupancyGrid: fields are shown only where it is known"),
     "frame_id": Parameter(TEXT, "map", "frame of all poses; what comes in another one is dropped"),
     "state_publish_rate_hz": Parameter(
         NUMBER, 1.0, "how often the state is published, per second", minimum=0.1, maximum=100.0
@@ -88,7 +88,11 @@ class TwinNode:
     def _remember(self) -> None:
         """Take in all that earlier runs have kept."""
         for record, received in self._store.rows():
+            self._twin.tell_time(received)
             self._twin.apply(record, received)
+        if not self._ros.node.get_clock().ros_time_is_active:
+            # Simulations begin anew; a computer that does not know the time yet will learn it.
+            self._twin.forget_time()
         occupancy = self._store.map()
         if occupancy is not None:
             self._heatmaps.explore(occupancy)
@@ -112,7 +116,8 @@ class TwinNode:
             ros.subscribe(kind, values[topic], qos, self._complaining(callback))
         field = values["field_service_name"]
         ros.serve(GetField, field, self._get_field, stale_after=STALE_AFTER_S, refuse=_refuse)
-        ros.timer(1.0 / values["state_publish_rate_hz"], self._tick)
+        # Real time: displays hear of the tags also while simulated time stands still.
+        ros.steady_timer(1.0 / values["state_publish_rate_hz"], self._tick)
         ros.on_stop(self.close)
         self._publish()
 
@@ -143,6 +148,7 @@ class TwinNode:
             return
         if not self._twin.is_news(record) or not self._keep(lambda: self._store.add(record, received)):
             return
+        self._twin.tell_time(received)
         self._twin.apply(record, received)
         if isinstance(record, Anomaly):
             self._tell_anomaly(record)
@@ -211,6 +217,7 @@ class TwinNode:
 
     def _publish(self) -> None:
         now = self._ros.now()
+        self._twin.tell_time(now)
         if self._told_revision != self._twin.revision:  # most seconds bring nothing new but age
             self._told_revision = self._twin.revision
             self._message.tags = [_tag_message(tag) for tag in self._twin.tags.values()]
@@ -261,7 +268,7 @@ def _tag_message(tag: Tag) -> TwinTagState:
         tag_id=tag.tag_id,
         pose=_pose_message(tag.pin),
         readings=[SensorReading(name=name, value=value) for name, value in tag.readings.items()],
-        last_observed=_time_message(tag.last_observed or 0.0),
+        last_observed=Time(**time_fields(tag.last_observed or 0.0)),
         species=tag.species,
         species_confidence=tag.confidence,
         anomaly=tag.anomaly,
@@ -274,8 +281,8 @@ def _pose_message(pin: Pin | None) -> Pose:
     """Return a place; for one that nobody knows the orientation's w is 0, and only then."""
     if pin is None:
         return Pose(orientation=Quaternion(x=0.0, y=0.0, z=0.0, w=0.0))
-    w = pin.w if abs(pin.w) >= SMALLEST_W else math.copysign(SMALLEST_W, pin.w)
-    return Pose(position=Point(x=pin.x, y=pin.y, z=0.0), orientation=Quaternion(x=0.0, y=0.0, z=pin.z, w=w))
+    turn = Quaternion(x=0.0, y=0.0, z=pin.z, w=filled_in(pin.w))
+    return Pose(position=Point(x=pin.x, y=pin.y, z=0.0), orientation=turn)
 
 
 def _bloom_message(bloom: Bloom) -> FlowerPoint:
@@ -285,11 +292,6 @@ def _bloom_message(bloom: Bloom) -> FlowerPoint:
         confidence=bloom.confidence,
         anomaly=bloom.anomaly,
     )
-
-
-def _time_message(seconds: float) -> Time:
-    whole, rest = divmod(round(seconds * 1e9), 10**9)
-    return Time(sec=whole, nanosec=rest)
 
 
 def main(arguments: Sequence[str]) -> int:

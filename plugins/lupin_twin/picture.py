@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import io
 import math
+import warnings
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from lupin_engine.errors import LupinError
-from lupin_twin.field import DEFAULTS, Field, Grid, OccupancyMap, Settings, interpolate
-from lupin_twin.missions import MissionRecord
+from lupin_twin.export.forms import utc
+from lupin_twin.field import DEFAULTS, Field, Floats, Grid, OccupancyMap, Settings, interpolate
+from lupin_twin.missions import MissionRecord, Observation
+from lupin_twin.records import Reading
 from lupin_twin.state import Tag
+from lupin_twin.text import number, printable
 from lupin_twin.units import QUANTITIES, with_unit
 
 if TYPE_CHECKING:
@@ -26,6 +30,13 @@ MARGIN_M = 0.75
 #: Metres of the longer side up to which a picture is drawn: one stray tag must not make it a speck.
 WIDEST_M = 1000.0
 
+#: The shorter side of what is shown, of the longer one: a single row of tags is not a line.
+NARROWEST = 0.2
+
+#: What the colour scale spans at least, of its middle and in the sensor's unit: noise is not painted as a
+#: difference.
+LEAST_SPAN, LEAST_UNITS = 0.01, 0.01
+
 #: Inches of the longer side of the field, and dots of each.
 SIDE_IN, DPI = 6.5, 150
 
@@ -38,7 +49,7 @@ OCCUPIED = 65
 _MISSING = "pictures need a package that is not installed: pip install 'lupin-engine[sim]'"
 
 #: Dark ink on white; the colour scale is one that people who see few colours can read as well.
-_INK, _FAINT, _HATCH, _COLOURS = "#1b1f24", "#8a929c", "#c3c8ce", "viridis"
+_INK, _FAINT, _HATCH, _COLOURS = "#1b1f24", "#5b636c", "#c3c8ce", "viridis"
 _WALL = (0.32, 0.35, 0.38)
 
 
@@ -71,7 +82,12 @@ def picture(
     field = interpolate(
         grid, *record.twin.samples(sensor), Settings(falloff=reach, max_distance=reach), explored
     )
-    with mpl.rc_context({"svg.fonttype": "path", "svg.hashsalt": "lupin", "hatch.linewidth": 0.6}):
+    with (
+        mpl.rc_context({"svg.fonttype": "path", "svg.hashsalt": "lupin", "hatch.linewidth": 0.6}),
+        warnings.catch_warnings(),
+    ):
+        # Of a letter that no font has there is an empty box, which says it.
+        warnings.filterwarnings("ignore", r"Glyph \d+ ", UserWarning)
         figure = Figure(figsize=_size(grid), dpi=DPI, layout="constrained", facecolor="white")
         FigureCanvasAgg(figure)
         _draw(figure.add_subplot(), record, sensor, field, occupancy, tags, reach)
@@ -80,7 +96,10 @@ def picture(
         metadata = (
             {"Date": None, "Creator": "Lupin engine"} if ending == ".svg" else {"Software": "Lupin engine"}
         )
-        figure.savefig(file, format=ending.removeprefix("."), metadata=metadata)
+        # Tight, for the layout forgets the room of labels when the axes become narrower to be true to scale.
+        figure.savefig(
+            file, format=ending.removeprefix("."), metadata=metadata, bbox_inches="tight", pad_inches=0.1
+        )
     return file.getvalue()
 
 
@@ -97,7 +116,8 @@ def _grid(tags: list[Tag], occupancy: OccupancyMap | None) -> Grid:
     side = float(np.max(high - low))
     if not side <= WIDEST_M:
         raise NoPicture(f"the tags are {side:g} m apart, too far for a picture (at most {WIDEST_M:g} m)")
-    (min_x, min_y), (max_x, max_y) = low.tolist(), high.tolist()
+    missing = np.maximum(NARROWEST * side - (high - low), 0.0) / 2.0
+    (min_x, min_y), (max_x, max_y) = (low - missing).tolist(), (high + missing).tolist()
     return Grid.over(min_x, min_y, max_x, max_y, side / CELLS)
 
 
@@ -134,7 +154,8 @@ def _draw(
     axes.set(xlim=extent[:2], ylim=extent[2:], aspect="equal", xlabel="x [m]", ylabel="y [m]")
     axes.set_facecolor("#f4f5f7")
     _unexplored(axes, grid, occupancy)
-    lowest, highest = _range(field)
+    values = record.twin.samples(sensor)[1]
+    lowest, highest = _range(values)
     image = axes.imshow(
         np.ma.masked_invalid(field.values),
         origin="lower",
@@ -151,8 +172,8 @@ def _draw(
     bar = axes.figure.colorbar(image, ax=axes, fraction=0.05, pad=0.03)
     bar.set_label(_plain(with_unit(sensor)[:40]), color=_INK)
     bar.outline.set_visible(False)
-    axes.set_title(_title(sensor, field), loc="left", fontsize=10, color=_INK, pad=36)
-    key = f"{_source(record, field)}\n{_key(occupancy, reach)}"
+    axes.set_title(_title(sensor, values), loc="left", fontsize=10, color=_INK, pad=46)
+    key = f"{_source(record, sensor, len(values))}\n{_key(occupancy, reach)}"
     axes.text(0.0, 1.01, key, transform=axes.transAxes, fontsize=7, color=_FAINT, va="bottom")
     axes.tick_params(colors=_INK, labelsize=8)
     for spine in axes.spines.values():
@@ -164,12 +185,12 @@ def _key(occupancy: OccupancyMap | None, reach: float) -> str:
     return blank if occupancy is None else f"{blank} · hatched: not explored"
 
 
-def _range(field: Field) -> tuple[float, float]:
-    """Return the ends of the colour scale; a field of one value is in its middle."""
-    if field.minimum < field.maximum:
-        return field.minimum, field.maximum
-    room = max(abs(field.minimum) * 0.01, 0.01)
-    return field.minimum - room, field.maximum + room
+def _range(values: Floats) -> tuple[float, float]:
+    """Return the ends of the colour scale; values that are nearly the same are in its middle."""
+    low, high = float(values.min()), float(values.max())
+    middle = low / 2.0 + high / 2.0
+    room = max(abs(middle) * LEAST_SPAN, LEAST_UNITS)
+    return (low, high) if high - low >= room else (middle - room, middle + room)
 
 
 def _unexplored(axes: Axes, grid: Grid, occupancy: OccupancyMap | None) -> None:
@@ -242,10 +263,16 @@ def _tags(axes: Axes, grid: Grid, tags: list[Tag], sensor: str) -> None:
 def _labels(grid: Grid, tags: list[Tag]) -> list[tuple[bool, bool]]:
     """Return where the label of each tag is: right or left of its mark, above or below.
 
-    The first of the four places that covers no mark and no earlier label; where none is free, the first.
+    The first of the four places in the picture that covers no mark and no earlier label; where none is free,
+    the first.
     """
     points = 72.0 * SIDE_IN / (max(grid.width, grid.height) * grid.resolution)  # in a metre, about
-    marks = [(tag.pin.x * points, tag.pin.y * points) for tag in tags if tag.pin is not None]
+    marks = [
+        ((tag.pin.x - grid.min_x) * points, (tag.pin.y - grid.min_y) * points)
+        for tag in tags
+        if tag.pin is not None
+    ]
+    edge = grid.width * grid.resolution * points, grid.height * grid.resolution * points
     taken = [(x - MARK_PT, y - MARK_PT, x + MARK_PT, y + MARK_PT) for x, y in marks]
     places = []
     for tag, (x, y) in zip(tags, marks, strict=True):
@@ -260,11 +287,20 @@ def _labels(grid: Grid, tags: list[Tag]) -> list[tuple[bool, bool]]:
             for above in (True, False)
             for right in (True, False)
         }
-        free = (place for place, box in boxes.items() if not any(_overlap(box, other) for other in taken))
+        free = (
+            place
+            for place, box in boxes.items()
+            if _inside(box, edge) and not any(_overlap(box, other) for other in taken)
+        )
         place = next(free, (True, True))
         places.append(place)
         taken.append(boxes[place])
     return places
+
+
+def _inside(box: tuple[float, ...], edge: tuple[float, float]) -> bool:
+    """Say whether a box (left, bottom, right, top) is between 0 and the edge."""
+    return min(box[:2]) >= 0.0 and box[2] <= edge[0] and box[3] <= edge[1]
 
 
 def _overlap(one: tuple[float, ...], other: tuple[float, ...]) -> bool:
@@ -272,18 +308,51 @@ def _overlap(one: tuple[float, ...], other: tuple[float, ...]) -> bool:
     return one[0] < other[2] and other[0] < one[2] and one[1] < other[3] and other[1] < one[3]
 
 
-def _title(sensor: str, field: Field) -> str:
+def _title(sensor: str, values: Floats) -> str:
+    """Return what was read: the field between the tags has no other values."""
     quantity = QUANTITIES.get(sensor)
     symbol = "" if quantity is None or quantity.symbol == "1" else f" {quantity.symbol}"
-    return f"{_plain(sensor[:40]).replace('_', ' ')}: {field.minimum:.4g} to {field.maximum:.4g}{symbol}"
+    ends = dict.fromkeys((number(float(values.min())), number(float(values.max()))))
+    return f"{_plain(sensor[:40]).replace('_', ' ')}: {' to '.join(ends)}{symbol}"
 
 
-def _source(record: MissionRecord, field: Field) -> str:
-    names = [mission.mission_id for mission in record.missions if mission.mission_id]
-    of = f"mission {_plain(names[0][:20])}" if len(names) == 1 else f"{len(names)} missions"
-    return f"read at {field.sample_count} tags, {of}"
+def _source(record: MissionRecord, sensor: str, count: int) -> str:
+    """Return at how many tags and when the values were read that are shown, and by whom."""
+    shown = _shown(record, sensor)
+    times = [seen.time for seen in shown]
+    tags = "1 tag" if count == 1 else f"{count} tags"
+    missions = _missions({seen.record.mission_id for seen in shown})
+    return f"read at {tags}, {missions}\n{_span(min(times), max(times))} UTC"
+
+
+def _shown(record: MissionRecord, sensor: str) -> list[Observation]:
+    """Return of each tag that is shown the observation of its value, which is the latest."""
+    latest = {
+        seen.record.tag_id: seen
+        for seen in record.observations
+        if isinstance(seen.record, Reading) and sensor in dict(seen.record.readings)
+    }
+    tags = ((record.twin.tags[tag_id], seen) for tag_id, seen in latest.items())
+    return [seen for tag, seen in tags if tag.pin is not None and math.isfinite(tag.readings[sensor])]
+
+
+def _missions(ids: set[str]) -> str:
+    """Return these missions in words; "" is for what was seen outside of one."""
+    names, outside = ids - {""}, "outside of missions"
+    if not names:
+        return outside
+    of = f"mission {_plain(min(names)[:20])}" if len(names) == 1 else f"{len(names)} missions"
+    return f"{of} and {outside}" if "" in ids else of
+
+
+def _span(first: float, last: float) -> str:
+    """Return from when to when, to the minute; the day once if it is the same."""
+    (day, begin), (last_day, end) = (utc(time)[:16].split("T") for time in (first, last))
+    if day != last_day:
+        return f"{day} {begin} to {last_day} {end}"
+    return f"{day} {begin}" if begin == end else f"{day} {begin} to {end}"
 
 
 def _plain(text: str) -> str:
     """Return text as such: matplotlib takes what is between dollar signs for a formula."""
-    return text.replace("$", r"\$")
+    return printable(text).replace("$", r"\$")

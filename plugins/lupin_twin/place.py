@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import os
 
-from lupin_engine.plugin.files import user_folder
+from lupin_engine.plugin.files import ros_domain, user_folder
 
 
-def store_path(given: str = "") -> str:
+def store_path(given: str = "", domain: int | None = None) -> str:
     """Return the path of the store: the given one, else a file in the user's state folder.
 
     One for each ROS domain, because a domain is a greenhouse with one twin: `twin.sqlite` in domain 0 and
-    `twin-42.sqlite` in domain 42.
+    `twin-42.sqlite` in domain 42. Without `domain` it is that of this process.
     """
     if given:
         return os.path.expanduser(given)
-    domain = os.environ.get("ROS_DOMAIN_ID", "").strip()
-    suffix = f"-{int(domain)}" if domain.isdecimal() and int(domain) else ""
+    domain = ros_domain() if domain is None else domain
+    suffix = f"-{domain}" if domain else ""
     return str(user_folder("XDG_STATE_HOME", ".local/state") / f"twin{suffix}.sqlite")

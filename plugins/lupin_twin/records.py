@@ -120,8 +120,8 @@ def to_json(record: Record) -> str:
     return json.dumps(asdict(record), separators=(",", ":"))
 
 
-def from_json(text: str) -> Record:
-    """Return the record that `to_json` wrote.
+def from_json(text: str | bytes) -> Record:
+    """Return the record that `to_json` wrote; of bytes, in UTF-8.
 
     Raises:
         ValueError: it did not write that.

@@ -98,6 +98,7 @@ class Twin:
         self._tags: dict[str, Tag] = {}
         self._anomalies: deque[Anomaly] = deque(maxlen=REPORTS)
         self._sensors = dict.fromkeys(SENSORS)
+        self._time = 0.0
         self.observation_count = 0
         self.pins = 0
         self.revision = 0
@@ -178,7 +179,8 @@ class Twin:
         self._observed(tag, time)
 
     def _observed(self, tag: Tag, time: float) -> None:
-        tag.last_observed = time
+        # After an outage the newest need not come last: each publisher has a backlog of its own.
+        tag.last_observed = time if tag.last_observed is None else max(tag.last_observed, time)
         self.observation_count += 1
 
     def _pin(self, tag: Tag, pin: Pin | None) -> None:
@@ -190,6 +192,22 @@ class Twin:
         if tag_id not in self._tags:
             self._tags[tag_id] = Tag(tag_id, deque(maxlen=self._history))
         return self._tags[tag_id]
+
+    def tell_time(self, now: float) -> None:
+        """Take in what time it is, in seconds; 0 while the clock has not begun.
+
+        Where it was later before, the clock was set back: what was observed until then is as old as that.
+        Tags of a simulation that has begun anew would otherwise stay fresh for as long as the last one took.
+        """
+        if 0.0 < now < self._time:
+            for tag in self._tags.values():
+                tag.last_observed = None if tag.last_observed is None else min(tag.last_observed, now)
+            self.revision += 1
+        self._time = now or self._time
+
+    def forget_time(self) -> None:
+        """Take the next time that is told for what it is, whatever was told before."""
+        self._time = 0.0
 
     def samples(self, sensor: str) -> tuple[Floats, Floats]:
         """Return positions (n rows of x, y) and the latest values of the tags that have both."""

@@ -12,6 +12,7 @@ from __future__ import annotations
 import fcntl
 import hashlib
 import os
+import shutil
 import sqlite3
 import zlib
 from collections import deque
@@ -35,6 +36,9 @@ VERSION = 1
 
 #: Records that wait in memory while they cannot be written; the oldest are given up first.
 MAX_WAITING = 10_000
+
+#: Bytes that SQLite needs beside a store to open it.
+LEAST_ROOM = 65_536
 
 #: Seconds to wait for a program that reads or copies the file.
 BUSY_S = 2.0
@@ -255,7 +259,7 @@ def _opened(path: str) -> sqlite3.Connection:
     except sqlite3.OperationalError as error:
         # Locked, not allowed, no room: the file itself may be sound.
         _close(db)
-        raise StoreError(f"{path} cannot be opened: {error}") from None
+        raise StoreError(f"{path} cannot be opened: {_reason(path, error)}") from None
     except sqlite3.DatabaseError as error:
         _close(db)
         raise _Corrupt(str(error)) from None
@@ -263,6 +267,12 @@ def _opened(path: str) -> sqlite3.Connection:
         _close(db)
         raise
     return db
+
+
+def _reason(path: str, error: sqlite3.Error) -> str:
+    """Return why a file cannot be opened; to SQLite a disk without room is a broken one."""
+    has_room = shutil.disk_usage(Path(path).parent).free >= LEAST_ROOM
+    return str(error) if has_room else "no room is left on its disk"
 
 
 def _check(db: sqlite3.Connection, path: str) -> None:
@@ -293,11 +303,24 @@ def _state(db: sqlite3.Connection) -> tuple[int, list[str]]:
 
 
 def _rows(db: sqlite3.Connection, path: str, unreadable: list[str]) -> Iterator[Row]:
-    for number, received, text in db.execute("SELECT number, received, json FROM record ORDER BY 1"):
+    # As bytes: what is no text any more is one damaged row, and not the end of reading.
+    written = db.execute("SELECT number, received, CAST(json AS BLOB) FROM record ORDER BY 1")
+    for number, received, text in written:
         try:
-            yield Row(from_json(text), received)
+            yield Row(from_json(text), _moment(received))
         except ValueError as error:
             unreadable.append(f"{path}: row {number} left out: {error}")
+
+
+def _moment(received: object) -> float:
+    """Return when a record arrived, in seconds.
+
+    Raises:
+        ValueError: that is no number any more.
+    """
+    if not isinstance(received, float):
+        raise ValueError(f"its time is no number but {type(received).__name__}")
+    return received
 
 
 def _map(db: sqlite3.Connection, path: str, unreadable: list[str]) -> OccupancyMap | None:

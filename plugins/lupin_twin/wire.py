@@ -9,14 +9,17 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from itertools import chain
 from typing import Any
 
 import numpy as np
 
 from lupin_engine.errors import LupinError, shortened
+from lupin_engine.plugin.wire import seconds_of
+from lupin_engine.world.frames import frame_name
 from lupin_twin.field import OccupancyMap
-from lupin_twin.records import Anomaly, Bloom, Box, Discovery, Flowers, Observed, Pin, Reading
+from lupin_twin.records import Anomaly, Bloom, Box, Corners, Discovery, Flowers, Observed, Pin, Reading
 
 #: `Observation.kind` and `.status`; existing numbers never change.
 TAG_READING, FLOWER, ANOMALY = 0, 1, 2
@@ -52,9 +55,8 @@ def observed(message: Any, frame: str, now: float) -> Observed | None:
         raise Dropped(f"observation of unknown kind {message.kind} dropped")
     if message.status != STATUS_OK:
         return None
-    stamp = message.header.stamp
     origin = {
-        "stamp": float(stamp.sec + stamp.nanosec * 1e-9) or now,
+        "stamp": seconds_of(message.header.stamp) or now,
         "mission_id": message.mission_id,
         "source": message.source,
     }
@@ -81,8 +83,8 @@ def _flowers(message: Any, frame: str, origin: dict[str, Any]) -> Flowers:
         species=flower.species,
         confidence=_finite(flower.confidence),
         anomaly=bool(flower.anomaly),
-        blooms=tuple(_bloom(point) for point in flower.flowers),
-        footprint=tuple((float(corner.x), float(corner.y)) for corner in flower.box_footprint.points),
+        blooms=tuple(_bloom(point) for point in flower.flowers if _has_place(point.position)),
+        footprint=_footprint(flower.box_footprint.points),
         pin=pin_of(flower.pose.pose),
         **origin,
     )
@@ -94,11 +96,17 @@ def _bloom(point: Any) -> Bloom:
     return Bloom(*place, point.species, _finite(point.confidence), bool(point.anomaly))
 
 
+def _footprint(points: Sequence[Any]) -> Corners:
+    """Return the corners; none where one of them is no place, for the others make another box."""
+    corners = tuple((float(point.x), float(point.y)) for point in points)
+    return corners if all(map(math.isfinite, chain.from_iterable(corners))) else ()
+
+
 def _anomaly(message: Any, frame: str, origin: dict[str, Any]) -> Anomaly:
     report = message.anomaly
     _check_frame(frame, "anomaly report", report.pose.header.frame_id, message.header.frame_id)
     p = report.pose.pose.position
-    if not all(map(math.isfinite, (p.x, p.y, p.z))):
+    if not _has_place(p):
         raise Dropped("anomaly report without a place dropped")
     return Anomaly(
         x=float(p.x),
@@ -151,6 +159,7 @@ def boxes(text: str) -> list[Box]:
 
 def _box(entry: Mapping[str, Any]) -> Box:
     tag_id = _name(str(entry["id"] if "id" in entry else entry["box_id"]).strip(), "box geometry")
+    tag_id.encode()  # JSON can tell half a letter, which no message could publish
     names = ("x", "y", "yaw", "width", "depth")
     x, y, yaw, width, depth = numbers = [float(entry[name]) for name in names]
     if not tag_id or not all(abs(number) <= FARTHEST_M for number in numbers):
@@ -217,9 +226,13 @@ def _name(name: str, what: str) -> str:
 
 def _check_frame(expected: str, what: str, *told: str) -> None:
     """Compare with the first frame that was told; nobody having told one is taken for the expected one."""
-    frame = next((name for name in told if name), expected).lstrip("/")
+    frame = frame_name(next((name for name in told if name), expected))
     if frame != expected:
         raise Dropped(f"{what} in frame {shortened(frame)!r} dropped, expected {expected!r}")
+
+
+def _has_place(position: Any) -> bool:
+    return all(map(math.isfinite, (position.x, position.y, position.z)))
 
 
 def _finite(confidence: float) -> float:

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import importlib.util
 import shutil
 from pathlib import Path
-from types import ModuleType
 
 import pytest
 
@@ -13,6 +11,7 @@ from lupin_engine.chart.actions import BUILTIN_ACTIONS
 from lupin_engine.chart.expressions import BUILTIN_CALLS, ROOTS
 from lupin_engine.chart.load import LIFECYCLE, PARTS, check_chart
 from lupin_engine.plugin.registry import Catalog, load_catalog
+from tests.tools import load_tool
 
 ROOT = Path(__file__).parents[2]
 MISSIONS = ROOT / "missions"
@@ -33,17 +32,7 @@ states:
 """
 
 
-def load_tool() -> ModuleType:
-    """Import tools/reference.py, which is no package's."""
-    spec = importlib.util.spec_from_file_location("reference", ROOT / "tools" / "reference.py")
-    assert spec is not None
-    assert spec.loader is not None
-    tool = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(tool)
-    return tool
-
-
-reference = load_tool()
+reference = load_tool("reference")
 
 
 @pytest.mark.parametrize("name", sorted(reference.PAGES))

@@ -37,7 +37,7 @@ def nothing_starts(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
         ),
         (
             ["inspection", "--set", "nav_timeout_s=soon"],
-            "--set: parameter nav_timeout_s: expected duration, got 'soon'; "
+            "--set: parameter 'nav_timeout_s': expected duration, got 'soon'; "
             "its units are 'ms', 's', 'min', 'h'",
         ),
         (
@@ -55,26 +55,63 @@ def test_wrong_words_are_usage_errors(
     assert capsys.readouterr().err == f"lupin: {text}\n"
 
 
+def test_all_missions_that_there_are_not_are_told(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    """By name and by file, with the nearest; a folder is not one, and has some."""
+    shutil.copytree(SHIPPED, tmp_path / "mine")
+    names = ["inspecton", "mine/inspecton.yaml", "mine", "mine/parts", "inspection"]
+    assert main(["up", *names]) == 2
+    assert capsys.readouterr().err.splitlines() == [
+        f"lupin: no mission 'inspecton' in {SHIPPED}; did you mean 'inspection'?",
+        "no mission file 'mine/inspecton.yaml'; did you mean 'mine/inspection.yaml'?",
+        "'mine' is a folder; allowed: 'mine/exploration.yaml', 'mine/inspection.yaml'",
+        "'mine/parts' is a folder; it has no missions",
+    ]
+
+
 def test_an_unknown_tag_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
     """With the tags that there are."""
     assert main(["run", "inspection", "--tags", "1,99"]) == 2
     assert capsys.readouterr().err.startswith("lupin: unknown tag '99'; the layout has 29 tags: 1, 2, 3, 4,")
 
 
-def test_a_layout_that_is_not_there_is_named(capsys: pytest.CaptureFixture[str]) -> None:
+@pytest.mark.parametrize("verb", ["run", "up"])
+def test_a_layout_that_is_not_there_is_named(capsys: pytest.CaptureFixture[str], verb: str) -> None:
     """A parameter that leads nowhere is told here, not by a node that dies."""
-    assert main(["run", "inspection", "--set", "tag_locations_file=absent.json"]) == 1
-    assert capsys.readouterr().err.startswith("lupin: tag_locations_file 'absent.json' cannot be used: ")
+    assert main([verb, "inspection", "--set", "tag_locations_file=absent.json"]) == 2
+    told = "lupin: tag_locations_file 'absent.json' cannot be used: No such file or directory\n"
+    assert capsys.readouterr().err == told
+
+
+def test_everything_that_is_wrong_is_told_at_once(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Parameters, the request, where logs go, and what the shell has set for ROS."""
+    (tmp_path / "file").touch()
+    monkeypatch.setenv("ROS_DOMAIN_ID", "lab")
+    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "OFF")
+    given = ["--set", "nav_timeout=5", "--set", "approach_yaw=5 s", "--set", "battery_topic=a b"]
+    given += ["--goal", "3", "--log-dir", "file/logs", "--save-svg", "file/run.svg"]
+    assert main(["run", "inspection", *given]) == 2
+    assert capsys.readouterr().err.splitlines() == [
+        "lupin: --set: unknown parameter 'nav_timeout'; did you mean 'nav_timeout_s'?",
+        "--set: parameter 'approach_yaw': expected angle, got '5 s'; its units are 'deg', 'rad'",
+        "--set: parameter 'battery_topic': expected ROS name, got 'a b', such as /camera/image_raw",
+        "InspectionMission has no use for --goal: its request has no discovery_goal; it has tag_sequence",
+        "no picture can be written to 'file': File exists",
+        "ROS_DOMAIN_ID is 'lab': use a number from 0 to 101",
+        "ROS_AUTOMATIC_DISCOVERY_RANGE is 'OFF': nodes do not find each other: unset it",
+        "no logs can be written to 'file/logs': Not a directory",
+    ]
 
 
 def test_a_mission_with_errors_is_told_in_full(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
-    """Every finding, exit code 1."""
+    """Every finding; exit code 2, because 1 says that targets were missed."""
     shutil.copytree(SHIPPED, tmp_path / "m")
     file = tmp_path / "m" / "inspection.yaml"
     file.write_text(
         file.read_text().replace("phase: LOC", "phaze: LOC").replace("on_error: FAULT", "on_error: FALT")
     )
-    assert main(["run", str(file)]) == 1
+    assert main(["run", str(file)]) == 2
     first, second = capsys.readouterr().err.splitlines()
     assert first.startswith(f"{file}:")
     assert first.endswith("unknown key 'phaze'; did you mean 'phase'? [unknown-key]")

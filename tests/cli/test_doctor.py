@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -118,6 +119,25 @@ def test_a_refused_plugin_is_told_with_the_reason(monkeypatch: pytest.MonkeyPatc
     assert (refused.topic, refused.found, refused.state) == ("plugin broken", "refused", "problem")
     assert "No module named 'lupin_no_such_module'" in refused.advice
     assert (accepted.topic, accepted.state) == ("plugin nav", "ok")
+
+
+def test_a_look_that_fails_is_a_problem_and_the_others_go_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    """On a broken installation even looking can fail; that is when a doctor is called."""
+
+    def look_at_left_overs() -> Iterator[Finding]:
+        yield Finding("nodes running", "none")
+        raise AttributeError("module 'x' has no attribute 'y'")
+
+    def look_at_more() -> Iterator[Finding]:
+        yield Finding("more", "fine")
+
+    monkeypatch.setattr(health, "LOOKS", (look_at_left_overs, look_at_more))
+    advice = "AttributeError: module 'x' has no attribute 'y'; install the packages anew"
+    assert health.examine() == [
+        Finding("nodes running", "none"),
+        Finding("left overs", "cannot be looked at", "problem", advice),
+        Finding("more", "fine"),
+    ]
 
 
 def test_the_table_ends_with_a_verdict(

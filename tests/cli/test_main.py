@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shlex
 import subprocess
 import sys
 from pathlib import Path
@@ -170,6 +171,15 @@ def test_a_reader_that_leaves_is_no_defect() -> None:
         process.stdin.close()
         assert process.stderr.read() == b""
         assert process.wait(30) == 141
+
+
+@pytest.mark.parametrize("closed", ["<&-", ">&-", "2>&-", "<&- >&- 2>&-"])
+def test_a_stream_that_was_closed_is_no_defect(closed: str) -> None:
+    """A daemon may start us without standard input or output: nothing is read, or told, there."""
+    command = f"{shlex.quote(sys.executable)} -m lupin_engine.cli.main plugin list {closed}"
+    done = subprocess.run(["sh", "-c", command], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert ("greenhouse" in done.stdout) is (">&-" not in closed.replace("2>&-", ""))
 
 
 def test_garbage_is_collected_after_the_imports() -> None:

@@ -10,11 +10,10 @@ from typing import Any
 import pytest
 
 from lupin_engine.chart.model import Chart
-from lupin_engine.cli.observers import JsonObserver, SavingPicture
+from lupin_engine.cli.observers import Heard, JsonObserver, SavingPicture
 from lupin_engine.errors import Severity
-from lupin_engine.launch.mission import load_missions
 from lupin_engine.launch.story import Story
-from lupin_engine.plugin.registry import load_catalog
+from tests import shipped
 from tests.launch.messages import MISSION_ID, observation, state
 
 
@@ -40,7 +39,7 @@ class Notes:
 @pytest.fixture(scope="module")
 def chart() -> Chart:
     """The inspection mission."""
-    return load_missions(["inspection"], load_catalog()).chart
+    return shipped.mission("inspection")
 
 
 @pytest.fixture
@@ -89,3 +88,23 @@ def test_programs_get_a_state_only_when_it_is_another(story: Story) -> None:
     assert (lines[0]["current_target"], "header" in lines[0]) == ("5", False)
     assert (lines[1]["tag"], lines[1]["values"]) == ("1", {"co2": 412.0})
     assert (lines[2]["exit_code"], lines[2]["counts"]["OK"]) == (1, 1)
+
+
+def test_an_observer_that_nobody_hears_stops_the_run_once(story: Story) -> None:
+    """A closed terminal, or a pipe whose reader has left; nothing more is written there."""
+
+    class Unheard(Notes):
+        def note(self, text: str, severity: Severity = Severity.INFO) -> None:
+            super().note(text, severity)
+            raise BrokenPipeError
+
+    inner = Unheard()
+    stops: list[str] = []
+    heard = Heard(inner, lambda: stops.append("stop"))
+    heard.show(story)
+    heard.arrived("state", {}, story)
+    heard.note("one")
+    heard.note("two")
+    heard.close(story, 130)
+    assert [text for text, _ in inner.told] == ["show", "state", "one"]
+    assert stops == ["stop"]

@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from lupin_engine.cli.main import main
+from lupin_engine.harness.rules import RULES
 from tests.cli.test_main import HEAVY
 
 VERBS = ("list", "show", "check", "new")
@@ -86,6 +87,29 @@ def test_a_plugin_that_is_refused_is_listed_with_the_reason(
     assert "Sensor readings" in out
 
 
+def test_two_packages_with_a_plugin_of_one_name(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """Neither is taken by chance, whoever asks; the text says what to do."""
+    for package in ("one_lamp", "other_lamp"):
+        (tmp_path / f"{package}.py").write_text(
+            "from lupin_engine.plugin.contract import Plugin\nPLUGIN = Plugin('lamp', 'A lamp.')\n"
+        )
+        (tmp_path / f"{package}-1.dist-info").mkdir()
+        entry = tmp_path / f"{package}-1.dist-info" / "entry_points.txt"
+        entry.write_text(f"[lupin.plugins]\nlamp = {package}:PLUGIN\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    offers = "one_lamp:PLUGIN of one-lamp 1 and other_lamp:PLUGIN of other-lamp 1"
+    problem = f"plugin 'lamp' is offered more than once: {offers}; uninstall all but one"
+    code, out, _ = run(capsys, "list", "--json")
+    assert (code, [row["problem"] for row in json.loads(out) if row["name"] == "lamp"]) == (1, [problem] * 2)
+    assert run(capsys, "show", "lamp") == (1, "", f"lupin: {problem}\n")
+    code, out, _ = run(capsys, "check", "lamp", "--json")
+    assert (code, json.loads(out)[0]) == (1, {"plugin": "lamp", "rule": "registered", "problems": [problem]})
+    assert main(["simulate", "inspection"]) == 1
+    assert capsys.readouterr().err == f"lupin: {problem}\n"
+
+
 # -- show --------------------------------------------------------------------------------------------------
 
 
@@ -158,7 +182,7 @@ def test_a_new_plugin_is_a_package(capsys: pytest.CaptureFixture[str], tmp_path:
         assert "%" not in file.read_text(encoding="utf-8")
     assert "class NightLampClient(" in (tmp_path / "lupin-night_lamp/lupin_night_lamp/client.py").read_text()
     code, out, _ = run(capsys, "check", "lupin-night_lamp")
-    assert (code, out.splitlines()[-1]) == (0, "1 plugin, 8 rules, all kept")
+    assert (code, out.splitlines()[-1]) == (0, "1 plugin, 10 rules, all kept")
 
 
 def test_a_plugin_without_a_node(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
@@ -223,6 +247,63 @@ def test_a_name_that_is_taken(
     assert run(capsys, "new", "dawn") == (2, "", told)
 
 
+# -- bindings ----------------------------------------------------------------------------------------------
+
+DOOR = """\
+binding: door
+summary: The door.
+codes:
+  door_locked: {label: the door is locked}
+operations:
+  open:
+    summary: Open it.
+    service: {name: /door/open, type: std_srvs/srv/Trigger}
+    done_when: response.success
+    code: door_locked
+"""
+
+
+@pytest.fixture
+def door(tmp_path: Path) -> Path:
+    """Return the file of a binding, in the folder of missions that one is in."""
+    file = tmp_path / "missions" / "bindings" / "door.yaml"
+    file.parent.mkdir(parents=True)
+    file.write_text(DOOR)
+    return file
+
+
+@pytest.mark.parametrize("name", ["door", "missions/bindings/door.yaml"])
+def test_a_binding_is_shown_as_any_plugin(capsys: pytest.CaptureFixture[str], door: Path, name: str) -> None:
+    """It is one: by its name, or its file."""
+    code, out, _ = run(capsys, "show", name)
+    assert code == 0
+    assert [line.strip() for line in out.splitlines()] == [
+        "door: The door.",
+        "missions/bindings/door.yaml",
+        "",
+        "Operations",
+        "door.open",
+        "Open it.",
+        "fails with  door_locked (the door is locked)",
+        "when held   it may finish; its end waits for the release",
+    ]
+
+
+def test_a_binding_with_errors_is_not_shown(capsys: pytest.CaptureFixture[str], door: Path) -> None:
+    """Who asks is told where the errors are told."""
+    door.write_text(DOOR.replace("done_when", "done_wen"))
+    told = "lupin: the binding missions/bindings/door.yaml has errors; to see them: "
+    assert run(capsys, "show", "door") == (2, "", f"{told}lupin check missions/bindings/door.yaml\n")
+
+
+def test_a_binding_is_checked_with_the_missions(capsys: pytest.CaptureFixture[str], door: Path) -> None:
+    """The harness tries packages."""
+    told = (
+        "lupin: 'door' is a binding; it is checked with the missions: lupin check missions/bindings/door.yaml"
+    )
+    assert run(capsys, "check", "door") == (2, "", f"{told}\n")
+
+
 # -- check -------------------------------------------------------------------------------------------------
 
 
@@ -230,7 +311,7 @@ def test_all_that_is_installed_is_checked(capsys: pytest.CaptureFixture[str]) ->
     """What is kept is only counted."""
     code, out, _ = run(capsys, "check")
     names = {row["name"] for row in json.loads(run(capsys, "list", "--json")[1])}
-    assert (code, out) == (0, f"{len(names)} plugins, {8 * len(names)} rules, all kept\n")
+    assert (code, out) == (0, f"{len(names)} plugins, {len(RULES) * len(names)} rules, all kept\n")
 
 
 def test_what_breaks_a_rule_is_told(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
@@ -240,12 +321,12 @@ def test_what_breaks_a_rule_is_told(capsys: pytest.CaptureFixture[str], tmp_path
     catalog.write_text(catalog.read_text().replace("Switch it, and wait until that is done.", "switch it"))
     code, out, _ = run(capsys, "check", "lupin-dim_lamp")
     assert code == 1
-    assert out.splitlines()[3:6] == [
+    assert out.splitlines()[5:8] == [
         "broken  dim_lamp: documented",
         "        operation 'switch': 'switch it' is no sentence: begin with a capital, end with a full stop",
         "kept    dim_lamp: labelled",
     ]
-    assert out.splitlines()[-1] == "1 plugin, 8 rules, 1 broken"
+    assert out.splitlines()[-1] == "1 plugin, 10 rules, 1 broken"
     code, out, _ = run(capsys, "check", "lupin-dim_lamp", "--json")
     assert [verdict["rule"] for verdict in json.loads(out) if verdict["problems"]] == ["documented"]
 
@@ -262,7 +343,8 @@ def test_a_plugin_that_cannot_be_loaded_breaks_the_first_rule(
         [
             "broken  bad_lamp: loads",
             "        plugin 'bad_lamp' (lupin_bad_lamp.catalog:PLUGIN of lupin-bad_lamp) cannot be imported: "
-            "ModuleNotFoundError: No module named 'no_such_thing'",
+            "ModuleNotFoundError: No module named 'no_such_thing'; "
+            "at lupin-bad_lamp/lupin_bad_lamp/catalog.py:1",
             "1 plugin, 1 rule, 1 broken",
         ],
     )

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from lupin_engine.cli.settings import of_nodes, of_the_mission, read_settings
+from lupin_engine.cli.settings import of_nodes, of_the_mission, read_settings, settings_in
 from lupin_engine.errors import UsageError
 from lupin_engine.plugin.contract import Parameter
 from lupin_engine.plugin.types import BOOL, COUNT, DURATION, POSE, TEXT, list_of, number_in
@@ -69,22 +69,37 @@ def test_every_problem_is_told() -> None:
         "--set: 'tries' has no '='; write --set NAME=VALUE",
         "--set: '=5' has no name before its '='; write --set NAME=VALUE",
         "--set: unknown parameter 'timeout'; did you mean 'timeout_s'?",
-        "--set: parameter timeout_s: must be at least 1 s, got 0.1",
-        "--set: parameter look: expected bool, got 'maybe'; write true or false",
-        "--set: parameter tries: expected count, got 1.5",
-        "--set: parameter share: expected number, got '5 s'",
-        "--set: parameter dock: expected pose with the fields x, y, yaw, got [1, 2]",
+        "--set: parameter 'timeout_s': expected duration of at least 1 s, got 0.1",
+        "--set: parameter 'look': expected bool, got 'maybe'; write true or false",
+        "--set: parameter 'tries': expected count, got 1.5",
+        "--set: parameter 'share': expected number, got '5 s'",
+        "--set: parameter 'dock': expected pose with the fields x, y, yaw, got [1, 2]",
     ]
 
 
 def test_problems_of_a_node_name_it() -> None:
-    """As it has to be written."""
-    with pytest.raises(UsageError) as found:
-        read_settings("--set", ["tries", "timeout_s=5 m"], DECLARED, "reader")
-    assert str(found.value).splitlines() == [
+    """As it has to be written; what can be used is used, so that the rest can be checked with it."""
+    values, problems = settings_in("--set", ["tries", "timeout_s=5 m", "look=on"], DECLARED, "reader")
+    assert values == {"look": True}
+    assert problems == [
         "--set reader: 'reader.tries' has no '='; write --set reader.NAME=VALUE",
-        "--set reader: parameter timeout_s: expected duration, got '5 m'; "
+        "--set reader: parameter 'timeout_s': expected duration, got '5 m'; "
         "its units are 'ms', 's', 'min', 'h'",
+    ]
+
+
+def test_a_name_that_is_somebody_elses_is_told_so_and_all_names_are_listed_once() -> None:
+    """A nearest name goes first: it is a slip of the pen."""
+    given = ["trees=1", "backend=mqtt", "colour=red", "smell=sweet"]
+    _, problems = settings_in(
+        "--set", given, DECLARED, elsewhere=lambda name: "it is a reader's" if name == "backend" else ""
+    )
+    assert problems == [
+        "--set: unknown parameter 'trees'; did you mean 'tries'?",
+        "--set: unknown parameter 'backend'; it is a reader's",
+        "--set: unknown parameter 'colour'; "
+        "allowed: 'dock', 'look', 'preset', 'share', 'tags', 'timeout_s', 'tries'",
+        "--set: unknown parameter 'smell'",
     ]
 
 

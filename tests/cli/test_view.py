@@ -9,9 +9,8 @@ from rich.console import Console
 
 from lupin_engine.chart.model import Chart
 from lupin_engine.cli import view
-from lupin_engine.launch.mission import load_missions
 from lupin_engine.launch.story import Reading, Story
-from lupin_engine.plugin.registry import load_catalog
+from tests import shipped
 from tests.launch.messages import MISSION_ID, observation, state, step
 
 MISSION = "MISSION.InspectionMission"
@@ -22,7 +21,7 @@ DRIVING = ("", "MISSION", MISSION, INSPECTING, f"{INSPECTING}.NAVIGATING", f"{IN
 @pytest.fixture(scope="module")
 def chart() -> Chart:
     """The inspection mission."""
-    return load_missions(["inspection"], load_catalog()).chart
+    return shipped.mission("inspection")
 
 
 @pytest.fixture

@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 import difflib
-import importlib.util
 import re
-import sys
 from functools import cache
 from pathlib import Path
-from types import ModuleType
 
 import pytest
 import yaml
 
 from lupin_engine.chart.load import default_missions_folder
 from lupin_engine.cli.tasks.new import MISSION, SCENARIO
+from tests.tools import load_tool
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
@@ -22,18 +20,7 @@ STEPS = DOCS / "guide" / "steps"
 TUTORIAL = DOCS / "tutorial"
 
 
-def load_tool() -> ModuleType:
-    """Import tools/pages.py, which is no package's."""
-    spec = importlib.util.spec_from_file_location("pages", ROOT / "tools" / "pages.py")
-    assert spec is not None
-    assert spec.loader is not None
-    tool = importlib.util.module_from_spec(spec)
-    sys.modules["pages"] = tool
-    spec.loader.exec_module(tool)
-    return tool
-
-
-pages = load_tool()
+pages = load_tool("pages")
 PAGES = [(book, file) for book, files in pages.BOOKS.items() for file in files]
 
 

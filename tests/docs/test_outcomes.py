@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 from types import ModuleType
@@ -11,6 +9,7 @@ from types import ModuleType
 import pytest
 
 from lupin_engine.chart.load import default_missions_folder
+from tests.tools import load_tool
 
 ROOT = Path(__file__).parents[2]
 PAGE = ROOT / "docs" / "outcomes.md"
@@ -23,14 +22,7 @@ Cells = dict[tuple[str, str, str], str]
 
 @pytest.fixture(scope="module")
 def tool() -> ModuleType:
-    """Import tools/outcomes.py, which is no package's."""
-    spec = importlib.util.spec_from_file_location("outcomes", ROOT / "tools" / "outcomes.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module  # where its dataclasses look for the types that they name
-    spec.loader.exec_module(module)
-    return module
+    return load_tool("outcomes")
 
 
 @pytest.fixture(scope="module")

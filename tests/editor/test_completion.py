@@ -213,4 +213,4 @@ def test_nothing_that_is_typed_stops_it(folder: Folder) -> None:
     text = text[: text.index("  SCANNING:")]
     for end in range(0, len(text), 13):
         folder.put(path, text[:end])
-        complete(folder, path, end)
+        assert all(offer.label for offer in complete(folder, path, end).found)

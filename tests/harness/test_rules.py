@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import re
 import sys
 from collections.abc import Callable
 from dataclasses import replace
@@ -121,7 +122,12 @@ BROKEN: list[tuple[str, dict[str, Any], str]] = [
     ("registered", {"name": "lamp"}, "the entry point 'odd_lamp' names a plugin that calls itself 'lamp'"),
     (
         "registered",
-        dim(doc=5, codes=(Code("no", ""),)),
+        dim(doc=5),
+        "plugin 'odd_lamp': operation 'dim': doc must be a text, got 5",
+    ),
+    (
+        "registered",
+        dim(codes=(Code("no", ""),)),
         "plugin 'odd_lamp': operation 'dim': the code 'no' has no label for people",
     ),
     (
@@ -290,6 +296,61 @@ def test_loading_is_tried_in_a_process_of_its_own(
     monkeypatch.syspath_prepend(tmp_path)
     found = list(RULES["loads_without_ros"](Subject(EntryPoint("odd", "odd_file:PLUGIN"))))
     assert found == ([problem] if problem else [])
+
+
+@pytest.mark.parametrize(
+    ("source", "problems"),
+    [
+        (
+            "PLUGIN = Plugin('far', f'Of process {os.getpid()}.')",
+            ["doc is not the same each time it is loaded: '...', then '...'; write down what it is"],
+        ),
+        (
+            "PLUGIN = Plugin('far', 'A.', nodes={f'n{os.getpid()}': 'far:main'})",
+            ["node '...' is there in one process and not in another; write down what it is"] * 2,
+        ),
+        (
+            "PLUGIN = Plugin('far', 'A.', values={'far.v': LiveValue('v', BOOL)}, client='far:' + str(len))",
+            [],
+        ),
+    ],
+    ids=["changed", "coming and going", "only elsewhere in memory"],
+)
+def test_a_catalog_is_the_same_each_time(
+    source: str, problems: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What was checked on a laptop is what the robot loads."""
+    imports = (
+        "import os\nfrom lupin_engine.plugin.contract import LiveValue, Plugin\n"
+        "from lupin_engine.plugin.types import BOOL\n"
+    )
+    (tmp_path / "ever_new.py").write_text(imports + source)
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.delitem(sys.modules, "ever_new", raising=False)
+    told = problems_with("stays_the_same", Subject(EntryPoint("far", "ever_new:PLUGIN")))
+    assert [re.sub(r"'[^']*\d[^']*'|\"[^\"]*\"", "'...'", text) for text in told] == problems
+
+
+def test_of_a_catalog_that_is_refused_only_what_can_be_seen_is_told(
+    problems: Callable[..., list[str]],
+) -> None:
+    """The same mistake is not told once more by each rule that cannot be tried because of it."""
+    problems("registered", parameters={"odd_watt": Parameter(NUMBER, "x", "How strong.")})
+    found = findings(Subject(EntryPoint("odd_lamp", f"{MODULE}:PLUGIN")))
+    assert [rule for rule in RULES if rule not in found] == ["mocked", "computes"]
+    assert found["registered"] == [
+        "plugin 'odd_lamp': parameter 'odd_watt': the default: expected number, got 'x'"
+    ]
+    assert found["documented"] == ["parameter 'odd_watt': 'How strong.' is a phrase: leave out the full stop"]
+
+
+def test_a_rival_of_an_installed_plugin_is_refused() -> None:
+    """Also one that is not installed yet."""
+    told = problems_with("registered", Subject(EntryPoint("nav", "lupin_bridge.catalog:PLUGIN")))
+    assert told[0] == "the entry point 'nav' names a plugin that calls itself 'bridge'"
+    assert told[1].startswith(
+        "plugin 'nav' is offered more than once: lupin_bridge.catalog:PLUGIN and lupin_nav."
+    )
 
 
 def test_findings_are_by_rule(problems: Callable[..., list[str]]) -> None:

@@ -29,8 +29,11 @@ def until(condition: Callable[[], Any], what: str, limit: float = PATIENCE) -> N
 class Lupin:
     """A `lupin` command under way. All it starts carries a mark in its environment, so nothing can hide."""
 
-    def __init__(self, *arguments: str, domain: int, log_dir: Path) -> None:
+    def __init__(self, *arguments: str, domain: int, log_dir: Path, read_until: str = "") -> None:
+        """`read_until` is in the last line of its output that is read: then the pipe is closed."""
         self.domain = domain
+        self.log_dir = log_dir
+        self._read_until = read_until
         self.state = log_dir.parent / "state"
         self.mark = f"LUPIN_TEST={uuid.uuid4()}"
         name, _, value = self.mark.partition("=")
@@ -59,8 +62,10 @@ class Lupin:
 
     def _read(self, stream: Any, into: list[str]) -> None:
         with stream:
-            # Line by line, so that what has come can be read while more is to come.
-            into.extend(line.rstrip("\n") for line in stream)
+            for line in stream:
+                into.append(line.rstrip("\n"))
+                if self._read_until and self._read_until in line:
+                    break
 
     @property
     def output(self) -> str:

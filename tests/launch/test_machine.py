@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import errno
 import os
+import signal
 from pathlib import Path
 
 import pytest
@@ -11,6 +13,7 @@ from lupin_engine.errors import UsageError
 from lupin_engine.launch import folders, shared_memory
 from lupin_engine.launch.environment import close_the_doors, current_domain, is_local_only
 from lupin_engine.launch.health import running_nodes
+from lupin_engine.launch.interrupts import Interrupts
 from lupin_engine.launch.neighbours import participants
 
 #: A process that there cannot be.
@@ -95,6 +98,71 @@ def test_the_network_is_closed_unless_it_was_opened(monkeypatch: pytest.MonkeyPa
     assert (current_domain(), is_local_only()) == (7, False)
 
 
+@pytest.mark.parametrize(
+    ("variable", "value", "told"),
+    [
+        ("ROS_DOMAIN_ID", "lab", "ROS_DOMAIN_ID is 'lab': use a number from 0 to 101"),
+        ("ROS_DOMAIN_ID", "-1", "ROS_DOMAIN_ID is '-1': use a number from 0 to 101"),
+        ("ROS_DOMAIN_ID", "102", "ROS_DOMAIN_ID is '102': use a number from 0 to 101"),
+        (
+            "ROS_AUTOMATIC_DISCOVERY_RANGE",
+            "HOME",
+            "ROS_AUTOMATIC_DISCOVERY_RANGE is 'HOME': "
+            "use one of SUBNET, LOCALHOST, SYSTEM_DEFAULT, or unset it",
+        ),
+        (
+            "ROS_AUTOMATIC_DISCOVERY_RANGE",
+            "OFF",
+            "ROS_AUTOMATIC_DISCOVERY_RANGE is 'OFF': nodes do not find each other: unset it",
+        ),
+    ],
+)
+def test_a_network_in_which_nodes_would_not_meet_is_refused(
+    monkeypatch: pytest.MonkeyPatch, variable: str, value: str, told: str
+) -> None:
+    """Before anything waits for somebody in vain; what `--domain` says goes before the shell's."""
+    monkeypatch.setenv("ROS_DOMAIN_ID", "0")
+    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    monkeypatch.setenv(variable, value)
+    with pytest.raises(UsageError) as caught:
+        close_the_doors()
+    assert str(caught.value) == told
+
+
+def test_a_hangup_that_is_ignored_stays_ignored() -> None:
+    """`nohup lupin up` goes on when its terminal is closed; else that is a signal as any other."""
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    try:
+        with Interrupts() as interrupts:
+            signal.raise_signal(signal.SIGHUP)
+            assert interrupts.count == 0
+        signal.signal(signal.SIGHUP, signal.SIG_DFL)
+        with Interrupts() as interrupts:
+            signal.raise_signal(signal.SIGHUP)
+            assert (interrupts.count, interrupts.at_leisure) == (1, False)
+    finally:
+        signal.signal(signal.SIGHUP, before)
+
+
+def test_a_full_disk_is_told_with_what_to_do(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """Before any node is started."""
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+
+    def full(folder: Path) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(folder))
+
+    folders.state_folder("runs")
+    monkeypatch.setattr(folders, "name_of_now", lambda: "now")
+    monkeypatch.setattr(Path, "mkdir", lambda folder, **_: full(folder) if folder.name == "now" else None)
+    with pytest.raises(UsageError) as caught:
+        folders.new_run_folder()
+    runs = tmp_path / "lupin" / "runs"
+    assert str(caught.value) == (
+        f"there is no room for the logs of a run in {str(runs / 'now')!r}: No space left on device; "
+        "make some, or name a folder with --log-dir"
+    )
+
+
 def test_logs_go_to_the_users_state_folder(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """One folder a run, of which the newest are kept; a given folder is taken as it is."""
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
@@ -143,3 +211,13 @@ def test_without_a_writable_home_there_is_a_temporary_folder(
     monkeypatch.setenv("HOME", str(blocked))
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
     assert folders.state_folder("runs").parent == tmp_path
+
+
+def test_a_folder_that_is_set_and_cannot_be_written_to_leaves_the_one_below_the_home(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    blocked = tmp_path / "file"
+    blocked.touch()
+    monkeypatch.setenv("XDG_STATE_HOME", str(blocked))
+    monkeypatch.setenv("HOME", str(tmp_path))
+    assert folders.state_folder("runs") == tmp_path / ".local" / "state" / "lupin" / "runs"

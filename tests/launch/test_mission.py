@@ -94,7 +94,9 @@ def test_what_a_mission_cannot_be_asked_for_is_refused(
 
 
 def test_a_goal_is_a_request_of_the_exploration() -> None:
-    """It is taken as it is, and 0 stands for the mission's own."""
+    """It is taken as it is, 0 stands for the mission's own, and nothing is less than that."""
     loaded = load_missions(["exploration"], CATALOG)
     check_request(loaded, {}, [], 5)
     check_request(loaded, {}, [], 0)
+    with pytest.raises(UsageError, match="expected count of at least 0, got -1"):
+        check_request(loaded, {}, [], -1)

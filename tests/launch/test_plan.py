@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import sys
+from collections.abc import Mapping
 from pathlib import Path
+from types import ModuleType
 
 import pytest
 
+from lupin_engine.errors import LupinError, PluginError
 from lupin_engine.launch.nodes import Node
 from lupin_engine.launch.plan import Launch, Present, command, make_plan, parameter_file
 from lupin_engine.plugin.contract import Operation, Plugin
@@ -123,3 +127,24 @@ def test_values_keep_their_type_in_the_file() -> None:
         "    d: [1.0, 2.0, 0.0]",
         "    e: 3",
     ]
+
+
+def test_what_a_node_checks_is_told_and_its_defects_are_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A module may check its parameters together; one without a check takes whatever fits its types."""
+
+    def check(values: Mapping[str, int]) -> None:
+        if values["low"] > values["high"]:
+            raise LupinError("low is above high")
+
+    module = ModuleType("pump")
+    monkeypatch.setitem(sys.modules, "pump", module)
+    node = Node("pump", "pump:main", "water")
+    node.check({"low": 5, "high": 1})
+    module.check = check  # type: ignore[attr-defined]
+    node.check({"low": 1, "high": 5})
+    with pytest.raises(LupinError, match=r"^low is above high$"):
+        node.check({"low": 5, "high": 1})
+    with pytest.raises(
+        PluginError, match=r"^node 'pump' of plugin 'water': its check failed: KeyError: 'high'$"
+    ):
+        node.check({"low": 5})

@@ -38,25 +38,85 @@ def test_a_mission_reads_a_recording(lupin: Start, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("setting", "told"),
+    ("arguments", "told"),
     [
-        ("greenhouse_bridg.backend=mqtt", "--set: unknown node 'greenhouse_bridg'; did you mean"),
         (
-            "greenhouse_bridge.bakend=mqtt",
-            "--set greenhouse_bridge: unknown parameter 'bakend'; did you mean",
+            ["--set", "greenhouse_bridg.backend=mqtt", "--set", "greenhouse_bridge.bakend=mqtt"],
+            [
+                "--set: unknown node 'greenhouse_bridg'; did you mean 'greenhouse_bridge'?",
+                "--set greenhouse_bridge: unknown parameter 'bakend'; did you mean 'backend'?",
+            ],
         ),
         (
-            "greenhouse_bridge.backend",
-            "--set greenhouse_bridge: 'greenhouse_bridge.backend' has no '='; write",
+            ["--set", "backend=mqtt", "--set", "lupin_arm.dock_pose=[1,2,3]", "--sim", "mqtt_port=1"],
+            [
+                "--set: unknown parameter 'backend'; it belongs to greenhouse_bridge: "
+                "write --set greenhouse_bridge.backend=VALUE",
+                "--sim: unknown parameter 'mqtt_port'; it belongs to greenhouse_bridge: "
+                "write --set greenhouse_bridge.mqtt_port=VALUE",
+                "--set lupin_arm: unknown parameter 'dock_pose'; it belongs to the mission: "
+                "write --set dock_pose=VALUE",
+            ],
         ),
         (
-            "mission_orchestrator.nav_timeout_s=5 s",
-            "--set: parameters of the mission go without a node: write",
+            ["--set", "greenhouse_bridge.backend", "--set", "mission_orchestrator.nav_timeout_s=5 s"],
+            [
+                "--set greenhouse_bridge: 'greenhouse_bridge.backend' has no '='; "
+                "write --set greenhouse_bridge.NAME=VALUE",
+                "--set: parameters of the mission go without a node: write --set 'nav_timeout_s=5 s'",
+            ],
         ),
-        ("lupin_sim.speed=1", "--set is for lupin_sim, which these missions do not start"),
+        (
+            ["--no-sim", "--set", "lupin_sim.speed=1", "--set", "greenhouse_bridge.backend=mqt"],
+            [
+                "--set greenhouse_bridge: parameter 'backend': "
+                "expected one of simulator, recorded, mqtt, got 'mqt'; did you mean 'mqtt'?",
+                "--set is for lupin_sim, which --no-sim leaves out",
+            ],
+        ),
+        (
+            ["--set", "greenhouse_bridge.backend=recorded", "--sim", "pests=1,2,3", "--sim", "fault=explode"],
+            [
+                "--sim: parameter 'fault': expected one of none, reject, abort, stall, lose_localization, "
+                "got 'explode'",
+                "parameter 'pests': expected x and y of each place, got 3 numbers",
+                "backend 'recorded' needs the parameter recording_file, a CSV file",
+            ],
+        ),
+        (
+            [
+                *("--set", "greenhouse_bridge.backend=mqtt", "--set", "greenhouse_bridge.mqtt_topic=x"),
+                *("--set", "greenhouse_bridge.mqtt_host=mqtt://broker", "--set", "scan_timeout_s=0 s"),
+                *("--set", "greenhouse_bridge.mqtt_ca_file=ca.pem", "--set", "greenhouse_bridge.tag_file=x"),
+            ],
+            [
+                "--set: parameter 'scan_timeout_s': expected duration of at least 0.1 s, got '0 s'",
+                "tag_file 'x' cannot be used: No such file or directory",
+                "mqtt_topic 'x': expected {tag} once, and {sensor} at most once, "
+                "such as greenhouse/{tag}/{sensor}",
+                "mqtt_host 'mqtt://broker': expected a name or an address, such as broker.local; "
+                "the port goes into mqtt_port",
+                "mqtt_ca_file is given, but mqtt_tls is not set",
+            ],
+        ),
     ],
+    ids=["misspelt", "belongs elsewhere", "not a setting", "not started", "recording", "broker"],
 )
-def test_a_setting_of_a_node_that_cannot_be_is_refused(lupin: Start, setting: str, told: str) -> None:
-    run = lupin("run", "inspection", "--tags", "1", "--no-sim", "--set", setting)
+def test_what_nodes_cannot_be_started_with_is_told_at_once_and_nothing_starts(
+    lupin: Start, arguments: list[str], told: list[str]
+) -> None:
+    """Of missions and nodes alike, with the words that the node itself would die with."""
+    run = lupin("run", "inspection", "--tags", "1", *arguments)
     assert run.end() == 2
-    assert any(line.startswith(f"lupin: {told}") for line in run.errors), run.errors
+    assert run.errors == [f"lupin: {told[0]}", *told[1:]]
+    assert run.lines == []
+    assert list(run.log_dir.iterdir()) == []
+
+
+def test_a_setting_of_a_node_that_the_mission_has_no_use_for_is_refused(lupin: Start) -> None:
+    """It would have no effect, and whoever gives it means something by it."""
+    patrol = Path(__file__).parents[2] / "docs" / "tutorial" / "patrol.yaml"
+    run = lupin("run", str(patrol), "--set", "perception_aggregator.box_width=1 m")
+    assert run.end() == 2
+    told = "--set is for perception_aggregator, which PatrolMission has no use for"
+    assert run.errors == [f"lupin: {told}"]

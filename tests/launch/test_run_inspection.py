@@ -87,6 +87,16 @@ def test_without_time_to_come_home_the_robot_stops_where_it_is(
     assert run.processes() == {}
 
 
+def test_a_mission_that_nobody_watches_any_more_is_aborted_in_order(lupin: Start) -> None:
+    """A pipe whose reader has left, as a terminal that was closed: what cannot be told keeps from nothing."""
+    run = lupin(*THREE, "--speed", "4", read_until="NAVIGATING")
+    assert run.end() == 130, run.output
+    assert run.errors == []
+    assert run.processes() == {}
+    log = (run.log_dir / "mission_orchestrator.log").read_text()
+    assert "request (request='operator.abort' answer='accepted')" in log
+
+
 def test_being_killed_leaves_no_process(lupin: Start) -> None:
     """`kill -9`: the nodes notice by themselves."""
     run = lupin(*THREE)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +12,7 @@ from lupin_engine.machine.event import Event
 from lupin_engine.machine.memory import Attempt, Phase
 from lupin_engine.machine.operations import CANCEL_DEADLINE, LIFE, MAX_LOST
 from tests.machine.charts import PAUSE, Bench, chart
+from tests.tools import load_tool
 
 STATES: dict[str, Any] = {
     "A": {"invoke": "nav.go", "on_done": "B", "on_error": "C", "on": {"away": "C", "dock": "D"}},
@@ -288,12 +288,7 @@ ROOT = Path(__file__).parents[2]
 
 def test_the_picture_is_drawn_from_the_table() -> None:
     """A picture that is out of date is worse than none."""
-    spec = importlib.util.spec_from_file_location("attempt_life", ROOT / "tools" / "attempt_life.py")
-    assert spec is not None
-    assert spec.loader is not None
-    tool = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(tool)
     name = "docs/diagrams/attempt.mmd"
-    if (ROOT / name).read_text(encoding="utf-8") != tool.picture():
+    if (ROOT / name).read_text(encoding="utf-8") != load_tool("attempt_life").picture():
         command = f".venv/bin/python tools/attempt_life.py > {name}"
         pytest.fail(f"{name} is out of date; write it anew: {command}", pytrace=False)

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-import importlib.util
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 
 import pytest
+
+from tests.tools import load_tool
 
 ROOT = Path(__file__).parents[2]
 INTERFACES = {
@@ -63,11 +64,7 @@ def test_every_definition_is_built(package: str) -> None:
 
 
 def test_the_bootstrap_reads_the_same_requirements() -> None:
-    spec = importlib.util.spec_from_file_location("lupin_bootstrap_reader", ROOT / "tools" / "bootstrap.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
+    bootstrap = load_tool("bootstrap")
     for folder in INTERFACES.values():
-        read = module.build_requirements(folder / "pyproject.toml")
+        read = bootstrap.build_requirements(folder / "pyproject.toml")
         assert [f'"{one}",' for one in read] == build_requirements(folder)

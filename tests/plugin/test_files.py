@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import os
+import pwd
 from pathlib import Path
 
 import pytest
 
-from lupin_engine.plugin.files import write_atomically
+from lupin_engine.errors import UsageError
+from lupin_engine.plugin.files import ros_domain, user_folder, write_atomically
 
 
 def test_a_file_is_written_and_replaced(tmp_path: Path) -> None:
@@ -56,3 +58,31 @@ def test_when_it_cannot_be_written_nothing_has_changed(
 def test_a_folder_that_is_not_there_is_an_error(tmp_path: Path) -> None:
     with pytest.raises(FileNotFoundError):
         write_atomically(tmp_path / "no" / "file", b"")
+
+
+def test_the_users_folder_is_the_one_that_is_set_or_below_the_home(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setenv("HOME", str(tmp_path))
+    set_by_hand = {"XDG_STATE_HOME": "/var/state"}
+    assert user_folder("XDG_STATE_HOME", ".local/state", set_by_hand) == Path("/var/state/lupin")
+    for environment in ({}, {"XDG_STATE_HOME": ""}, {"XDG_STATE_HOME": "relative"}):
+        assert user_folder("XDG_STATE_HOME", ".local/state", environment) == tmp_path / ".local/state/lupin"
+
+
+def test_who_has_no_home_is_told_what_to_set(monkeypatch: pytest.MonkeyPatch) -> None:
+    """An unknown user id in a container has none."""
+
+    def unknown(_: int) -> None:
+        raise KeyError
+
+    monkeypatch.delenv("HOME", raising=False)
+    monkeypatch.setattr(pwd, "getpwuid", unknown)
+    with pytest.raises(UsageError) as refused:
+        user_folder("XDG_STATE_HOME", ".local/state", {})
+    assert str(refused.value) == "this user has no home folder; set XDG_STATE_HOME to an absolute path"
+
+
+@pytest.mark.parametrize(("said", "domain"), [("42", 42), (" 7 ", 7), ("", 0), ("lab", 0), ("-1", 0)])
+def test_the_domain_is_a_number_or_0(said: str, domain: int) -> None:
+    assert ros_domain({"ROS_DOMAIN_ID": said}) == domain

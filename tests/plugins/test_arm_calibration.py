@@ -70,8 +70,7 @@ def test_a_servo_gets_what_it_is_off_and_what_it_has() -> None:
     found = corrections(moved(elbow=-700, wrist=500), {**NONE, "wrist": 300}, HIGHEST)
     by_joint = {one.joint: one for one in found}
     assert list(by_joint) == ["shoulder_lift", "elbow", "wrist", "gripper"]
-    assert (by_joint["elbow"].difference, by_joint["elbow"].offset) == (-700, -700)
-    assert (by_joint["wrist"].difference, by_joint["wrist"].offset) == (500, 800)
+    assert (by_joint["elbow"].difference, by_joint["wrist"].difference) == (-700, 800)
     assert to_write(found, NONE) == {"elbow": -700, "wrist": 800}
     assert refusals(found) == ""
 
@@ -125,7 +124,7 @@ def test_what_is_written_is_what_a_servo_can_hold(
     written = to_write(found, {})
     for one in found:
         assert not (one.in_place and one.refused)
-        assert not one.in_place or abs(one.offset) <= SMALL
+        assert not one.in_place or abs(one.difference) <= SMALL
         assert (one.joint in written) is not one.in_place
     assert all(abs(offset) <= 3000 for offset in written.values())
 

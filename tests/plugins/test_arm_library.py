@@ -7,6 +7,7 @@ import errno
 import json
 import math
 import os
+import re
 from pathlib import Path
 from typing import Any
 
@@ -17,11 +18,12 @@ from hypothesis import strategies as st
 from lupin_arm.joints import ARM, JAW_CLOSED, JAW_OPEN, check_pose
 from lupin_arm.library import (
     BACKUPS,
+    MAX_BYTES,
     MAX_ENTRIES,
     MAX_WAYPOINTS,
     Library,
+    NotInLibrary,
     Pose,
-    Refused,
     Sequence,
     StoreFailed,
     Waypoint,
@@ -69,14 +71,16 @@ def test_names_are_trimmed_and_lower_case(given_name: str, name: str) -> None:
 )
 def test_other_names_are_refused(name: str) -> None:
     """The text says what a name is."""
-    with pytest.raises(Refused, match="a name has 1 to 32 letters a to z, digits, - and _, beginning with"):
+    with pytest.raises(
+        NotInLibrary, match="a name has 1 to 32 letters a to z, digits, - and _, beginning with"
+    ):
         valid_name(name)
 
 
 @given(st.text())
 def test_a_name_is_what_it_becomes(text: str) -> None:
     """Whatever is taken for a name is one when it is given again."""
-    with contextlib.suppress(Refused):
+    with contextlib.suppress(NotInLibrary):
         name = valid_name(text)
         assert valid_name(name) == name
 
@@ -84,7 +88,7 @@ def test_a_name_is_what_it_becomes(text: str) -> None:
 @given(st.text(min_size=200))
 def test_a_refusal_is_short(text: str) -> None:
     """It is shown on a screen."""
-    with pytest.raises(Refused) as refused:
+    with pytest.raises(NotInLibrary) as refused:
         valid_name(f"!{text}")
     assert len(str(refused.value)) < 400
 
@@ -97,7 +101,7 @@ def test_whatever_is_kept_may_be_sent(arm: list[float], jaw: float | None) -> No
     """A pose is refused, or it is inside the limits of every joint."""
     try:
         pose, told = checked_pose(arm, jaw, "")
-    except Refused:
+    except NotInLibrary:
         finite = all(map(math.isfinite, arm if jaw is None else [*arm, jaw]))
         assert not finite or len(arm) != len(ARM)
     else:
@@ -109,7 +113,7 @@ def test_whatever_is_kept_may_be_sent(arm: list[float], jaw: float | None) -> No
 
 def test_five_values_are_not_four() -> None:
     """Hazard of section 6: they were cut to four before anybody looked."""
-    with pytest.raises(Refused, match=r"expected 4 angles \(.*\), got 5"):
+    with pytest.raises(NotInLibrary, match=r"expected 4 angles \(.*\), got 5"):
         checked_pose([0.0] * 5, None, "")
 
 
@@ -158,7 +162,7 @@ def test_an_entry_is_overwritten_only_when_asked_for_and_keeps_its_note(path: Pa
     """A note was written by a person."""
     written(path, poses={"here": {"arm": [0.0] * 4, "gripper": None, "created": "", "note": "over the pot"}})
     library = Library(path)
-    with pytest.raises(Refused, match="pose 'here' exists; choose another name or overwrite it"):
+    with pytest.raises(NotInLibrary, match="pose 'here' exists; choose another name or overwrite it"):
         library.save_pose("here", HERE, overwrite=False)
     library.save_pose("here", HERE, overwrite=True)
     assert library.pose("here").arm == HERE.arm
@@ -181,7 +185,7 @@ def test_entries_are_renamed_and_deleted(path: Path) -> None:
         ("pose", "pot", " \n"): "invalid name ''",  # no wish to delete it
     }
     for request, why in refusals.items():
-        with pytest.raises(Refused) as refused:
+        with pytest.raises(NotInLibrary) as refused:
             library.edit(*request)
         assert str(refused.value).startswith(why), request
     assert library.edit("pose", "pot", "") == "deleted pose 'pot'"
@@ -193,7 +197,7 @@ def test_a_library_is_full_some_day(path: Path) -> None:
     entry = {"arm": [0.0] * 4, "gripper": None, "created": "", "note": ""}
     written(path, poses={f"p{number}": entry for number in range(MAX_ENTRIES)})
     library = Library(path)
-    with pytest.raises(Refused, match=f"the library is full: {MAX_ENTRIES} poses; delete some"):
+    with pytest.raises(NotInLibrary, match=f"the library is full: {MAX_ENTRIES} poses; delete some"):
         library.save_pose("one-more", HERE, overwrite=False)
     library.save_pose("p7", HERE, overwrite=True)
 
@@ -201,11 +205,15 @@ def test_a_library_is_full_some_day(path: Path) -> None:
 def test_waypoints_are_counted_over_all_sequences(path: Path) -> None:
     """The whole file is written with every change, by the process that must hear the emergency stop."""
     half = [Waypoint(t=0.0, arm=[0.0] * 4)] * (MAX_WAYPOINTS // 2)
-    library = Library(path)
+    library, stale = Library(path), Library(path)
     for name in ("one", "two"):
         library.save_sequence(name, Sequence(duration_s=0.0, waypoints=half), overwrite=False)
-    with pytest.raises(Refused, match=f"the library is full: {MAX_WAYPOINTS} waypoints in all; delete some"):
+    with pytest.raises(
+        NotInLibrary, match=f"the library is full: {MAX_WAYPOINTS} waypoints in all; delete some"
+    ):
         library.save_sequence("walk", WALK, overwrite=False)
+    with pytest.raises(NotInLibrary, match="waypoints in all"):  # what somebody else has saved counts as well
+        stale.save_sequence("walk", WALK, overwrite=False)
     library.save_sequence("two", WALK, overwrite=True)
     library.save_sequence("walk", WALK, overwrite=False)
     assert [entry["n_waypoints"] for entry in library.listing()["sequences"]] == [len(half), 2, 2]
@@ -220,9 +228,9 @@ def test_limits_are_checked_before_a_replay(path: Path) -> None:
     written(path, sequences={"far": far, "jaw": jaw})
     library = Library(path)
     why = "waypoint 2: elbow: 3283.0 deg is not within -90 to 90; record it again or delete it"
-    with pytest.raises(Refused, match=f"sequence 'far' is beyond the limits: {why}"):
+    with pytest.raises(NotInLibrary, match=f"sequence 'far' is beyond the limits: {why}"):
         library.sequence("far")
-    with pytest.raises(Refused, match=r"waypoint 1: gripper: -30 rad is not within -0\.2 to 0\.25"):
+    with pytest.raises(NotInLibrary, match=r"waypoint 1: gripper: -30 rad is not within -0\.2 to 0\.25"):
         library.sequence("jaw")
 
 
@@ -341,6 +349,20 @@ def test_two_names_that_are_the_same_are_told(path: Path) -> None:
     ]
 
 
+def test_a_name_that_is_written_twice_is_told(path: Path) -> None:
+    """JSON readers take the last one without a word: here the first counts, and the file is kept."""
+    other = HERE.model_copy(update={"arm": [0.0] * 4})
+    both = f'"pot": {HERE.model_dump_json()}, "pot": {other.model_dump_json()}'
+    path.write_text(f'{{"version": 1, "poses": {{{both}}}, "sequences": {{}}}}')
+    before = path.read_bytes()
+    library = Library(path)
+    assert library.pose("pot") == HERE
+    assert library.notices == [
+        "arm_library.json: 'pot' is there twice; left out, the file is kept as arm_library.corrupt-1.json"
+    ]
+    assert path.with_name("arm_library.corrupt-1.json").read_bytes() == before
+
+
 def test_nothing_is_left_out_of_a_file_that_cannot_be_kept(
     path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -355,7 +377,7 @@ def test_nothing_is_left_out_of_a_file_that_cannot_be_kept(
         patch.setattr(os, "fsync", fail)
         library = Library(path)
         why = "and the file cannot be kept as arm_library.corrupt-1.json: No space left on device"
-        with pytest.raises(Refused, match=why):
+        with pytest.raises(NotInLibrary, match=why):
             library.save_pose("more", HERE, overwrite=False)
         assert (names(path.parent), path.read_bytes()) == ([path.name], before)
     assert library.pose("good") == HERE
@@ -416,11 +438,34 @@ def test_a_later_version_is_left_alone(path: Path) -> None:
     library = Library(path)
     why = "was written by a later version of this program (format 2, known: 1); it is left as it is"
     for ask in (library.listing, lambda: library.save_pose("x", HERE, overwrite=True)):
-        with pytest.raises(Refused) as refused:
+        with pytest.raises(NotInLibrary) as refused:
             ask()
         assert str(refused.value).endswith(why)
     assert library.notices == [str(refused.value)]
     assert (names(path.parent), path.read_text()) == ([path.name], before)
+
+
+def test_a_file_that_is_too_large_is_left_alone(path: Path) -> None:
+    """It would be read for many seconds, by the process that must hear the emergency stop."""
+    written(path, tools=["x" * MAX_BYTES])
+    before = path.read_bytes()
+    library = Library(path)
+    why = f"{path} has {len(before)} bytes, a library at most {MAX_BYTES}; it is left as it is"
+    assert library.notices == [why]
+    with pytest.raises(NotInLibrary, match=re.escape(why)):
+        library.save_pose("pot", HERE, overwrite=False)
+    assert path.read_bytes() == before
+
+
+def test_what_would_be_too_large_is_not_written(path: Path) -> None:
+    """It could not be read again."""
+    written(path, tools=["x" * (MAX_BYTES - 100)])
+    before = path.read_bytes()
+    library = Library(path)
+    why = f"cannot be written: it would have more than {MAX_BYTES} bytes; nothing was changed"
+    with pytest.raises(StoreFailed, match=why):
+        library.save_pose("pot", HERE, overwrite=False)
+    assert (path.read_bytes(), library.listing()["poses"]) == (before, [])
 
 
 def test_what_others_have_added_is_kept(path: Path) -> None:
@@ -468,7 +513,7 @@ def test_a_file_that_cannot_be_read_now_is_not_taken_for_an_empty_one(path: Path
     library.save_pose("first", HERE, overwrite=False)
     kept = path.rename(path.with_name("kept"))
     path.mkdir()
-    with pytest.raises(Refused, match="cannot be read: Is a directory"):
+    with pytest.raises(NotInLibrary, match="cannot be read: Is a directory"):
         library.save_pose("second", HERE, overwrite=False)
     assert library.notices == [f"{path} cannot be read: Is a directory"]
     path.rmdir()
@@ -488,3 +533,17 @@ def test_a_file_system_without_links_has_backups_too(path: Path, monkeypatch: py
     library.save_pose("first", HERE, overwrite=False)
     library.save_pose("second", HERE, overwrite=False)
     assert list(json.loads(path.with_name("arm_library.bak").read_text())["poses"]) == ["first"]
+
+
+def test_a_library_behind_a_link_has_backups_too(path: Path, tmp_path: Path) -> None:
+    """Who keeps his settings elsewhere links to them; the backups are earlier states, not the link."""
+    elsewhere = tmp_path / "elsewhere"
+    elsewhere.mkdir()
+    path.symlink_to(elsewhere / "library.json")
+    library = Library(path)
+    for name in ("first", "second", "third"):
+        library.save_pose(name, HERE, overwrite=False)
+    assert path.is_symlink()
+    files = ("arm_library.json", "arm_library.bak", "arm_library.bak2")
+    kept = [len(json.loads(path.with_name(name).read_text())["poses"]) for name in files]
+    assert kept == [3, 2, 1]

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lupin_arm.joints import JAW_CLOSED, JAW_OPEN, Pose
-from lupin_arm.library import Refused, Sequence, Waypoint
+from lupin_arm.library import NotInLibrary, Sequence, Waypoint
 from lupin_arm.player import JAW_MOVED, plan
 
 HOME: Pose = (0.0, 0.0, 0.0, 0.0)
@@ -51,7 +51,7 @@ def test_the_speed_is_clamped(speed: float, factor: float) -> None:
 @pytest.mark.parametrize("speed", [math.nan, math.inf])
 def test_a_speed_that_is_no_number_is_refused(speed: float) -> None:
     """NaN compares with nothing, and nobody means infinity."""
-    with pytest.raises(Refused, match=f"the speed {speed} is not a number"):
+    with pytest.raises(NotInLibrary, match=f"the speed {speed} is not a number"):
         plan(sequence(turned(0.0, 0.0), turned(1.0, 0.0)), speed, HOME)
 
 

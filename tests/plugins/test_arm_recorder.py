@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lupin_arm.joints import ARM, Pose, check_pose
-from lupin_arm.library import Refused
+from lupin_arm.library import NotInLibrary
 from lupin_arm.recorder import MAX_SECONDS, MAX_WAYPOINTS, MOVED, PERIOD_S, Recording
 
 #: When the arm's computer and ours began to count.
@@ -63,6 +63,15 @@ def test_poses_that_are_told_twice_or_late_are_left_out() -> None:
     assert times(made) == [0.0, 0.2, 0.3]
 
 
+@pytest.mark.parametrize("step", [3600.0, -3600.0, 2.0, -2.0])
+def test_a_clock_that_is_set_neither_ends_nor_silences_a_recording(step: float) -> None:
+    """War story 68: the clock of the arm's computer is stepped; our own tells how the recording goes on."""
+    made = recording((0.0, 0.0), (0.5, 0.1))
+    for time in (1.0, 1.5, 2.0):
+        made.sample(THERE + time + step, HERE + time, pose(time), None)
+    assert (times(made), made.full) == ([0.0, 0.5, 1.0, 1.5, 2.0], "")
+
+
 def test_the_end_is_where_the_arm_was_last() -> None:
     """Who holds still at the end means that."""
     made = recording((0.0, 0.0), (1.0, 0.5), (2.0, 0.5))
@@ -99,7 +108,7 @@ def test_nothing_recorded_is_nothing() -> None:
     """And the recording goes on: it is not lost by asking."""
     made = recording()
     assert made.elapsed(HERE) == 0.0
-    with pytest.raises(Refused, match="no joint states with all joints of the arm have arrived"):
+    with pytest.raises(NotInLibrary, match="no joint states with all joints of the arm have arrived"):
         made.finish(HERE + 5.0, "")
     made.sample(THERE, HERE + 6.0, pose(0.1), None)
     assert len(made.finish(HERE + 7.0, "").waypoints) == 2
@@ -130,7 +139,7 @@ def test_whatever_is_recorded_can_be_kept(
         pan, lift, elbow, wrist = angles
         made.sample(THERE + now, HERE + now, (pan, lift, elbow, wrist), angles[0])
     if not moments:
-        with pytest.raises(Refused):
+        with pytest.raises(NotInLibrary):
             made.finish(HERE + end, "")
         return
     sequence = made.finish(HERE + end, "")

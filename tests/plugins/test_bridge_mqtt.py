@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import shutil
+import signal
 import subprocess
 import threading
 import time
@@ -16,6 +17,7 @@ import pytest
 
 pytest.importorskip("paho.mqtt.client", reason="paho-mqtt is not installed here")
 
+from lupin_bridge import mqtt
 from lupin_bridge.backend import ReadingFailed, UnknownTag
 from lupin_bridge.backend import Sensors as Layout
 from lupin_bridge.mqtt import PASSWORD, USER, Mqtt, Settings
@@ -266,6 +268,39 @@ class TestWithABroker:
             sensors.send(listener, ("greenhouse/9/co2", "500"))
         assert listener.values("9") == {"co2": 500.0}
 
+    def test_a_broker_that_hangs_is_noticed_and_listened_to_again(
+        self, broker: Broker, listen: Listen, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        """As with a cable that was pulled: nobody closes the connection, and nothing comes."""
+        monkeypatch.setattr("lupin_bridge.mqtt.KEEPALIVE_S", 1)
+        listener = listen(broker.start().port, LAYOUT)
+        listener.until("connected to the broker at")
+        broker.signal(signal.SIGSTOP)
+        listener.until("is lost; it is tried again")
+        broker.signal(signal.SIGCONT)
+        listener.until("connected to the broker at", times=2)
+        with sender(broker) as sensors:
+            sensors.send(listener, ("greenhouse/9/co2", "500"))
+        assert listener.values("9") == {"co2": 500.0}
+
+    def test_a_value_is_delivered_at_least_once(
+        self, broker: Broker, listen: Listen, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        """What sensors publish with a quality of service of 1 comes with it."""
+        qualities: list[int] = []
+        take = Mqtt._on_message
+
+        def taken(backend: Mqtt, client: Any, data: Any, message: Any) -> None:
+            qualities.append(message.qos)
+            take(backend, client, data, message)
+
+        monkeypatch.setattr(Mqtt, "_on_message", taken)
+        listener = listen(broker.start().port, LAYOUT)
+        listener.until("connected to the broker at")
+        with sender(broker) as sensors:
+            sensors.send(listener, ("greenhouse/9/co2", "500"))
+        assert set(qualities) == {1}
+
     def test_a_broker_that_wants_a_password(
         self, broker: Broker, listen: Listen, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     ) -> None:
@@ -381,6 +416,29 @@ def test_files_that_are_missing_or_useless_are_named(tmp_path: Path) -> None:
     assert refused(host="").startswith("mqtt_host '', port 1883: ")
 
 
+@pytest.mark.parametrize("host", ["mqtt://broker", "broker:1883", "bro ker", "broker/path"])
+def test_a_host_is_a_name_and_no_more(host: str) -> None:
+    """Else it would be looked for in vain, again and again."""
+    assert refused(host=host) == (
+        f"mqtt_host {host!r}: expected a name or an address, such as broker.local; "
+        "the port goes into mqtt_port"
+    )
+
+
+def test_everything_that_is_wrong_with_settings_is_told() -> None:
+    """At once, and without a connection; an address of the sixth version is none of it."""
+    told = refused(topic="x", host="a b", ca_file="ca.pem", credentials_file="nowhere").splitlines()
+    assert [line.partition(" ")[0] for line in told] == [
+        "mqtt_topic",
+        "mqtt_host",
+        "mqtt_credentials_file",
+        "mqtt_ca_file",
+    ]
+    assert refused(host="::1", topic="x").splitlines() == [
+        "mqtt_topic 'x': expected {tag} once, and {sensor} at most once, such as greenhouse/{tag}/{sensor}"
+    ]
+
+
 @pytest.mark.parametrize(
     ("content", "mode", "told"),
     [
@@ -410,13 +468,14 @@ def test_a_password_in_clear_over_the_network_is_warned_about(monkeypatch: pytes
     assert told[0] == "the MQTT password goes over the network in clear: set mqtt_tls"
 
 
-def test_a_host_that_does_not_answer_holds_up_nothing() -> None:
+def test_a_host_that_does_not_answer_holds_up_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(mqtt, "CLOSING_S", 0.5)
     begin = time.monotonic()
     backend = Mqtt(Settings(host="192.0.2.1"), LAYOUT, lambda severity, text: None)
     with pytest.raises(ReadingFailed, match=r"no connection yet|cannot be reached"):
         backend.read("7")
     backend.close()
-    assert time.monotonic() - begin < 4.0
+    assert time.monotonic() - begin < mqtt.CONNECTING_S
 
 
 def test_a_port_that_nobody_serves_is_told_once() -> None:

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from lupin_bridge.backend import Clocks, ReadingFailed, UnknownTag
+from lupin_bridge.backend import Clocks, ReadingFailed, Sensors, UnknownTag
 from lupin_bridge.recorded import SINCE_START, Recorded, Settings
 from lupin_bridge.recording import load_recording
 from lupin_engine.errors import LupinError
@@ -126,6 +126,19 @@ def test_several_days_follow_each_other_and_begin_anew(bench: Bench) -> None:
     assert found == [21.0, 22.0, 23.0, 21.0]
 
 
+def test_a_value_of_before_midnight_is_served_after_it(bench: Bench) -> None:
+    """On the next recorded day; the first one begins with nothing, also when it comes again."""
+    backend = bench.replay("7,light,1,2026-05-01T23:58:00", "7,light,2,2026-05-02T12:00:00")
+    bench.now.at("2026-07-01T23:59:59.5")
+    assert backend.read("7").time_of_day == 86399.5
+    bench.now.at("2026-07-02T00:02:00")
+    values = backend.read("7")
+    assert (values.sensors[0].value, values.sensors[0].age, values.time_of_day) == (1.0, 240.0, 120.0)
+    bench.now.at("2026-07-03T00:02:00")
+    with pytest.raises(ReadingFailed, match=r"\(no light\); the recording is at 2026-05-01 00:02:00$"):
+        backend.read("7")
+
+
 def test_the_time_of_day_holds_over_the_change_to_summer_time(bench: Bench) -> None:
     backend = bench.replay("7,light,1,2026-03-28T12:00:00", "7,light,2,2026-03-29T12:00:00")
     bench.now.at("2026-07-02T12:01:00")
@@ -169,15 +182,17 @@ def test_a_replay_of_any_speed_ends_with_a_sentence(bench: Bench, speed: float) 
 
 
 def test_a_layout_says_which_sensors_a_tag_has_and_in_which_order(bench: Bench) -> None:
-    layout = {"7": ("temperature", "light", "humidity"), "8": ("co2",)}
+    layout: Sensors = {"7": ("temperature", "light", "humidity"), "8": ("co2",), "10": ()}
     backend = Recorded(Settings(bench.write(*DAY)), layout, bench.now.clocks())
     bench.now.at("2026-07-01T12:05:00")
-    assert backend.tags == ("7", "8")
+    assert backend.tags == ("7", "8", "10")
     assert list(read(backend)) == ["temperature", "humidity"]
     with pytest.raises(ReadingFailed, match=r"\(no co2\)"):
         backend.read("8")
-    with pytest.raises(UnknownTag, match=r"^unknown tag '9'; the recording has 2 tags$"):
+    with pytest.raises(UnknownTag, match=r"^unknown tag '9'; the layout has 3 tags$"):
         backend.read("9")
+    with pytest.raises(ReadingFailed, match=r"^tag '10': the layout gives it no sensors; "):
+        backend.read("10")
 
 
 def test_units_are_converted_and_the_order_of_columns_is_free(bench: Bench) -> None:
@@ -247,6 +262,7 @@ def test_every_mistake_is_told_with_its_place(bench: Bench) -> None:
         "7,co2,400,2026-05-01T12:00:00",
         "7,co2,401,2026-05-01T12:00:00",
         "7,co2,400,-1",
+        "7,co2,4_01,1_700_000_000",
     )
     with pytest.raises(LupinError) as refused:
         load_recording(file)
@@ -261,6 +277,8 @@ def test_every_mistake_is_told_with_its_place(bench: Bench) -> None:
         f"{file}:6:1: expected 4 cells as in the header, got 3",
         f"{file}:10:1: co2 of tag '7' has another value at this time in line 8",
         f"{file}:11:11: -1 is no time: expected seconds since 1970",
+        f"{file}:12:7: '4_01' is no number",
+        f"{file}:12:12: '1_700_000_000' is no time: {iso}",
     ]
 
 
@@ -306,6 +324,16 @@ def test_a_byte_order_mark_of_a_spreadsheet_is_no_mistake(bench: Bench) -> None:
     assert list(load_recording(str(file)).series["7"]) == ["co2"]
 
 
+def test_columns_without_a_name_are_left_alone_while_they_are_empty(bench: Bench) -> None:
+    """Spreadsheets write some at the end; a value in one of them is of no sensor."""
+    header = "tag_id,stamp,co2,,"
+    assert list(load_recording(bench.write("7,1,400,,", header=header)).series["7"]) == ["co2"]
+    file = bench.write("7,1,400,,", "7,2,400,,21.5", header=header)
+    with pytest.raises(LupinError) as refused:
+        load_recording(file)
+    assert str(refused.value) == f"{file}:3:10: this column has no name in the header"
+
+
 def test_a_file_must_be_given_and_exist() -> None:
     with pytest.raises(
         LupinError, match=r"^backend 'recorded' needs the parameter recording_file, a CSV file$"
@@ -313,10 +341,3 @@ def test_a_file_must_be_given_and_exist() -> None:
         load_recording("")
     with pytest.raises(LupinError, match=r"^recording nowhere\.csv: No such file or directory$"):
         load_recording("nowhere.csv")
-
-
-def test_a_way_to_replay_that_does_not_exist_is_refused(bench: Bench) -> None:
-    with pytest.raises(
-        LupinError, match=r"^unknown recording_clock 'since_star'; did you mean 'since_start'\?$"
-    ):
-        bench.replay(*DAY, clock="since_star")

@@ -64,7 +64,7 @@ def test_what_is_no_template_is_refused(template: str, told: str) -> None:
         ("greenhouseX7Xco2", "topic of another form"),
         ("greenhouse/ 7/co2", "no name of a tag or sensor: ' 7'"),
         ("greenhouse/7/co2\n", r"no name of a tag or sensor: 'co2\n'"),
-        (f"greenhouse/{'7' * 65}/co2", f"no name of a tag or sensor: '{'7' * 64}'"),
+        (f"greenhouse/{'7' * 65}/co2", f"no name of a tag or sensor: '{'7' * 40}...'"),
     ],
 )
 def test_other_topics_are_not_read(topic: str, told: str) -> None:
@@ -94,9 +94,9 @@ def test_a_payload_is_a_number_or_an_object(payload: bytes, sample: Sample) -> N
 @pytest.mark.parametrize(
     ("payload", "told"),
     [
-        (b"", "payload is neither a number nor JSON: b''"),
-        (b"warm", "payload is neither a number nor JSON: b'warm'"),
-        (b"21,5", "payload is neither a number nor JSON: b'21,5'"),
+        (b"", "payload is neither a number nor JSON: ''"),
+        (b"warm", "payload is neither a number nor JSON: 'warm'"),
+        (b"21,5", "payload is neither a number nor JSON: '21,5'"),
         (b"\xff\xfe2", "payload is not UTF-8"),
         ("21.5".encode("utf-16"), "payload is not UTF-8"),
         (b"NaN", "value cannot be: nan is no measurement"),
@@ -104,7 +104,7 @@ def test_a_payload_is_a_number_or_an_object(payload: bytes, sample: Sample) -> N
         (b"1e999", "value cannot be: inf is no measurement"),
         (b"9" * 4000, "value cannot be: inf is no measurement"),
         (b"9" * 5000, "payload too long: 5000 bytes, at most 4096"),
-        (b"[" * 4000, f"payload is neither a number nor JSON: {b'[' * 64!r}"),
+        (b"[" * 4000, f"payload is neither a number nor JSON: '{'[' * 40}...'"),
         (b"true", "value is no number: True"),
         (b'"21.5"', "value is no number: '21.5'"),
         (b"null", "value is no number: None"),

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
 from types import SimpleNamespace
 from typing import Any
 
@@ -17,9 +16,8 @@ from std_msgs.msg import Bool
 
 from lupin_engine.middleware.action_driver import SERVER_GRACE_S
 from lupin_engine.middleware.estop import LOOKS, STEADY
-from lupin_nav.catalog import PLUGIN
-from lupin_nav.client import NavClient
-from tests.plugins.fakes import FakeGoal, FakeOutlet, FakeRos, defaults
+from tests.plugins.fakes import FakeGoal
+from tests.plugins.nav_bench import NavBench
 
 SUCCEEDED, CANCELED, ABORTED = 4, 5, 6
 POSE = {"x": 1.0, "y": 2.0, "yaw": math.pi / 2}
@@ -36,17 +34,8 @@ def amcl(variance: float = 0.01, yaw: float = 0.0, frame: str = "map") -> PoseWi
     return message
 
 
-@dataclass
-class Bench:
-    """A driver between a fake world and a fake engine."""
-
-    ros: FakeRos = field(default_factory=FakeRos)
-    outlet: FakeOutlet = field(default_factory=FakeOutlet)
-    changed: dict[str, Any] = field(default_factory=dict)
-
-    def __post_init__(self) -> None:
-        parameters = defaults(PLUGIN, **self.changed)
-        self.client = NavClient(self.ros, self.outlet, parameters)  # type: ignore[arg-type]
+class Bench(NavBench):
+    """What happens to the driver, in the words of these tests."""
 
     def pose(self, message: Any) -> None:
         self.ros.subscriptions["/amcl_pose"](message)

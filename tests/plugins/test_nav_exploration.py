@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -16,10 +15,9 @@ from nav_msgs.msg import OccupancyGrid
 from tf2_msgs.msg import TFMessage
 
 from lupin_engine.middleware.node import Qos
-from lupin_nav.catalog import PLUGIN
-from lupin_nav.client import SEARCH_PERIOD_S, NavClient
+from lupin_nav.client import SEARCH_PERIOD_S
 from lupin_nav.exploration import SILENCE_S
-from tests.plugins.fakes import FakeOutlet, FakeRos, defaults
+from tests.plugins.nav_bench import NavBench
 
 NO_POSE = "no pose: no transform from map to base_link, no /amcl_pose"
 
@@ -58,17 +56,8 @@ def transform(parent: str, child: str, x: float, y: float) -> TFMessage:
     return TFMessage(transforms=[stamped])
 
 
-@dataclass
-class Bench:
-    """A driver between a fake world and a fake engine."""
-
-    ros: FakeRos = field(default_factory=FakeRos)
-    outlet: FakeOutlet = field(default_factory=FakeOutlet)
-    changed: dict[str, Any] = field(default_factory=dict)
-
-    def __post_init__(self) -> None:
-        parameters = defaults(PLUGIN, **self.changed)
-        self.client = NavClient(self.ros, self.outlet, parameters)  # type: ignore[arg-type]
+class Bench(NavBench):
+    """What happens to the driver, in the words of these tests."""
 
     def choose(self, attempt: str = "a1", **arguments: Any) -> None:
         self.client.start(attempt, "choose_frontier", arguments)

@@ -30,16 +30,30 @@ def test_what_was_written_is_read(tmp_path: Path) -> None:
     memory = Memory(tmp_path / "new" / "memory.json")
     assert memory.read() is None
     memory.write(Past("m0"))
-    memory.write(Past("m1", [known("5", summary=SUMMARY), known("6", math.inf)], [(1.0, 2.0)]))
+    memory.write(Past("m1", [known("5", summary=SUMMARY), known("6", math.inf)], [(1.0, 2.0)], "5"))
     past = memory.read()
     assert past is not None
-    assert (past.mission_id, past.reported) == ("m1", [(1.0, 2.0)])
+    assert (past.mission_id, past.reported, past.scanned) == ("m1", [(1.0, 2.0)], "5")
     five, six = past.tags
     assert (five.id, five.distance, five.sightings, five.summary) == ("5", 1.5, 7, SUMMARY)
     assert np.allclose(five.pose.position, (1.0, 2.0, 0.1))
     assert np.allclose(five.pose.rotation, (0.0, 0.0, 0.6, 0.8))
     assert (six.distance, six.summary, six.last_seen) == (math.inf, None, -math.inf)
     assert [file.name for file in (tmp_path / "new").iterdir()] == ["memory.json"]
+
+
+def test_a_memory_of_an_earlier_engine_is_read_as_it_was_written(tmp_path: Path) -> None:
+    """Before scans were resumed nobody wrote down which one was under way."""
+    file = tmp_path / "memory.json"
+    file.write_text(
+        '{"mission_id": "m1", "tags": [{"id": "5", "position": [1.0, 2.0, 0.1], "rotation": [0.0, 0.0, 0.6,'
+        ' 0.8], "distance": null, "sightings": 7, "summary": {"species": "tulip_red", "confidence": 0.9,'
+        ' "anomaly": true, "blooms": [[3, "tulip_red", 0.9, false], [5, "", 0.0, true]]}}],'
+        ' "reported": [[1.0, 2.0]]}'
+    )
+    past = Memory(file).read()
+    assert past is not None
+    assert ([tag.summary for tag in past.tags], past.scanned) == ([SUMMARY], "")
 
 
 @pytest.mark.parametrize(
@@ -69,6 +83,38 @@ def test_a_tag_without_sense_makes_the_whole_unusable(tmp_path: Path, wrong: dic
         LupinError, match=r"memory_file .* cannot be used: (Value|Overflow|UnicodeEncode)Error: "
     ):
         Memory(file).read()
+
+
+@pytest.mark.parametrize(
+    ("wrong", "reason"),
+    [
+        ({"position": [1, 2]}, "ValueError: tag '5' has no pose"),
+        ({"sightings": 0}, "ValueError: tag '5' was never seen"),
+        (
+            {"summary": {"species": "", "confidence": 2, "anomaly": False, "blooms": []}},
+            "ValueError: a confidence of 2",
+        ),
+    ],
+)
+def test_what_is_wrong_in_a_memory_is_told_with_the_file(
+    tmp_path: Path, wrong: dict[str, Any], reason: str
+) -> None:
+    file = tmp_path / "memory.json"
+    Memory(file).write(Past("m1", [known("5")]))
+    data = json.loads(file.read_text())
+    data["tags"][0].update(wrong)
+    file.write_text(json.dumps(data))
+    with pytest.raises(LupinError) as unusable:
+        Memory(file).read()
+    assert str(unusable.value) == f"memory_file {str(file)!r} cannot be used: {reason}"
+
+
+def test_a_memory_that_cannot_be_written_is_told(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    path = tmp_path / "file" / "memory.json"
+    with pytest.raises(LupinError) as refused:
+        Memory(path).write(Past("m1"))
+    assert str(refused.value) == f"memory_file {str(path)!r} cannot be written: File exists"
 
 
 def test_a_path_that_cannot_be_is_told(tmp_path: Path) -> None:

@@ -140,7 +140,7 @@ def test_a_tag_is_confirmed_once_it_was_seen_often_enough_and_for_as_long_as_tha
 
 def test_a_strange_id_is_told_back_short_and_quoted() -> None:
     found = made().confirm("\x1b[2J" + "9" * 10_000, 0.0)
-    assert found.error == "tag '\\x1b[2J9999999999999999' not discovered"
+    assert found.error == f"tag '\\x1b[2J{'9' * 36}...' not discovered"
 
 
 def test_what_others_work_from_is_told_apart_from_mere_sightings() -> None:
@@ -164,6 +164,11 @@ def test_what_others_work_from_is_told_apart_from_mere_sightings() -> None:
     assert not changed(), "a worse view"
     see(tags, "1", x=1.1)
     assert changed()
+    for degrees, news in ((0.1, False), (1.0, True)):
+        half = math.radians(degrees) / 2.0
+        turned = Pose(at(1.1).position, np.array((0.0, 0.0, math.sin(half), math.cos(half))))
+        tags.add("1", turned, 1.0, 0.0)
+        assert changed() is news, f"turned by {degrees} degrees"
     tags.classify("1", Summary("tulip_red", 0.9, False, ()))
     assert changed()
     assert tags.begin("m2")

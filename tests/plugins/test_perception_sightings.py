@@ -5,9 +5,11 @@ from __future__ import annotations
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 
-from lupin_perception.detections import TagSeen
+from lupin_engine.world.poses import Pose
+from lupin_perception.detections import MAX_ENTRIES, TagSeen
 from lupin_perception.registry import Known, Registry
 from lupin_perception.sightings import LATE_S, UNPLACED_FRAMES, Sightings
 
@@ -60,11 +62,56 @@ def test_what_waits_counts_once_and_as_of_when_it_was_seen() -> None:
     assert [known and known.last_seen for known in bench.placed] == [0.0]
 
 
+def test_what_waits_is_placed_by_whichever_transform_was_missing() -> None:
+    """The detector tells of a tag at once, a slow localizer once a second; by then the tag is out of view."""
+    bench = Bench()
+    bench.sightings.take([stamped("camera", "tag_5", 1.0, 1000.0)], 0.0)
+    bench.sightings.take([stamped("camera", "tag_5", 1.0, 1000.1)], 0.1)
+    bench.sightings.see([FIVE], 0.1)
+    assert bench.placed == []
+    bench.sightings.take([stamped("map", "camera", 3.0, 1000.0)], 0.5)
+    (known,) = bench.placed
+    assert known is not None
+    assert (known.pose.plane, known.last_seen) == ((4.0, 0.0), 0.1)
+
+
+def test_a_tag_in_sight_that_cannot_be_placed_is_confirmed_all_the_same() -> None:
+    """Who asks wants to know whether it is in the picture; where it is was known before."""
+    bench = Bench()
+    bench.tell("5", 0.0, camera=3.0)
+    bench.sightings.see([FIVE], 0.0)
+    later = 60.0
+    assert not bench.registry.confirm("5", later).detected
+    bench.sightings.see([FIVE], later)
+    found = bench.registry.confirm("5", later)
+    assert (found.detected, found.pose and found.pose.plane) == (True, (4.0, 0.0))
+    assert len(bench.placed) == 1, "it counts for nothing else"
+    assert not bench.registry.confirm("6", later).detected
+
+
+def test_what_was_placed_late_makes_nothing_older() -> None:
+    bench = Bench()
+    bench.sightings.see([FIVE], 0.0)
+    bench.registry.add("5", Pose(np.zeros(3), np.array((0.0, 0.0, 0.0, 1.0))), 1.0, 2.0)
+    bench.tell("5", 2.5)
+    (known,) = bench.placed
+    assert known is not None
+    assert (known.sightings, known.last_seen) == (2, 2.0)
+
+
+def test_no_more_wait_than_one_frame_can_have() -> None:
+    bench = Bench()
+    first, second = ([TagSeen(f"{frame}{n:03}", 1.0) for n in range(MAX_ENTRIES)] for frame in (1, 2))
+    bench.sightings.see(first, 0.0)
+    bench.sightings.see(second[:100], 0.1)
+    assert list(bench.sightings._late) == [tag.id for tag in [*first[100:], *second[:100]]]
+
+
 @pytest.mark.parametrize(("wait", "count"), [(LATE_S, 1), (LATE_S + 0.1, 0)])
 def test_nothing_waits_for_ever(wait: float, count: int) -> None:
     bench = Bench()
-    bench.sightings.see([FIVE], 0.0)
-    bench.tell("5", wait)
+    bench.sightings.see([FIVE], 100.0)
+    bench.tell("5", 100.0 + wait)
     assert len(bench.placed) == count
 
 

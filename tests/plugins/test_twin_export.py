@@ -6,6 +6,7 @@ import csv
 import io
 import json
 import math
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -52,6 +53,22 @@ RECORDS: list[Record] = [
     Anomaly(T + 8.0, "m2", "aggregator", 1e300, 3.0, 0.0, "far away", 0),
     Reading("5", T + 9.0, "", "passive", (("temperature", 22.0),)),
     Box("6", ((2.5, 4.0), (3.5, 4.0))),
+]
+
+
+#: Sensors with the names of other things, as anybody may tell them.
+NAMESAKES = Reading(
+    "5",
+    T + 10.0,
+    "m2",
+    "",
+    tuple((name, 5e-5) for name in ("species", "sensor species", "leaf-wetness", "_x", "x", ".x", "\u00e9~")),
+)
+
+#: A place that no twin takes, but a store that was made by hand may have.
+NOWHERE: list[Record] = [
+    Reading("9", T, "m1", "", (("co2", 400.0),), at(math.nan, 1.0)),
+    Anomaly(T, "m1", "", math.inf, 1.0, 0.0, "somewhere", 1),
 ]
 
 
@@ -176,6 +193,18 @@ def test_the_table_is_csv_on_the_web(tmp_path: Path) -> None:
     assert read[0]["light"] is None
 
 
+def test_a_column_has_a_name_of_its_own_that_templates_can_use() -> None:
+    """A variable of RFC 6570 that does not begin with the underscore of the vocabulary's own names."""
+    record = record_of(ALL, *RECORDS, NAMESAKES)
+    columns = json.loads(description(record, "record.csv"))["tableSchema"]["columns"]
+    names = [column["name"] for column in columns]
+    assert [n for n in names if not re.fullmatch(r"(?!_)(\w|%[0-9A-F]{2})+", n, re.ASCII)] == []
+    assert len(set(names)) == len(names)
+    told = next(row for row in parsed(table(record)) if row["x"] and row["leaf-wetness"])
+    sensors = ("sensor species", "sensor sensor species", "leaf-wetness", "_x", "sensor x", ".x", "\u00e9~")
+    assert {name: told[name] for name in sensors} == dict.fromkeys(sensors, "5E-05")
+
+
 def test_the_description_has_the_units() -> None:
     columns = json.loads(description(record_of(ALL), "record.csv"))["tableSchema"]["columns"]
     units = {
@@ -274,6 +303,35 @@ def test_geojson_opens_in_geopandas(tmp_path: Path) -> None:
     assert set(frame[frame["kind"] == "reading"]["observed_at"].dt.year) == {2026}
 
 
+@pytest.mark.parametrize("order", [(0, 1, 2, 3), (3, 2, 1, 0), (0, 2, 1, 3), (0, 0, 1, 2, 3)])
+@pytest.mark.parametrize("origin", [ORIGIN, Georeference(-33.9, 18.4, 200.0)])
+def test_a_box_is_a_ring_however_its_corners_are_told(order: tuple[int, ...], origin: Georeference) -> None:
+    shape = pytest.importorskip("shapely.geometry").shape
+    box = Box("5", tuple(CLOCKWISE[index] for index in order))
+    features = json.loads(geojson(record_of(ALL, *RECORDS, box), origin))["features"]
+    (found,) = (f["geometry"] for f in features if f["id"] == "urn:lupin:box:5")
+    polygon = shape(found)
+    assert polygon.is_valid
+    assert polygon.exterior.is_ccw
+    corners = {tuple(origin.position(x, y)) for x, y in CLOCKWISE}
+    assert set(polygon.exterior.coords) == corners
+
+
+@pytest.mark.parametrize(
+    "corners",
+    [
+        ((1.0, 2.0), (1.0, 2.4)),
+        ((1.0, 2.0), (1.0, 2.4), (1.0, 3.0)),
+        ((1.0, 2.0),) * 4,
+        ((1.0, 2.0), (1.0, 2.001), (1.001, 2.0)),
+        ((1.0, 2.0), (1.0, 1e300), (2.0, 2.0)),
+    ],
+)
+def test_a_box_that_encloses_nothing_is_none(corners: Any) -> None:
+    features = json.loads(geojson(record_of(ALL, *RECORDS, Box("5", corners)), ORIGIN))["features"]
+    assert [f for f in features if f["id"] == "urn:lupin:box:5"] == []
+
+
 def test_what_has_no_place_on_the_earth_has_no_geometry() -> None:
     features = json.loads(geojson(record_of("m2"), ORIGIN))["features"]
     odd = [f for f in features if f["properties"].get("tag_id") == "7 \u00e4/\n%"]
@@ -282,6 +340,17 @@ def test_what_has_no_place_on_the_earth_has_no_geometry() -> None:
     near, far = (f for f in features if f["properties"]["kind"] == "anomaly")
     assert near["geometry"]["coordinates"] == ORIGIN.position(2.0, 3.0)
     assert far["geometry"] is None
+
+
+def test_a_place_that_is_none_is_left_out_everywhere() -> None:
+    record = record_of(ALL, *NOWHERE)
+    tag, *others = json.loads(geojson(record, ORIGIN))["features"]
+    assert (tag["properties"]["map_x"], tag["properties"]["map_y"]) == (None, 1.0)
+    assert {feature["geometry"] for feature in (tag, *others)} == {None}
+    _, entity, report = json.loads(ngsi_ld(record, ORIGIN))
+    assert "mapPosition" not in entity
+    assert "mapPosition" not in report
+    assert json.loads(sensorthings(record, ORIGIN))["value"][0]["Locations"] == []
 
 
 def test_geojson_says_what_is_behind_its_numbers() -> None:
@@ -317,6 +386,7 @@ def test_ngsi_ld_holds_to_its_standard(mission: str, origin: Georeference | None
         lambda tag: tag["temperature"][0].pop("observedAt"),
         lambda tag: tag["temperature"][0].update(observedAt="yesterday"),
         lambda tag: tag["temperature"][0].update(value=None),
+        lambda tag: tag["mapPosition"][0]["value"].update(x=None),
         lambda tag: tag["location"]["value"].update(coordinates=[200.0, 0.0]),
         lambda tag: tag["location"].pop("observedAt"),
         lambda tag: tag.update(location=[tag["location"]]),
@@ -458,6 +528,45 @@ def test_entities_that_are_the_same_have_the_same_id() -> None:
     assert {stream["Sensor"]["@iot.id"] for stream in co2} == {"urn:lupin:sensor:co2"}
     observations = [seen["@iot.id"] for stream in streams for seen in stream["Observations"]]
     assert len(set(observations)) == len(observations)
+
+
+def shared_entities(things: Any) -> list[tuple[str, str]]:
+    """Return ids and contents of what more than one thing may have: sensors, properties and features."""
+    streams = [stream for thing in things for stream in thing["Datastreams"]]
+    found = [stream[kind] for stream in streams for kind in ("Sensor", "ObservedProperty")]
+    found += [seen["FeatureOfInterest"] for stream in streams for seen in stream["Observations"]]
+    return [(entity["@iot.id"], json.dumps(entity, sort_keys=True)) for entity in found]
+
+
+def test_an_id_is_of_one_entity_also_if_sensors_have_the_names_of_other_things() -> None:
+    flowers = Flowers("5", T + 11.0, "m2", "aggregator", "tulip_red", 0.5, False)
+    things = json.loads(sensorthings(record_of(ALL, *RECORDS, NAMESAKES, flowers), ORIGIN))["value"]
+    entities = shared_entities(things)
+    assert len({content for _, content in entities}) == len({name for name, _ in entities})
+    streams = [stream["@iot.id"] for thing in things for stream in thing["Datastreams"]]
+    assert len(set(streams)) == len(streams)
+    observations = [o["@iot.id"] for t in things for s in t["Datastreams"] for o in s["Observations"]]
+    assert len(set(observations)) == len(observations)
+
+
+#: What the results of each type are, by 18-088, 8.2.4.
+RESULTS: dict[str, Callable[[Any], bool]] = {
+    "OM_CategoryObservation": lambda result: re.match(r"[a-z][a-z0-9+.-]*:[!-~]+$", result) is not None,
+    "OM_CountObservation": lambda result: type(result) is int,
+    "OM_Measurement": lambda result: type(result) is float,
+    "OM_Observation": lambda result: result is not None,
+    "OM_TruthObservation": lambda result: type(result) is bool,
+}
+
+
+def test_results_are_of_the_type_that_their_datastream_tells() -> None:
+    things = json.loads(sensorthings(record_of(ALL), ORIGIN))["value"]
+    streams = [stream for thing in things for stream in thing["Datastreams"]]
+    told = [
+        (s["observationType"].rpartition("/")[2], o["result"]) for s in streams for o in s["Observations"]
+    ]
+    assert [(kind, result) for kind, result in told if not RESULTS[kind](result)] == []
+    assert {kind for kind, _ in told} == RESULTS.keys() - {"OM_CategoryObservation"}
 
 
 def test_sensorthings_has_every_value() -> None:

@@ -109,6 +109,29 @@ def test_flowers_are_read() -> None:
     assert read(flower()) == Flowers(*origin, "tulip_red", 0.75, True, (bloom,), SQUARE, pin)
 
 
+@pytest.mark.parametrize("wrong", [math.nan, math.inf, -math.inf])
+def test_a_bloom_or_a_corner_without_a_place_is_none(wrong: float) -> None:
+    """A panel would draw it at the origin of the map: what is no number arrives there as nothing."""
+    message = flower()
+    strange = SimpleNamespace(
+        position=SimpleNamespace(x=1.0, y=wrong, z=0.0), species="tulip_pink", confidence=wrong, anomaly=False
+    )
+    message.flower.flowers.append(strange)
+    message.flower.box_footprint.points[2].x = wrong
+    record = read(message)
+    assert isinstance(record, Flowers)
+    assert [bloom.species for bloom in record.blooms] == ["tulip_red"]
+    assert record.footprint == ()
+
+
+def test_a_confidence_that_is_no_number_is_none() -> None:
+    message = flower(confidence=math.nan)
+    message.flower.flowers[0].confidence = math.inf
+    record = read(message)
+    assert isinstance(record, Flowers)
+    assert (record.confidence, record.blooms[0].confidence) == (0.0, 0.0)
+
+
 def test_an_anomaly_report_is_read() -> None:
     expected = Anomaly(100.5, "m1", "InspectionMission", 3.0, 4.0, 0.0, "fallen plant", 2)
     assert read(report()) == expected
@@ -227,6 +250,7 @@ def test_boxes_are_read(form: str) -> None:
         '[{"id": 5, "x": NaN, "y": 0, "yaw": 0, "width": 1, "depth": 1}]',
         '[{"id": 5, "x": 1e300, "y": 0, "yaw": 0, "width": 1, "depth": 1}]',
         '[{"id": "", "x": 0, "y": 0, "yaw": 0, "width": 1, "depth": 1}]',
+        '[{"id": "\\ud800", "x": 0, "y": 0, "yaw": 0, "width": 1, "depth": 1}]',
         '[{"id": 5, "x": ' + "9" * 400 + ', "y": 0, "yaw": 0, "width": 1, "depth": 1}]',
         '[{"id": "' + "5" * 100_000 + '", "x": 0, "y": 0, "yaw": 0, "width": 1, "depth": 1}]',
         '[{"id": 5, "x": "' + "9" * 100_000 + 'x", "y": 0, "yaw": 0, "width": 1, "depth": 1}]',
@@ -430,6 +454,45 @@ def test_a_stamp_from_the_future_counts_from_its_arrival() -> None:
 
 def test_before_simulated_time_begins_a_stamp_counts_as_it_is() -> None:
     assert state_of(reading(stamp=5.0), received=0.0).tags["5"].last_observed == 5.0
+
+
+def test_a_clock_that_was_set_back_leaves_nothing_fresh_for_ever() -> None:
+    """A simulation that begins anew: its tags of an hour ago would be 0 s old for an hour."""
+    twin = Twin()
+    for tag_id, time in (("old", 2.0), ("new", 3600.0)):
+        twin.tell_time(time)
+        twin.apply(reading(tag_id, time), time)
+    twin.apply(Discovery("seen", HERE), 3600.0)
+    revision = twin.revision
+    twin.tell_time(10.0)
+    ages = {name: tag.stale_seconds(15.0) for name, tag in twin.tags.items()}
+    assert ages == {"old": 13.0, "new": 5.0, "seen": 0.0}
+    assert twin.revision > revision, "it is told"
+    revision = twin.revision
+    for now in (0.0, 10.0, 15.0):
+        twin.tell_time(now)
+    assert twin.revision == revision, "time goes on"
+    twin.tell_time(4.0)
+    twin.apply(reading("old", 3.0), 4.0)
+    assert {name: tag.last_observed for name, tag in twin.tags.items()} == {
+        "old": 3.0,
+        "new": 4.0,
+        "seen": None,
+    }
+
+
+def test_the_time_of_a_new_clock_is_taken_for_what_it_is() -> None:
+    twin = state_of(reading("5", 3600.0), received=3600.0)
+    twin.tell_time(3600.0)
+    twin.forget_time()
+    twin.tell_time(10.0)
+    assert twin.tags["5"].last_observed == 3600.0
+
+
+def test_the_latest_observation_is_the_newest_and_not_the_last_to_come() -> None:
+    """After an outage the backlog of one publisher comes, and then that of the other."""
+    twin = state_of(reading(stamp=60.0), flowers(stamp=30.0))
+    assert twin.tags["5"].last_observed == 60.0
 
 
 def test_samples_need_a_place_and_a_number() -> None:

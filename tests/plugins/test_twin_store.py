@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import hashlib
 import os
 import signal
 import sqlite3
@@ -18,9 +19,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lupin_twin.field import OccupancyMap
-from lupin_twin.records import Anomaly, Box, Discovery, Flowers, Pin, Reading, Record
+from lupin_twin.records import Anomaly, Box, Discovery, Flowers, Pin, Reading, Record, to_json
 from lupin_twin.state import Twin
-from lupin_twin.store import MAX_WAITING, NOWHERE, Row, Store, StoreError
+from lupin_twin.store import MAX_WAITING, NOWHERE, Row, Store, StoreError, read
 
 PIN = Pin(1.0, 2.0, 0.0, 1.0)
 RECORDS: list[Record] = [
@@ -203,6 +204,50 @@ def test_a_store_of_a_later_version_is_left_alone(path: str) -> None:
     assert not os.path.exists(f"{path}.corrupt-1")
 
 
+#: A store as version 1 has always written it: whoever changes records or tables must still read this one.
+VERSION_1 = """
+    CREATE TABLE record (
+        number INTEGER PRIMARY KEY, received REAL NOT NULL, digest BLOB UNIQUE, json TEXT NOT NULL
+    );
+    CREATE TABLE map (
+        number INTEGER PRIMARY KEY CHECK (number = 1), x REAL NOT NULL, y REAL NOT NULL, yaw REAL NOT NULL,
+        resolution REAL NOT NULL, width INTEGER NOT NULL, height INTEGER NOT NULL, cells BLOB NOT NULL
+    );
+    INSERT INTO map VALUES (1, 1.0, 2.0, 0.5, 0.05, 2, 1, X'780163F80F0001010100');
+    PRAGMA user_version = 1;
+"""
+WRITTEN = (
+    '{"tag_id":"5","pin":{"x":1.0,"y":2.0,"z":0.0,"w":1.0},"kind":"discovery"}',
+    '{"tag_id":"5","stamp":1.5,"mission_id":"m","source":"s","readings":[["temperature",20.0],["co2",NaN]],'
+    '"pin":null,"kind":"reading"}',
+    '{"tag_id":"5","stamp":2.5,"mission_id":"m","source":"s","species":"tulip_red","confidence":0.5,'
+    '"anomaly":true,"blooms":[{"x":1.0,"y":2.0,"z":0.0,"species":"","confidence":0.0,"anomaly":true}],'
+    '"footprint":[[0.0,0.0],[1.0,0.0]],"pin":null,"kind":"flowers"}',
+    '{"stamp":3.5,"mission_id":"m","source":"s","x":1.0,"y":2.0,"z":0.0,"description":"pest","severity":1,'
+    '"kind":"anomaly"}',
+    '{"tag_id":"5","footprint":[[0.0,0.0],[1.0,0.0]],"kind":"box"}',
+)
+
+
+def test_a_store_of_an_earlier_engine_is_read_as_it_was_written(path: str) -> None:
+    Path(path).parent.mkdir()
+    with sqlite3.connect(path) as db:
+        db.executescript(VERSION_1)
+        for number, text in enumerate(WRITTEN):
+            told_again = text.endswith(('"discovery"}', '"box"}'))
+            digest = None if told_again else hashlib.sha256(text.encode()).digest()
+            db.execute("INSERT INTO record VALUES (?, ?, ?, ?)", (number + 1, float(number), digest, text))
+    db.close()
+    store = Store(path)
+    rows, occupancy = list(store.rows()), store.map()
+    assert (store.put_aside, store.unreadable) == ("", [])
+    assert tuple(to_json(row.record) for row in rows) == WRITTEN
+    assert occupancy is not None
+    assert occupancy.cells.tolist() == [[0, -1]]
+    assert not store.add(rows[1].record, 9.0), "an observation that arrives again is known by what it says"
+    store.close()
+
+
 def test_a_damaged_row_is_left_out_and_named(path: str) -> None:
     fill(path, RECORDS[0])
     with sqlite3.connect(path) as db:
@@ -213,6 +258,34 @@ def test_a_damaged_row_is_left_out_and_named(path: str) -> None:
     assert [row.record for row in store.rows()] == RECORDS[:2]
     (problem,) = store.unreadable
     assert problem.startswith(f"{path}: row 2 left out: not a record of the twin: text: ")
+    store.close()
+
+
+def test_a_flipped_bit_costs_one_row_and_not_the_twin(path: str) -> None:
+    """SQLite has no checksums: the page is whole, what stands in it is no text any more."""
+    fill(path, *RECORDS[:3])
+    data = bytearray(Path(path).read_bytes())
+    data[data.rindex(b'"source":"s"') + 10] ^= 0x80
+    Path(path).write_bytes(data)
+    store = Store(path)
+    assert store.put_aside == ""
+    assert [row.record for row in store.rows()] == [RECORDS[0], RECORDS[2]]
+    (problem,) = store.unreadable
+    reason = "not a record of the twin: text: Invalid JSON: invalid unicode code point"
+    assert problem.startswith(f"{path}: row 2 left out: {reason}")
+    assert store.add(RECORDS[3], 9.0)
+    store.close()
+    assert len(read(path).rows) == 3
+
+
+def test_a_time_that_is_no_number_any_more_costs_one_row(path: str) -> None:
+    fill(path, RECORDS[0])
+    with sqlite3.connect(path) as db:
+        db.execute("INSERT INTO record (received, json) VALUES ('soon', ?)", (to_json(RECORDS[3]),))
+    db.close()
+    store = Store(path)
+    assert [row.record for row in store.rows()] == RECORDS[:1]
+    assert store.unreadable == [f"{path}: row 2 left out: its time is no number but str"]
     store.close()
 
 
@@ -317,6 +390,25 @@ def test_on_a_disk_that_is_really_full_nothing_is_lost(small_disk: Path) -> None
     assert [row.record for row in content(str(small_disk / "twin.sqlite"))] == [big(n) for n in range(20)]
 
 
+@pytest.mark.parametrize("records", [[], RECORDS])
+def test_on_a_full_disk_no_twin_begins_and_the_store_is_left_as_it_is(
+    small_disk: Path, records: list[Record]
+) -> None:
+    """One that went on without its records would tell a greenhouse that nobody has ever seen."""
+    path = str(small_disk / "twin.sqlite")
+    if records:
+        fill(path, *records)
+    ballast = small_disk / "ballast"
+    with contextlib.suppress(OSError), ballast.open("wb", buffering=0) as file:
+        while True:
+            file.write(b"x" * 512)
+    with pytest.raises(StoreError) as refused:
+        Store(path)
+    assert str(refused.value) == f"{path} cannot be opened: no room is left on its disk"
+    ballast.unlink()
+    assert [row.record for row in content(path)] == records
+
+
 def test_the_latest_map_is_kept(path: str) -> None:
     store = Store(path)
     assert store.map() is None
@@ -329,6 +421,19 @@ def test_the_latest_map_is_kept(path: str) -> None:
     assert kept is not None
     assert (kept.x, kept.y, kept.yaw, kept.resolution) == (1.0, 2.0, 0.5, 0.05)
     assert kept.cells.tolist() == [[-1] * 3] * 2
+
+
+def test_a_damaged_map_costs_the_map_only(path: str) -> None:
+    fill(path, RECORDS[0])
+    with sqlite3.connect(path) as db:
+        db.execute("INSERT INTO map VALUES (1, 0.0, 0.0, 0.0, 1.0, 2, 2, X'00')")
+    db.close()
+    store = Store(path)
+    assert [row.record for row in store.rows()] == RECORDS[:1]
+    assert store.map() is None
+    (problem,) = store.unreadable
+    assert problem.startswith(f"{path}: the map left out: Error -")
+    store.close()
 
 
 def test_a_store_from_before_there_were_maps_gets_one(path: str) -> None:

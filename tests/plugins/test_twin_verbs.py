@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import os
 import sqlite3
@@ -15,11 +16,13 @@ import pytest
 
 from lupin_engine.cli.main import main
 from lupin_twin.field import Grid, OccupancyMap
-from lupin_twin.picture import _labels
+from lupin_twin.missions import select
+from lupin_twin.picture import _grid, _labels, _range, _source, _title, picture
 from lupin_twin.place import store_path
 from lupin_twin.records import Bloom, Discovery, Flowers, Pin, Reading
 from lupin_twin.state import Twin
-from lupin_twin.store import Store, StoreError, read
+from lupin_twin.store import Row, Store, StoreError, read
+from lupin_twin.text import number
 
 T = 1_790_000_000.0
 Run = Callable[..., tuple[int, str, str]]
@@ -355,6 +358,15 @@ def test_labels_cover_neither_marks_nor_each_other() -> None:
     }
 
 
+def test_labels_are_in_the_picture() -> None:
+    twin = Twin()
+    places = {"left": (0.1, 0.1), "right-below": (3.95, 0.1), "right-above": (3.95, 3.95)}
+    for tag, (x, y) in places.items():
+        twin.apply(Discovery(tag, Pin(x, y, 0.0, 1.0)), T)
+    told = _labels(Grid.over(0.0, 0.0, 4.0, 4.0, 0.01), list(twin.tags.values()))
+    assert told == [(True, True), (False, True), (False, False)]
+
+
 def test_where_there_is_no_room_a_label_is_where_labels_are() -> None:
     """Five tags in one place."""
     twin = Twin()
@@ -375,6 +387,91 @@ def test_a_picture_is_of_the_mission_and_distance_that_were_asked_for(run: Run, 
         run("plot", "--sensor", "temperature", "-o", "p.svg", *more)
         found.add((tmp_path / "p.svg").read_bytes())
     assert len(found) == 3
+
+
+@pytest.mark.parametrize(
+    ("value", "told"),
+    [(0.21, "0.21"), (21.25, "21.25"), (999.96, "1000"), (23490.4, "23490"), (-3.2, "-3.2"), (1e30, "1e+30")],
+)
+def test_numbers_are_written_as_people_read_them(value: float, told: str) -> None:
+    assert number(value) == told
+
+
+@pytest.mark.parametrize(
+    ("sensor", "values", "title"),
+    [
+        ("temperature", [-3.2, 1.0], "temperature: -3.2 to 1 °C"),
+        ("temperature", [21.3], "temperature: 21.3 °C"),
+        ("temperature", [20.0, 20.0 + 1e-9], "temperature: 20 °C"),
+        ("light", [500.0, 23490.0], "light: 500 to 23490 lx"),
+        ("soil_moisture", [0.21, 0.35], "soil moisture: 0.21 to 0.35"),
+        ("p$\n", [6.5], "p\\$\ufffd: 6.5"),
+    ],
+)
+def test_a_picture_says_what_was_read(sensor: str, values: list[float], title: str) -> None:
+    assert _title(sensor, np.array(values)) == title
+
+
+@pytest.mark.parametrize(
+    ("values", "ends"),
+    [
+        ([-3.2, 1.0], (-3.2, 1.0)),
+        ([20.0], (19.8, 20.2)),
+        ([20.0, 20.1], (19.8495, 20.2505)),
+        ([0.0, 0.0], (-0.01, 0.01)),
+        ([-1e38, 1e38], (-1e38, 1e38)),
+    ],
+)
+def test_noise_is_not_painted_as_a_difference(values: list[float], ends: tuple[float, float]) -> None:
+    assert _range(np.array(values)) == pytest.approx(ends)
+
+
+def test_a_picture_says_where_when_and_by_whom() -> None:
+    first = reading("5", 1.0, 20.0), reading("6", 2.0, 20.0, time=T + 600.0)
+    again, later = reading("5", 1.0, 21.0, "m2", T + 660.0), reading("5", 1.0, 22.0, "m2", T + 86400.0)
+    lost = Reading("7", T + 9e5, "m1", "", (("temperature", float("nan")),), Pin(1.0, 1.0, 0.0, 1.0))
+    elsewhere = Reading("8", T + 9e5, "m1", "", (("temperature", 9.0),))
+
+    def told(*records: Reading) -> str:
+        record = select([Row(one, T + 1e6) for one in records], "all")
+        return _source(record, "temperature", len(record.twin.samples("temperature")[1]))
+
+    assert told(first[0]) == "read at 1 tag, mission m1\n2026-09-21 14:13 UTC"
+    shown = "read at 2 tags, mission m1\n2026-09-21 14:13 to 14:23 UTC"
+    assert told(*first) == told(*first, lost, elsewhere) == shown
+    passive = reading("6", 2.0, 21.0, "", T + 600.0)
+    assert told(passive) == "read at 1 tag, outside of missions\n2026-09-21 14:23 UTC"
+    assert told(*first, passive) == shown.replace("m1", "m1 and outside of missions")
+    assert told(*first, again) == "read at 2 tags, 2 missions\n2026-09-21 14:23 to 14:24 UTC"
+    assert told(*first, later) == "read at 2 tags, 2 missions\n2026-09-21 14:23 to 2026-09-22 14:13 UTC"
+
+
+def test_a_single_row_of_tags_is_not_a_line() -> None:
+    twin = Twin()
+    for n in range(50):
+        twin.apply(Discovery(str(n), Pin(2.0 * n, 1.0, 0.0, 1.0)), T)
+    grid = _grid(list(twin.tags.values()), None)
+    assert grid.height >= 0.2 * grid.width
+    assert grid.min_y + grid.height * grid.resolution / 2.0 == pytest.approx(1.0, abs=grid.resolution)
+
+
+@pytest.mark.parametrize("far", [0.0, 1.5, 40.0])
+def test_nothing_is_cut_off_at_the_edge_of_a_picture(drawing: None, far: float) -> None:
+    from matplotlib.image import imread
+
+    records = (reading("the-tag-on-the-left", 0.0, 20.0), reading("the-tag-on-the-right", far, 24.0))
+    record = select([Row(one, T) for one in records], "all")
+    drawn = imread(io.BytesIO(picture(record, "temperature", None, ".png")))[..., :3]
+    assert min(edge.min() for edge in (drawn[0], drawn[-1], drawn[:, 0], drawn[:, -1])) == 1.0
+    assert drawn.min() < 0.3
+
+
+@pytest.mark.usefixtures("drawing")
+def test_letters_that_no_font_has_are_no_warning(run: Run, path: Path) -> None:
+    store = Store(str(path))
+    store.add(reading("\u6e29\u5ba4\n1", 3.0, 20.0, "m2", T + 80.0), T + 80.0)
+    store.close()
+    assert run("plot", "--sensor", "temperature", "-o", "p.png") == (0, "", "wrote p.png\n")
 
 
 @pytest.mark.usefixtures("drawing")

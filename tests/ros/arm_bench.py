@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import subprocess
 from collections import deque
 from collections.abc import Callable, Mapping
 from functools import partial
@@ -136,6 +137,7 @@ class Bench:
         self.ros = make_node("bench")
         self.nodes = [self.ros]
         self.drivers = Drivers(self.ros, servos)
+        self.drivers.telling = False
         self.told: list[dict[str, Any]] = []
         self.ros.subscribe(String, f"{LIBRARY}/state", Qos.LATCHED, self._on_state)
         self.estop = self.ros.publisher(Bool, "/e_stop_state", Qos.EVENT)
@@ -149,8 +151,10 @@ class Bench:
             serve_all(self.nodes[0])
         else:
             world.start("lupin_arm", **settings)
-        self.until(lambda: self.drivers.trajectories, "the arm is pinned")
+        # Who hears the state is known to the arm's node, and so is who has listened before to what it sends.
         self.until(lambda: self.told, "a first state")
+        self.drivers.telling = True
+        self.until(lambda: self.drivers.trajectories, "the arm is pinned")
         for topic in (self.estop, self.mission):
             self.until(topic.get_subscription_count, "the arm listens")
 
@@ -176,6 +180,12 @@ class Bench:
         self.until(lambda: answers, f"answer of {service}")
         assert not isinstance(answers[0], Failure), answers[0]
         return answers[0]
+
+    def dies(self, process: subprocess.Popen[bytes]) -> None:
+        """Kill the arm's node; it is over when nobody waits for its answers any more."""
+        process.kill()
+        process.wait()
+        self.until(lambda: not any(caller.ready() for caller in self._callers.values()), "its services go")
 
     def record(self, action: str, **fields: Any) -> Any:
         """Call the recorder."""

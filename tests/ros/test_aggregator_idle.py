@@ -11,9 +11,14 @@ import pytest
 
 pytest.importorskip("rclpy", reason="ROS 2 is not installed here")
 
-from lupin_engine.middleware.node import RosNode
+from builtin_interfaces.msg import Time
+from rosgraph_msgs.msg import Clock
+
+from lupin_engine.middleware.node import Qos, RosNode
+from lupin_engine.plugin.wire import time_fields
 from lupin_msgs.msg import Observation, SensorReading
 from lupin_msgs.srv import GetTagReading
+from lupin_perception.node.aggregator import RECALL_S
 from tests.ros.test_aggregator_node import BUG, RED, Scene
 
 pytestmark = pytest.mark.ros
@@ -147,6 +152,98 @@ def test_a_node_that_was_killed_knows_its_mission_again(make_node: MakeNode, tmp
         second.flowers(BUG)
     second.next_list()
     assert second.observations == [], "reported already"
+
+
+def test_a_scan_that_a_node_was_killed_in_goes_on(make_node: MakeNode, tmp_path: Path) -> None:
+    """A pest that was told in it would otherwise be gone from every display, because the arm has moved on."""
+    file = tmp_path / "memory.json"
+    first = remembering(make_node, file)
+    first.mission("MONITORING", "SCANNING", "5")
+    discover(first, 5, 6)
+    first.flowers(RED, BUG)
+    first.told(1)
+    first.until(lambda: '"scanned": "5"' in file.read_text(), "it is kept")
+    first.node.close()
+    first.world.close()
+    second = remembering(make_node, file)
+    second.mission("MONITORING", "SCANNING", "5")
+    second.flowers(RED)
+    assert second.told(1).flower.anomaly
+    second.mission("MONITORING", "NAVIGATING", "5")
+    second.mission("MONITORING", "SCANNING", "5")
+    second.flowers(RED)
+    assert not second.told(2).flower.anomaly, "another visit begins with nothing"
+
+
+def test_a_scan_that_has_ended_meanwhile_does_not_go_on(make_node: MakeNode, tmp_path: Path) -> None:
+    file = tmp_path / "memory.json"
+    first = remembering(make_node, file)
+    first.mission("MONITORING", "SCANNING", "5")
+    discover(first, 5)
+    first.flowers(RED, BUG)
+    first.until(lambda: '"scanned": "5"' in file.read_text(), "it is kept")
+    first.node.close()
+    first.world.close()
+    second = remembering(make_node, file)
+    second.mission("MONITORING", "NAVIGATING", "5")
+    second.mission("MONITORING", "SCANNING", "5")
+    second.flowers(RED)
+    assert not second.told(1).flower.anomaly
+
+
+class Simulated(Scene):
+    """A scene in simulated time, which goes on by 20 ms with each look; `time` is moved by tests."""
+
+    def __init__(self, make_node: MakeNode, begin: float, *arguments: str) -> None:
+        self.time = begin
+        self._clock = make_node("clock").publisher(Clock, "/clock", Qos.EVENT)
+        super().__init__(make_node, "-p", "use_sim_time:=true", *arguments)
+
+    def until(self, condition: Callable[[], Any], what: str = "") -> None:
+        def ticking() -> Any:
+            self.time += 0.02
+            self._clock.publish(Clock(clock=Time(**time_fields(self.time))))
+            return condition()
+
+        super().until(ticking, what)
+
+    def jump(self, seconds: float) -> None:
+        """Let it be so much later or earlier, and wait until the aggregator knows."""
+        self.time += seconds
+        self.until(lambda: abs(self.node.now() - self.time) < 1.0, "the time")
+
+
+def test_in_simulated_time_too_a_new_process_never_tells_an_empty_list(
+    make_node: MakeNode, tmp_path: Path
+) -> None:
+    """The clock is heard of a moment after the start, and is then a thousand seconds on."""
+    file = tmp_path / "memory.json"
+    first = remembering(make_node, file)
+    first.mission("EXPLORING")
+    discover(first, 5)
+    first.until(lambda: file.exists() and '"5"' in file.read_text(), "it is kept")
+    first.node.close()
+    first.world.close()
+    second = Simulated(make_node, 1000.0, "-p", f"memory_file:={file}")
+    assert second.lists[0].tags == []
+    assert second.time - 1000.0 > RECALL_S, "so long without a mission, and there is none"
+    second.mission("EXPLORING")
+    second.next_list()
+    assert second.tags() == {"5": 3}
+
+
+def test_a_simulation_that_begins_anew_leaves_nothing_in_sight_for_ever(make_node: MakeNode) -> None:
+    """What was seen a thousand seconds before the clock was set back is not of the next thousand."""
+    scene = Simulated(make_node, 1000.0, "-p", "freshness_s:=1.0")
+    scene.mission("MONITORING", "SCANNING", "5")
+    scene.discover()
+    assert scene.confirm("5").detected
+    scene.jump(-900.0)
+    scene.until(lambda: not scene.confirm("5").detected, "it is stale")
+    scene.until(lambda: not scene.aggregator._is_under_way(), "the mission is silent")
+    assert scene.aggregator._sightings.in_sight(scene.node.elapsed()) == {}
+    scene.discover()
+    assert scene.confirm("5").detected
 
 
 def test_what_is_remembered_of_another_mission_is_forgotten(make_node: MakeNode, tmp_path: Path) -> None:

@@ -17,7 +17,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from tf2_msgs.msg import TFMessage
 
-from lupin_engine.errors import LupinError
+from lupin_engine.errors import LupinError, shortened
 from lupin_engine.middleware.node import Qos, RosNode
 from lupin_engine.world.frames import Frames
 from lupin_msgs.msg import DiscoveredTags, MissionState, Observation
@@ -34,7 +34,7 @@ MakeNode = Callable[..., RosNode]
 #: Often, so that no test waits for the next list.
 OFTEN = ["-p", "publish_rate_hz:=50.0"]
 #: Nothing outlives a test, and nothing is read without a mission, but where a test says so.
-QUIET = ["-p", "memory_file:=none", "-p", "passive_climate:=false"]
+QUIET = ["-p", "memory_file:=none", "-p", "passive_climate:=false", "-p", "detection_delay_s:=0.0"]
 #: Facing +X: the tag's +Z along the map's X.
 FACING_X = (0.0, math.sqrt(0.5), 0.0, math.sqrt(0.5))
 FLAT = (0.0, 0.0, 0.0, 1.0)
@@ -78,6 +78,11 @@ class Scene:
         outlets = (self.tag_frames, self.flower_frames, self.transforms, self.states, self.joints)
         self.until(lambda: all(outlet.get_subscription_count() == 1 for outlet in outlets))
         self.until(lambda: self.lists and self.confirmer.ready())
+        self.greet()
+
+    def greet(self) -> None:
+        """Be there as an orchestrator at rest."""
+        self.mission("READY", mission_id="")
 
     def _count_what_is_taken_in(self) -> None:
         """Count the messages of each topic once the aggregator is through with them."""
@@ -316,15 +321,16 @@ def test_an_old_transform_places_no_new_sighting(
     make_node: MakeNode, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A detector that goes on, beside transforms that do not: the robot has driven on meanwhile."""
-    monkeypatch.setattr(sightings, "LATE_S", 0.1)
     scene = Scene(make_node)
     scene.discover()
+    monkeypatch.setattr(sightings, "LATE_S", 0.1)
     scene.wait(0.2)
     scene.see(5, times=6)
     scene.next_list()
     assert scene.tags() == {"5": 3}
     (text,) = scene.log.warnings
     assert "none can be placed: the transforms of tag_5, base_link, odom have ceased; " in text
+    monkeypatch.setattr(sightings, "LATE_S", 60.0)  # however long this machine takes
     scene.place(5)
     scene.next_list()
     assert scene.tags() == {"5": 4}, "with the one that waited"
@@ -399,6 +405,37 @@ def test_a_pest_of_the_last_pot_is_not_told_of_the_next(make_node: MakeNode) -> 
     scene.flowers(("tulip_white", 0.7, 0.0))
     second = scene.told(2)
     assert (second.flower.tag_id, second.flower.species, second.flower.anomaly) == ("6", "tulip_white", False)
+
+
+def test_what_comes_late_is_of_no_scan_and_no_find_beside_one(
+    make_node: MakeNode, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A detection has no stamp: what was seen at the last pot looks like the next one's if it comes late."""
+    now = [0.0]
+    scene = Scene(make_node, "-p", "detection_delay_s:=0.3", "-p", "tag_in_sight_s:=0.2")
+    monkeypatch.setattr(scene.node, "elapsed", lambda: now[0])
+    scene.mission("MONITORING", "SCANNING", "5")
+    scene.discover(5)
+    scene.discover(6)
+    now[0] = 0.3
+    scene.flowers(RED)
+    assert scene.told(1).flower.tag_id == "5"
+    scene.mission("MONITORING", "SCANNING", "6")
+    now[0] = 0.5
+    scene.flowers(RED, BUG)
+    now[0] = 0.6
+    scene.flowers(("tulip_white", 0.7, 0.0))
+    second = scene.told(2).flower
+    assert (second.tag_id, second.species, second.anomaly) == ("6", "tulip_white", False)
+    scene.mission("MONITORING", "NAVIGATING", "5")
+    now[0] = 0.8
+    for _ in range(3):
+        scene.flowers(BUG)
+    scene.told(2)
+    now[0] = 0.9
+    for _ in range(3):
+        scene.flowers(BUG)
+    assert scene.told(3).kind == Observation.KIND_ANOMALY
 
 
 def test_each_visit_tells_anew(make_node: MakeNode) -> None:
@@ -486,8 +523,7 @@ def test_flowers_seen_before_their_tag_is_discovered_are_told_as_soon_as_it_is(m
     assert scene.next_list().tags == []
     assert scene.observations == []
     scene.discover()
-    scene.flowers()
-    assert scene.told(1).flower.species == "tulip_red"
+    assert scene.told(1).flower.species == "tulip_red", "without a further frame: there may be none"
 
 
 def test_while_the_robot_drives_flowers_belong_to_nobody(make_node: MakeNode) -> None:
@@ -513,6 +549,57 @@ def test_without_a_mission_flowers_belong_to_the_nearest_tag_in_sight(
     scene.flowers(RED)
     scene.next_list()
     assert [told.flower.tag_id for told in scene.observations] == ["5"] * count
+
+
+def test_a_node_that_has_just_begun_waits_to_hear_of_a_mission(
+    make_node: MakeNode, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Started again in a mission it hears the detectors first, and would credit what is seen on the way."""
+
+    class Unheard(Scene):
+        def greet(self) -> None:
+            """Say nothing."""
+
+    scene = Unheard(make_node, "-p", "tag_in_sight_s:=0.1")
+    now = [scene.node.elapsed()]
+    monkeypatch.setattr(scene.node, "elapsed", lambda: now[0])
+    scene.aggregator._begun = now[0]
+    scene.discover()
+    scene.flowers(RED)
+    now[0] += 1.0
+    for _ in range(4):
+        scene.flowers(BUG)
+    scene.next_list()
+    assert scene.observations == []
+    now[0] += module.RECALL_S
+    scene.see(5)
+    scene.flowers(RED)
+    assert scene.told(1).flower.tag_id == "5"
+
+
+def test_a_parked_robot_forgets_what_it_does_not_see_any_more(
+    make_node: MakeNode, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A27, and the reverse: a pest that was taken away, and a night of the detector's mistakes."""
+    monkeypatch.setattr(module, "IDLE_MEMORY_S", 0.1)
+    scene = Scene(make_node, "-p", "tag_in_sight_s:=60.0")
+    scene.discover()
+    scene.flowers(RED, BUG)
+    assert scene.told(1).flower.anomaly
+    for _ in range(2):
+        scene.wait(0.11)
+        scene.flowers(RED)
+    assert not scene.told(2).flower.anomaly
+    scene.mission("INSPECTING", "SCANNING", "5")
+    scene.discover()
+    scene.flowers(RED, BUG)
+    scene.told(3)
+    for _ in range(3):
+        scene.wait(0.11)
+        scene.flowers(RED)
+    assert scene.told(3).flower.anomaly, (
+        "a mission's scan has an end: the arm shows one part of a box after another"
+    )
 
 
 def test_what_is_seen_after_a_mission_is_no_part_of_it(make_node: MakeNode) -> None:
@@ -600,6 +687,7 @@ def test_where_a_robot_was_a_while_ago_is_no_place_for_a_pest(
         scene.flowers(BUG)
     scene.next_list()
     assert scene.observations == []
+    monkeypatch.setattr(sightings, "LATE_S", 60.0)  # however long this machine takes
     scene.place(5, robot=2.5)
     scene.flowers(BUG)
     assert scene.told(1).anomaly.pose.pose.position.x == pytest.approx(2.5)
@@ -666,7 +754,7 @@ def test_a_strange_tag_is_not_confirmed_and_the_answer_says_so_briefly(
     scene.discover()
     answer = scene.confirm(wanted)
     assert (answer.detected, answer.detection_confidence) == (False, 0.0)
-    assert answer.error_message == f"tag {wanted[:20]!r} not discovered"
+    assert answer.error_message == f"tag {shortened(wanted)!r} not discovered"
     assert answer.tag_pose_in_map.orientation.w == 0.0
     assert scene.confirm("5").detected
 

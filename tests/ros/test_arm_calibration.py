@@ -13,17 +13,21 @@ pytest.importorskip("rclpy", reason="ROS 2 is not installed here")
 from std_srvs.srv import SetBool
 
 from lupin_arm.calibration.offsets import HOMES
+from lupin_arm.node.calibration_servos import CUT_OFF, LIMP
 from lupin_engine.middleware.node import RosNode
 from lupin_msgs.msg import MissionState
 from lupin_msgs.srv import CalibrateArm, SetArmPreset
 from tests.ros.arm_bench import CALIBRATE, GATE, POWER, Bench, refuse
 from tests.ros.helpers import spin_for
+from tests.ros.wire import Asked
 from tests.ros.world import World
 
 pytestmark = pytest.mark.ros
 
 JOINTS = list(HOMES)
-QUICK = {"calibration_settle_s": "0.05", "calibration_window_s": "0.3"}
+QUICK: dict[str, Any] = {"calibration_settle_s": "0.05", "calibration_window_s": "0.3"}
+#: What the node says as soon as it knows where the arm is.
+PINNED = "the arm is there"
 MakeNode = Callable[..., RosNode]
 
 
@@ -196,7 +200,9 @@ def test_an_arm_that_does_not_get_its_torque_back_is_told(bench: Bench) -> None:
     assert answer.message.startswith("the arm is still without torque; support it, and switch torque on: ")
     preset = bench.call(SetArmPreset, "/lupin/arm/preset", name="home")
     assert not preset.success
+    assert calibrate(bench, "status").message == LIMP
     assert bench.call(SetBool, "/lupin/arm/set_torque", data=True).success
+    assert calibrate(bench, "status").message == "ready"
     usable(bench)
 
 
@@ -236,6 +242,43 @@ def test_the_emergency_stop_ends_a_commit(bench: Bench) -> None:
     assert [call for call in bench.drivers.calls if call[0] == "turn"] == [("turn", j, 0.0) for j in JOINTS]
 
 
+def test_a_calibration_does_not_begin_while_servos_are_switched(bench: Bench) -> None:
+    """The gate that it closes would be opened again behind its back."""
+    open_ones: list[Asked] = []
+    bench.drivers.plan.append(open_ones.append)
+    switched = bench.ask(SetBool, "/lupin/arm/set_torque", data=True)
+    bench.until(lambda: open_ones, "the power is asked")
+    answer = calibrate(bench, "start")
+    why = "the arm cannot be had: the servos are being switched on or off"
+    assert (answer.success, answer.state, answer.message) == (False, "IDLE", why)
+    open_ones[0].answer(SetBool.Response(success=True))
+    bench.until(lambda: switched, "the servos are on")
+    assert bench.drivers.switched == [(POWER, True), (GATE, True)]
+    posing(bench)
+
+
+def test_an_arm_of_which_nothing_is_known_is_not_calibrated(bench: Bench) -> None:
+    """It would lose its torque, and could not get it back where it is."""
+    bench.drivers.telling = False
+    why = "it is not known where the arm is: no /joint_states for more than 2 s"
+    refused = lambda: bench.call(SetArmPreset, "/lupin/arm/preset", name="home").message == why  # noqa: E731
+    bench.until(refused, "feedback grows old")
+    answer = calibrate(bench, "start")
+    assert (answer.success, answer.message) == (False, f"the arm cannot be had: {why}")
+    assert bench.drivers.switched == []
+    bench.drivers.telling = True
+    bench.until(lambda: calibrate(bench, "start").success, "the arm is back")
+
+
+def test_what_is_told_counts_what_a_servo_has_for_an_offset(bench: Bench) -> None:
+    """Cleared at the start, and yet it says 150: both are off, and both are written."""
+    posing(bench)
+    bench.drivers.offsets["wrist"] = 150
+    bench.drivers.counts = {joint: home + 300 for joint, home in HOMES.items()}
+    answer = calibrate(bench, "commit")
+    assert (list(answer.diffs_observed), list(answer.offsets_applied)) == ([300, 300, 450, 300],) * 2
+
+
 def test_the_library_and_a_calibration_do_not_meet(bench: Bench) -> None:
     """A recording by hand has the arm, then the calibration does."""
     assert bench.record("start", mode="kinesthetic").success
@@ -273,34 +316,71 @@ def test_cancel_does_not_wait_for_servos_that_are_not_there(
     usable(bench)
 
 
-def test_a_kill_is_not_the_end_of_the_offsets(make_node: MakeNode, world: World, tmp_path: Path) -> None:
-    """Killed while a person poses the arm: its servos have no offsets then, and the next one knows them."""
-    before = {"shoulder_lift": 50, "elbow": -300, "wrist": 700, "gripper": 0}
-    settings = {"servos": True, "hardware": "real", **QUICK}
-    bench = Bench(make_node, tmp_path / "arm.json", world=world, **settings)
-    bench.drivers.offsets = dict(before)
-    posing(bench)
-    process = world.processes.pop("lupin_arm")
-    process.kill()
-    process.wait()
-    assert bench.drivers.offsets == dict.fromkeys(JOINTS, 0)
+def hold(_: Asked) -> None:
+    """Do not answer; somebody is killed while he waits."""
+
+
+def pass_on(asked: Asked) -> None:
+    """Switch."""
+    asked.answer(SetBool.Response(success=True))
+
+
+#: Step: what is asked for, whether a person poses the arm before, what the drivers do with the switches or
+#: which servo's service is deaf from then on, and what is told afterwards.
+KILLED_WHILE: dict[str, tuple[str, bool, list[Any] | tuple[str, str], str]] = {
+    "the gate closes": ("start", False, [hold], LIMP),
+    "offsets are read": ("start", False, ("read", "wrist"), LIMP),
+    "offsets are cleared": ("start", False, ("write", "wrist"), CUT_OFF),
+    "the torque goes": ("start", False, [pass_on, pass_on, hold], CUT_OFF),
+    "a person poses it": ("status", True, [], CUT_OFF),
+    "new offsets are written": ("commit", True, ("write", "elbow"), CUT_OFF),
+    "the torque comes": ("commit", True, [hold], LIMP),
+    "old offsets are written back": ("cancel", True, ("write", "elbow"), CUT_OFF),
+    "the torque comes back": ("cancel", True, [pass_on, pass_on, hold], LIMP),
+}
+
+
+@pytest.mark.parametrize("step", KILLED_WHILE)
+def test_a_kill_at_any_step_is_told_and_mended(
+    make_node: MakeNode, world: World, tmp_path: Path, step: str
+) -> None:
+    """Servos end with offsets, old or new and nothing between, and with torque; until then it is told."""
+    action, posed, obstacle, told = KILLED_WHILE[step]
+    old = {"shoulder_lift": 50, "elbow": -300, "wrist": 700, "gripper": 0}
+    moved = {"shoulder_lift": 500, "elbow": -1200, "wrist": 400, "gripper": 600}
+    bench = Bench(make_node, tmp_path / "arm.json", world=world, servos=True, hardware="real", **QUICK)
+    drivers = bench.drivers
+    drivers.offsets = dict(old)
+    if posed:
+        posing(bench)
+        drivers.counts = {joint: HOMES[joint] + by for joint, by in moved.items()}
+    asked = len(drivers.switched), len(drivers.calls)
+    if isinstance(obstacle, list):
+        drivers.plan.extend(obstacle)
+        reached = lambda: len(drivers.switched) == asked[0] + len(obstacle)  # noqa: E731
+    else:
+        drivers.deaf.add(obstacle)
+        reached = lambda: obstacle in [call[:2] for call in drivers.calls[asked[1] :]]  # noqa: E731
+    bench.ask(CalibrateArm, CALIBRATE, action=action)
+    bench.until(reached, step)
+    bench.dies(world.processes.pop("lupin_arm"))
+    drivers.deaf.clear()
+    log = world.log("lupin_arm")
+    pinned = log.read_text(encoding="utf-8").count(PINNED)
     world.start("lupin_arm", library_path=tmp_path / "arm.json", hardware="real", **QUICK)
-    left = "an earlier calibration has left the servos without their offsets"
-    status = f"{CALIBRATE} status"
-    bench.until(lambda: left in getattr(_asked(bench, "status"), "message", ""), status)
-    bench.until(lambda: getattr(_asked(bench, "start"), "success", False), "a start")
-    answer = calibrate(bench, "cancel")
-    assert (answer.success, answer.message) == (True, "cancelled, the offsets are what they were")
-    assert bench.drivers.offsets == before
-    assert calibrate(bench, "status").message == "ready"
+    assert calibrate(bench, "status").message == told
+    bench.until(lambda: log.read_text(encoding="utf-8").count(PINNED) > pinned, "it knows where the arm is")
+    if told == CUT_OFF:
+        posing(bench)
+        assert calibrate(bench, "cancel").success
+    else:
+        assert bench.call(SetBool, "/lupin/arm/set_torque", data=True).success
+    assert drivers.offsets == (moved if step == "the torque comes" else old)
+    usable(bench)
+    again = world.processes["lupin_arm"]
+    again.terminate()
+    bench.until(lambda: again.poll() is not None, "the end of the process")
     assert not (tmp_path / "arm.offsets").exists()
-
-
-def _asked(bench: Bench, action: str) -> Any:
-    """Return the answer, or what kept one from coming: for a moment there may be two servers."""
-    answers = bench.ask(CalibrateArm, CALIBRATE, action=action)
-    bench.until(lambda: answers, "an answer or none")
-    return answers[0]
 
 
 def test_offsets_that_could_not_be_written_back_are_not_lost(bench: Bench) -> None:

@@ -17,6 +17,7 @@ pytest.importorskip("rclpy", reason="ROS 2 is not installed here")
 from std_srvs.srv import SetBool, Trigger
 
 from lupin_arm.library import Library
+from lupin_arm.presets import PRESETS
 from lupin_engine.middleware.node import RosNode
 from lupin_msgs.msg import MissionState
 from lupin_msgs.srv import (
@@ -28,6 +29,7 @@ from lupin_msgs.srv import (
     SetArmPreset,
 )
 from tests.ros.arm_bench import GATE, LIBRARY, POWER, Bench, refuse
+from tests.ros.helpers import spin_for
 from tests.ros.wire import Asked, leave_open
 from tests.ros.world import World
 
@@ -311,6 +313,19 @@ def test_a_name_that_is_taken_does_not_end_a_recording(bench: Bench) -> None:
     assert bench.record("save", name="sweep", overwrite=True).success
 
 
+def test_an_arm_of_which_nothing_is_known_keeps_its_torque(bench: Bench) -> None:
+    """Nothing could be recorded, and the servos could not be switched on again."""
+    bench.drivers.telling = False
+    why = "it is not known where the arm is: no /joint_states for more than 2 s"
+    refused = lambda: bench.call(SetArmPreset, "/lupin/arm/preset", name="home").message == why  # noqa: E731
+    bench.until(refused, "feedback grows old")
+    answer = bench.record("start", mode="kinesthetic")
+    assert (answer.success, answer.message) == (False, why)
+    assert bench.drivers.switched == []
+    bench.drivers.telling = True
+    bench.until(lambda: bench.record("start", mode="kinesthetic").success, "the arm is back")
+
+
 def test_nothing_recorded_is_no_sequence(make_node: Callable[..., RosNode], bench: Bench) -> None:
     """Without joint states there is nothing to save, and the recording goes on."""
     bench.drivers.telling = False
@@ -425,16 +440,39 @@ def test_a_mission_that_begins_ends_a_recording_by_hand_and_keeps_it(bench: Benc
     assert bench.record("save", name="sweep").success
 
 
+def test_a_recording_that_is_saved_later_is_told_with_what_was_cut_from_it(bench: Bench) -> None:
+    """What a hand has pushed beyond a limit was kept at it; that is said whenever it is saved."""
+    assert bench.record("start", mode="kinesthetic").success
+    bench.move_by_hand(*SWEEP, [0.2, 0.1, 1.6, 0.0])
+    bench.mission.publish(MissionState(lifecycle_state="PREPARE"))
+    bench.state(unsaved=True)
+    answer = bench.record("save", name="sweep")
+    assert answer.message == "saved 'sweep', 1 waypoints beyond the limits were kept at them"
+
+
 def test_stop_discards_a_recording_by_hand_and_lets_another_one_be(bench: Bench) -> None:
     """The torque comes back; a recording of a steered arm goes on."""
     assert bench.record("start", mode="kinesthetic").success
     stopped = bench.call(Trigger, f"{LIBRARY}/stop")
-    assert stopped.message == "stopped; the recording by hand is discarded, the servos are switched on"
-    bench.state(recording=False, torque=True)
+    assert stopped.message == "stopped; the recording by hand is discarded, the servos are on"
+    assert bench.state(recording=False)["torque"] is True
     assert bench.drivers.switched == OFF + ON
     assert bench.record("start").success
     assert bench.call(Trigger, f"{LIBRARY}/stop").message == "there was nothing to stop"
     assert bench.state(recording=True)["mode"] == "teleop"
+
+
+def test_stop_does_not_claim_torque_that_there_is_not(bench: Bench) -> None:
+    """The emergency stop keeps the servos off; the answer says so rather than the contrary."""
+    assert bench.record("start", mode="kinesthetic").success
+    bench.stop()
+    reason = "the emergency stop is engaged (/e_stop_state)"
+    preset = lambda: bench.call(SetArmPreset, "/lupin/arm/preset", name="home").message  # noqa: E731
+    bench.until(lambda: preset() == reason, "the stop is heard")
+    stopped = bench.call(Trigger, f"{LIBRARY}/stop")
+    still_off = f"stopped; the recording by hand is discarded; the servos are still off: {reason}"
+    assert (stopped.success, stopped.message) == (True, still_off)
+    assert bench.state(recording=False)["torque"] is False
 
 
 def test_stop_calls_off_a_recording_that_is_about_to_begin(bench: Bench) -> None:
@@ -443,7 +481,8 @@ def test_stop_calls_off_a_recording_that_is_about_to_begin(bench: Bench) -> None
     bench.drivers.plan.append(open_ones.append)
     answers = bench.ask(ArmRecord, f"{LIBRARY}/record", action="start", mode="kinesthetic")
     bench.until(lambda: open_ones, "the gate is asked")
-    assert bench.call(Trigger, f"{LIBRARY}/stop").success
+    stopped = bench.call(Trigger, f"{LIBRARY}/stop")
+    assert stopped.message == "stopped; nothing is recorded, the servos are being switched on again"
     open_ones[0].answer(SetBool.Response(success=True))
     bench.until(lambda: answers, "an answer")
     assert answers[0].message == "not recording: stopped by the operator; the servos are on"
@@ -460,6 +499,31 @@ def test_stop_calls_off_a_replay_that_waits_for_torque(bench: Bench) -> None:
     assert bench.call(Trigger, f"{LIBRARY}/stop").success
     bench.until(lambda: answers, "an answer")
     assert (answers[0].success, answers[0].message) == (False, "stopped by the operator")
+    assert len(bench.drivers.trajectories) == sent
+
+
+@pytest.mark.parametrize("mission", [False, True])
+def test_a_move_to_a_pose_that_waits_for_torque_is_called_off(bench: Bench, mission: bool) -> None:
+    """By a stop, and by a mission that begins: nothing is sent when the torque comes."""
+    save(bench, "far", arm_rad=[1.0, 0.0, 0.0, 0.0])
+    open_ones: list[Asked] = []
+    bench.drivers.plan.append(open_ones.append)
+    answers = bench.ask(SetArmPreset, f"{LIBRARY}/goto_pose", name="far")
+    bench.until(lambda: open_ones, "the power is asked")
+    sent = len(bench.drivers.trajectories)
+    if mission:
+        bench.mission.publish(MissionState(lifecycle_state="PREPARE"))
+        bench.until(lambda: "a mission" in play(bench, "far").message, "the mission is heard of")
+    else:
+        stopped = bench.call(Trigger, f"{LIBRARY}/stop")
+        assert (stopped.success, stopped.message) == (True, "stopped; the arm stays where it is")
+    open_ones[0].answer(SetBool.Response(success=True))
+    bench.until(lambda: answers, "an answer")
+    reason = "a mission is running (PREPARE); abort it or wait for its end"
+    assert (answers[0].success, answers[0].message) == (
+        False,
+        reason if mission else "stopped by the operator",
+    )
     assert len(bench.drivers.trajectories) == sent
 
 
@@ -485,6 +549,30 @@ def test_stop_holds_an_arm_on_its_way_to_a_pose(bench: Bench) -> None:
     assert bench.call(Trigger, f"{LIBRARY}/stop").message == "stopped; the arm stays where it is"
     (held,) = bench.drivers.trajectories[-1].points
     assert list(held.positions) == pytest.approx([0.0] * 4)
+
+
+def test_a_mission_that_begins_holds_an_arm_on_its_way_to_a_pose(bench: Bench) -> None:
+    """While a mission runs the library moves nothing."""
+    save(bench, "far", arm_rad=[1.0, 0.0, 0.0, 0.0])
+    assert bench.call(SetArmPreset, f"{LIBRARY}/goto_pose", name="far").success
+    sent = len(bench.drivers.trajectories)
+    bench.mission.publish(MissionState(lifecycle_state="PREPARE"))
+    bench.until(lambda: len(bench.drivers.trajectories) > sent, "the arm is held")
+    (held,) = bench.drivers.trajectories[-1].points
+    assert list(held.positions) == pytest.approx([0.0] * 4)
+
+
+def test_what_somebody_else_has_sent_since_is_not_stopped(bench: Bench) -> None:
+    """A mission that begins sends the arm, and then its state is heard: the preset goes on."""
+    save(bench, "far", arm_rad=[1.0, 0.0, 0.0, 0.0])
+    assert bench.call(SetArmPreset, f"{LIBRARY}/goto_pose", name="far").success
+    answer = bench.call(SetArmPreset, "/lupin/arm/preset", name="travel")
+    assert (answer.success, answer.message) == (True, "travel: sent, there in 3.0 s")
+    assert bench.call(Trigger, f"{LIBRARY}/stop").message == "there was nothing to stop"
+    bench.mission.publish(MissionState(lifecycle_state="PREPARE"))
+    bench.until(lambda: "a mission" in play(bench, "far").message, "the mission is heard of")
+    (point,) = bench.drivers.trajectories[-1].points
+    assert list(point.positions) == pytest.approx(PRESETS["travel"])
 
 
 def test_a_sequence_that_was_written_by_hand_is_checked_before_it_is_played(bench: Bench, path: Path) -> None:
@@ -590,3 +678,46 @@ def test_a_process_that_is_killed_leaves_a_mark(
     process.wait()
     assert bench.drivers.switched == OFF
     assert path.with_name("arm_library.limp").exists()
+
+
+def test_a_process_that_ends_while_it_saves_waits_for_the_torque(
+    make_node: Callable[..., RosNode], world: World, path: Path
+) -> None:
+    """Told to stop between the two switches: both are turned."""
+    bench = Bench(make_node, path, world=world)
+    assert bench.record("start", mode="kinesthetic").success
+    bench.move_by_hand(*SWEEP)
+    open_ones: list[Asked] = []
+    bench.drivers.plan.append(open_ones.append)
+    bench.ask(ArmRecord, f"{LIBRARY}/record", action="save", name="sweep")
+    bench.until(lambda: open_ones, "the power is asked")
+    process = world.processes["lupin_arm"]
+    process.terminate()
+    spin_for(bench.nodes, 0.2)
+    assert process.poll() is None
+    open_ones[0].answer(SetBool.Response(success=True))
+    bench.until(lambda: process.poll() is not None, "the end of the process")
+    assert bench.drivers.switched == OFF + ON
+    assert not path.with_name("arm_library.limp").exists()
+    assert len(Library(path).sequence("sweep").waypoints) >= 3
+
+
+@pytest.mark.parametrize("killed", [False, True])
+def test_a_replay_does_not_outlive_its_process(
+    make_node: Callable[..., RosNode], world: World, path: Path, killed: bool
+) -> None:
+    """The controller has the whole motion: one who ends holds the arm, and the next one after a kill does."""
+    bench = Bench(make_node, path, world=world)
+    recorded(bench)
+    bench.move_by_hand([1.5, 1.0, 0.0, 0.0])
+    assert play(bench, "sweep", 0.25).success
+    process = world.processes.pop("lupin_arm") if killed else world.processes["lupin_arm"]
+    bench.until(lambda: len(bench.drivers.trajectories[-1].points) > 1, "the motion")
+    if killed:
+        process.kill()
+        process.wait()
+        world.start("lupin_arm", library_path=path)
+    else:
+        process.terminate()
+    bench.until(lambda: len(bench.drivers.trajectories[-1].points) == 1, "the arm is held")
+    assert list(bench.drivers.trajectories[-1].points[0].positions) == pytest.approx([1.5, 1.0, 0.0, 0.0])

@@ -23,6 +23,7 @@ from lupin_arm.node import gripper as gripper_module
 from lupin_arm.node import torque as torque_module
 from lupin_arm.node.hardware import Hardware
 from lupin_arm.node.refused import Refused
+from lupin_arm.node.settings import PARAMETERS
 from lupin_arm.presets import PRESETS
 from lupin_arm.trajectory import VELOCITY_HINT, Point, Trajectory
 from lupin_engine.errors import LupinError
@@ -192,10 +193,10 @@ def test_a_slider_that_makes_no_sense_moves_nothing(
 
 def test_a_slider_leaves_the_others_on_their_way(scene: Scene) -> None:
     """The arm is half way when another joint is turned: the first still gets where it was sent."""
-    scene.turn("elbow", 60.0, rate=60.0)
+    scene.turn("elbow", 60.0, rate=20.0)
     scene.until(lambda: scene.pose[2] > math.radians(15.0))
-    scene.turn("shoulder_pan", 20.0, rate=60.0)
-    assert seconds(scene) > 0.4  # the elbow keeps to the rate, though the pan has a short way
+    scene.turn("shoulder_pan", 20.0, rate=20.0)
+    assert seconds(scene) > 1.2  # the elbow keeps to the rate, though the pan has a short way, of 1 s
     scene.arrives((math.radians(20.0), HOME[1], math.radians(60.0), HOME[3]))
 
 
@@ -282,6 +283,11 @@ def test_nothing_moves_before_it_is_known_where_the_arm_is(make_node: MakeNode) 
     scene.wait(0.1)
     assert scene.preset("home").message == unknown
     assert scene.sent == []
+    scene.estop(True)  # which is the reason then, for everybody
+    scene.until(lambda: scene.preset("home").message == STOPPED)
+    assert (scene.init().message, scene.torque(True).message) == (STOPPED, STOPPED)
+    assert not scene.turn("elbow", 20.0)
+    scene.until(lambda: f"elbow not moved: {STOPPED}" in scene.warnings)
 
 
 def test_the_first_feedback_pins_the_arm_where_it_is(make_node: MakeNode) -> None:
@@ -610,6 +616,8 @@ def test_hardware_is_there_when_its_services_are(make_node: MakeNode) -> None:
     ros, vendor = make_node("lupin_arm"), make_node("vendor")
     hardware = Hardware(ros, "auto")
     sign = "/io/servo/hiwonder/shoulder_lift/_set_offset"
+    with pytest.raises(Refused, match="there is no service"):
+        hardware.require("calibration")
     vendor.serve(SetServoOffset, sign, lambda request, response: response)
     spin_until([ros, vendor], lambda: hardware.present)
     hardware.require("calibration")
@@ -617,7 +625,7 @@ def test_hardware_is_there_when_its_services_are(make_node: MakeNode) -> None:
 
 def test_a_wrong_word_for_the_hardware_is_named(make_node: MakeNode) -> None:
     with pytest.raises(LupinError) as refused:
-        Hardware(make_node("lupin_arm"), "reel")
+        make_node("lupin_arm", ["--ros-args", "-p", "hardware:=reel"], PARAMETERS)
     assert str(refused.value) == (
         "parameter 'hardware': expected one of auto, real, simulated, got 'reel'; did you mean 'real'?"
     )

@@ -13,6 +13,7 @@ from std_srvs.srv import SetBool, Trigger
 
 from lupin_arm import simulated as simulated_module
 from lupin_arm.node import arm as arm_module
+from lupin_arm.node.refused import Refused
 from lupin_arm.presets import PRESETS
 from lupin_msgs.srv import SaveArmPose
 from tests.ros.arm import MakeNode, Scene, late_jaw, near
@@ -109,12 +110,19 @@ def test_an_arm_that_was_lost_and_is_back_interrupts_whoever_has_it(
     scene.until(lambda: len(scene.sent) == 1, "the arm is pinned")
     reasons: list[str] = []
     scene.arm.claim("player", "wave is playing", reasons.append)
-    lost = lambda: "for more than 0.3 s" in scene.preset("home").message  # noqa: E731
-    scene.until(lambda: scene.arm.refusal("player") is None and lost(), "the arm is lost")
-    assert reasons == []
+    scene.until(lambda: _nowhere(scene, "player"), "the arm is lost")
+    assert (scene.arm.refusal("player"), reasons) == (None, [])
     scene.tell(ZERO)
     scene.until(lambda: reasons, "an interruption")
     assert reasons == ["for more than 0.3 s it was not known where the arm is"]
+
+
+def _nowhere(scene: Scene, owner: str) -> bool:
+    try:
+        scene.arm.here(owner)
+    except Refused as reason:
+        return "for more than 0.3 s" in str(reason)
+    return False
 
 
 # --- the jaw ---------------------------------------------------------------------------------------------

@@ -281,7 +281,7 @@ def test_messages_are_filled_and_read() -> None:
     assert message.parameters[0].value.double_value == 2.0
     (read,) = plain(message)["parameters"]
     assert (read["name"], read["value"]["type"], read["value"]["integer_array_value"]) == ("speed", 3, [1])
-    with pytest.raises(ValueError, match=r"ParameterValue\.type: expected uint8 of at most 255, got 300"):
+    with pytest.raises(ValueError, match=r"ParameterValue\.type: expected uint8 between 0 and 255, got 300"):
         fill(SetParameters.Request(), {"parameters": [{"value": {"type": 300}}]}, kind)
 
 

@@ -125,7 +125,10 @@ def test_a_recording_with_mistakes_ends_the_node_with_all_of_them(world: World, 
 @pytest.mark.parametrize(
     ("settings", "told"),
     [
-        ({"backend": "mqt"}, "unknown backend 'mqt'; did you mean 'mqtt'?"),
+        (
+            {"backend": "mqt"},
+            "parameter 'backend': expected one of simulator, recorded, mqtt, got 'mqt'; did you mean 'mqtt'?",
+        ),
         ({"backend": "recorded"}, "backend 'recorded' needs the parameter recording_file, a CSV file"),
         ({"backend": "mqtt", "mqtt_topic": "greenhouse"}, "mqtt_topic 'greenhouse': expected {tag} once"),
         (

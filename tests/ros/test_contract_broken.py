@@ -16,24 +16,36 @@ import pytest
 
 pytest.importorskip("rclpy", reason="ROS 2 is not installed here")
 
+from std_msgs.msg import Bool, String
 from std_srvs.srv import SetBool
 
 from lupin_engine.errors import LupinError
 from lupin_engine.harness import bench as benches
 from lupin_engine.harness.bench import Lab, Setting
 from lupin_engine.harness.live import apply, cases
-from lupin_engine.harness.referee import ContractBroken
-from lupin_engine.middleware.node import RosNode
+from lupin_engine.harness.referee import ContractBroken, Untried
+from lupin_engine.middleware.node import Qos, RosNode
 from lupin_engine.middleware.service_driver import Done, Failed, ServiceDriver, ServiceOperation
-from lupin_engine.plugin.contract import Action, Argument, Code, LiveValue, Operation, Outlet, Plugin
-from lupin_engine.plugin.types import BOOL
+from lupin_engine.plugin.contract import (
+    Action,
+    Argument,
+    Code,
+    LiveValue,
+    Operation,
+    Outlet,
+    Parameter,
+    Plugin,
+)
+from lupin_engine.plugin.types import BOOL, COUNT, DURATION
 from tests.launch.processes import until
 
 pytestmark = [pytest.mark.ros, pytest.mark.timeout(120)]
 
 #: Where the drivers below are found.
 MODULE = "driver_on_trial"
+COUNTED = Parameter(COUNT, 2, "how many")
 ON = {"on": Argument(BOOL, "whether it is to be on")}
+VALUES = {"trial.on": LiveValue("whether it is on", BOOL)}
 LAMP = Plugin(
     name="trial_lamp",
     doc="A lamp.",
@@ -41,7 +53,7 @@ LAMP = Plugin(
         "switch": Operation("Switch it.", ON, {"is_on": BOOL}, (Code("lamp_broken", "lamp broken"),)),
     },
     actions={"flash": Action("Flash once.")},
-    values={"trial.on": LiveValue("whether it is on", BOOL)},
+    values=VALUES,
     client=f"{MODULE}:Client",
 )
 
@@ -67,7 +79,7 @@ class Good(ServiceDriver):
 
 class Blocks(Good):
     def start(self, attempt: str, operation: str, arguments: Mapping[str, Any]) -> None:
-        threading.Event().wait(benches.AT_ONCE * 1.2)
+        threading.Event().wait(benches.AT_ONCE_S * 1.2)
         super().start(attempt, operation, arguments)
 
 
@@ -140,6 +152,52 @@ class TellsNonsense(Good):
         self.outlet.value("trial.on", "yes", self.ros.now())
 
 
+class IgnoresCancels(Good):
+    """Does the work all the same, half a second after it was begun."""
+
+    def start(self, attempt: str, operation: str, arguments: Mapping[str, Any]) -> None:
+        self.outlet.accepted(attempt)
+        self.ros.call_later(0.5, lambda: self.outlet.done(attempt, {"is_on": True}))
+
+    def cancel(self, attempt: str) -> None:
+        """Let it go on."""
+
+
+class ChangesTheCatalog(Good):
+    """Declares a value as it goes."""
+
+    def missing(self) -> list[str]:
+        VALUES["trial.hot"] = VALUES["trial.on"]
+        return super().missing()
+
+
+class CannotBeMade(Good):
+    def __init__(self, ros: RosNode, outlet: Outlet, parameters: Mapping[str, Any]) -> None:
+        raise KeyError("lamp_topic")
+
+
+class HearsNothing(Good):
+    """Wants every message of a topic that is told best effort."""
+
+    def __init__(self, ros: RosNode, outlet: Outlet, parameters: Mapping[str, Any]) -> None:
+        super().__init__(ros, outlet, parameters)
+        ros.subscribe(Bool, "/trial_lamp/on", Qos.EVENT, lambda _: None)
+
+
+class HearsAnotherType(Good):
+    def __init__(self, ros: RosNode, outlet: Outlet, parameters: Mapping[str, Any]) -> None:
+        super().__init__(ros, outlet, parameters)
+        self.heard = False
+        ros.subscribe(String, "/trial_lamp/on", Qos.SENSOR, self.hear)
+
+    def hear(self, _: String) -> None:
+        """Never called."""
+        self.heard = True
+
+    def missing(self) -> list[str]:
+        return [] if self.heard else ["topic /trial_lamp/on"]
+
+
 class RefusesToAct(Good):
     def act(self, action: str, arguments: Mapping[str, Any]) -> None:
         raise KeyError(action)
@@ -153,12 +211,14 @@ def offer(ros: RosNode) -> None:
         return response
 
     ros.serve(SetBool, "/trial_lamp/switch", switch)
+    told = ros.publisher(Bool, "/trial_lamp/on", Qos.SENSOR)
+    ros.timer(0.05, lambda: told.publish(Bool(data=True)))
 
 
 @pytest.fixture
 def patience(monkeypatch: pytest.MonkeyPatch) -> None:
     """Wait a moment only for what never comes."""
-    monkeypatch.setattr(benches, "PATIENCE", 4.0)
+    monkeypatch.setattr(benches, "PATIENCE_S", 4.0)
 
 
 def lab_of(driver: type[Good], monkeypatch: pytest.MonkeyPatch) -> Lab:
@@ -219,6 +279,23 @@ def test_a_good_driver_keeps_every_rule(
         (ForgetsTheResult, "ends_once", "switch_1 is done, but leaves out 'is_on' of the result"),
         (TellsNonsense, "is_cancelled", "value 'trial.on': expected bool, got 'yes'"),
         (RefusesToAct, "acts", "action 'flash' raises KeyError: 'flash'"),
+        (
+            IgnoresCancels,
+            "is_cancelled",
+            "the cancel of switch_1 changes nothing: it is done 0.5 s later, as if left alone (0.5 s); end ",
+        ),
+        (ChangesTheCatalog, "comes_to_work", "the driver changes the catalog: value 'trial.hot'; it is data"),
+        (
+            CannotBeMade,
+            "comes_to_work",
+            "plugin 'trial_lamp': driver_on_trial:Client cannot be made: KeyError: 'lamp_topic'",
+        ),
+        (
+            HearsNothing,
+            "comes_to_work",
+            "/trial_lamp/on: /harness_trial_lamp hears nothing of /harness_stand_ins: best effort publisher ",
+        ),
+        (HearsAnotherType, "comes_to_work", "/trial_lamp/on: different definitions (/harness_"),
     ],
     ids=lambda value: value.__name__ if isinstance(value, type) else "",
 )
@@ -232,7 +309,60 @@ def test_a_bad_driver_breaks_a_rule(
 ) -> None:
     """And is told in what."""
     operation = next(operation for name, operation in cases(LAMP) if name == rule)
-    assert problem in verdict(lab_of(driver, monkeypatch), rule, operation)
+    try:
+        assert problem in verdict(lab_of(driver, monkeypatch), rule, operation)
+    finally:
+        VALUES.pop("trial.hot", None)
+
+
+def test_what_keeps_a_driver_from_its_work_is_told_once(
+    monkeypatch: pytest.MonkeyPatch, patience: None, ros_domain: int
+) -> None:
+    """Each of the other rules would wait for it in vain."""
+    lab = lab_of(CannotBeMade, monkeypatch)
+    with lab.open():
+        with pytest.raises(ContractBroken, match="cannot be made: KeyError"):
+            apply("comes_to_work", "", lab)
+        with pytest.raises(Untried, match=r"^not tried: the driver does not come to work among its servers$"):
+            apply("ends_once", "switch", lab)
+
+
+def test_a_problem_that_comes_again_and_again_is_told_once(
+    monkeypatch: pytest.MonkeyPatch, patience: None, ros_domain: int
+) -> None:
+    """A value that is wrong is wrong with every message."""
+    told = verdict(lab_of(TellsNonsense, monkeypatch), "ignores_strangers", "")
+    assert told == "value 'trial.on': expected bool, got 'yes'; write true or false"
+
+
+@pytest.mark.parametrize(
+    ("log", "words"),
+    [
+        ("", "it said nothing"),
+        ("one\ntwo\n", "one\ntwo"),
+        ("1\n2\n3\n4\n5\n6", "2\n3\n4\n5\n6"),
+        (
+            'Traceback (most recent call last):\n  File "a.py", line 3, in main\n    f()\n'
+            '  File "b.py", line 7, in f\n'
+            "    1 / 0\n    ~~^~~\nZeroDivisionError: division by zero\n",
+            "ZeroDivisionError: division by zero; at b.py:7",
+        ),
+    ],
+)
+def test_the_last_words_of_a_node(log: str, words: str) -> None:
+    """Of a traceback what it is and where."""
+    assert benches.last_words(log) == words
+
+
+def test_parameters_of_a_test_are_as_missions_write_them() -> None:
+    """With their units; those of missions are handed on."""
+    plugin = replace(LAMP, parameters={"trial_rest": Parameter(DURATION, 1.0, "rest"), "trial_n": COUNTED})
+    given = {"trial_rest": "500 ms", "of_the_mission": True}
+    assert Setting(plugin, given).parameter_values() == {**given, "trial_rest": 0.5, "trial_n": 2}
+    with pytest.raises(
+        LupinError, match=r"^parameter 'trial_n' of plugin 'trial_lamp': expected count, got "
+    ):
+        Setting(plugin, {"trial_n": "x"}).parameter_values()
 
 
 def test_a_plugin_without_a_client_has_no_driver_to_try() -> None:

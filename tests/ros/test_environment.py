@@ -71,10 +71,13 @@ def test_mixture_is_refused(prefix: Path, sourced: Path, monkeypatch: pytest.Mon
 
 
 def test_a_workspace_on_top_of_the_wheels_is_no_mixture(
-    prefix: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    prefix: Path, sourced: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(environment, "wheels_installed", lambda: True)
-    environment.refuse_mixture({"AMENT_PREFIX_PATH": f"{tmp_path}/install{os.pathsep}{prefix}"})
+    both = f"{tmp_path}/install{os.pathsep}{prefix}"
+    environment.refuse_mixture({"AMENT_PREFIX_PATH": both})
+    with pytest.raises(UsageError, match="two ROS 2 installations are active"):
+        environment.refuse_mixture({"AMENT_PREFIX_PATH": f"{both}{os.pathsep}{sourced}"})
 
 
 def test_the_program_is_started_anew_once(
@@ -97,4 +100,6 @@ def test_a_child_can_load_every_interface() -> None:
     pytest.importorskip("rclpy")
     program = "import rclpy; from lupin_msgs.msg import Observation as o; type(o).__import_type_support__()"
     child = environment.child_environment()
-    subprocess.run([sys.executable, "-c", program], env=child, check=True, timeout=60)
+    command = [sys.executable, "-c", program]
+    done = subprocess.run(command, env=child, check=False, capture_output=True, text=True, timeout=60)
+    assert done.returncode == 0, done.stderr

@@ -15,6 +15,7 @@ from lupin_engine.errors import Severity
 from lupin_engine.machine.event import Publish
 from lupin_engine.machine.view import View
 from lupin_engine.plugin.contract import Code
+from lupin_engine.plugin.wire import SMALLEST_W
 from lupin_engine.ros import messages
 from lupin_msgs.msg import MissionState, Observation
 
@@ -144,7 +145,7 @@ def test_one_that_was_not_is_where_the_robot_stands_before_it_if_anybody_knows()
     ("facing", "w"),
     [
         ({"x": 0.0, "y": 0.0, "z": 0.0, "w": 0.0}, 1.0),  # nobody filled it in
-        ({"x": 0.0, "y": 1.0, "z": 0.0, "w": 0.0}, messages.SMALLEST_W),  # a true half turn
+        ({"x": 0.0, "y": 1.0, "z": 0.0, "w": 0.0}, SMALLEST_W),  # a true half turn
     ],
 )
 def test_a_place_that_is_known_never_looks_unpopulated(facing: dict[str, float], w: float) -> None:

@@ -14,7 +14,7 @@ from rclpy.parameter import Parameter as RosParameter
 from lupin_engine.errors import PluginError
 from lupin_engine.middleware.parameters import descriptor, read, ros_type, to_ros
 from lupin_engine.plugin.contract import Parameter
-from lupin_engine.plugin.types import ANY, BOOL, DURATION, INTEGER, LENGTH, POSE, TEXT, Type, list_of
+from lupin_engine.plugin.types import ANY, BOOL, DURATION, INTEGER, LENGTH, POSE, TEXT, Type, list_of, one_of
 
 ORIGIN = {"x": 0.0, "y": 0.0, "yaw": 0.0}
 
@@ -75,8 +75,16 @@ def test_a_type_brings_its_own_range() -> None:
     share = Parameter(Type("number", "share", minimum=0.0, maximum=1.0), 0.5, "", maximum=2.0)
     (told,) = descriptor(share).floating_point_range
     assert (told.from_value, told.to_value) == (0.0, 1.0)
-    with pytest.raises(ValueError, match=r"^parameter 'p': expected share of at most 1, got 1\.5$"):
+    with pytest.raises(ValueError, match=r"^parameter 'p': expected share between 0 and 1, got 1\.5$"):
         read("p", share, 1.5)
+
+
+def test_a_choice_is_described_and_refused_like_a_range() -> None:
+    backend = Parameter(one_of("simulator", "mqtt"), "simulator", "where readings come from")
+    assert descriptor(backend).additional_constraints == "one of simulator, mqtt"
+    told = "parameter 'p': expected one of simulator, mqtt, got 'mqt'; did you mean 'mqtt'?"
+    with pytest.raises(ValueError, match=f"^{re.escape(told)}$"):
+        read("p", backend, "mqt")
 
 
 def test_values_go_back_with_their_type() -> None:

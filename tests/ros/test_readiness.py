@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from lupin_engine.plugin.builtin import MISSING
-from lupin_engine.ros.readiness import POLL_PERIOD, POLLS_UNTIL_GONE, Readiness
+from lupin_engine.ros.readiness import POLL_PERIOD_S, POLLS_UNTIL_GONE, Readiness
 
 NAV, BRIDGE = "action server navigate_to_pose", "service /greenhouse_bridge/get_tag_reading"
 
@@ -104,7 +104,7 @@ def test_a_server_that_goes_is_told_after_two_seconds(bench: Bench) -> None:
     assert bench.poll(5) == [("value", MISSING, [NAV], pytest.approx(102.2))]
     bench.nav.misses = []
     assert bench.poll(5) == [("value", MISSING, [], pytest.approx(103.2))]
-    assert pytest.approx(2.0) == POLLS_UNTIL_GONE * POLL_PERIOD
+    assert pytest.approx(2.0) == POLLS_UNTIL_GONE * POLL_PERIOD_S
 
 
 def test_discovery_that_stumbles_is_not_told(bench: Bench) -> None:

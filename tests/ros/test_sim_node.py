@@ -133,7 +133,7 @@ def test_a_standing_robot_tells_where_and_how_it_is(make_node: MakeNode) -> None
     assert scene.estops[-1] is False
     frames = [(t.header.frame_id, t.child_frame_id) for t in scene.transforms[-1].transforms]
     assert frames[:2] == [("map", "odom"), ("odom", "base_link")]
-    assert scene.node._moving is None
+    assert not scene.node._moving.running
 
 
 def test_the_robot_drives_to_a_goal_and_knows_where_it_is(make_node: MakeNode) -> None:
@@ -144,7 +144,7 @@ def test_the_robot_drives_to_a_goal_and_knows_where_it_is(make_node: MakeNode) -
     remaining = [f.distance_remaining for f in drive.feedback]
     assert remaining == sorted(remaining, reverse=True)
     assert drive.feedback[-1].navigation_time.nanosec > 0
-    assert scene.node._moving is None
+    assert not scene.node._moving.running
 
 
 def test_a_new_goal_aborts_the_old_one(make_node: MakeNode) -> None:
@@ -250,7 +250,7 @@ def test_bad_settings_are_refused(make_node: MakeNode) -> None:
     assert "expected one of none, reject, abort" in scene.set(fault="explode")[0].reason
     assert "out of range" in scene.set(battery=2.0)[0].reason
     assert "read at the start" in scene.set(tag_locations_file="x")[0].reason
-    with pytest.raises(LupinError, match="fault: expected one of"):
+    with pytest.raises(LupinError, match="parameter 'fault': expected one of"):
         SimNode(make_node("other", ["--ros-args", "-p", "fault:=explode"], PARAMETERS))
 
 

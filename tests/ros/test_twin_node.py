@@ -19,6 +19,7 @@ pytest.importorskip("rclpy", reason="ROS 2 is not installed here")
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Point, Point32, Polygon, Pose, PoseStamped, Quaternion
 from nav_msgs.msg import OccupancyGrid
+from rosgraph_msgs.msg import Clock
 from std_msgs.msg import Header, String
 
 from lupin_engine.errors import LupinError
@@ -292,6 +293,75 @@ def test_a_tag_grows_older_while_nothing_is_told(scene: Scene) -> None:
     scene.states.clear()
     scene.until(lambda: scene.states)
     assert scene.tags()["5"].stale_seconds >= before
+
+
+class Simulated(Scene):
+    """A twin in simulated time, which stands still unless a test moves it."""
+
+    def __init__(self, make_node: MakeNode, store: Path) -> None:
+        super().__init__(make_node, store, "-p", "use_sim_time:=true")
+        self.clock = self.ros.publisher(Clock, "/clock", Qos.EVENT)
+        self.until(lambda: self.clock.get_subscription_count() == 1, "somebody who hears the clock")
+
+    def at(self, seconds: int) -> None:
+        """Let it be so late, and wait for a state of then."""
+        self.clock.publish(Clock(clock=Time(sec=seconds)))
+        self.until(lambda: self.states[-1].header.stamp.sec == seconds, f"a state of {seconds} s")
+
+    def age(self, tag: str) -> float:
+        return float(self.tags()[tag].stale_seconds)
+
+
+def test_a_simulation_that_begins_anew_leaves_no_tag_fresh_for_ever(
+    make_node: MakeNode, tmp_path: Path
+) -> None:
+    """Before and after a restart of the twin: its store knows when the last simulation ended."""
+    scene = Simulated(make_node, tmp_path / "twin.sqlite")
+    scene.at(5000)
+    scene.tell(reading("5", {"temperature": 20.0}, header=header(4990)))
+    assert scene.age("5") == pytest.approx(9.75)
+    scene.at(5)
+    scene.at(8)
+    assert scene.age("5") == pytest.approx(3.0)
+    assert scene.tags()["5"].last_observed == Time(sec=5)
+    scene.observations.publish(reading("6", {"temperature": 20.0}, header=header(6)))
+    scene.until(lambda: "6" in scene.tags(), "a reading of the new simulation")
+    assert scene.age("6") == pytest.approx(1.75)
+    scene.node.close()
+    scene.twin.close()
+    again = Simulated(make_node, tmp_path / "twin.sqlite")
+    again.at(10)
+    assert (again.age("5"), again.age("6")) == (pytest.approx(2.0), pytest.approx(3.75))
+    again.at(4)
+    again.at(5)
+    assert (again.age("5"), again.age("6")) == (pytest.approx(1.0), pytest.approx(1.0))
+    again.node.close()
+
+
+def test_a_computer_that_does_not_know_the_time_yet_forgets_no_age(
+    make_node: MakeNode, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """War story 36, from another side: one without a battery-backed clock starts in 1970."""
+    store = Store(str(tmp_path / "twin.sqlite"))
+    store.add(Reading("5", 1.8e9, "m", "s", ()), 1.8e9)
+    store.close()
+    now = [5.0]
+    monkeypatch.setattr(RosNode, "now", lambda _: now[0])
+    scene = Scene(make_node, tmp_path / "twin.sqlite")
+    assert scene.tags()["5"].last_observed.sec == 1_800_000_000
+    now[0] = 1.8e9 + 60.0
+    scene.until(lambda: scene.tags()["5"].stale_seconds == pytest.approx(60.0), "the true age")
+    scene.node.close()
+
+
+def test_the_state_is_told_while_simulated_time_stands_still(make_node: MakeNode, tmp_path: Path) -> None:
+    """A panel that hears nothing for 3 s greys everything; a simulation that is paused is no dead twin."""
+    scene = Simulated(make_node, tmp_path / "twin.sqlite")
+    scene.at(5000)
+    count = len(scene.states)
+    scene.until(lambda: len(scene.states) >= count + 3, "further states")
+    assert scene.states[-1].header.stamp == Time(sec=5000)
+    scene.node.close()
 
 
 # --- the field ---------------------------------------------------------------------------------------

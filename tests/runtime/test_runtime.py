@@ -228,9 +228,9 @@ def test_all_wrong_parameters_are_told_at_once() -> None:
         check_parameters(DECLARED, {"limit": 1, "limit_s": 0.5, "tries": "two", "name": 3})
     assert str(caught.value).splitlines() == [
         "unknown parameter 'limit'; did you mean 'limit_s'?",
-        "parameter limit_s: must be at least 1 s, got 0.5",
-        "parameter tries: expected count, got 'two'",
-        "parameter name: expected text, got 3",
+        "parameter 'limit_s': expected duration between 1 and 60 s, got 0.5",
+        "parameter 'tries': expected count, got 'two'",
+        "parameter 'name': expected text, got 3",
     ]
 
 

@@ -105,6 +105,32 @@ def test_a_frame_with_another_parent_begins_anew() -> None:
     assert found.position[0] == 2.0
 
 
+def test_a_tag_that_two_cameras_see_in_turn_is_found_through_each() -> None:
+    """Their pictures are a moment newer than what the robot says of itself."""
+    frames = Frames()
+    frames.add("base_link", "left", at(0.1), 0.0, static=True)
+    frames.add("base_link", "right", at(0.2), 0.0, static=True)
+    for moment in (1.0, 2.0, 3.0):
+        frames.add("map", "base_link", at(moment), moment)
+        frames.add("left", "tag_7", at(1.1), moment + 0.1)
+        frames.add("right", "tag_7", at(1.0), moment + 0.2)
+    found = frames.find("map", "tag_7")
+    assert found is not None
+    assert found.position.tolist() == pytest.approx([4.2, 0.0, 0.0])
+    frames.add("left", "tag_7", at(1.1), 3.3)
+    found = frames.find("map", "tag_7")
+    assert found is not None
+    assert found.position.tolist() == pytest.approx([4.2, 0.0, 0.0])
+
+
+def test_parents_without_end_take_no_room_without_end(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "MAX_FRAMES", 3)
+    frames = Frames()
+    for number in range(10):
+        frames.add(f"parent_{number}", "tag_7", at(), float(number))
+    assert len(frames._resting) <= 3
+
+
 def test_there_is_room_for_so_many_frames_and_those_known_go_on(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "MAX_FRAMES", 2)
     frames = Frames()

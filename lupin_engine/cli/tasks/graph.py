@@ -13,7 +13,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from lupin_engine.errors import UsageError, nearest
+from lupin_engine.errors import UsageError, meant
 from lupin_engine.launch.environment import close_the_doors, current_domain
 from lupin_engine.launch.requirements import prepare_ros
 
@@ -65,9 +65,9 @@ def _texts(interface: Interface) -> tuple[str, ...]:
 
 
 def _not_found(words: Sequence[str], shown: Iterable[Interface]) -> str:
-    hint = nearest(words[0], {text for interface in shown for text in _texts(interface)})
+    hint = meant(words[0], {text for interface in shown for text in _texts(interface)})
     problem = f"nothing here has {' or '.join(map(repr, words))} in its name, type or nodes"
-    return f"{problem}; {hint}" if hint.startswith("did you mean") else problem
+    return f"{problem}; {hint}" if hint else problem
 
 
 def _print(chosen: Sequence[Interface]) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
+from pathlib import Path
 
 import click
 from rich.box import SIMPLE_HEAD
@@ -13,11 +14,16 @@ from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
-from lupin_engine.errors import PluginError
+from lupin_engine.chart.bound_catalog import BINDINGS, bound_catalog
+from lupin_engine.chart.findings import Findings
+from lupin_engine.errors import PluginError, UsageError
 from lupin_engine.plugin.contract import Plugin
 from lupin_engine.plugin.describe import Entry, sections
 from lupin_engine.plugin.discovery import EntryPoint, entry_points, find_entry_point
-from lupin_engine.plugin.registry import verified_plugin
+from lupin_engine.plugin.registry import load_catalog, verified_plugin
+
+#: Where the missions of the current folder may be.
+_HERE = ("missions", ".")
 
 
 @dataclass(frozen=True)
@@ -64,14 +70,13 @@ def _table(rows: list[Row]) -> Table:
 
 def show_work(name: str, as_json: bool) -> int:
     """Do what the options of `lupin plugin show` say, and return the exit code."""
-    point = find_entry_point(name)
-    plugin = verified_plugin(point)
+    plugin, origin = _installed_or_bound(name)
     if as_json:
         click.echo(json.dumps(_as_data(plugin), indent=2, ensure_ascii=False))
         return 0
     console = Console(highlight=False)
     console.print(Text.assemble((plugin.name, "bold"), f": {plugin.doc}"))
-    console.print(Text(str(point), "dim"))
+    console.print(Text(origin, "dim"))
     for section in sections(plugin):
         console.print(Text(f"\n{section.title}", "bold green"))
         for entry in section.entries:
@@ -79,6 +84,28 @@ def show_work(name: str, as_json: bool) -> int:
             console.print(Padding(entry.doc, (0, 0, 0, 6)), markup=False)
             console.print(Padding(_facts(entry), (0, 0, 0, 6)))
     return 0
+
+
+def _installed_or_bound(name: str) -> tuple[Plugin, str]:
+    """Return a plugin and where it is from: a package, or a binding of the missions in the current folder."""
+    file = binding_called(name)
+    if file is None:
+        point = find_entry_point(name)
+        return verified_plugin(point), str(point)
+    findings = Findings()
+    bound = bound_catalog([file.parent.parent], load_catalog(), {}, findings)
+    if bound is None or file.stem not in bound.bindings:
+        raise UsageError(f"the binding {file} has errors; to see them: lupin check {file}")
+    return bound.bindings[file.stem].plugin, str(file)
+
+
+def binding_called(name: str) -> Path | None:
+    """Return the file of a binding: named itself, or by its name, of the missions in the current folder."""
+    named = Path(name)
+    files = (
+        [named] if named.suffix == ".yaml" else [Path(folder, BINDINGS, f"{name}.yaml") for folder in _HERE]
+    )
+    return next((file for file in files if file.is_file()), None)
 
 
 def _facts(entry: Entry) -> Table:

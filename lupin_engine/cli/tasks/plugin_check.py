@@ -10,9 +10,10 @@ from pathlib import Path
 
 import click
 
+from lupin_engine.cli.tasks.plugin import binding_called
 from lupin_engine.errors import LupinError, PluginError, UsageError
 from lupin_engine.harness.live import apply, cases
-from lupin_engine.harness.referee import ContractBroken
+from lupin_engine.harness.referee import ContractBroken, Untried
 from lupin_engine.harness.rules import Subject, find_subject, findings
 from lupin_engine.plugin.discovery import Distribution, EntryPoint, declared_in, entry_points
 
@@ -29,11 +30,12 @@ class Verdict:
 def work(name: str | None, live: bool, as_json: bool) -> int:
     """Do what the options of `lupin plugin check` say, and return the exit code."""
     verdicts: list[Verdict] = []
+    told: set[str] = set()
     for subject in _subjects(name):
         for verdict in _tried(subject, live):
             verdicts.append(verdict)
             if not as_json and (verdict.problems or name is not None):
-                _tell(verdict)
+                _tell(verdict, told)
     broken = sum(1 for verdict in verdicts if verdict.problems)
     if as_json:
         click.echo(json.dumps([asdict(verdict) for verdict in verdicts], indent=2, ensure_ascii=False))
@@ -49,6 +51,9 @@ def _subjects(name: str | None) -> list[Subject]:
         return [Subject(point) for point in entry_points()]
     if Path(name).is_dir():
         return _in_folder(Path(name))
+    binding = binding_called(name)
+    if binding is not None:
+        raise UsageError(f"{name!r} is a binding; it is checked with the missions: lupin check {binding}")
     return [find_subject(name)]
 
 
@@ -97,13 +102,18 @@ def _tried_live(subject: Subject) -> Iterator[Verdict]:
             try:
                 apply(rule, operation, lab)
                 problems: tuple[str, ...] = ()
+            except Untried:
+                continue  # the first rule has told why
             except (ContractBroken, LupinError) as broken:
                 problems = tuple(str(broken).splitlines())
             yield Verdict(plugin.name, f"{rule}({operation})" if operation else rule, problems)
 
 
-def _tell(verdict: Verdict) -> None:
+def _tell(verdict: Verdict, told: set[str]) -> None:
+    """Print a verdict; what several rules meet is told by the first of them."""
     sign = click.style("broken", fg="red") if verdict.problems else click.style("kept  ", fg="green")
     click.echo(f"{sign}  {verdict.plugin}: {verdict.rule}")
-    for problem in verdict.problems:
+    new = [problem for problem in verdict.problems if problem not in told]
+    told.update(new)
+    for problem in new or (["as above"] if verdict.problems else []):
         click.echo(f"        {problem}")

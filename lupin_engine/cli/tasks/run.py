@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 
-from lupin_engine.cli.bring_up import Wanted, session_settings
-from lupin_engine.cli.observers import JsonObserver, LiveObserver, PlainObserver, SavingPicture
+from lupin_engine.cli.bring_up import Options, Wanted
+from lupin_engine.cli.observers import Heard, JsonObserver, LiveObserver, PlainObserver, SavingPicture
 from lupin_engine.cli.options import PATIENCE_S
-from lupin_engine.cli.settings import of_the_mission, read_settings
 from lupin_engine.cli.terminal import quiet_terminal
 from lupin_engine.errors import LupinError, Severity
+from lupin_engine.launch.folders import writable
 from lupin_engine.launch.interrupts import Interrupted, Interrupts
 from lupin_engine.launch.mission import Loaded, check_request, load_missions
 from lupin_engine.launch.story import INTERRUPTED, NOT_DONE
@@ -32,21 +32,45 @@ def work(
     save_svg: Path | None,
     **wanted: Any,
 ) -> int:
-    """Do what the options of `lupin run` say, and return the exit code."""
+    """Do what the options of `lupin run` say, and return the exit code.
+
+    Raises:
+        LupinError: nothing was started; its exit code is NOT_DONE, as 1 says that targets were missed.
+    """
+    try:
+        return _work(mission, tags, goal, patience, as_json, save_svg, Wanted(**wanted))
+    except LupinError as problem:
+        problem.exit_code = NOT_DONE
+        raise
+
+
+def _work(
+    mission: str,
+    tags: tuple[str, ...],
+    goal: int,
+    patience: float | None,
+    as_json: bool,
+    save_svg: Path | None,
+    wanted: Wanted,
+) -> int:
     catalog = load_catalog()
     loaded = load_missions([mission], catalog)
-    shared = Wanted(**wanted)
-    values = read_settings("--set", of_the_mission(shared.settings), loaded.chart.parameters)
-    check_request(loaded, values, tags, goal)
+    given = Options(wanted, loaded, catalog)
+    with given.problems.collecting():
+        check_request(loaded, given.values, tags, goal)
+    with given.problems.collecting():
+        if save_svg is not None:
+            writable(save_svg.parent, "picture")
     if patience is None and (as_json or not sys.stdout.isatty()):
         patience = PATIENCE_S
-    settings = session_settings(shared, loaded, catalog, values, patience)
-    observer = _observer(as_json, save_svg, loaded)
+    settings = given.settings(patience)
     from lupin_engine.launch.session import Session  # needs rclpy
 
-    with quiet_terminal(), Interrupts() as interrupts, Session(settings, observer, interrupts) as session:
-        code = _carry_out(session, observer, loaded, catalog, tags, goal)
-    observer.close(session.story, code)
+    with quiet_terminal(), Interrupts() as interrupts:
+        observer = _observer(as_json, save_svg, loaded, interrupts)
+        with Session(settings, observer, interrupts) as session:
+            code = _carry_out(session, observer, loaded, catalog, tags, goal)
+        observer.close(session.story, code)
     return code
 
 
@@ -69,7 +93,7 @@ def _carry_out(
     return code
 
 
-def _observer(as_json: bool, save_svg: Path | None, loaded: Loaded) -> Any:
+def _observer(as_json: bool, save_svg: Path | None, loaded: Loaded, interrupts: Interrupts) -> Any:
     observer: Any
     console = Console(highlight=False)
     if as_json:
@@ -78,4 +102,5 @@ def _observer(as_json: bool, save_svg: Path | None, loaded: Loaded) -> Any:
         observer = LiveObserver(console, loaded.chart)
     else:
         observer = PlainObserver()
+    observer = Heard(observer, interrupts.stop)
     return SavingPicture(observer, loaded.chart, save_svg) if save_svg else observer

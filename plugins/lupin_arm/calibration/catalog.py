@@ -15,7 +15,7 @@ SERVO_OFFSET = Type("record", "servo_offset", fields={"joint": TEXT, "centidegre
 CORRECTION = Type(
     "record",
     "correction",
-    fields={"joint": TEXT, "difference": INTEGER, "offset": INTEGER, "in_place": BOOL, "refused": TEXT},
+    fields={"joint": TEXT, "difference": INTEGER, "in_place": BOOL, "refused": TEXT},
 )
 
 _OFFSETS, _CORRECTIONS = list_of(SERVO_OFFSET), list_of(CORRECTION)
@@ -43,7 +43,10 @@ PLUGIN = Plugin(
             mock=Mock(after=0.1, result={"offsets": _each(centidegrees=0)}),
         ),
         "clear_offsets": Operation(
-            doc="Write an offset of zero to all servos.", codes=(_FAILED,), mock=Mock(after=0.1)
+            doc="Write an offset of zero to all servos.",
+            arguments={"before": Argument(_OFFSETS, "what they have, and must get back")},
+            codes=(_FAILED,),
+            mock=Mock(after=0.1),
         ),
         "write_offsets": Operation(
             doc="Write offsets to servos.",
@@ -68,7 +71,7 @@ PLUGIN = Plugin(
             codes=(Code("no_position", "a servo does not tell where it is"),),
             mock=Mock(
                 after=2.0,
-                result={"corrections": _each(difference=0, offset=0, in_place=True, refused="")},
+                result={"corrections": _each(difference=0, in_place=True, refused="")},
             ),
         ),
         "correct": Operation(

@@ -30,15 +30,15 @@ SMALL = 200
 
 @dataclass(frozen=True)
 class Correction:
-    """What becomes of a servo; offsets and differences are in hundredths of a degree.
+    """What becomes of a servo.
 
-    `offset` is what it needs in all, `difference` how far it stood from its home. `refused` says why nothing
-    is written, '' where something is, or where it is `in_place` already.
+    `difference` is how far it stands from its home, in hundredths of a degree, and what it has for an offset:
+    together the offset that it needs. `refused` says why nothing is written, '' where something is, or where
+    it is `in_place` already.
     """
 
     joint: str
     difference: int
-    offset: int
     in_place: bool = False
     refused: str = ""
 
@@ -55,23 +55,22 @@ def corrections(counts: Mapping[str, int], offsets: Mapping[str, int], largest: 
 
 
 def _correction(joint: str, count: int, offset: int | None, largest: float) -> Correction:
-    difference = count - HOMES[joint]
+    difference = count - HOMES[joint] + (offset or 0)
     if offset is None:
-        return Correction(joint, difference, 0, refused="its offset could not be read")
-    total = difference + offset
-    if abs(total) <= SMALL:
-        return Correction(joint, difference, total, in_place=True)
+        return Correction(joint, difference, refused="its offset could not be read")
+    if abs(difference) <= SMALL:
+        return Correction(joint, difference, in_place=True)
     highest = math.degrees(min(largest, HIGHEST))
-    if abs(total) > round(highest * 100):
-        wrong = f"it is off by {total / 100:.1f} deg, more than {highest:.1f} deg: mount its horn anew"
-        return Correction(joint, difference, total, refused=wrong)
-    return Correction(joint, difference, total)
+    if abs(difference) > round(highest * 100):
+        wrong = f"it is off by {difference / 100:.1f} deg, more than {highest:.1f} deg: mount its horn anew"
+        return Correction(joint, difference, refused=wrong)
+    return Correction(joint, difference)
 
 
 def to_write(found: Iterable[Correction], before: Mapping[str, int]) -> dict[str, int]:
     """Return what is written: the new offsets, and the old one of a servo that stays uncorrected."""
     moved = (one for one in found if not one.in_place)
-    return {one.joint: before.get(one.joint, 0) if one.refused else one.offset for one in moved}
+    return {one.joint: before.get(one.joint, 0) if one.refused else one.difference for one in moved}
 
 
 def refusals(found: Iterable[Correction]) -> str:

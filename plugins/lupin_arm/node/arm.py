@@ -34,11 +34,12 @@ HOLD_S = 0.3
 
 @dataclass(frozen=True)
 class _Motion:
-    """What was sent last."""
+    """What was sent last; without an owner it is none, but keeps the arm where it is."""
 
     trajectory: Trajectory
     start: Pose
     began: float
+    owner: str = ""
 
     def at(self, now: float) -> Pose:
         """Return where the arm should be."""
@@ -82,7 +83,7 @@ class Arm:
         self._motion: _Motion | None = None
         self._claim: _Claim | None = None
         self._heard = float("-inf")
-        self._stop_reason = ""
+        self._stop_reason: str | None = None
         self._feedback = Feedback(ros, self._states_topic)
         self._feedback.listen(self._on_feedback)
         self._estop = EmergencyStop(ros, self._estop_topic, parameters["estop_timeout"], self._stop)
@@ -90,7 +91,7 @@ class Arm:
     @property
     def stopped(self) -> bool:
         """Whether the emergency stop is engaged, or should be told and is not."""
-        return bool(self._stop_reason)
+        return self._stop_reason is not None
 
     # --- where it is --------------------------------------------------------------------------------------
 
@@ -106,13 +107,16 @@ class Arm:
         """Call `listener(stamp, pose, jaw)` whenever it is told where the arm is."""
         self._feedback.listen(listener)
 
-    def here(self) -> Pose:
-        """Return where the arm is, or should be while that is not told.
+    def here(self, owner: str) -> Pose:
+        """Return where a motion of `owner` begins: where the arm is, or should be while that is not told.
 
         Raises:
-            Refused: nothing is known of the arm.
+            Refused: he may not move it, or nothing is known of it.
         """
-        self._must_be_known()
+        reason = self.refusal(owner)
+        if reason is not None:
+            raise Refused(reason)
+        self.must_be_known()
         return self.pose() or self._should_be()
 
     def commanded(self) -> Pose:
@@ -123,7 +127,7 @@ class Arm:
         Raises:
             Refused: nothing is known of the arm.
         """
-        self._must_be_known()
+        self.must_be_known()
         motion, pose = self._motion, self.pose()
         assert motion is not None  # it was pinned when it became known
         if pose is None:
@@ -154,9 +158,9 @@ class Arm:
         and is back: the arm has been stopped; what becomes of the claim is the owner's business.
 
         Raises:
-            Refused: somebody else has it, or the emergency stop is engaged.
+            Refused: somebody else has it, the emergency stop is engaged, or servos are being switched.
         """
-        reason = self._stop_reason or self._claim_reason(owner)
+        reason = self._stop_reason or self._claim_reason(owner) or self._switching_reason()
         if reason is not None:
             raise Refused(reason)
         self._claim = _Claim(owner, what, interrupted)
@@ -168,20 +172,27 @@ class Arm:
 
     def refusal(self, owner: str) -> str | None:
         """Say why `owner` may not move anything now; None if he may."""
-        return self._stop_reason or self._claim_reason(owner) or self._torque_reason()
+        reason = self._stop_reason or self._claim_reason(owner) or self._switching_reason()
+        return reason or self._torque_reason()
 
     def _claim_reason(self, owner: str) -> str | None:
         busy = self._claim is not None and self._claim.owner != owner
         return f"the arm is busy: {self._claim.what}" if self._claim is not None and busy else None
 
+    def _switching_reason(self) -> str | None:
+        return "the servos are being switched on or off" if self._torque.switching else None
+
     def _torque_reason(self) -> str | None:
-        if self._torque.switching:
-            return "the servos are being switched on or off"
         if self._torque.state is False:
             return "the servos are off; switch them on first (/lupin/arm/set_torque)"
         return None
 
-    def _must_be_known(self) -> None:
+    def must_be_known(self) -> None:
+        """Let something be done for which it must be known where the arm is.
+
+        Raises:
+            Refused: nothing is known of it.
+        """
         if self._ros.elapsed() - self._heard <= LOST_S:
             return
         if self._heard == float("-inf"):
@@ -196,12 +207,15 @@ class Arm:
         Raises:
             Refused: it may not, or the motion is outside the limits; nothing was sent.
         """
-        reason = self.refusal(owner)
-        if reason is None:
-            reason = trajectory.problem(self.here())
+        reason = trajectory.problem(self.here(owner))
         if reason is not None:
             raise Refused(reason)
-        self._publish(trajectory)
+        self._publish(trajectory, owner)
+
+    def moves(self, owner: str) -> bool:
+        """Tell whether the arm is on its way because of `owner`, and nobody has sent it elsewhere since."""
+        motion = self._motion
+        return motion is not None and motion.owner == owner and motion.under_way(self._ros.elapsed())
 
     def hold(self, seconds: float = HOLD_S) -> None:
         """Let arm and jaw stay where they are now; where the servos are off the arm hangs as it does."""
@@ -226,9 +240,9 @@ class Arm:
         if problem is not None:
             self._ros.log.warning(f"jaw not moved: {problem}")
 
-    def _publish(self, trajectory: Trajectory) -> None:
+    def _publish(self, trajectory: Trajectory, owner: str = "") -> None:
         start = self.pose() or (trajectory.target if self._motion is None else self._should_be())
-        self._motion = _Motion(trajectory, start, self._ros.elapsed())
+        self._motion = _Motion(trajectory, start, self._ros.elapsed(), owner)
         self._trajectories.publish(_message(trajectory))
 
     def _pin(self) -> bool:
@@ -252,11 +266,11 @@ class Arm:
             Refused: somebody else has the arm; or, for on, the emergency stop is engaged, or it is not known
                 where the arm is, so that it might jump.
         """
-        reason = (self._stop_reason if on else "") or self._claim_reason(owner)
+        reason = (self._stop_reason if on else None) or self._claim_reason(owner)
         if reason is not None:
             raise Refused(reason)
         if on:
-            self._must_be_known()
+            self.must_be_known()
         self._torque.set(on, done)
 
     # --- what is told -------------------------------------------------------------------------------------
@@ -277,14 +291,14 @@ class Arm:
 
     def _stop(self, how: str) -> None:
         """Stop, or let go of what was stopped; see `EmergencyStop`."""
-        before, now = self.stopped, f"the emergency stop is {how} ({self._estop_topic})" if how else ""
-        self._stop_reason = now
+        before = self.stopped
+        self._stop_reason = f"the emergency stop is {how} ({self._estop_topic})" if how else None
         if before == self.stopped:
             return
         if not how:
             self._ros.log.info("emergency stop released")
             return
-        self._ros.log.warning(f"{now}: the arm stays where it is")
+        self._ros.log.warning(f"{self._stop_reason}: the arm stays where it is")
         self.hold()
         self._interrupt(f"the emergency stop was {how}")
 

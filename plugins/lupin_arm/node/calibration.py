@@ -45,10 +45,6 @@ POSING = "POSING"
 #: Seconds that the end of the process waits for the arm to have its torque again.
 LAST_WAIT_S = 3.0
 
-CUT_OFF = (
-    "an earlier calibration has left the servos without their offsets, and maybe without torque: support the "
-    "arm; start, then cancel writes the offsets back"
-)
 POSE_NOW = "the arm has no torque: bring it into its zero pose by hand, then commit"
 
 
@@ -102,11 +98,12 @@ class Calibration:
         drivers: dict[str, Driver] = {}
         self._engine = Engine(self._machine, _Clock(ros), drivers, ros.guarded(self._stepped))
         library = library_path(parameters["library_path"])
-        self._mark = Mark(ros, library.with_name(f"{library.stem}.offsets"))
-        if self._mark.left_behind:
-            ros.log.error(CUT_OFF)
+        mark = Mark(ros, library.with_name(f"{library.stem}.offsets"))
         outlet = EngineOutlet(self._engine, self._work)
-        self._servos = Servos(ros, arm, outlet, parameters["gate_service"], self._mark)
+        self._servos = Servos(ros, arm, outlet, parameters["gate_service"], mark)
+        left = self._servos.left_behind()
+        if left:
+            ros.log.error(left)
         drivers["calibration"] = self._servos
         self._engine.start()
         gates.mission.listen(self._call_off)
@@ -195,7 +192,7 @@ class Calibration:
     def _doing(self) -> str:
         where = self._where()
         if where == IDLE:
-            return CUT_OFF if self._mark.left_behind else "ready"
+            return self._servos.left_behind() or "ready"
         return POSE_NOW if where == POSING else f"under way: {where.lower().replace('_', ' ')}"
 
     def _answer(self) -> None:
@@ -236,13 +233,14 @@ class Calibration:
         """Leave no limp arm behind."""
         self._call_off("the program ends")
         self._ros.work_until(lambda: self._where() == IDLE, LAST_WAIT_S)
+        self._servos.left_behind()  # what somebody has put right since is not told to the next one
         self._servos.close()
 
 
 def _fill(response: CalibrateArm.Response, found: list[Correction]) -> None:
     """Tell what was written to which servo, and how far each of them was off."""
     response.joint_names = [one.joint for one in found]
-    response.offsets_applied = [0 if one.in_place or one.refused else one.offset for one in found]
+    response.offsets_applied = [0 if one.in_place or one.refused else one.difference for one in found]
     response.diffs_observed = [one.difference for one in found]
 
 

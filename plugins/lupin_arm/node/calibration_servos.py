@@ -17,6 +17,7 @@ from std_srvs.srv import SetBool
 
 from lupin_arm.calibration.offsets import HOMES, STEP, STEPS, Correction, corrections, to_write
 from lupin_arm.node.arm import Arm
+from lupin_arm.node.hardware import SERVOS
 from lupin_arm.node.mark import Mark
 from lupin_arm.node.refused import Refused
 from lupin_arm.node.waiting import when_ready
@@ -25,9 +26,17 @@ from lupin_engine.plugin.contract import Outlet
 
 #: The name under which the arm is calibrated.
 OWNER = "calibration"
-SERVO = "/io/servo/hiwonder"
 #: Seconds in which a service must be found, and in which it must answer.
 LOOK_UP_S, ANSWER_S = 2.0, 3.0
+
+CUT_OFF = (
+    "an earlier calibration has left the servos without their offsets, and maybe without torque: support the "
+    "arm; start, then cancel writes the offsets back"
+)
+LIMP = (
+    "an earlier calibration has left the arm maybe without torque: support it, then switch torque on "
+    "(/lupin/arm/set_torque)"
+)
 
 
 class Call(NamedTuple):
@@ -51,11 +60,11 @@ class _Connection:
         self._ros = ros
         self.counts: dict[str, int] = {}
         self.gate = ros.service(SetBool, gate)
-        self.read = {j: ros.service(GetServoOffset, f"{SERVO}/{j}/_offset") for j in HOMES}
-        self.write = {j: ros.service(SetServoOffset, f"{SERVO}/{j}/_set_offset") for j in HOMES}
-        self.turn = {j: ros.service(SetServoAngle, f"{SERVO}/{j}/set_angle") for j in HOMES}
+        self.read = {j: ros.service(GetServoOffset, f"{SERVOS}/{j}/_offset") for j in HOMES}
+        self.write = {j: ros.service(SetServoOffset, f"{SERVOS}/{j}/_set_offset") for j in HOMES}
+        self.turn = {j: ros.service(SetServoAngle, f"{SERVOS}/{j}/set_angle") for j in HOMES}
         self._positions = [
-            ros.subscribe(ServoPosition, f"{SERVO}/{j}/position", Qos.SENSOR, partial(self._on_position, j))
+            ros.subscribe(ServoPosition, f"{SERVOS}/{j}/position", Qos.SENSOR, partial(self._on_position, j))
             for j in HOMES
         ]
 
@@ -76,14 +85,15 @@ class Servos:
     def __init__(self, ros: RosNode, arm: Arm, outlet: Outlet, gate: str, mark: Mark) -> None:
         """`gate` is the vendor's service that lets the controller command the servos.
 
-        While they have no offsets of their own, these are kept in `mark`: a process that is killed meanwhile
-        must not be the end of them.
+        `mark` is there from the first thing that is done to the servos to the last. It has their offsets
+        while they have none of their own: a process that is killed meanwhile must not be the end of them.
         """
         self._ros = ros
         self._arm = arm
         self._outlet = outlet
         self._mark = mark
-        self._before: dict[str, int] = {}
+        #: What servos must get back: offsets that they do not have now.
+        self._owed = _kept(mark.text()) if mark.left_behind else {}
         self._running: set[str] = set()
         self._gate_name = gate
         self._connection: _Connection | None = None
@@ -109,6 +119,14 @@ class Servos:
         if self._connection is not None:
             self._connection.close()
             self._connection = None
+
+    def left_behind(self) -> str:
+        """Say what an earlier calibration has left as it should not be, "" for nothing."""
+        if not self._owed and self._arm.torque and self._mark.left_behind:
+            self._mark.remove()  # somebody has switched it on since
+        if not self._mark.left_behind:
+            return ""
+        return CUT_OFF if self._owed else LIMP
 
     # --- the driver ---------------------------------------------------------------------------------------
 
@@ -150,10 +168,13 @@ class Servos:
 
     def _take_arm(self, attempt: str, _: Mapping[str, Any]) -> None:
         try:
+            self._arm.must_be_known()  # else the torque could not come back
             self._arm.claim(OWNER, "it is being calibrated", self._interrupted)
         except Refused as reason:
             self._failed(attempt, "arm_not_free", str(reason))
             return
+        if not self._owed:
+            self._mark.set("{}")
         call = Call(self._servos.gate, SetBool.Request(data=False))
         self._ask(attempt, [call], lambda _: self._done(attempt))
 
@@ -173,8 +194,7 @@ class Servos:
     def _switch(self, attempt: str, on: bool, code: str) -> None:
         def switched(problem: str | None) -> None:
             if on:
-                self._arm.release(OWNER)
-                self._disconnect()
+                self._let_go(problem)
             if problem is None:
                 self._done(attempt)
             else:
@@ -185,24 +205,31 @@ class Servos:
         except Refused as reason:
             switched(str(reason))
 
+    def _let_go(self, problem: str | None) -> None:
+        """Let others move the arm again; `problem` is why it is still limp."""
+        self._arm.release(OWNER)
+        self._disconnect()
+        if problem is not None:
+            self._mark.leave()
+        elif not self._owed:
+            self._mark.remove()
+
     # --- the servos ---------------------------------------------------------------------------------------
 
     def _read_offsets(self, attempt: str, _: Mapping[str, Any]) -> None:
         def read(answers: list[Any]) -> None:
             told = zip(HOMES, answers, strict=True)
-            self._before = {joint: answer.centidegrees for joint, answer in told}
-            if self._mark.left_behind:  # what the servos say is what an earlier calibration has left
-                self._before |= _kept(self._mark.text())
-            offsets = [{"joint": joint, "centidegrees": told} for joint, told in self._before.items()]
-            self._done(attempt, offsets=offsets)
+            # Where offsets are owed, the servos say what an earlier calibration has left.
+            before = {joint: answer.centidegrees for joint, answer in told} | self._owed
+            self._done(attempt, offsets=[{"joint": j, "centidegrees": o} for j, o in before.items()])
 
         self._ask(attempt, self._reads(), read)
 
     def _reads(self) -> list[Call]:
         return [Call(service, GetServoOffset.Request()) for service in self._servos.read.values()]
 
-    def _clear_offsets(self, attempt: str, _: Mapping[str, Any]) -> None:
-        self._mark.set(json.dumps(self._before))
+    def _clear_offsets(self, attempt: str, arguments: Mapping[str, Any]) -> None:
+        self._owe(_offsets(arguments["before"]))
         self._ask(attempt, self._writes(dict.fromkeys(HOMES, 0)), lambda _: self._done(attempt))
 
     def _write_offsets(self, attempt: str, arguments: Mapping[str, Any]) -> None:
@@ -216,10 +243,15 @@ class Servos:
                 self._mark.leave()
                 self._failed(attempt, "servo_failed", "; ".join(wrong))
             else:
-                self._mark.remove()
+                self._owe({})
                 self._done(attempt)
 
         self._ask(attempt, calls, written, code=None)
+
+    def _owe(self, offsets: Mapping[str, int]) -> None:
+        """Keep what the servos must get back, also where this process is killed."""
+        self._owed = dict(offsets)
+        self._mark.set(json.dumps(self._owed))
 
     def _writes(self, offsets: Mapping[str, int]) -> list[Call]:
         return [
@@ -261,7 +293,7 @@ class Servos:
         turns = self._turns([one.joint for one in found if not one.refused])
 
         def corrected(_: list[Any]) -> None:
-            self._mark.remove()
+            self._owe({})
             self._done(attempt)
 
         self._ask(attempt, [*writes, *turns], corrected)
@@ -335,4 +367,4 @@ def _kept(text: str) -> dict[str, int]:
 
 
 def _record(one: Correction) -> dict[str, Any]:
-    return {name: getattr(one, name) for name in ("joint", "difference", "offset", "in_place", "refused")}
+    return {name: getattr(one, name) for name in ("joint", "difference", "in_place", "refused")}

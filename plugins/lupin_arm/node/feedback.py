@@ -8,6 +8,7 @@ from sensor_msgs.msg import JointState
 
 from lupin_arm.joints import ARM, FARTHEST, JAW, Pose, read_pose
 from lupin_engine.middleware.node import Qos, RosNode
+from lupin_engine.plugin.wire import seconds_of
 
 #: Seconds for which a joint counts as being where it was said to be.
 FRESH_S = 0.5
@@ -54,7 +55,7 @@ class Feedback:
         self._seen.update(dict.fromkeys(found, now))
         pose = self.pose()
         if pose is not None and found.keys() - {JAW}:
-            stamp = message.header.stamp.sec + message.header.stamp.nanosec * 1e-9
+            stamp = seconds_of(message.header.stamp)
             for listener in self._listeners:
                 listener(stamp or self._ros.now(), pose, self.jaw())
 

@@ -5,30 +5,19 @@ from __future__ import annotations
 from mirte_msgs.srv import SetServoOffset
 
 from lupin_arm.node.refused import Refused
-from lupin_engine.errors import LupinError, nearest
 from lupin_engine.middleware.node import RosNode
 
+#: Where the vendor's servos have their services and topics.
+SERVOS = "/io/servo/hiwonder"
 #: A service that only real servos have; the simulated arm has nothing to calibrate.
-SIGN = "/io/servo/hiwonder/shoulder_lift/_set_offset"
-
-#: What the parameter `hardware` may be.
-CHOICES = ("auto", "real", "simulated")
+SIGN = f"{SERVOS}/shoulder_lift/_set_offset"
 
 
 class Hardware:
     """The gate of what needs real servos."""
 
     def __init__(self, ros: RosNode, said: str) -> None:
-        """`said` is the parameter: `real`, `simulated`, or `auto`, real where the servos' own services are.
-
-        Raises:
-            LupinError: it is none of them.
-        """
-        if said not in CHOICES:
-            raise LupinError(
-                f"parameter 'hardware': expected one of {', '.join(CHOICES)}, got {said!r}; "
-                f"{nearest(said, CHOICES)}"
-            )
+        """`said` is the parameter: real, simulated, or auto: real where the servos' own services are."""
         self._said = said
         self._sign = ros.service(SetServoOffset, SIGN) if said == "auto" else None
 

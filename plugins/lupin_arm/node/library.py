@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Callable
 from datetime import datetime, timezone
 from functools import partial
@@ -12,8 +13,7 @@ from typing import Any
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
-from lupin_arm.library import Library, Pose, StoreFailed, checked_pose, valid_name
-from lupin_arm.library import Refused as NotInLibrary
+from lupin_arm.library import Library, NotInLibrary, Pose, StoreFailed, checked_pose, valid_name
 from lupin_arm.node.arm import Arm
 from lupin_arm.node.mission import Mission
 from lupin_arm.node.player import Player, if_on
@@ -56,7 +56,8 @@ class LibraryServer:
         self._mission = mission
         self._player = Player(ros, arm)
         self._recorder = Recorder(ros, arm, self._library, _now)
-        self._on_the_way_until = 0.0
+        self._waits = False  # a move to a pose waits for torque
+        self._called_off = ""  # why that is not wanted any more
         self._states = ros.publisher(String, f"{BASE}/state", Qos.LATCHED)
         self._mission.listen(self._mission_began)
         self._serve()
@@ -74,7 +75,7 @@ class LibraryServer:
         later(PlayArmSequence, f"{BASE}/play", _answering_later(self._play))
         later(ArmRecord, f"{BASE}/record", self._record)
         # Stopping late is better than not at all.
-        self._ros.serve(Trigger, f"{BASE}/stop", _answering(self._stop))
+        self._ros.serve_later(Trigger, f"{BASE}/stop", _answering_later(self._stop))
 
     # --- the entries --------------------------------------------------------------------------------------
 
@@ -125,19 +126,28 @@ class LibraryServer:
     def _go_to(self, request: SetArmPreset.Request, answer: Callable[[str | None, str], None]) -> None:
         self._must_be_free()
         name, pose = valid_name(request.name), self._library.pose(request.name)
-        if_on(self._arm, OWNER, lambda problem: answer(*self._went(name, pose, problem)))
+        self._waits, self._called_off = True, ""
 
-    def _went(self, name: str, pose: Pose, problem: str | None) -> tuple[str | None, str]:
+        def on(problem: str | None) -> None:
+            self._waits = False
+            answer(*self._went(name, pose, problem or self._called_off))
+
+        try:
+            if_on(self._arm, OWNER, on)
+        except Refused:
+            self._waits = False
+            raise
+
+    def _went(self, name: str, pose: Pose, problem: str) -> tuple[str | None, str]:
         """Send the arm to a pose now that it has torque; return the problem, or None and what to say."""
-        if problem is not None:
+        if problem:
             return problem, ""
         try:
             self._must_be_free()  # torque took its time
-            motion = move(pose.arm, MOVE_S, self._arm.here())
+            motion = move(pose.arm, MOVE_S, self._arm.here(OWNER))
             self._arm.send(motion, OWNER)
         except Refused as reason:
             return str(reason), ""
-        self._on_the_way_until = self._ros.elapsed() + motion.duration
         return None, f"{name}: sent, there in {motion.duration:.1f} s{self._jaw(pose.gripper)}"
 
     def _jaw(self, angle: float | None) -> str:
@@ -163,20 +173,32 @@ class LibraryServer:
 
         self._player.play(name, sequence, speed, sent)
 
-    def _stop(self, _: Trigger.Request) -> str:
+    def _stop(self, _: Trigger.Request, answer: Callable[[str | None, str], None]) -> None:
+        def on(problem: str | None) -> None:
+            servos = f"; the servos are still off: {problem}" if problem else ", the servos are on"
+            answer(None, f"stopped; the recording by hand is discarded{servos}")
+
         reason = "stopped by the operator"
-        if self._player.stop(reason):
-            return "stopped; the arm stays where it is"
-        if self._recorder.stop(reason):
-            return "stopped; the recording by hand is discarded, the servos are switched on"
-        if self._ros.elapsed() < self._on_the_way_until:
-            self._on_the_way_until = 0.0
+        if self._player.stop(reason) or self._stop_moving(reason):
+            answer(None, "stopped; the arm stays where it is")
+        elif self._recorder.call_off(reason):
+            answer(None, "stopped; nothing is recorded, the servos are being switched on again")
+        elif not self._recorder.stop(on):
+            answer(None, "there was nothing to stop")
+
+    def _stop_moving(self, reason: str) -> bool:
+        """Let an arm that moves to a saved pose, or is about to, stay where it is; whether there was one."""
+        if self._waits:
+            self._called_off = reason
+        elif self._arm.moves(OWNER):
             self._arm.hold()
-            return "stopped; the arm stays where it is"
-        return "there was nothing to stop"
+        else:
+            return False
+        return True
 
     def _mission_began(self, reason: str) -> None:
         self._player.stop(reason)
+        self._stop_moving(reason)
         self._recorder.leave(reason)
 
     # --- recording ----------------------------------------------------------------------------------------
@@ -247,7 +269,7 @@ def serve(ros: RosNode, arm: Arm, mission: Mission, given_path: str) -> LibraryS
 def library_path(given: str) -> Path:
     """Return the file of the library: the given one, else one among the user's settings."""
     if given:
-        return Path(given).expanduser()
+        return Path(os.path.expanduser(given))
     return user_folder("XDG_CONFIG_HOME", ".config") / "arm_library.json"
 
 

@@ -5,12 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from lupin_engine.middleware.node import Qos, RosNode
+from lupin_engine.world.mission import SILENCE_S, UNDER_WAY
 from lupin_msgs.msg import MissionState
-
-#: The states of the lifecycle in which a mission runs.
-RUNNING = frozenset({"PREPARE", "EXPLORING", "INSPECTING", "MONITORING", "RETURNING"})
-#: Seconds after which an orchestrator that says nothing counts as gone; it speaks five times a second.
-FRESH_S = 3.0
 
 
 class Mission:
@@ -29,8 +25,8 @@ class Mission:
 
     def refusal(self) -> str | None:
         """Say why the arm is not to be moved by hand now; None while no mission runs."""
-        fresh = self._ros.elapsed() - self._heard <= FRESH_S
-        if fresh and self._state in RUNNING:
+        fresh = self._ros.elapsed() - self._heard <= SILENCE_S
+        if fresh and self._state in UNDER_WAY:
             return f"a mission is running ({self._state}); abort it or wait for its end"
         return None
 

@@ -3,21 +3,17 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable
 from dataclasses import dataclass, field
 
-from lupin_arm.library import Refused as NotInLibrary
-from lupin_arm.library import Sequence
+from lupin_arm.library import NotInLibrary, Sequence
 from lupin_arm.node.arm import Arm
 from lupin_arm.node.refused import Refused
+from lupin_arm.node.torque import Done
 from lupin_arm.player import JawEvent, Replay, plan
 from lupin_engine.middleware.node import RosNode, Timer
 
 #: The name under which sequences move the arm.
 OWNER = "library: playing"
-
-#: Gets None when it was done, or the reason why not.
-Answer = Callable[[str | None], None]
 
 
 @dataclass(eq=False)
@@ -27,7 +23,7 @@ class _Playing:
     name: str
     sequence: Sequence
     speed: float
-    answer: Answer
+    answer: Done
     replay: Replay | None = None
     began: float = 0.0
     jaw: deque[JawEvent] = field(default_factory=deque)
@@ -41,6 +37,7 @@ class Player:
         self._ros = ros
         self._arm = arm
         self._now: _Playing | None = None
+        ros.on_stop(self._close)
 
     @property
     def name(self) -> str:
@@ -63,7 +60,7 @@ class Player:
         """How long it takes in all; 0 before that is known."""
         return self._now.replay.duration if self._now is not None and self._now.replay is not None else 0.0
 
-    def play(self, name: str, sequence: Sequence, speed: float, answer: Answer) -> None:
+    def play(self, name: str, sequence: Sequence, speed: float, answer: Done) -> None:
         """Play a sequence; `answer` comes when the arm was sent off, or with the reason why it was not.
 
         Raises:
@@ -89,7 +86,7 @@ class Player:
 
     def _send(self, playing: _Playing) -> str | None:
         try:
-            replay = plan(playing.sequence, playing.speed, self._arm.here())
+            replay = plan(playing.sequence, playing.speed, self._arm.here(OWNER))
             self._arm.send(replay.trajectory, OWNER)
         except (Refused, NotInLibrary) as reason:
             return str(reason)
@@ -129,6 +126,10 @@ class Player:
     def _interrupted(self, reason: str) -> None:
         self.stop(reason)
 
+    def _close(self) -> None:
+        """End with the process: the controller has all of the motion, and nobody would stop it any more."""
+        self.stop("the program ends")
+
     def _end(self) -> None:
         playing, self._now = self._now, None
         self._arm.release(OWNER)
@@ -136,7 +137,7 @@ class Player:
             timer.cancel()
 
 
-def if_on(arm: Arm, owner: str, then: Answer) -> None:
+def if_on(arm: Arm, owner: str, then: Done) -> None:
     """Call `then(None)` once the servos are known to be on, `then(reason)` if they cannot be switched on.
 
     Servos that somebody has switched off stay off: only where nothing is known of them yet are they asked.

@@ -20,7 +20,7 @@ def serve(ros: RosNode, arm: Arm, duration: float) -> None:
     def go(request: SetArmPreset.Request, response: SetArmPreset.Response) -> SetArmPreset.Response:
         try:
             name, pose = find_preset(request.name)
-            motion = move(pose, duration, arm.here())
+            motion = move(pose, duration, arm.here(OWNER))
             arm.send(motion, OWNER)
         except (UnknownPreset, Refused) as reason:
             response.message = str(reason)

@@ -11,11 +11,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from lupin_arm.joints import Pose
-from lupin_arm.library import MODES, Library, Sequence, StoreFailed, valid_name
-from lupin_arm.library import Refused as NotInLibrary
+from lupin_arm.library import MODES, Library, NotInLibrary, Sequence, StoreFailed, valid_name
 from lupin_arm.node.arm import Arm
 from lupin_arm.node.mark import Mark
 from lupin_arm.node.refused import Refused
+from lupin_arm.node.torque import Done
 from lupin_arm.recorder import Recording
 from lupin_engine.errors import nearest, shortened
 from lupin_engine.middleware.node import RosNode
@@ -27,6 +27,8 @@ BY_HAND = "kinesthetic"
 LAST_WAIT_S = 2.0
 
 TORQUE_SERVICE = "/lupin/arm/set_torque"
+#: Why everything else has to wait while they are.
+SWITCHING = "the servos are being switched for a recording; try again in a moment"
 
 
 @dataclass(frozen=True)
@@ -60,6 +62,7 @@ class Recorder:
         self._phase = _Phase.IDLE
         self._recording: Recording | None = None
         self._unsaved: Sequence | None = None
+        self._remarks = ""  # what is to be said of it when it is saved
         self._called_off = ""  # why a recording that is about to begin is not wanted any more
         self._mark = Mark(ros, library.path.with_name(f"{library.path.stem}.limp"))
         self.name = ""
@@ -113,7 +116,7 @@ class Recorder:
     def refusal(self) -> str | None:
         """Say why nothing else may be begun with the arm now; None if it may."""
         if self._phase is _Phase.SWITCHING:
-            return "the servos are being switched for a recording; try again in a moment"
+            return SWITCHING
         if self._phase is _Phase.RECORDING and self.mode == BY_HAND:
             return "a recording by hand is under way; save or cancel it first"
         return None
@@ -146,6 +149,7 @@ class Recorder:
             answer(Result(True, "recording; steer the arm, then save"))
 
     def _let_go(self, recording: Recording, name: str, answer: Answer) -> None:
+        self._arm.must_be_known()  # else nothing would be recorded, and torque could not come back
         self._arm.claim(OWNER, "a recording by hand", lambda _: None)  # without torque nothing moves it
         self._phase, self._called_off, self.name = _Phase.SWITCHING, "", name
         self._mark.set()
@@ -187,7 +191,7 @@ class Recorder:
         """
         name = name or self.name
         if self._phase is _Phase.SWITCHING:
-            raise Refused(self.refusal() or "")
+            raise Refused(SWITCHING)
         if self._phase is _Phase.IDLE:
             raise Refused("nothing is being recorded")
         try:
@@ -198,12 +202,16 @@ class Recorder:
         self._then_with_torque(lambda problem: answer(self._keep(name, overwrite, problem)))
 
     def _finish(self) -> None:
-        if self._recording is not None:
-            self._unsaved = self._recording.finish(self._ros.elapsed(), self._created())
+        recording = self._recording
+        if recording is not None:
+            self._unsaved = recording.finish(self._ros.elapsed(), self._created())
+            beyond = f"{recording.clamped} waypoints beyond the limits were kept at them"
+            remarks = filter(None, [recording.full, beyond if recording.clamped else ""])
+            self._remarks = "".join(f", {remark}" for remark in remarks)
 
     def _keep(self, name: str, overwrite: bool, problem: str | None) -> Result:
         assert self._unsaved is not None
-        recording, sequence = self._recording, self._unsaved
+        sequence = self._unsaved
         self._phase = _Phase.UNSAVED
         self._recording = None
         still_off = f"; the servos are still off: {problem}" if problem else ""
@@ -213,10 +221,7 @@ class Recorder:
             kept = "the recording is kept: save it again, or cancel it"
             return Result(False, f"{reason}; {kept}{still_off}", sequence)
         self._end()
-        cut = f", {recording.full}" if recording is not None and recording.full else ""
-        limits = recording.clamped if recording is not None else 0
-        beyond = f", {limits} waypoints beyond the limits were kept at them" if limits else ""
-        return Result(True, f"saved {name!r}{cut}{beyond}{still_off}", sequence)
+        return Result(True, f"saved {name!r}{self._remarks}{still_off}", sequence)
 
     def cancel(self, answer: Answer) -> None:
         """Forget the recording; `answer` comes when the arm has torque again.
@@ -227,7 +232,7 @@ class Recorder:
         if self._phase is _Phase.IDLE:
             raise Refused("nothing is being recorded")
         if self._phase is _Phase.SWITCHING:
-            raise Refused(self.refusal() or "")
+            raise Refused(SWITCHING)
 
         def ended(problem: str | None) -> None:
             self._end()
@@ -236,25 +241,33 @@ class Recorder:
 
         self._then_with_torque(ended)
 
-    def stop(self, reason: str) -> bool:
-        """Give the arm its torque back, whatever becomes of a recording by hand; whether there was one."""
-        if self._phase is _Phase.SWITCHING and self._recording is None:
-            self._called_off = reason
-            return True
+    def call_off(self, reason: str) -> bool:
+        """Do not begin a recording by hand that waits for the servos; whether there was one."""
+        if self._phase is not _Phase.SWITCHING or self._recording is not None:
+            return False
+        self._called_off = reason
+        return True
+
+    def stop(self, then: Done) -> bool:
+        """Discard a recording by hand; whether there was one. `then` comes when the arm has torque again."""
         if self._phase is not _Phase.RECORDING or self.mode != BY_HAND:
             return False
-        self._then_with_torque(lambda _: self._end())
+
+        def ended(problem: str | None) -> None:
+            self._end()
+            then(problem)
+
+        self._then_with_torque(ended)
         return True
 
     def leave(self, reason: str) -> None:
         """Give the arm its torque back, keeping what was recorded by hand for a save."""
-        if self._phase is not _Phase.RECORDING or self.mode != BY_HAND:
-            self.stop(reason)
+        if self.call_off(reason) or self._phase is not _Phase.RECORDING or self.mode != BY_HAND:
             return
         try:
             self._finish()
         except NotInLibrary:
-            self.stop(reason)
+            self.stop(_nobody_waits)
             return
         self._ros.log.warning("recording ended, and not saved yet", reason=reason)
         self._then_with_torque(self._left)
@@ -264,7 +277,7 @@ class Recorder:
 
     # --- torque -------------------------------------------------------------------------------------------
 
-    def _then_with_torque(self, then: Callable[[str | None], None]) -> None:
+    def _then_with_torque(self, then: Done) -> None:
         """Do `then` when the servos are on again, where this recording has switched them off."""
         if self._recording is None or self._recording.mode != BY_HAND:
             then(None)
@@ -272,7 +285,7 @@ class Recorder:
         self._phase = _Phase.SWITCHING
         self._restore(then)
 
-    def _restore(self, then: Callable[[str | None], None]) -> None:
+    def _restore(self, then: Done) -> None:
         def switched(problem: str | None) -> None:
             if problem is None:
                 self._mark.remove()
@@ -294,5 +307,10 @@ class Recorder:
 
     def _close(self) -> None:
         """Leave no limp arm behind; a recording that was not saved ends with the process."""
-        if self.stop("the program ends"):
-            self._ros.work_until(lambda: self._phase is _Phase.IDLE, LAST_WAIT_S)
+        if not self.call_off("the program ends"):
+            self.stop(_nobody_waits)
+        self._ros.work_until(lambda: self._phase is not _Phase.SWITCHING, LAST_WAIT_S)
+
+
+def _nobody_waits(_: str | None) -> None:
+    """Take the news that the servos are on or off; it is logged."""

@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 from lupin_arm.node.calibration_chart import CHART
+from lupin_arm.node.hardware import SERVOS
 from lupin_engine.plugin.contract import Parameter
-from lupin_engine.plugin.types import TEXT, number_in
+from lupin_engine.plugin.types import ROS_NAME, TEXT, number_in, one_of
 
 PARAMETERS = {
-    "joint_states_topic": Parameter(TEXT, "/joint_states", "JointState: where the joints are"),
+    "joint_states_topic": Parameter(ROS_NAME, "/joint_states", "JointState: where the joints are"),
     "trajectory_topic": Parameter(
-        TEXT, "/mirte_master_arm_controller/joint_trajectory", "JointTrajectory: what the arm is to do"
+        ROS_NAME, "/mirte_master_arm_controller/joint_trajectory", "JointTrajectory: what the arm is to do"
     ),
     "gripper_action": Parameter(
-        TEXT, "/mirte_master_gripper_controller/gripper_cmd", "GripperCommand: the jaw's controller"
+        ROS_NAME, "/mirte_master_gripper_controller/gripper_cmd", "GripperCommand: the jaw's controller"
     ),
-    "estop_topic": Parameter(TEXT, "/e_stop_state", "Bool: the emergency stop, true while engaged"),
+    "estop_topic": Parameter(ROS_NAME, "/e_stop_state", "Bool: the emergency stop, true while engaged"),
     "estop_timeout": Parameter(
         number_in("s"),
         2.0,
@@ -23,13 +24,15 @@ PARAMETERS = {
         maximum=60.0,
     ),
     "torque_service": Parameter(
-        TEXT, "/io/servo/hiwonder/enable_all_servos", "SetBool: the vendor's switch of the servos' power"
+        ROS_NAME, f"{SERVOS}/enable_all_servos", "SetBool: the vendor's switch of the servos' power"
     ),
     "gate_service": Parameter(
-        TEXT, "/enable_arm_control", "SetBool: the vendor's gate of commands; a simulation has none"
+        ROS_NAME, "/enable_arm_control", "SetBool: the vendor's gate of commands; a simulation has none"
     ),
     "hardware": Parameter(
-        TEXT, "auto", "the servos: real, simulated, or auto (real where their own services are there)"
+        one_of("auto", "real", "simulated"),
+        "auto",
+        "the servos: real, simulated, or auto (real where their own services are there)",
     ),
     "preset_duration": Parameter(
         number_in("s"), 3.0, "how long a preset takes, more where it is far", minimum=0.5, maximum=60.0
@@ -41,7 +44,7 @@ PARAMETERS = {
         TEXT, "", "JSON file of the operators' poses; empty: lupin/arm_library.json among the user's settings"
     ),
     "mission_state_topic": Parameter(
-        TEXT, "/mission/state", "MissionState: while a mission runs the library moves nothing"
+        ROS_NAME, "/mission/state", "MissionState: while a mission runs the library moves nothing"
     ),
     **CHART.parameters,
 }

@@ -21,13 +21,16 @@ from std_srvs.srv import SetBool
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from lupin_arm.joints import ARM, JAW_OPEN, Pose, jaw_from_degrees
+from lupin_arm.node.hardware import SERVOS
 from lupin_arm.presets import PRESETS
 from lupin_arm.simulated import SimulatedArm
 from lupin_arm.trajectory import LONGEST_S, Point, Trajectory, time_for
-from lupin_engine.errors import LupinError
-from lupin_engine.middleware.node import Qos, RosNode, ServedGoal, Timer
+from lupin_engine.errors import LupinError, all_of
+from lupin_engine.middleware.node import Qos, RosNode, ServedGoal
+from lupin_engine.middleware.repeater import Repeater
 from lupin_engine.plugin.contract import Parameter
 from lupin_engine.plugin.types import ANGLE, list_of
+from lupin_engine.plugin.wire import seconds_of
 
 #: Seconds between two messages while nothing moves, and while something does.
 REST_S, MOVE_S = 0.2, 0.05
@@ -46,6 +49,18 @@ PARAMETERS = {
 _NAMES = [joint.state_name for joint in ARM]
 
 
+def check(values: Mapping[str, Any]) -> None:
+    """Look whether parameters name poses that the servos reach.
+
+    Raises:
+        LupinError: they do not; the text has everything that is wrong.
+    """
+    all_of(
+        lambda: _servo_pose("start", values["start"]),
+        lambda: _servo_pose("hand", values["hand"]) if values["hand"] else None,
+    )
+
+
 class ArmSimNode:
     """Publishes where the arm is, and moves it as its controllers say."""
 
@@ -56,10 +71,10 @@ class ArmSimNode:
         self._goal: ServedGoal | None = None
         self._goal_began = 0.0
         self._in_reach = True
-        self._moving: Timer | None = None
+        self._moving = Repeater(ros.timer, MOVE_S, self._move)
         self._states = ros.publisher(JointState, "/joint_states", Qos.DETECTION)
         self._servos = [
-            ros.publisher(ServoPosition, f"/io/servo/hiwonder/{name}/position", Qos.EVENT)
+            ros.publisher(ServoPosition, f"{SERVOS}/{name}/position", Qos.EVENT)
             for name in [*(joint.name for joint in ARM), "gripper"]
         ]
         self._connect()
@@ -73,11 +88,11 @@ class ArmSimNode:
         ros = self._ros
         topic = "/mirte_master_arm_controller/joint_trajectory"
         ros.subscribe(JointTrajectory, topic, Qos.EVENT, self._on_trajectory)
-        ros.serve(SetBool, "/io/servo/hiwonder/enable_all_servos", self._power)
+        ros.serve(SetBool, f"{SERVOS}/enable_all_servos", self._power)
         for index, joint in enumerate(ARM):
-            name = f"/io/servo/hiwonder/{joint.name}/set_angle_with_speed"
+            name = f"{SERVOS}/{joint.name}/set_angle_with_speed"
             ros.serve(SetServoAngleWithSpeed, name, partial(self._turn, index))
-        name = "/io/servo/hiwonder/gripper/set_angle_with_speed"
+        name = f"{SERVOS}/gripper/set_angle_with_speed"
         ros.serve(SetServoAngleWithSpeed, name, self._turn_jaw)
         ros.serve_action(
             GripperCommand,
@@ -187,19 +202,18 @@ class ArmSimNode:
 
     def _go_on(self) -> None:
         """Tell more often while something moves."""
-        if self._moving is None and (self._arm.moving or self._goal is not None):
-            self._moving = self._ros.timer(MOVE_S, self._move)
+        if self._arm.moving or self._goal is not None:
+            self._moving.start()
 
     def _move(self) -> None:
         self._arm.advance(self._ros.elapsed())
         self._tell()
         self._look_after_goal()
-        if self._moving is not None and not self._arm.moving and self._goal is None:
-            self._moving.cancel()
-            self._moving = None
+        if not self._arm.moving and self._goal is None:
+            self._moving.stop()
 
     def _rest(self) -> None:
-        if self._moving is None:
+        if not self._moving.running:
             self._tell()
 
     def _tell(self) -> None:
@@ -221,9 +235,7 @@ def _point(message: JointTrajectoryPoint, order: Sequence[int]) -> Point | None:
     if not numbers or any(velocity == 0.0 for velocity in message.velocities):
         return None
     pan, lift, elbow, wrist = (message.positions[index] for index in order)
-    return Point(
-        (pan, lift, elbow, wrist), message.time_from_start.sec + message.time_from_start.nanosec * 1e-9
-    )
+    return Point((pan, lift, elbow, wrist), seconds_of(message.time_from_start))
 
 
 def _servo_pose(what: str, angles: Sequence[float]) -> Pose:

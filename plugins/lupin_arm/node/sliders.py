@@ -46,9 +46,9 @@ class Sliders:
         """Turn one joint at a rate; the others stay where they are meant to be."""
         try:
             angle, rate = _in_radians(request)
+            here = self._arm.here(OWNER)
             target = list(self._arm.commanded())
             target[index] = ARM[index].clamp(angle)
-            here = self._arm.here()
             # Those that are still under way keep to the rate as well.
             motion = move(target, 0.0, here)
             seconds = time_for(farthest(here, motion.target), rate)
@@ -76,7 +76,7 @@ class Sliders:
 
     def _init(self, request: Any, response: Any) -> Any:
         try:
-            motion = move(ZERO, self._init_duration, self._arm.here())
+            motion = move(ZERO, self._init_duration, self._arm.here(OWNER))
             self._arm.send(motion, OWNER)
         except Refused as reason:
             return refuse(response, str(reason))

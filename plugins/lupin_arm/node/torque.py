@@ -69,12 +69,12 @@ class Torque:
         power: str,
         gate: str,
         pin: Callable[[], bool],
-        refusal: Callable[[], str],
+        refusal: Callable[[], str | None],
     ) -> None:
         """Switch by the services `power` and `gate`.
 
         `pin` makes where the arm is the target, if that is known; `refusal` says why the power must not come
-        on now, "" if it may.
+        on now, None if it may.
         """
         self._ros = ros
         self._power = _Switch(ros, power)
@@ -109,9 +109,9 @@ class Torque:
     def _switch_on(self, end: Done) -> None:
         def pinned(known: bool) -> None:
             problem = self._refusal()  # what was asked for may have waited
-            if not problem and not known:
+            if problem is None and not known:
                 problem = "the arm might jump: it is not told where it is"
-            if problem:
+            if problem is not None:
                 end(problem)
             else:
                 self._power.call(True, powered)

@@ -15,14 +15,16 @@ from std_msgs.msg import String
 from tf2_msgs.msg import TFMessage
 
 from lupin_engine.errors import LupinError
+from lupin_engine.middleware.logs import WarnOnce
 from lupin_engine.middleware.node import Qos, RosNode
+from lupin_engine.world.mission import UNDER_WAY
 from lupin_engine.world.poses import Array
 from lupin_msgs.msg import DiscoveredTags, MissionState, Observation
 from lupin_msgs.srv import ConfirmTag
 from lupin_perception.anomalies import Watch
 from lupin_perception.boxes import Box, Size, box_from_tag, column_depth, column_fraction
 from lupin_perception.detections import Detection, read_flowers, read_tags
-from lupin_perception.flowers import Bloom, Scan, is_active, scanned_tag
+from lupin_perception.flowers import Bloom, Scan, scanned_tag
 from lupin_perception.memory import Memory, Past, memory_path
 from lupin_perception.node import messages
 from lupin_perception.node.layout import KnownBoxes
@@ -37,11 +39,13 @@ NAME = "perception_aggregator"
 
 #: Requests older than this, in seconds, are not answered: they waited out a broken link, nobody listens.
 STALE_AFTER_S = 10.0
-#: Seconds for which a node that was started again waits to hear of the mission that it remembers.
+#: Seconds for which a node that has begun waits to hear of a mission: of the one it remembers, or of any.
 RECALL_S = 2.0
 #: Without a mission the tag that flowers belong to changes when another one is nearer by so much (m): what is
 #: measured of two tags at one distance changes from frame to frame.
 NEARER_M = 0.1
+#: Without a mission a scan has no end: what was not seen for so many seconds is not told any more.
+IDLE_MEMORY_S = 30.0
 #: A box that has moved (m) or turned (rad) by more is told again with its flowers.
 MOVED_M, TURNED = 0.05, 0.1
 
@@ -58,6 +62,10 @@ class Aggregator:
             self._tags, values["tf_frame_prefix"], values["tag_in_sight_s"], self._on_sighting
         )
         self._scan = Scan(fusion_rules(values))
+        #: When another tag was scanned, or none any more; and when the scan was last made to forget.
+        self._aimed = self._aged = -math.inf
+        #: The tag whose scan an earlier process was killed in.
+        self._interrupted = ""
         self._watch = Watch(
             values["anomaly_class_name"],
             values["yolo_min_confidence"],
@@ -68,19 +76,19 @@ class Aggregator:
         self._mission_heard = -math.inf
         self._memory = Memory(memory_path(values["memory_file"], os.environ))
         self._past = self._recall()
-        #: What was last written to the memory: revision of the tags, reports of pests.
-        self._kept = 0, 0
+        #: What was last written to the memory: revision of the tags, reports of pests, what is scanned.
+        self._kept = 0, 0, ""
         self._begun = ros.elapsed()
         self._pan = 0.0
         self._since = ros.stamp()
         #: The box that the flowers of this scan were told in; None before they were.
         self._told_box: Box | None = None
         self._has_told = False
-        self._warned: set[str] = set()
+        self._warn = WarnOnce(ros.log)
         self._connect()
-        self._boxes = KnownBoxes(ros, values, self._tags, self._warn_once)
+        self._boxes = KnownBoxes(ros, values, self._tags, self._warn)
         if values["passive_climate"]:
-            PassiveObserver(ros, values, self._tags, self._observations, lambda: not self._is_under_way())
+            PassiveObserver(ros, values, self._tags, self._observations, self._is_idle)
 
     def _connect(self) -> None:
         ros, names = self._ros, self._values
@@ -96,17 +104,18 @@ class Aggregator:
         ros.serve(
             ConfirmTag, names["confirm_service"], self._confirm, stale_after=STALE_AFTER_S, refuse=_refuse
         )
-        ros.timer(1.0 / names["publish_rate_hz"], self._tick)
+        # Real time: displays hear of the tags also while simulated time stands still.
+        ros.steady_timer(1.0 / names["publish_rate_hz"], self._tick)
 
     # --- where things are ---------------------------------------------------------------------------------
 
     def _on_transforms(self, message: TFMessage) -> None:
         for problem in self._sightings.take(message.transforms, self._ros.elapsed()):
-            self._warn_once(f"/tf: {problem}")
+            self._warn(f"/tf: {problem}")
 
     def _on_static_transforms(self, message: TFMessage) -> None:
         for problem in self._sightings.take(message.transforms, self._ros.elapsed(), static=True):
-            self._warn_once(f"/tf_static: {problem}")
+            self._warn(f"/tf_static: {problem}")
 
     def _on_joints(self, message: JointState) -> None:
         for name, angle in zip(message.name, message.position, strict=False):
@@ -120,6 +129,7 @@ class Aggregator:
         if self._tags.begin(message.mission_id):
             self._begin(message.mission_id)
         self._aim(self._focus())
+        self._interrupted = ""  # the mission has gone on to something else
 
     def _begin(self, mission_id: str) -> None:
         """Forget the last mission; of this one know what a process before this one knew of it."""
@@ -129,8 +139,9 @@ class Aggregator:
         self._tags.restore(past.tags)
         self._watch.begin(past.reported)
         self._sightings.forget()
-        self._scan.aim("")
-        self._has_told, self._told_box = False, None
+        self._interrupted = past.scanned
+        self._boxes.refresh()
+        self._aim("")
         self._since = self._ros.stamp()
         self._tell_tags()
 
@@ -143,25 +154,51 @@ class Aggregator:
 
     def _keep(self) -> None:
         """Write down what has changed of a mission."""
-        state = self._tags.revision, len(self._watch.reported)
+        scanned = self._scan.tag_id if self._has_told else ""
+        state = self._tags.revision, len(self._watch.reported), scanned
         if self._tags.mission_id and state != self._kept:
             self._kept = state
             try:
-                past = Past(self._tags.mission_id, self._tags.discovered(), self._watch.reported)
+                tags, reported = self._tags.discovered(), self._watch.reported
+                past = Past(self._tags.mission_id, tags, reported, scanned)
                 self._memory.write(past)
             except LupinError as error:
-                self._warn_once(str(error))
+                self._warn(str(error))
 
     def _aim(self, tag_id: str) -> None:
         """Credit flowers to this tag from now on; another one than before begins a new scan."""
-        box = self._boxes.find(tag_id)
+        box, last = self._boxes.find(tag_id), self._scan.tag_id
         if self._scan.aim(tag_id, None if box is None else box.size.width):
             self._has_told, self._told_box = False, None
+            self._aged = self._ros.elapsed()
+            self._aimed = self._aimed if tag_id == last else self._aged
+            self._resume()
+
+    def _resume(self) -> None:
+        """Go on with the scan that an earlier process was killed in: what it has told stays true."""
+        known = self._tags.find(self._scan.tag_id)
+        if known is not None and known.id == self._interrupted and known.summary is not None:
+            self._scan.resume(known.summary)
+
+    def _age(self) -> None:
+        """Make a scan without an end forget: mistakes of a night would add up."""
+        now = self._ros.elapsed()
+        if self._is_idle() and now - self._aged >= IDLE_MEMORY_S:
+            self._aged = now
+            self._scan.age()
 
     def _is_under_way(self) -> bool:
         """Say whether a mission is under way, as far as was heard lately."""
         heard = self._ros.elapsed() - self._mission_heard <= self._values["mission_freshness_s"]
-        return heard and is_active(self._mission.lifecycle_state)
+        return heard and self._mission.lifecycle_state in UNDER_WAY
+
+    def _is_idle(self) -> bool:
+        """Say whether no mission is under way; one that is may not have been heard of yet."""
+        return not self._is_under_way() and not self._may_hear()
+
+    def _may_hear(self) -> bool:
+        """Say whether this node has just begun and may hear of a mission in a moment."""
+        return math.isinf(self._mission_heard) and self._ros.elapsed() - self._begun <= RECALL_S
 
     def _mission_id(self) -> str:
         """Return what observations are part of: what is seen after a mission's end is none of its finds."""
@@ -172,7 +209,7 @@ class Aggregator:
         mission = self._mission
         if self._is_under_way():
             return scanned_tag(mission.lifecycle_state, mission.mission_phase, mission.current_target)
-        return self._nearest() if self._values["attribute_when_idle"] else ""
+        return self._nearest() if self._values["attribute_when_idle"] and self._is_idle() else ""
 
     def _nearest(self) -> str:
         """Name the nearest discovered tag in sight, '' for none."""
@@ -196,12 +233,14 @@ class Aggregator:
         """Take in that a tag was placed; None is one too many."""
         self._since = self._ros.stamp()
         if known is None:
-            self._warn_once(f"more than {MAX_TAGS} tags; further ones left out")
+            self._warn(f"more than {MAX_TAGS} tags; further ones left out")
         elif known.sightings == self._values["min_sightings"]:
             x, y = np.round(known.pose.position[:2], 3).tolist()
             self._ros.log.info("tag discovered", tag=known.id, x=x, y=y)
             # At once: a mission that has just come to this tag will say where it is.
             self._tick()
+            if known.id == self._scan.tag_id:
+                self._tell_flowers()  # seen already, and there may be no further frame
 
     def _tick(self) -> None:
         # A list without what is remembered would tell the mission that its finds are gone.
@@ -228,10 +267,14 @@ class Aggregator:
         detections, problems = read_flowers(message.data, names, width)
         self._tell_problems("yolo_detections_topic", problems)
         self._aim(self._focus())
-        if self._scan.tag_id:
+        now = self._ros.elapsed()
+        # What comes so late was seen where the robot was before: it is of no scan, and no find beside one.
+        is_late = now - self._aimed < self._values["detection_delay_s"]
+        if self._scan.tag_id and not is_late:
+            self._age()
             self._scan.add(detections, self._pan)
             self._tell_flowers()
-        if self._scan.tag_id or self._sightings.in_sight(self._ros.elapsed()):
+        if self._scan.tag_id or is_late or self._may_hear() or self._sightings.in_sight(now):
             self._watch.interrupt()
         else:
             self._look_for_pests(detections)
@@ -272,12 +315,7 @@ class Aggregator:
 
     def _tell_problems(self, topic: str, problems: Sequence[str]) -> None:
         for problem in problems:
-            self._warn_once(f"{self._values[topic]}: {problem}")
-
-    def _warn_once(self, text: str) -> None:
-        if text not in self._warned:
-            self._warned.add(text)
-            self._ros.log.warning(text)
+            self._warn(f"{self._values[topic]}: {problem}")
 
 
 def _refuse(response: ConfirmTag.Response, reason: str) -> ConfirmTag.Response:

@@ -36,6 +36,7 @@ class KnownBoxes:
         self._tags, self._warn = tags, warn
         self._boxes: Mapping[str, Box] = {}
         self._topic: str = values["box_geometry_topic"]
+        self._layout: layout.Layout | None = None
         if not values["register_layout"]:
             ros.subscribe(String, self._topic, Qos.DETECTION, self._take)
             return
@@ -45,22 +46,26 @@ class KnownBoxes:
         self._registered = tags.revision
         self._text = ""
         self._teller = ros.publisher(String, self._topic, Qos.LATCHED)
-        ros.timer(TELL_S, self._tell)
+        ros.steady_timer(TELL_S, self._tell)
 
     def find(self, tag_id: str) -> Box | None:
         """Return the box at a tag; None when the layout knows none."""
         return self._boxes.get(tag_id)
 
-    def _tell(self) -> None:
-        if self._registered != self._tags.revision:
+    def refresh(self) -> None:
+        """Lay the layout over the map anew if tags have changed since; others do so where they tell boxes."""
+        if self._layout is not None and self._registered != self._tags.revision:
             self._registered = self._tags.revision
-            self._register()
+            self._register(self._layout)
+
+    def _tell(self) -> None:
+        self.refresh()
         if self._text:
             self._teller.publish(String(data=self._text))
 
-    def _register(self) -> None:
+    def _register(self, known_layout: layout.Layout) -> None:
         found = {known.id: known.pose for known in self._tags.discovered()}
-        result = register(self._layout, found, self._quality)
+        result = register(known_layout, found, self._quality)
         self._boxes = result.boxes
         self._text = json.dumps(entries(result.boxes, self._height)) if result.boxes else ""
         if result.reason and len(found) > 1:  # of a single tag nothing else could be expected

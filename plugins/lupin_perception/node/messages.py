@@ -8,6 +8,7 @@ from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Point, Point32, Polygon, PoseStamped, Quaternion
 from geometry_msgs.msg import Pose as PoseMessage
 
+from lupin_engine.plugin.wire import filled_in
 from lupin_engine.world.poses import Array, Pose
 from lupin_msgs.msg import (
     AnomalyReport,
@@ -26,8 +27,6 @@ from lupin_perception.sightings import MAP
 
 #: Who these observations are from.
 SOURCE = "perception_aggregator"
-#: An orientation whose w is exactly 0 means that nobody has filled it in; half a turn has one too.
-_LEAST_W = 1e-9
 _MOST_SIGHTINGS = 2**32 - 1
 
 
@@ -36,7 +35,7 @@ def pose_message(pose: Pose) -> PoseMessage:
     message = PoseMessage()
     message.position.x, message.position.y, message.position.z = pose.position.tolist()
     x, y, z, w = pose.rotation.tolist()
-    message.orientation = Quaternion(x=x, y=y, z=z, w=w or _LEAST_W)
+    message.orientation = Quaternion(x=x, y=y, z=z, w=filled_in(w))
     return message
 
 

@@ -5,29 +5,44 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from lupin_engine.errors import LupinError, nearest
+from lupin_engine.errors import LupinError, all_of, nearest
 from lupin_engine.plugin.contract import Parameter
-from lupin_engine.plugin.types import ANGLE, BOOL, COUNT, DURATION, LENGTH, NUMBER, TEXT, list_of, number_in
+from lupin_engine.plugin.types import (
+    ANGLE,
+    BOOL,
+    COUNT,
+    DURATION,
+    LENGTH,
+    NUMBER,
+    ROS_NAME,
+    TEXT,
+    list_of,
+    number_in,
+)
+from lupin_engine.world import layout
+from lupin_engine.world.mission import SILENCE_S
 from lupin_perception.boxes import View
 from lupin_perception.flowers import Rules
 
 _CLASSES = ["tulip_red", "tulip_white", "tulip_pink", "bug"]
 
 TOPICS = {
-    "tag_detections_topic": Parameter(TEXT, "/camera/tag_detections_json", "tags in each frame (JSON)"),
-    "yolo_detections_topic": Parameter(TEXT, "/yolo/detections", "flowers in each frame (JSON)"),
-    "mission_state_topic": Parameter(TEXT, "/mission/state", "state of the mission (MissionState)"),
+    "tag_detections_topic": Parameter(ROS_NAME, "/camera/tag_detections_json", "tags in each frame (JSON)"),
+    "yolo_detections_topic": Parameter(ROS_NAME, "/yolo/detections", "flowers in each frame (JSON)"),
+    "mission_state_topic": Parameter(ROS_NAME, "/mission/state", "state of the mission (MissionState)"),
     "box_geometry_topic": Parameter(
-        TEXT, "/perception/box_geometry_json", "planter boxes by the layout (JSON), told or taken"
+        ROS_NAME, "/perception/box_geometry_json", "planter boxes by the layout (JSON), told or taken"
     ),
-    "joint_states_topic": Parameter(TEXT, "/joint_states", "joints of the arm (JointState)"),
+    "joint_states_topic": Parameter(ROS_NAME, "/joint_states", "joints of the arm (JointState)"),
     "discovered_tags_topic": Parameter(
-        TEXT, "/perception/discovered_tags", "tags that were seen (DiscoveredTags)"
+        ROS_NAME, "/perception/discovered_tags", "tags that were seen (DiscoveredTags)"
     ),
-    "observations_topic": Parameter(TEXT, "/floranova/observations", "what was found at tags (Observation)"),
-    "confirm_service": Parameter(TEXT, "/perception/confirm_tag", "confirms a tag (ConfirmTag)"),
+    "observations_topic": Parameter(
+        ROS_NAME, "/floranova/observations", "what was found at tags (Observation)"
+    ),
+    "confirm_service": Parameter(ROS_NAME, "/perception/confirm_tag", "confirms a tag (ConfirmTag)"),
     "reading_service": Parameter(
-        TEXT, "/greenhouse_bridge/get_tag_reading", "reads the sensors at a tag (GetTagReading)"
+        ROS_NAME, "/greenhouse_bridge/get_tag_reading", "reads the sensors at a tag (GetTagReading)"
     ),
     "memory_file": Parameter(
         TEXT, "", "what outlives this process (JSON); empty: in the user's state; none: nothing is kept"
@@ -44,7 +59,7 @@ TAGS = {
         number_in("Hz"), 2.0, "messages about the tags in a second", minimum=0.2, maximum=100.0
     ),
     "mission_freshness_s": Parameter(
-        DURATION, 3.0, "without a word of the mission for so long none is under way", minimum=0.5
+        DURATION, SILENCE_S, "without a word of the mission for so long none is under way", minimum=0.5
     ),
 }
 FLOWERS = {
@@ -59,6 +74,9 @@ FLOWERS = {
     "camera_half_fov": Parameter(ANGLE, 0.5, "half of what the camera sees across", 0.01, 1.57),
     "attribute_when_idle": Parameter(
         BOOL, True, "without a mission, credit flowers to the nearest tag in sight"
+    ),
+    "detection_delay_s": Parameter(
+        DURATION, 0.1, "how late detections come: for so long those of the last target are left out", 0.0
     ),
     "anomaly_frames": Parameter(COUNT, 3, "frames in a row that make a report of a pest at no tag", 1),
     "anomaly_spacing_m": Parameter(
@@ -97,6 +115,18 @@ IDLE = {
     "source_name": Parameter(TEXT, "passive_observer", "source of the readings without a mission"),
 }
 PARAMETERS: Mapping[str, Parameter] = {**TOPICS, **TAGS, **FLOWERS, **BOXES, **LAYOUT, **IDLE}
+
+
+def check(values: Mapping[str, Any]) -> None:
+    """Look whether parameters fit each other, and the layout can be used.
+
+    Raises:
+        LupinError: they do not, or it cannot; the text has everything that is wrong.
+    """
+    all_of(
+        lambda: layout.load(values["tag_locations_file"]) if values["register_layout"] else None,
+        lambda: fusion_rules(values),
+    )
 
 
 def fusion_rules(values: Mapping[str, Any]) -> Rules:

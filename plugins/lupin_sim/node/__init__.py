@@ -2,6 +2,6 @@
 
 from __future__ import annotations
 
-from lupin_sim.node.robot import PARAMETERS, SimNode, main
+from lupin_sim.node.robot import PARAMETERS, SimNode, check, main
 
-__all__ = ["PARAMETERS", "SimNode", "main"]
+__all__ = ["PARAMETERS", "SimNode", "check", "main"]

@@ -13,6 +13,7 @@ from nav2_msgs.action import NavigateToPose
 from nav_msgs.msg import Path
 
 from lupin_engine.middleware.node import Qos, RosNode
+from lupin_engine.plugin.wire import turn_fields
 from lupin_sim.floor import Point
 
 
@@ -51,7 +52,7 @@ class Display:
 
 def quaternion(yaw: float) -> Quaternion:
     """Return the turn by `yaw` radians about the vertical."""
-    return Quaternion(x=0.0, y=0.0, z=math.sin(yaw / 2.0), w=math.cos(yaw / 2.0))
+    return Quaternion(**turn_fields(yaw))
 
 
 def _nothing(*_: object) -> None:

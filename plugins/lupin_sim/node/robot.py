@@ -23,10 +23,11 @@ from sensor_msgs.msg import BatteryState
 from std_msgs.msg import Bool
 from tf2_msgs.msg import TFMessage
 
-from lupin_engine.errors import LupinError
-from lupin_engine.middleware.node import Qos, RosNode, ServedGoal, Timer
+from lupin_engine.errors import LupinError, all_of
+from lupin_engine.middleware.node import Qos, RosNode, ServedGoal
+from lupin_engine.middleware.repeater import Repeater
 from lupin_engine.plugin.contract import Parameter
-from lupin_engine.plugin.types import BOOL, COUNT, NUMBER, POSE, TEXT, number_in
+from lupin_engine.plugin.types import BOOL, COUNT, NUMBER, POSE, TEXT, number_in, one_of
 from lupin_engine.plugin.wire import time_fields
 from lupin_engine.world.poses import heading
 from lupin_sim.faults import Fault, Faults
@@ -66,7 +67,7 @@ NO_VALID_PATH = 208
 #: Parameters that take effect while the node runs.
 LIVE = ("speed", "estop", "battery", "drain_per_s", "fault", "fault_count")
 
-_FAULT_NAMES = ", ".join(fault.value for fault in Fault)
+_FAULTS = one_of(*(fault.value for fault in Fault))
 
 PARAMETERS = {
     "tag_locations_file": Parameter(TEXT, "", "layout of the greenhouse, JSON; empty: the bundled one"),
@@ -75,10 +76,19 @@ PARAMETERS = {
     "estop": Parameter(BOOL, False, "whether the emergency stop is engaged, besides /lupin/hmi/estop"),
     "battery": Parameter(NUMBER, 1.0, "charge of the battery, 0 to 1; setting it sets the level", 0.0, 1.0),
     "drain_per_s": Parameter(NUMBER, 0.0, "charge that the battery loses in a second", minimum=0.0),
-    "fault": Parameter(TEXT, Fault.NONE.value, f"what goes wrong: {_FAULT_NAMES}"),
+    "fault": Parameter(_FAULTS, Fault.NONE.value, "what goes wrong"),
     "fault_count": Parameter(COUNT, 0, "goals that the fault hits; 0: until it is changed. Set it first"),
     **senses.PARAMETERS,
 }
+
+
+def check(values: Mapping[str, Any]) -> None:
+    """Look whether parameters make a greenhouse.
+
+    Raises:
+        LupinError: they do not; the text has everything that is wrong.
+    """
+    all_of(lambda: load_layout(values["tag_locations_file"]), lambda: senses.places(values["pests"]))
 
 
 class SimNode:
@@ -99,7 +109,7 @@ class SimNode:
         self._estop_hmi = False
         self._goal: ServedGoal | None = None
         self._goal_began = 0.0
-        self._moving: Timer | None = None
+        self._moving = Repeater(ros.timer, MOVE_S, self._move)
         self._moves = 0
         self._standing = 0
         self._beats = 0
@@ -138,8 +148,6 @@ class SimNode:
         fixed = [name for name in values if name not in LIVE]
         if fixed:
             return f"{', '.join(fixed)}: read at the start of the node only"
-        if values.get("fault", Fault.NONE.value) not in (fault.value for fault in Fault):
-            return f"fault: expected one of {_FAULT_NAMES}, got {values['fault']!r}"
         if self._correcting_fault:
             return None  # no new wish: the parameter is being told what is so
         self._advance()
@@ -218,9 +226,9 @@ class SimNode:
         self._standing = 0
         self._settle()
         self._tell_plan(served)
-        if self._moving is None:
+        if not self._moving.running:
             self._moves = 0
-            self._moving = self._ros.timer(MOVE_S, self._move)
+            self._moving.start()
 
     def _move(self) -> None:
         self._advance()
@@ -268,9 +276,7 @@ class SimNode:
         served, self._goal = self._goal, None
         if served is None:
             return
-        if self._moving is not None:
-            self._moving.cancel()
-            self._moving = None
+        self._moving.stop()
         self._robot.halt()
         self._faults.goal_ended()
         # Pose and map go out before the result, so whoever waits for the result knows them.
@@ -293,7 +299,7 @@ class SimNode:
     def _beat(self) -> None:
         self._advance()
         self._publish_estop()
-        if self._moving is None:
+        if not self._moving.running:
             self._senses.look(self._robot.pose)
         if self._ros.elapsed() >= self._next_pose:
             self._lose_or_find_the_way()

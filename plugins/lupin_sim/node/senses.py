@@ -57,7 +57,7 @@ class Senses:
         self._send = send
         self._map = GrowingMap(Lidar(layout, values["lidar_range"]))
         self._camera = Camera(
-            layout, values["tag_range"], values["tag_field_of_view"], _places(values["pests"])
+            layout, values["tag_range"], values["tag_field_of_view"], places(values["pests"])
         )
         self._mapped_from: tuple[float, float] | None = None
         self._mission_id = ""
@@ -103,7 +103,7 @@ class Senses:
         return message
 
 
-def _places(numbers: Sequence[float]) -> list[Point]:
+def places(numbers: Sequence[float]) -> list[Point]:
     """Return numbers as places, two each.
 
     Raises:

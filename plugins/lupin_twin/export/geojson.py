@@ -7,6 +7,7 @@ geometry null.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from typing import Any
 
@@ -16,6 +17,9 @@ from lupin_twin.missions import MissionRecord, Observation
 from lupin_twin.records import Anomaly, Corners, Flowers, Reading
 from lupin_twin.state import Tag
 from lupin_twin.units import QUANTITIES
+
+#: Twice the area of the smallest planter box: of a smaller one the corners are in one place on the earth.
+SMALLEST_M2 = 1e-4
 
 
 def geojson(record: MissionRecord, origin: Georeference) -> bytes:
@@ -112,8 +116,8 @@ def _values(readings: dict[str, float]) -> dict[str, float | None]:
     return {f"sensor_{name}": finite(value) for name, value in readings.items()}
 
 
-def _on_map(tag: Tag) -> dict[str, float]:
-    return {} if tag.pin is None else {"map_x": tag.pin.x, "map_y": tag.pin.y}
+def _on_map(tag: Tag) -> dict[str, float | None]:
+    return {} if tag.pin is None else {"map_x": finite(tag.pin.x), "map_y": finite(tag.pin.y)}
 
 
 def _place(tag: Tag, origin: Georeference) -> dict[str, Any] | None:
@@ -121,9 +125,16 @@ def _place(tag: Tag, origin: Georeference) -> dict[str, Any] | None:
 
 
 def _ring(corners: Corners, origin: Georeference) -> list[list[float]]:
-    """Return corners as a closed ring, anticlockwise as the standard wants it; [] if they enclose nothing."""
-    area = sum(x * v - u * y for (x, y), (u, v) in zip(corners, (*corners[1:], *corners[:1]), strict=True))
-    if len(corners) < 3 or area == 0.0 or not all(is_near(x, y) for x, y in corners):
+    """Return corners as a closed ring, anticlockwise as the standard wants it; [] if they enclose nothing.
+
+    A planter box is convex: its corners are in the order of their directions from its middle, however they
+    were told. In the order of the wire they could cross.
+    """
+    if len(corners) < 3 or not all(is_near(x, y) for x, y in corners):
         return []
-    ordered = corners if area > 0.0 else corners[::-1]
+    middle_x, middle_y = (sum(axis) / len(corners) for axis in zip(*corners, strict=True))
+    ordered = sorted(corners, key=lambda corner: math.atan2(corner[1] - middle_y, corner[0] - middle_x))
+    area = sum(x * v - u * y for (x, y), (u, v) in zip(ordered, (*ordered[1:], ordered[0]), strict=True))
+    if abs(area) < SMALLEST_M2:
+        return []
     return [origin.position(x, y) for x, y in (*ordered, ordered[0])]

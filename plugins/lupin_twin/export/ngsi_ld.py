@@ -128,8 +128,9 @@ def _where(tag: Tag, origin: Georeference | None) -> dict[str, Any]:
 
 
 def _position(pin: Pin, when: Attribute, origin: Georeference | None) -> dict[str, Any]:
-    place = {"x": finite(pin.x), "y": finite(pin.y)}
-    found: dict[str, Any] = {"mapPosition": [_property(place, unitCode="MTR", **when)]}
+    if finite(pin.x) is None or finite(pin.y) is None:
+        return {}
+    found: dict[str, Any] = {"mapPosition": [_property({"x": pin.x, "y": pin.y}, unitCode="MTR", **when)]}
     point = None if origin is None else origin.point(pin.x, pin.y)
     return found if point is None else {"location": {"type": "GeoProperty", "value": point, **when}, **found}
 

@@ -1,8 +1,10 @@
 """A mission's record as OGC SensorThings API 1.1 (OGC 18-088) has it.
 
-The document is what a server answers to `Things?$expand=` everything. Without its `@iot.id`, each Thing can
-be posted to a server with all that belongs to it. A Thing is a tag; its Datastreams are the sensors there,
-and what grew there. Anomaly reports, which belong to no tag, are one Thing of their own.
+The document is what a server answers to `Things?$count=true` with `$expand` of all that belongs to a Thing
+and `$select` of ids, properties and that: links to the server itself are left out, for there is none. Without
+its `@iot.id`, each Thing can be posted to a server with all that belongs to it. A Thing is a tag; its
+Datastreams are the sensors there, and what grew there. Anomaly reports, which belong to no tag, are one Thing
+of their own.
 """
 
 from __future__ import annotations
@@ -23,34 +25,48 @@ _GEOJSON = "application/geo+json"
 
 Entity = dict[str, Any]
 
+#: Who tells of a tag.
+_SENSOR, _CAMERA = "sensor", "camera"
+
 
 @dataclass(frozen=True)
 class _Stream:
-    """What a Datastream is about: its name, type, unit and property, and what an observation says of it."""
+    """What a Datastream is about: its name, type, unit and property, and what an observation says of it.
+
+    `source` is what tells it. A sensor may have any name, also `species`: what a camera tells has longer ids.
+    """
 
     name: str
+    source: str
     type: str
     definition: str
     doc: str
     unit: Entity
     result: Callable[[Observation], Any]
 
+    @property
+    def id_parts(self) -> tuple[str, ...]:
+        """What tells this stream from all others."""
+        return (self.name,) if self.source == _SENSOR else (self.source, self.name)
+
 
 #: What a datastream has that is not measured in anything.
 _NO_UNIT = {"name": None, "symbol": None, "definition": None}
 _UNKNOWN_UNIT = {"name": "unknown", "symbol": "", "definition": "urn:lupin:unit:unknown"}
 
+#: Words are results of OM_Observation, which may be anything: those of OM_CategoryObservation are addresses.
 _FLOWERS = tuple(
-    _Stream(name, f"{_TYPES}{kind}", f"urn:lupin:vocabulary:{name}", doc, _NO_UNIT, result)
+    _Stream(name, _CAMERA, f"{_TYPES}{kind}", f"urn:lupin:vocabulary:{name}", doc, _NO_UNIT, result)
     for name, kind, doc, result in (
-        ("species", "OM_CategoryObservation", "what grows there", lambda seen: seen.record.species),
+        ("species", "OM_Observation", "what grows there", lambda seen: seen.record.species),
         ("blooms", "OM_CountObservation", "how many blooms there are", lambda seen: len(seen.record.blooms)),
         ("pest", "OM_TruthObservation", "whether a pest was seen", lambda seen: seen.record.anomaly),
     )
 )
 _ANOMALIES = _Stream(
     "anomaly",
-    f"{_TYPES}OM_CategoryObservation",
+    _CAMERA,
+    f"{_TYPES}OM_Observation",
     "urn:lupin:vocabulary:anomaly",
     "something unusual in the greenhouse",
     _NO_UNIT,
@@ -131,7 +147,8 @@ def _sensor(sensor: str) -> _Stream:
     if known is not None:
         unit = {"name": known.name, "symbol": known.symbol, "definition": known.unit_definition}
     doc = "in an unknown unit" if known is None else known.label
-    return _Stream(sensor, f"{_TYPES}OM_Measurement", definition, doc, unit, lambda s: _value(s, sensor))
+    measured = f"{_TYPES}OM_Measurement"
+    return _Stream(sensor, _SENSOR, measured, definition, doc, unit, lambda s: _value(s, sensor))
 
 
 def _datastream(
@@ -142,31 +159,30 @@ def _datastream(
     feature: Callable[[Observation], Entity],
 ) -> Entity:
     observed = [
-        {"@iot.id": urn("lupin", "observation", stream.name, thing, utc(seen.time), str(number))}
+        {"@iot.id": urn("lupin", "observation", *stream.id_parts, thing, utc(seen.time), str(number))}
         | _observation(stream, seen, feature(seen))
         for number, seen in enumerate(observations, 1)
     ]
     times = sorted(seen["phenomenonTime"] for seen in observed)
-    source = "camera" if stream in (*_FLOWERS, _ANOMALIES) else "sensor"
     return _entity(
         "datastream",
         f"{stream.name} at {where}",
         f"{stream.doc}, observed by a robot on missions",
-        stream.name,
+        *stream.id_parts,
         thing,
         observationType=stream.type,
         unitOfMeasurement=stream.unit,
         phenomenonTime=f"{times[0]}/{times[-1]}",
         Sensor=_entity(
             "sensor",
-            f"{stream.name} {source}",
-            f"the {source} that tells {stream.name}",
-            stream.name,
+            f"{stream.name} {stream.source}",
+            f"the {stream.source} that tells {stream.name}",
+            *stream.id_parts,
             encodingType="text/html",
-            metadata=f"{source} in the greenhouse, read by a Lupin robot",
+            metadata=f"{stream.source} in the greenhouse, read by a Lupin robot",
         ),
         ObservedProperty=_entity(
-            "property", stream.name, stream.doc, stream.name, definition=stream.definition
+            "property", stream.name, stream.doc, *stream.id_parts, definition=stream.definition
         ),
         Observations=observed,
     )

@@ -10,6 +10,7 @@ from __future__ import annotations
 import csv
 import io
 import math
+import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
@@ -22,6 +23,13 @@ from lupin_twin.units import QUANTITIES
 
 #: What the name of a table ends in for that of its description.
 DESCRIPTION = "-metadata.json"
+
+#: How the table is written. Some readers would trim the cells if nothing was said.
+_DIALECT = {"encoding": "utf-8", "header": True, "delimiter": ",", "quoteChar": '"', "trim": False}
+
+#: What no column's name may have as it is: it is a variable of URI templates (RFC 6570), and does not begin
+#: with the underscore of the vocabulary's own names.
+_NO_LETTER = re.compile(r"[^A-Za-z0-9_]|^_")
 
 
 @dataclass(frozen=True)
@@ -38,7 +46,7 @@ class Column:
     def described(self) -> dict[str, Any]:
         """Return what the description tells of it."""
         told = {
-            "name": quote(self.title, safe="").lstrip("_") or "unnamed",
+            "name": _NO_LETTER.sub(_percent, self.title),
             "titles": self.title,
             "datatype": self.datatype,
             "dc:description": self.doc,
@@ -69,7 +77,7 @@ def description(record: MissionRecord, url: str) -> bytes:
                 "One row for each observation. x and y are metres in the frame of the robot's map, "
                 "not geographic coordinates."
             ),
-            "dialect": {"encoding": "utf-8", "header": True, "delimiter": ",", "quoteChar": '"'},
+            "dialect": _DIALECT,
             "tableSchema": {"columns": [column.described() for column in _columns(record)]},
         }
     )
@@ -86,9 +94,8 @@ def _columns(record: MissionRecord) -> Iterator[Column]:
     yield Column("source", "string", "who observed it", lambda seen: seen.record.source)
     yield Column("tag_id", "string", "the tag, except for anomalies", lambda seen: _tag(seen.record))
     yield from _places(record)
-    fixed = {column.title for column in _FLOWERS}
     for sensor in record.sensors:
-        yield _sensor(sensor, f"sensor {sensor}" if sensor in fixed | _FIXED else sensor)
+        yield _sensor(sensor)
     yield from _FLOWERS
 
 
@@ -114,7 +121,15 @@ def _places(record: MissionRecord) -> Iterator[Column]:
     yield Column("heading", "double", doc, heading, "rad", "C81")
 
 
-def _sensor(sensor: str, title: str) -> Column:
+def _title_of(sensor: str) -> str:
+    """Return a sensor's name, or one that neither another column nor another sensor has."""
+    fixed = _FIXED | {column.title for column in _FLOWERS}
+    return f"{_PREFIX}{sensor}" if sensor in fixed or sensor.startswith(_PREFIX) else sensor
+
+
+def _sensor(sensor: str) -> Column:
+    title = _title_of(sensor)
+
     def cell(seen: Observation) -> str:
         values = dict(seen.record.readings) if isinstance(seen.record, Reading) else {}
         return _number(values[sensor]) if sensor in values else ""
@@ -145,6 +160,7 @@ _FLOWERS = (
     _anomaly("description", "string", "what is unusual", lambda anomaly: anomaly.description),
     _anomaly("severity", "integer", "0 is information, more is more urgent", lambda a: str(a.severity)),
 )
+_PREFIX = "sensor "
 _FIXED = {"observed_at", "kind", "mission_id", "source", "tag_id", "x", "y", "heading"}
 
 
@@ -153,7 +169,11 @@ def _tag(record: Observed) -> str:
 
 
 def _number(value: float) -> str:
-    """Return a number as XML Schema writes it."""
+    """Return a number as XML Schema writes it; CSV on the Web has the exponent with a large E."""
     if math.isfinite(value):
-        return repr(value)
+        return repr(value).upper()
     return "NaN" if math.isnan(value) else "INF" if value > 0 else "-INF"
+
+
+def _percent(letter: re.Match[str]) -> str:
+    return "".join(f"%{byte:02X}" for byte in letter[0].encode())
