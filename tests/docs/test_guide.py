@@ -72,8 +72,8 @@ def test_every_recipe_has_scenarios_that_hold() -> None:
 
 @pytest.mark.parametrize(
     "folder",
-    [STEPS, DOCS / "cookbook", TUTORIAL, DOCS / "sprayer"],
-    ids=["guide", "cookbook", "tutorial", "bindings"],
+    [STEPS, DOCS / "cookbook", TUTORIAL, DOCS / "sprayer", DOCS / "scale"],
+    ids=["guide", "cookbook", "tutorial", "bindings", "scale"],
 )
 def test_no_file_is_left_over(folder: Path) -> None:
     """A file that no page shows is never tried."""
