@@ -10,7 +10,7 @@ from typing import Any
 from lupin_engine.errors import nearest
 from lupin_engine.harness.rules import result_problems
 from lupin_engine.plugin.contract import EventKind, LiveValue, Operation, Plugin
-from lupin_engine.plugin.types import Type, convert
+from lupin_engine.plugin.types import Type, misfit
 
 
 class ContractBroken(AssertionError):
@@ -146,7 +146,6 @@ class Referee:
         return self._plugin.operations[attempt.operation]
 
     def _fits(self, what: str, value: Any, kind: Type) -> None:
-        try:
-            convert(value, kind)
-        except ValueError as problem:
-            self.problems.append(f"{what}: {problem}")
+        why = misfit(value, kind)
+        if why:
+            self.problems.append(f"{what}: {why}")

@@ -20,7 +20,7 @@ from lupin_engine.harness.sources import client_problems, node_problems, undecla
 from lupin_engine.plugin.contract import Argument, Code, LiveValue, Operation, Plugin
 from lupin_engine.plugin.discovery import EntryPoint, entry_points, find_entry_point, told
 from lupin_engine.plugin.registry import build_catalog, import_plugin, load_catalog, refuse_rivals
-from lupin_engine.plugin.types import Type, convert
+from lupin_engine.plugin.types import Type, misfit
 
 #: Arguments by operation, action or function; what is not given is made up from the types.
 Given = Mapping[str, Mapping[str, Any]]
@@ -277,10 +277,9 @@ def result_problems(operation: Operation, result: Mapping[str, Any]) -> Iterator
 
 
 def _mismatch(name: str, value: Any, kind: Type) -> Iterator[str]:
-    try:
-        convert(value, kind)
-    except ValueError as problem:
-        yield f"{name!r}: {problem}"
+    why = misfit(value, kind)
+    if why:
+        yield f"{name!r}: {why}"
 
 
 def computes(subject: Subject) -> Iterator[str]:

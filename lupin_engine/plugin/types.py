@@ -15,7 +15,7 @@ from functools import lru_cache
 from types import MappingProxyType
 from typing import Any
 
-from lupin_engine.errors import meant, nearest
+from lupin_engine.errors import meant, nearest, shortened
 
 #: unit as written -> (base unit, factor to the base)
 UNITS: Mapping[str, tuple[str, float]] = MappingProxyType(
@@ -45,6 +45,10 @@ UNITS: Mapping[str, tuple[str, float]] = MappingProxyType(
 
 #: How many lists may be in each other.
 MAX_LISTS = 8
+#: How a place in a list or a record begins.
+INSIDE = ("[", ".")
+#: Letters that are told of what is wrong with something that a plugin told.
+MAX_TOLD = 120
 
 _QUANTITY = re.compile(r"^([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*([A-Za-z/%]+)$")
 
@@ -171,6 +175,33 @@ def convert(value: Any, wanted: Type) -> Any:
     """
     converter = _CONVERTERS[wanted.kind]
     return converter(value, wanted)
+
+
+def misfit(told: Any, wanted: Type) -> str:
+    """Return why what a plugin tells is not of a type, with the place in it, or `''` when it is.
+
+    Unlike in a file, a quantity in text is no number here; of a record, further fields do no harm.
+    """
+    if wanted.kind == "list" and wanted.item is not None and isinstance(told, (list, tuple)):
+        inner = ((f"[{index}]", misfit(element, wanted.item)) for index, element in enumerate(told))
+    elif wanted.kind == "record" and isinstance(told, Mapping):
+        missing = [name for name in wanted.fields if name not in told]
+        if missing:
+            return f"{' and '.join(missing)} of {wanted} left out"
+        inner = ((f".{name}", misfit(told[name], kind)) for name, kind in wanted.fields.items())
+    else:
+        return _scalar_misfit(told, wanted)
+    where, why = next(((where, why) for where, why in inner if why), ("", ""))
+    return f"{where}{'' if not why or why.startswith(INSIDE) else ': '}{why}"
+
+
+def _scalar_misfit(told: Any, wanted: Type) -> str:
+    try:
+        converted = convert(told, wanted)
+    except ValueError as problem:
+        return shortened(str(problem), MAX_TOLD)
+    is_quantity = isinstance(told, str) and not isinstance(converted, str)
+    return shortened(str(_wrong(told, wanted)), MAX_TOLD) if is_quantity else ""
 
 
 def _wrong(value: Any, wanted: Type, hint: str = "") -> ValueError:

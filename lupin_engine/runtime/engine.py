@@ -18,11 +18,7 @@ from lupin_engine.machine.machine import Machine
 from lupin_engine.machine.step import Step
 from lupin_engine.plugin.contract import Driver
 from lupin_engine.runtime.clock import Clock
-
-#: A driver raised, or the mission names a plugin that has no driver here.
-DRIVER_CODE = "driver_error"
-#: The event of a driver that raised on what nobody waits for; it is there to be found in the record.
-DRIVER_FAILED = "driver.failed"
+from lupin_engine.runtime.declared import DRIVER_CODE, DRIVER_FAILED, as_declared
 
 
 class Engine:
@@ -107,7 +103,9 @@ class Engine:
     def _take_next(self) -> bool:
         if not self._queue:
             return False
-        self._carry_out(self.machine.handle(self._queue.popleft(), self.clock.now()))
+        machine = self.machine
+        event = as_declared(self._queue.popleft(), machine.chart.catalog, machine.memory.attempts)
+        self._carry_out(machine.handle(event, self.clock.now()))
         return True
 
     def _carry_out(self, step: Step) -> None:

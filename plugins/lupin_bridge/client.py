@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -39,10 +40,11 @@ def _outcome(arguments: Mapping[str, Any], answer: GetTagReading.Response | Fail
 
 
 def plain_reading(message: TagReading) -> dict[str, Any]:
-    """Return a TagReading as plain data of type `reading`."""
+    """Return a TagReading as plain data of type `reading`; a sensor that tells no number has read nothing."""
+    measured = [sensor for sensor in message.readings if math.isfinite(sensor.value)]
     return {
         "tag_id": message.tag_id,
         "stamp": seconds_of(message.stamp),
         "sim_time_of_day_seconds": message.sim_time_of_day_seconds,
-        "readings": [{"name": sensor.name, "value": sensor.value} for sensor in message.readings],
+        "readings": [{"name": sensor.name, "value": sensor.value} for sensor in measured],
     }

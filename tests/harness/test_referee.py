@@ -109,7 +109,7 @@ def test_a_good_driver_is_not_blamed(referee: Referee) -> None:
         ),
         (
             (lambda r: r.event("lamp.burnt", {}),),
-            "event 'lamp.burnt': expected lamp.burnt with the fields hours, got {}",
+            "event 'lamp.burnt': hours of lamp.burnt left out",
         ),
         ((lambda r: setattr(r, "closed", True), accept), "'accepted' of dim_1 is reported after close"),
         (

@@ -117,6 +117,13 @@ def test_one_report_is_for_every_input_of_that_value() -> None:
         ({"type": TEXT}, 1, "no text"),
         ({"type": POSE}, [1, 2], "no pose"),
         ({"type": list_of(TEXT)}, "abc", "no list of text"),
+        ({"type": list_of(TEXT)}, ["a", 1], "no list of text ([1]: expected text, got 1)"),
+        ({"type": POSE}, {"x": 1.0, "y": 2.0}, "no pose (yaw of pose left out)"),
+        (
+            {"type": list_of(POSE)},
+            [{"x": 1.0, "y": math.nan, "yaw": 0.0}],
+            "no list of pose ([0].y: expected length, got nan)",
+        ),
     ],
 )
 def test_what_cannot_be_the_value_is_dropped(spec: dict[str, Any], given: Any, problem: str) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import pytest
@@ -36,6 +37,15 @@ def test_a_reading_is_of_the_tag_that_was_asked_for(named: str) -> None:
     kind, _, result = asked(GetTagReading.Response(status=OK, reading=reading))
     assert kind == "done"
     assert result["reading"]["tag_id"] == "7"
+    assert result["reading"]["readings"] == [{"name": "co2", "value": 431.0}]
+
+
+def test_a_sensor_that_tells_no_number_has_read_nothing() -> None:
+    """Of a bridge that is not ours; the other sensors have."""
+    told = {"temperature": math.nan, "co2": 431.0, "light": -math.inf}
+    readings = [SensorReading(name=name, value=value) for name, value in told.items()]
+    reading = TagReading(tag_id="7", readings=readings)
+    _, _, result = asked(GetTagReading.Response(status=OK, reading=reading))
     assert result["reading"]["readings"] == [{"name": "co2", "value": 431.0}]
 
 
