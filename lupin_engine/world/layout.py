@@ -11,6 +11,7 @@ from __future__ import annotations
 import json
 import math
 import os
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -100,18 +101,27 @@ def load(path: str = "", parameter: str = "tag_locations_file") -> Layout:
     """Read a layout file; an empty path means the bundled greenhouse.
 
     Raises:
-        LupinError: the file cannot be read, is no JSON, or `parse` refuses it; the text names it, and the
-            `parameter` that it was given by.
+        LupinError: the file cannot be read, is no JSON, has a name twice, or `parse` refuses it; the text
+            names it, and the `parameter` that it was given by.
     """
     # Unlike Path.expanduser, this leaves the home of a user that does not exist as it is written.
     file = Path(os.path.expanduser(path)) if path else BUNDLED
     try:
-        return parse(json.loads(file.read_text(encoding="utf-8")))
+        return parse(json.loads(file.read_text(encoding="utf-8"), object_pairs_hook=_once))
     except OSError as error:
         reason = error.strerror or str(error)
     except (ValueError, RecursionError) as error:
         reason = str(error)
     raise LupinError(f"{parameter} {str(file)!r} cannot be used: {reason}")
+
+
+def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """Refuse names that are there twice: JSON would take the last of them, and lose a tag without a word."""
+    found = dict(pairs)
+    if len(found) == len(pairs):
+        return found
+    twice = (repr(shortened(name)) for name, count in Counter(name for name, _ in pairs).items() if count > 1)
+    raise ValueError(f"{', '.join(twice)} more than once in one object")
 
 
 def parse(data: Any) -> Layout:

@@ -81,6 +81,10 @@ def test_malformed_tables_are_left_out(raw: Any) -> None:
         ('{"4": {"x": 1, "y": 1, "sensors": "co2"}}', "sensors of tag '4' are no list of names, but 'co2'"),
         ('{"4": {"x": 1, "y": 1, "sensors": [7]}}', r"sensors of tag '4' are no list of names, but \[7\]"),
         ("[" * 100_000, "recursion"),
+        (
+            '{"tags": {"4": {"x": 1, "y": 1}, "5": {"x": 2, "y": 1}, "4": {"x": 3, "y": 1}}}',
+            "cannot be used: '4' more than once in one object",
+        ),
     ],
 )
 def test_a_layout_that_cannot_be_used_is_refused_with_its_name(
