@@ -118,6 +118,12 @@ def meant(name: str, allowed: Iterable[str]) -> str:
     return f"did you mean {close[0]!r}?" if close else ""
 
 
+def reason(problem: Exception) -> str:
+    """Return what an exception says, in a sentence's middle; a KeyError says no more than the key."""
+    said = str(problem) or type(problem).__name__
+    return f"there is no {said}" if isinstance(problem, KeyError) else said
+
+
 def shortened(text: str, most: int = MAX_SHOWN) -> str:
     """Return what somebody else wrote, for a message: all of a short text, the beginning of a long one."""
     return text if len(text) <= most else f"{text[:most]}..."

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from lupin_engine.chart.model import Expression, Transition, UnknownInput
+from lupin_engine.errors import reason
 from lupin_engine.machine.core import Core, passes
 from lupin_engine.machine.environment import NO_CAUSE, Cause
 from lupin_engine.machine.event import Event
@@ -151,4 +152,4 @@ def _value(core: Core, part: Any, rule: Transition, turn: Turn, cause: Cause) ->
     except UnknownInput as unknown:
         return None, str(unknown)
     except Exception as problem:
-        return None, f"an error: {problem}"
+        return None, f"an error: {reason(problem)}"

@@ -10,6 +10,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from lupin_engine.chart.model import ActionCall
+from lupin_engine.errors import reason
 from lupin_engine.machine.core import Core
 from lupin_engine.machine.environment import Cause
 from lupin_engine.machine.event import Act, Report
@@ -33,7 +34,7 @@ class Content:
             try:
                 self._run(call, state, cause, turn)
             except Exception as problem:
-                turn.fail(state, f"{call.place}: {call.name}: {problem}")
+                turn.fail(state, f"{call.place}: {call.name}: {reason(problem)}")
                 return
 
     def _run(self, call: ActionCall, state: str, cause: Cause, turn: Turn) -> None:

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from typing import Any
 
 from lupin_engine.chart.model import Chart, Environment, Expression, Transition, UnknownInput
-from lupin_engine.errors import Severity
+from lupin_engine.errors import Severity, reason
 from lupin_engine.machine.environment import NO_CAUSE, Cause, Surroundings, World
 from lupin_engine.machine.memory import Memory
 from lupin_engine.machine.structure import FAULT
@@ -37,7 +37,7 @@ class Core:
         except UnknownInput as unknown:
             turn.note(f"{guard.place}: {guard.source}: {unknown}")
         except Exception as problem:
-            turn.fail_once(state, f"{guard.place}: {guard.source}: {problem}")
+            turn.fail_once(state, f"{guard.place}: {guard.source}: {reason(problem)}")
         return False
 
     def fitting(self, name: str, value: Any) -> Any:

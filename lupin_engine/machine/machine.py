@@ -20,6 +20,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, cast
 
 from lupin_engine.chart.model import Chart, Hold, Invariant, Kind, State, Transition
+from lupin_engine.errors import reason
 from lupin_engine.machine.answers import Answers, consider
 from lupin_engine.machine.content import Content
 from lupin_engine.machine.core import Core, passes
@@ -117,7 +118,7 @@ class Machine:
                 if name not in context:
                     context[name] = variable.default.evaluate(self._core.see("", turn))
             except Exception as problem:
-                turn.fail("", f"{variable.place}: context {name}: {problem}")
+                turn.fail("", f"{variable.place}: context {name}: {reason(problem)}")
 
     def handle(self, event: Event, now: float) -> Step:
         """Process one event from outside; deadlines before `now` must have been fired by `advance`."""
@@ -469,7 +470,7 @@ class Machine:
             if that.evaluate(self._core.see("", self._turn)):
                 return ""
         except Exception as raised:
-            problem = f": {raised}"
+            problem = f": {reason(raised)}"
         return f"{invariant.place}: invariant {invariant.name} does not hold: {that.source}{problem}"
 
     # -- the microstep ----------------------------------------------------------------------------------
@@ -549,7 +550,7 @@ class Machine:
                 if delay is None:
                     delay = seconds(timer.after.evaluate(self._core.see(state.name, turn, cause)))
             except Exception as problem:
-                turn.fail(state.name, f"{timer.place}: {kind}: {problem}")
+                turn.fail(state.name, f"{timer.place}: {kind}: {reason(problem)}")
                 continue
             if kind == "budget":
                 known[state.name] = delay

@@ -22,6 +22,7 @@ from types import MappingProxyType
 from typing import Any
 
 from lupin_engine.chart.model import ForEach, Invoke, Retry, State, UnknownInput
+from lupin_engine.errors import reason
 from lupin_engine.machine.content import Content
 from lupin_engine.machine.core import Core, passes
 from lupin_engine.machine.environment import Cause
@@ -148,7 +149,7 @@ class Operations:
         except UnknownInput:
             return False  # nothing is known of the collection yet
         except Exception as problem:
-            turn.fail_once(state, f"{rule.place}: for_each: {problem}")
+            turn.fail_once(state, f"{rule.place}: for_each: {reason(problem)}")
             return False
         new: dict[str, Any] = {}
         for item in items:
@@ -170,7 +171,7 @@ class Operations:
         except UnknownInput:
             return None
         except Exception as problem:
-            turn.fail_once(state, f"{rule.place}: for_each: {problem}")
+            turn.fail_once(state, f"{rule.place}: for_each: {reason(problem)}")
             return None
 
     def _is_new(self, state: str, key: str) -> bool:
@@ -204,7 +205,9 @@ class Operations:
             arguments = {name: value.evaluate(env) for name, value in invoke.arguments.items()}
             timeout = seconds(invoke.timeout.evaluate(env)) if invoke.timeout else None
         except Exception as problem:
-            self._signal("error", invocation, _failure(EXECUTION_CODE, f"{invoke.place}: {problem}"), turn)
+            self._signal(
+                "error", invocation, _failure(EXECUTION_CODE, f"{invoke.place}: {reason(problem)}"), turn
+            )
             return
         number = f"a{self._core.memory.fresh_id()}"
         uses = invoke.operation.uses
@@ -379,7 +382,7 @@ class Operations:
             attempts = int(rule.attempts.evaluate(env))
             pause = self._pause(rule, invocation, env)
         except Exception as problem:
-            turn.note(f"{rule.attempts.place}: retry: {problem}")
+            turn.note(f"{rule.attempts.place}: retry: {reason(problem)}")
             return False
         if invocation.tries >= attempts:
             return False

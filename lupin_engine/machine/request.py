@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from lupin_engine.chart.model import Environment, Field
-from lupin_engine.errors import nearest, shortened
+from lupin_engine.errors import nearest, reason, shortened
 from lupin_engine.machine.environment import World
 from lupin_engine.machine.step import Refusal
 from lupin_engine.plugin.types import Type, convert
@@ -53,7 +53,7 @@ def _read_field(world: World, field: Field, given: Any, env: Environment) -> tup
         return None, Refusal(_code_of(world, field.type), str(problem))
     except Exception as problem:
         # A default that cannot be computed, or data of a shape no reader expects: nothing has changed yet.
-        return None, Refusal(BAD_REQUEST, f"{field.place}: {field.name}: {problem}")
+        return None, Refusal(BAD_REQUEST, f"{field.place}: {field.name}: {reason(problem)}")
     if field.not_empty is not None and not value:
         return None, Refusal(field.not_empty, world.chart.codes[field.not_empty].label)
     if field.minimum is not None and value < field.minimum:

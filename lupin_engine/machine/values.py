@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from lupin_engine.chart.model import Input, Level
+from lupin_engine.errors import reason
 from lupin_engine.machine.core import Core
 from lupin_engine.machine.event import Event
 from lupin_engine.machine.memory import Reported
@@ -99,7 +100,7 @@ class Values:
             try:
                 self._core.memory.levels[name] = self._is_reached(level, name, found.value, turn)
             except Exception as problem:
-                turn.fail("", f"{level.place}: level {level.name}: {problem}")
+                turn.fail("", f"{level.place}: level {level.name}: {reason(problem)}")
         self._watch_age(spec, known, found, turn)
 
     def _watch_age(self, spec: Input, known: Reported | None, found: Reported, turn: Turn) -> None:

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from lupin_engine.chart.model import Itinerary, State, UnknownInput
+from lupin_engine.errors import reason
 from lupin_engine.machine.core import Core
 from lupin_engine.machine.environment import Cause, walk_of
 from lupin_engine.machine.event import Publish
@@ -109,7 +110,7 @@ class Walks:
         try:
             return list(rule.items.evaluate(self._core.see(state.name, turn, cause)))
         except Exception as problem:
-            turn.fail(state.name, f"{rule.place}: itinerary: {problem}")
+            turn.fail(state.name, f"{rule.place}: itinerary: {reason(problem)}")
             return []
 
     def _sweeps(self, state: State, rule: Itinerary, cause: Cause, turn: Turn) -> int:
@@ -118,7 +119,7 @@ class Walks:
         try:
             return int(rule.sweeps.evaluate(self._core.see(state.name, turn, cause)))
         except Exception as problem:
-            turn.fail(state.name, f"{rule.place}: sweeps: {problem}")
+            turn.fail(state.name, f"{rule.place}: sweeps: {reason(problem)}")
             return 1
 
     def _choose(self, walk: Walk, index: int, turn: Turn) -> None:
@@ -132,7 +133,7 @@ class Walks:
             turn.note(f"{rule.order.place}: order: {unknown}; the list's own order counts")
             return
         except Exception as problem:
-            turn.fail(walk.state, f"{rule.order.place}: order: {problem}")
+            turn.fail(walk.state, f"{rule.order.place}: order: {reason(problem)}")
             return
         best = index + ranks.index(min(ranks))
         walk.items.insert(index, walk.items.pop(best))

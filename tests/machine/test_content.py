@@ -62,8 +62,8 @@ def test_an_error_without_fault_is_told() -> None:
     bench = Bench(chart({"A": {"on": {"go": {"do": BROKEN}}}}))
     step = bench.send("go")
     assert step.notes == (
-        "test.yaml:1:1: arm.preset: 'absent'",
-        "nobody handles the error test.yaml:1:1: arm.preset: 'absent'",
+        "test.yaml:1:1: arm.preset: there is no 'absent'",
+        "nobody handles the error test.yaml:1:1: arm.preset: there is no 'absent'",
     )
 
 
@@ -279,7 +279,7 @@ def test_a_choice_that_fails_is_told_and_writes_nothing() -> None:
     assert seen == [("B", {"n": 1, "m": 1}), ("C", {"n": 0, "m": 2}), ("B", {"n": 0, "m": 2})]
     step = bench.send("go")
     assert bench.leaves == ["C"], "a guard that cannot be evaluated is false, and an error"
-    assert step.notes[0].startswith("test.yaml:1:1: guard: 'odd'")
+    assert step.notes[0].startswith("test.yaml:1:1: guard: there is no 'odd'")
 
 
 def test_a_choice_may_choose_nothing() -> None:

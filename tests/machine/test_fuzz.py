@@ -162,7 +162,7 @@ def test_an_event_without_fields_is_an_event(data: Any) -> None:
         assert bench.leaves == ["B"]
         bench.send("back")
     bench.send(Event("look", data))
-    assert (bench.leaves, bench.machine.view.detail) == (["FAULT"], "test.yaml:1:1: guard: 'x'")
+    assert (bench.leaves, bench.machine.view.detail) == (["FAULT"], "test.yaml:1:1: guard: there is no 'x'")
 
 
 # -- bounded memory ---------------------------------------------------------------------------------------

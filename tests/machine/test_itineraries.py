@@ -188,7 +188,7 @@ def test_a_list_that_fails_stays_as_it_was() -> None:
     on = {"close": {"do": CLOSE}, "next": {"do": "itinerary.advance"}}
     bench = Bench(chart({"W": {"itinerary": {"items": items, "sweeps": 0}, "on": on}}, context={"list": {}}))
     assert walk(bench, "close", "next") == ["1", "1"]
-    assert bench.steps[-1].notes[0] == "test.yaml:1:1: itinerary: 'none'"
+    assert bench.steps[-1].notes[0] == "test.yaml:1:1: itinerary: there is no 'none'"
 
 
 def test_counters_go_over_all_sweeps() -> None:

@@ -143,7 +143,7 @@ def test_a_default_that_cannot_be_computed_refuses() -> None:
     field = {"type": list_of(TAG), "default": value(lambda env: env["param"]["absent"])}
     missions = {"Inspection": {"state": "MISSION.Inspection", "request": {"tags": field}}}
     bench = Bench(chart(STATES, missions=missions, codes=CODES))
-    assert start(bench).refusal == Refusal("bad_request", "test.yaml:1:1: tags: 'absent'")
+    assert start(bench).refusal == Refusal("bad_request", "test.yaml:1:1: tags: there is no 'absent'")
 
 
 def test_a_refusal_of_the_chart_goes_before_the_request() -> None:

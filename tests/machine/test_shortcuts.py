@@ -223,7 +223,7 @@ def test_a_value_that_cannot_be_written_is_told() -> None:
     assert learned(bench, "go")
     step = bench.send("go")
     assert (bench.leaves, bench.context) == (["FAULT"], {"n": 2, "m": 1})
-    assert step.notes == ("test.yaml:1:1: set: 'number'",)
+    assert step.notes == ("test.yaml:1:1: set: there is no 'number'",)
 
 
 def test_a_chart_that_did_not_come_to_rest_takes_no_shortcut() -> None:

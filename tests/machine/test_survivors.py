@@ -79,7 +79,7 @@ def test_held_asks_for_one_hold() -> None:
 def test_a_guard_that_fails_is_told_with_its_place_and_its_text() -> None:
     """The author reads where, which condition, and what went wrong."""
     bench = Bench(chart({"A": {"on": {"go": {"target": "B", "guard": lambda env: env["absent"]}}}, "B": {}}))
-    assert bench.send("go").notes[0] == "test.yaml:1:1: guard: 'absent'"
+    assert bench.send("go").notes[0] == "test.yaml:1:1: guard: there is no 'absent'"
 
 
 # -- actions -------------------------------------------------------------------------------------------------
