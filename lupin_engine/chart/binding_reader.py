@@ -56,10 +56,20 @@ from lupin_engine.plugin.contract import (
     Plugin,
 )
 from lupin_engine.plugin.registry import DOTTED_NAME, FREE_NAME, LETTERS, NAME, Catalog
-from lupin_engine.plugin.types import ANY, DURATION, NUMBER, UNITS, Type, number_in, parse_type, units_of
+from lupin_engine.plugin.types import (
+    ANY,
+    DURATION,
+    NUMBER,
+    ROS_NAME,
+    UNITS,
+    Type,
+    number_in,
+    parse_type,
+    units_of,
+)
 
 #: A name over ROS: absolute, relative, or below the node's own (~/).
-_CHANNEL = re.compile(r"(~?/)?[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*")
+_CHANNEL = re.compile(ROS_NAME.pattern)
 _INTERFACE = re.compile(r"[a-z][a-z0-9_]*/(srv|action|msg)/[A-Z][A-Za-z0-9]*")
 
 #: Returns what an interface consists of (request and response, or goal, result and feedback, or message; and

@@ -32,7 +32,7 @@ from pydantic_core import ErrorDetails, PydanticCustomError
 
 from lupin_engine.chart.findings import Findings
 from lupin_engine.chart.source import Map, Seq, Text
-from lupin_engine.errors import Place, nearest
+from lupin_engine.errors import Place, meant
 
 _M = TypeVar("_M", bound="Node")
 
@@ -676,8 +676,8 @@ def _expected(details: ErrorDetails, found: Any) -> tuple[str, str]:
     kind = details["type"]
     if kind == "literal_error":
         allowed = str(details["ctx"]["expected"])
-        hint = nearest(found, re.findall(r"'([^']+)'", allowed)) if isinstance(found, str) else ""
-        return f"expected {allowed}, got {show(found)}", hint if hint.startswith("did") else ""
+        hint = meant(found, re.findall(r"'([^']+)'", allowed)) if isinstance(found, str) else ""
+        return f"expected {allowed}, got {show(found)}", hint
     return f"expected {_SHAPES.get(kind) or details['msg']}, got {show(found)}", ""
 
 

@@ -11,7 +11,7 @@ from lupin_engine.chart.expressions import Scope
 from lupin_engine.chart.findings import Findings
 from lupin_engine.chart.model import ActionCall, ForEach, Invoke, Retry, Value
 from lupin_engine.chart.values import read_arguments, read_guard, read_key, read_per_element, read_value
-from lupin_engine.errors import Place, nearest
+from lupin_engine.errors import Place, meant
 from lupin_engine.plugin.contract import Operation
 from lupin_engine.plugin.registry import Catalog
 from lupin_engine.plugin.types import ANY, COUNT, DURATION, TEXT, Type, list_of
@@ -148,7 +148,5 @@ def check_code(code: str, place: Place, path: str, declared: Iterable[str], find
     """Refuse a code that has no label."""
     if code in declared:
         return
-    hint = nearest(code, declared)
-    if not hint.startswith("did you mean"):
-        hint = f"add 'codes: {{{code}: {{label: ..., severity: warn}}}}'"
+    hint = meant(code, declared) or f"add 'codes: {{{code}: {{label: ..., severity: warn}}}}'"
     findings.add(place, "undeclared-code", path, f"the code {code!r} is not declared", hint)

@@ -78,7 +78,7 @@ def registered(subject: Subject) -> Iterator[str]:
     point = subject.point
     try:
         build_catalog([plugin])
-        rivals = [other for other in entry_points() if (other.name, other != point) == (point.name, True)]
+        rivals = [other for other in entry_points() if other.name == point.name and other != point]
         refuse_rivals(point.name, [point, *rivals])
         installed = load_catalog().plugins
         if plugin.name not in installed:

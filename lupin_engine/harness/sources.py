@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
 
-from lupin_engine.errors import nearest
+from lupin_engine.errors import meant, nearest
 from lupin_engine.plugin.contract import Plugin
 from lupin_engine.plugin.discovery import source_file
 
@@ -94,8 +94,9 @@ def _driver_problems(found: ast.ClassDef) -> Iterator[str]:
         if name in methods:
             yield from _call_problems(f"{found.name}.{name}", methods[name], ("self", *given))
         else:
-            said = next((f"; {text}" for text in [nearest(name, others)] if text.startswith("did")), "")
-            yield f"{found.name} in line {found.lineno} has no method {name}({', '.join(given)}){said}"
+            said = meant(name, others)
+            problem = f"{found.name} in line {found.lineno} has no method {name}({', '.join(given)})"
+            yield f"{problem}; {said}" if said else problem
 
 
 def _call_problems(name: str, function: ast.FunctionDef, given: Sequence[str]) -> Iterator[str]:

@@ -12,7 +12,7 @@ import re
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from lupin_engine.errors import LupinError, nearest
+from lupin_engine.errors import LupinError, meant, nearest
 from lupin_engine.middleware.type_hashes import installed, local_fields, local_source
 from lupin_engine.plugin.types import ANY, BOOL, INTEGER, NUMBER, POSE, TEXT, Type, convert, list_of
 from lupin_engine.plugin.wire import POSE_MESSAGE, TIMES, pose_fields, seconds_of, time_fields
@@ -65,8 +65,7 @@ def interface_types(name: str) -> Mapping[str, Type]:
     packages = _packages(kind)
     one, many = _CALLED[kind]
     if package not in packages:
-        hint = nearest(package, packages)
-        hint = hint if hint.startswith("did you mean") else "install it, or source the workspace that has it"
+        hint = meant(package, packages) or "install it, or source the workspace that has it"
         raise LookupError(f"no package {package!r} with {many} is installed here; {hint}")
     if local not in packages[package]:
         raise LookupError(f"{package} has no {one} {local!r}; {nearest(local, packages[package])}")

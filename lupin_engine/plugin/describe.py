@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from lupin_engine.plugin.contract import Argument, Code, OnHold, Operation, Parameter, Plugin
+from lupin_engine.plugin.parameters import narrowed
 from lupin_engine.plugin.types import Type
 
 #: What a hold does to an attempt.
@@ -112,10 +113,7 @@ def _parameter_type(parameter: Parameter) -> str:
     kind = parameter.type
     if kind.kind not in ("number", "integer"):
         return type_text(kind)
-    lowest = [limit for limit in (kind.minimum, parameter.minimum) if limit is not None]
-    highest = [limit for limit in (kind.maximum, parameter.maximum) if limit is not None]
-    within = replace(kind, minimum=max(lowest, default=None), maximum=min(highest, default=None))
-    return type_text(within)
+    return type_text(narrowed(parameter))
 
 
 def _nodes(plugin: Plugin) -> Iterator[Entry]:

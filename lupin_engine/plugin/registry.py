@@ -95,7 +95,7 @@ def load_catalog() -> Catalog:
         PluginError: a plugin cannot be imported, breaks the contract, or contradicts another one.
     """
     points = {point: import_plugin(point) for point in entry_points()}
-    for name in {plugin.name for plugin in points.values()}:
+    for name in dict.fromkeys(plugin.name for plugin in points.values()):
         refuse_rivals(name, [point for point, plugin in points.items() if plugin.name == name])
     return build_catalog([builtin.PLUGIN, *points.values()])
 

@@ -45,8 +45,6 @@ UNITS: Mapping[str, tuple[str, float]] = MappingProxyType(
 
 #: How many lists may be in each other.
 MAX_LISTS = 8
-#: How a place in a list or a record begins.
-INSIDE = ("[", ".")
 #: Letters that are told of what is wrong with something that a plugin told.
 MAX_TOLD = 120
 
@@ -192,7 +190,12 @@ def misfit(told: Any, wanted: Type) -> str:
     else:
         return _scalar_misfit(told, wanted)
     where, why = next(((where, why) for where, why in inner if why), ("", ""))
-    return f"{where}{'' if not why or why.startswith(INSIDE) else ': '}{why}"
+    return placed(where, why) if why else ""
+
+
+def placed(where: str, why: str) -> str:
+    """Return what is wrong with a part of something (see `misfit`), with the part's place before it."""
+    return f"{where}{'' if why.startswith(('[', '.')) else ': '}{why}"
 
 
 def _scalar_misfit(told: Any, wanted: Type) -> str:

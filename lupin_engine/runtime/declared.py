@@ -9,7 +9,7 @@ from lupin_engine.machine import event as events
 from lupin_engine.machine.event import Event
 from lupin_engine.machine.memory import Attempt
 from lupin_engine.plugin.registry import Catalog
-from lupin_engine.plugin.types import INSIDE, Type, misfit
+from lupin_engine.plugin.types import Type, misfit, placed
 
 #: A driver raised or broke its declaration, or the mission names a plugin that has no driver here.
 DRIVER_CODE = "driver_error"
@@ -51,4 +51,4 @@ def _misfits(told: Any, declared: Mapping[str, Type]) -> Iterator[str]:
     for name, kind in declared.items():
         why = misfit(told[name], kind) if name in told else "left out"
         if why:
-            yield f"{name}{'' if why.startswith(INSIDE) else ': '}{why}"
+            yield placed(name, why)

@@ -140,17 +140,13 @@ class _Server:
         self.rule = rule
         self._left = list(rule.outcomes)
         self._name = f"{seed}/{number}"
-        self._used = 0
+        #: How many attempts fell under the rule.
+        self.used = 0
 
     @property
     def is_spent(self) -> bool:
         """Whether every outcome was that of an attempt."""
-        return not self._left if self.rule.once else self._used > 0
-
-    @property
-    def used(self) -> int:
-        """How many attempts fell under the rule."""
-        return self._used
+        return not self._left if self.rule.once else self.used > 0
 
     def covers(self, operation: str, arguments: Mapping[str, Any], target: str) -> bool:
         """Say whether an attempt falls under the rule and the rule is not spent."""
@@ -163,11 +159,11 @@ class _Server:
         one was asked before.
         """
         found = self._left.pop(0) if self.rule.once else self._left[0]
-        self._used += 1
+        self.used += 1
         if isinstance(found, Outcome) and not found.is_random:
             return found
         # Chance for tests: the same every time, and good enough to guess by.
-        return drawn(found, random.Random(f"{self._name}/{self._used}"))
+        return drawn(found, random.Random(f"{self._name}/{self.used}"))
 
 
 @dataclass

@@ -14,6 +14,7 @@ import math
 import os
 import re
 import shutil
+from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any, Literal, TypeVar
@@ -462,8 +463,8 @@ def _object(raw: bytes, wrong: list[str]) -> dict[str, Any]:
         found = dict(pairs)
         if len(found) == len(pairs):
             return found
-        names = [name for name, _ in pairs]
-        wrong.extend(f"{shortened(name)!r} is there twice" for name in found if names.count(name) > 1)
+        counts = Counter(name for name, _ in pairs)
+        wrong.extend(f"{shortened(name)!r} is there twice" for name, count in counts.items() if count > 1)
         return dict(reversed(pairs))
 
     try:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -23,6 +25,17 @@ if TYPE_CHECKING:
     from lupin_engine.launch.session import Session
 
 
+@contextlib.contextmanager
+def _nothing_started() -> Iterator[None]:
+    """Give what is raised the exit code of a run that was not done: 1 says that targets were missed."""
+    try:
+        yield
+    except LupinError as problem:
+        problem.exit_code = NOT_DONE
+        raise
+
+
+@_nothing_started()
 def work(
     mission: str,
     tags: tuple[str, ...],
@@ -35,27 +48,11 @@ def work(
     """Do what the options of `lupin run` say, and return the exit code.
 
     Raises:
-        LupinError: nothing was started; its exit code is NOT_DONE, as 1 says that targets were missed.
+        LupinError: nothing was started.
     """
-    try:
-        return _work(mission, tags, goal, patience, as_json, save_svg, Wanted(**wanted))
-    except LupinError as problem:
-        problem.exit_code = NOT_DONE
-        raise
-
-
-def _work(
-    mission: str,
-    tags: tuple[str, ...],
-    goal: int,
-    patience: float | None,
-    as_json: bool,
-    save_svg: Path | None,
-    wanted: Wanted,
-) -> int:
     catalog = load_catalog()
     loaded = load_missions([mission], catalog)
-    given = Options(wanted, loaded, catalog)
+    given = Options(Wanted(**wanted), loaded, catalog)
     with given.problems.collecting():
         check_request(loaded, given.values, tags, goal)
     with given.problems.collecting():
