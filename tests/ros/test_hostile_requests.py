@@ -195,7 +195,7 @@ TABLE: dict[str, Served] = {
         texts("tag_id", "unknown tag '"),
         lambda answer: (answer.status != 0 and not answer.reading.tag_id, answer.error_message),
     ),
-    # --- perception_aggregator: nothing is in sight ---------------------------------------------------------
+    # --- perception_aggregator: this tag is not in sight ----------------------------------------------------
     "/perception/confirm_tag": Served(
         ConfirmTag,
         {"expected_tag_id": "29"},
@@ -365,7 +365,9 @@ def greenhouse(ros_domain: int, tmp_path_factory: pytest.TempPathFactory) -> Ite
     greenhouse = Greenhouse(world, path)
     try:
         greenhouse.in_state("READY")
-        greenhouse.until(lambda: greenhouse.twin and greenhouse.angles, "twin and arm")
+        # A tag is in view at the start: who begins before the twin has told of it sees it appear.
+        greenhouse.until(lambda: greenhouse.twin and greenhouse.twin[-1].tags, "the tag in sight is told")
+        greenhouse.until(lambda: greenhouse.angles, "the arm tells its angles")
         greenhouse.settle()
         yield greenhouse
         dead = [name for name, process in world.processes.items() if process.poll() is not None]
