@@ -9,9 +9,10 @@ a defect of the engine.
 from __future__ import annotations
 
 import bisect
+import contextlib
 import difflib
 import enum
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -84,20 +85,41 @@ class ChartError(LupinError):
         super().__init__("\n".join(str(d) for d in self.diagnostics))
 
 
-def all_of(*looks: Callable[[], object]) -> None:
-    """Look at several things, at all of them.
+class Problems:
+    """What is wrong in several places, to be told at once: each problem once, in the order of finding.
 
-    Raises:
-        LupinError: some cannot be used; the text has what is wrong with each.
+    False while there is none.
     """
-    problems = []
-    for look in looks:
+
+    def __init__(self, kind: type[LupinError] = LupinError) -> None:
+        """`kind` is what they are told as."""
+        self._kind = kind
+        self._texts: dict[str, None] = {}
+
+    def add(self, *texts: str) -> None:
+        """Take notice of problems."""
+        self._texts.update(dict.fromkeys(texts))
+
+    @contextlib.contextmanager
+    def collecting(self) -> Iterator[None]:
+        """Take notice of what the body refuses, and go on behind it.
+
+        The findings of a chart pass: each has a place of its own, and they are told as such.
+        """
         try:
-            look()
+            yield
+        except ChartError:
+            raise
         except LupinError as problem:
-            problems.append(str(problem))
-    if problems:
-        raise LupinError("\n".join(problems))
+            self.add(str(problem))
+
+    def tell(self) -> None:
+        """Raise all of them as one error of their kind, each on a line; nothing where there is none."""
+        if self._texts:
+            raise self._kind("\n".join(self._texts))
+
+    def __bool__(self) -> bool:
+        return bool(self._texts)
 
 
 def nearest(name: str, allowed: Iterable[str]) -> str:

@@ -5,7 +5,9 @@ What is fetched is unpacked into the user's cache, beside what other tests keep;
 
 from __future__ import annotations
 
+import contextlib
 import os
+import random
 import shutil
 import socket
 import subprocess
@@ -23,6 +25,8 @@ import pytest
 SYSTEM_FOLDERS = ("/usr/sbin", "/usr/local/sbin")
 #: Seconds that a broker may take to end, or to take a message, on a busy machine.
 PATIENCE = 20.0
+#: Below those that Linux gives to who calls (`net.ipv4.ip_local_port_range`).
+PORTS = range(20_000, 32_000)
 #: It tells when it runs, and what goes wrong; never so much that nobody need read it.
 QUIET = ("log_dest stderr", "log_type error", "log_type warning", "log_type information")
 #: Seconds that fetching the broker may take.
@@ -83,10 +87,26 @@ def _fetch(folder: Path) -> str:
 
 
 def free_port() -> int:
-    """Return a port of the loopback interface that nobody uses."""
-    with closing(socket.socket()) as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
+    """Return a port of the loopback interface that nobody uses, and that no caller is given by chance.
+
+    Ports that the system hands out to callers are others: one of those could be taken between two starts of
+    a broker, and a client that calls itself on one finds somebody there.
+    """
+    for port in random.sample(PORTS, len(PORTS)):
+        with closing(socket.socket()) as probe, contextlib.suppress(OSError):
+            probe.bind(("127.0.0.1", port))
+            return port
+    raise AssertionError(f"no port of {PORTS} is free")
+
+
+def sockets_of(process: int) -> set[str]:
+    """Return the numbers of the sockets that a process has open."""
+    found = set()
+    for descriptor in Path(f"/proc/{process}/fd").iterdir():
+        with contextlib.suppress(FileNotFoundError):  # closed since
+            kind, _, number = str(descriptor.readlink()).partition(":")
+            found.update([number.strip("[]")] if kind == "socket" else [])
+    return found
 
 
 @dataclass

@@ -93,7 +93,11 @@ def _is_type(node: ast.BinOp) -> bool:
 def _writes(node: ast.AST) -> bool:
     """Tell whether it assigns to something that is there without it: no plain name."""
     targets = node.targets if isinstance(node, ast.Assign) else [getattr(node, "target", None)]
-    return isinstance(node, (ast.Assign, ast.AnnAssign)) and not any(isinstance(t, ast.Name) for t in targets)
+    return (
+        isinstance(node, (ast.Assign, ast.AnnAssign))
+        and node.value is not None
+        and not any(isinstance(t, ast.Name) for t in targets)
+    )
 
 
 def _is_skipped(node: ast.AST, place: str) -> bool:

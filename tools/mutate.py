@@ -44,6 +44,7 @@ from hypothesis import HealthCheck, Phase, settings
 from mutants import Mutant, mutants_of
 
 ROOT = Path(__file__).resolve().parents[1]
+PLUGINS_ROOT = "plugins"  # a source root of its own
 TESTS = ["tests/chart", "tests/machine", "tests/test_determinism.py", "tests/scenarios"]
 MODULES = ["lupin_engine/machine/**/*.py", "lupin_engine/chart/**/*.py"]
 #: What would load itself is named here instead: whose distribution has a plugin, its modules are rewritten by
@@ -51,6 +52,7 @@ MODULES = ["lupin_engine/machine/**/*.py", "lupin_engine/chart/**/*.py"]
 PLUGINS = ["pytest_timeout", "_hypothesis_pytestplugin", "lupin_engine.pytest_plugin"]
 OPTIONS = [
     *("-q", "-s", "-p", "no:cacheprovider", "-W", "ignore::pytest.PytestAssertRewriteWarning"),
+    *("-m", "not ros"),  # their processes are none of the fork's
     *(option for plugin in PLUGINS for option in ("-p", plugin)),
 ]
 EXAMPLES, MEMORY, WALL = 30, 6 << 30, 180.0  # of a property test; bytes and seconds that a fork may use
@@ -317,7 +319,8 @@ def import_anew(
     """Forget all modules of this tree and run tests in a new session; return the first that fails."""
     for name in [name for name, loaded in sys.modules.items() if is_ours(loaded)]:
         del sys.modules[name]
-    loader = Changed(module.name.removesuffix(".py").replace("/", "."), str(module.path))
+    imported_as = module.name.removeprefix(f"{PLUGINS_ROOT}/").removesuffix(".py").replace("/", ".")
+    loader = Changed(imported_as, str(module.path))
     loader.code = code
     sys.meta_path.insert(0, loader)
     again = Again(wanted, seconds)
@@ -416,7 +419,7 @@ def main() -> None:
         for module in modules:
             say(f"{len(module.mutants):5}  {module.name}")
         return
-    sys.path[:0] = [str(ROOT), str(ROOT / "plugins")]
+    sys.path[:0] = [str(ROOT), str(ROOT / PLUGINS_ROOT)]
     scratch = tempfile.mkdtemp(prefix="mutate-")
     os.environ.update(
         PYTEST_DEBUG_TEMPROOT=scratch,

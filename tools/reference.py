@@ -259,16 +259,18 @@ so whenever it loads the file.
 messages inside it by the message's name: `constant.DiagnosticStatus.ERROR`. `now` is the time of the node,
 for stamps.
 
-Fields carry no units: a duration is sent in seconds, a length in metres, an angle in radians. Times and
-durations of ROS are seconds, and a `geometry_msgs/Pose` is filled from a `pose`, and read as one. What
-comes over the wire may be calculated with; what it really is shows where the definition is installed, or
-when it comes.
+Fields of messages carry no units: a duration is sent in seconds, a length in metres, an angle in radians.
+`unit` says otherwise: the expressions of a binding see the number of an argument or parameter in its unit,
+and what they make of an answer or a message is in the unit of the field or value. Quantities beside such a
+number are of its unit (`angle + '5 deg'`). Times and durations of ROS are seconds, and a
+`geometry_msgs/Pose` is filled from a `pose`, and read as one. What comes over the wire may be calculated
+with; what it really is shows where the definition is installed, or when it comes.
 
 An attempt that does not end well ends in a code, with a detail that says why: the first of `code_when` that
 is true; `rejected` where the server of an action does not take the goal; `unavailable` where no server is
 there, or it goes; otherwise `code`.
 
-[A plugin without Python](bindings.md) shows a whole one; the [tutorial](tutorial-new-mission.md) builds a
+[A plugin without Python](bindings.md) shows two; the [tutorial](tutorial-new-mission.md) builds a
 mission with a service.
 """
 EVENTS: tuple[tuple[str, str], ...] = (

@@ -14,6 +14,7 @@ from typing import Any, ClassVar, Literal
 from pydantic import Field
 
 from lupin_engine.chart.documents import (
+    Bound,
     CodeNode,
     Condition,
     Names,
@@ -34,6 +35,11 @@ class ArgumentNode(Node):
     type: str = Field(description="such as text, count, pose")
     summary: str = Field(description="one sentence for people: what it is for")
     default: Written = Field(None, description="value when a mission gives none; without it one must")
+    unit: str | None = Field(
+        None, description="unit that `with` sees the number in, such as mm or deg; else the one it is kept in"
+    )
+    min: Bound = Field(None, description="smallest value")
+    max: Bound = Field(None, description="largest value")
 
 
 class EndpointNode(Node):
@@ -103,6 +109,9 @@ class ResultNode(Node):
 
     type: str = Field(description="such as text, count, duration")
     from_: Written = Field(alias="from", description="value, from `response`, `result` or `message`")
+    unit: str | None = Field(
+        None, description="unit of the number that is read, such as mm or deg; else the one it is kept in"
+    )
 
 
 class BoundMockNode(Node):

@@ -2,7 +2,8 @@
 
 Each place sees its own things: `with` the arguments and `now`, what is about an answer or a message only
 that. `param` and `constant` are seen everywhere. Where the definition of the interface is known, names and
-types of its fields are those of the definition; otherwise they may be anything.
+types of its fields are those of the definition; otherwise they may be anything. Numbers of arguments and
+parameters are seen in the unit that the binding says.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from typing import Any, NamedTuple
 
 from lupin_engine.chart import quantities as q
 from lupin_engine.chart.binding_file import BoundValueNode, ResultNode
-from lupin_engine.chart.bindings import Fields
+from lupin_engine.chart.bindings import Fields, Kinds, Taken
 from lupin_engine.chart.documents import Node
 from lupin_engine.chart.expressions import BUILTIN_CALLS, ROOTS, WORDS, Scope, Usage
 from lupin_engine.chart.findings import Findings
@@ -21,7 +22,7 @@ from lupin_engine.chart.model import Expression, Value
 from lupin_engine.chart.source import Map, Seq
 from lupin_engine.chart.values import is_expression, read_constant, read_guard, read_value
 from lupin_engine.errors import Place, nearest
-from lupin_engine.plugin.types import ANY, DURATION, POSE, TEXT, Type
+from lupin_engine.plugin.types import ANY, DURATION, POSE, TEXT, UNITS, Type, innermost
 from lupin_engine.plugin.wire import POSE_MESSAGE, TIMES
 
 #: What an interface consists of (request, response, goal, ..., constant), as types.
@@ -170,10 +171,23 @@ class Meaning:
         }
         return {name: value for name, value in read.items() if value is not None}
 
-    def taken(self, node: ResultNode | BoundValueNode, kind: Type, path: str) -> Value | None:
+    def taken(self, node: ResultNode | BoundValueNode, kinds: Kinds, path: str) -> Taken | None:
         """Read what is under `from`: where a field of a result or an event, or a live value comes from."""
         raw, place = node.from_, node.at("from")
-        return self._fitting(raw, place, kind, self.hearing(self.answer), path, is_read=True)
+        value = self._fitting(raw, place, kinds.kept, self.hearing(self.answer), path, is_read=True)
+        if isinstance(value, Expression) and not self._has_unit(value, kinds.wire, path):
+            return None
+        return None if value is None else Taken(kinds, value)
+
+    def _has_unit(self, found: Expression, wanted: Type, path: str) -> bool:
+        """Refuse a number that is known to be in another unit: a parameter, or a time."""
+        unit, got = innermost(wanted).unit, innermost(found.type).unit
+        if not unit or got in ("", "*", unit):
+            return True
+        same = got in UNITS and unit in UNITS and UNITS[got][0] == UNITS[unit][0]
+        problem = f"expected {q.describe(wanted)}, but {found.source!r} is {q.describe(found.type)}"
+        self.findings.add(found.place, "wrong-unit", path, problem, f"write 'unit: {got}'" if same else "")
+        return False
 
     # -- types ---------------------------------------------------------------------------------------------
 
@@ -193,13 +207,17 @@ class Meaning:
     def _misfit(self, found: Expression, kind: Type, is_read: bool, path: str) -> None:
         whole = kind.kind == "integer" and found.type.kind == "number"
         wanted, got = ("a whole number", "one with digits") if whole else map(q.describe, (kind, found.type))
-        hint = "write 'type: number'" if whole and is_read else _instead(kind, found)
+        hint = _instead(kind, found)
+        if whole:
+            hint = "write 'type: number'" if is_read else f"write 'round({found.source})'"
         problem = f"expected {wanted}, but {found.source!r} is {got}"
         self.findings.add(found.place, "wrong-type", path, problem, hint)
 
 
 def _instead(kind: Type, found: Expression) -> str:
-    """Return what to write where a message needs more than a value."""
+    """Return what to write where a message needs more than a value, or a time its seconds."""
+    if kind.name in TIMES and UNITS.get(found.type.unit, ("", 0.0))[0] == "s":
+        return "a time is sent in s: leave 'unit' out, or divide by '1 s'"
     inner = [name for name, each in kind.fields.items() if _fits(each, found.type)]
     return f"write '{inner[0]}: ${{ {found.source} }}' inside of it" if inner else ""
 

@@ -15,6 +15,7 @@ from lupin_engine.chart.binding_file import (
     BoundOperationNode,
     BoundValueNode,
     EndpointNode,
+    ResultNode,
     ServiceNode,
     TopicNode,
 )
@@ -31,16 +32,18 @@ from lupin_engine.chart.binding_meaning import (
 from lupin_engine.chart.bindings import (
     Binding,
     Endpoint,
+    Kinds,
     MessageHeard,
     MessageSent,
     OperationCall,
     Sending,
+    Taken,
 )
 from lupin_engine.chart.declare import SEVERITIES, Declarer
 from lupin_engine.chart.documents import Node
 from lupin_engine.chart.expressions import WORDS, Usage
 from lupin_engine.chart.findings import Findings
-from lupin_engine.chart.quantities import describe
+from lupin_engine.chart.quantities import describe, in_lists, measured_in
 from lupin_engine.chart.values import read_constant
 from lupin_engine.errors import Place, nearest
 from lupin_engine.plugin.contract import (
@@ -63,9 +66,11 @@ from lupin_engine.plugin.types import (
     ROS_NAME,
     UNITS,
     Type,
+    innermost,
     number_in,
     parse_type,
     units_of,
+    within,
 )
 
 #: A name over ROS: absolute, relative, or below the node's own (~/).
@@ -87,14 +92,13 @@ def read_binding(node: BindingNode, catalog: Catalog, findings: Findings) -> Bin
 
 def check_definition(binding: Binding, definitions: Definitions, findings: Findings) -> None:
     """Read a binding again with the types of its interfaces, and tell what does not fit them."""
-    params = {name: parameter.type for name, parameter in binding.plugin.parameters.items()}
+    params = _parameter_types(binding.node, binding.plugin)
     for bound in _bound(binding.node):
         definition = _definition(bound, definitions, findings)
         if definition is None:
             continue
-        arguments, fields = bound.declared(binding.plugin)
-        meaning = bound.meaning(arguments, params, definition, findings)
-        bound.read(meaning, fields)
+        meaning = bound.meaning(binding.plugin, params, definition, findings)
+        bound.read(meaning, binding.plugin)
 
 
 def _definition(bound: _Bound, definitions: Definitions, findings: Findings) -> Definition | None:
@@ -145,7 +149,7 @@ class _Bound:
 
     def meaning(
         self,
-        arguments: Mapping[str, Type],
+        plugin: Plugin,
         params: Mapping[str, Type],
         definition: Definition | None,
         findings: Findings,
@@ -153,39 +157,51 @@ class _Bound:
     ) -> Meaning:
         """Return what reads its expressions."""
         sends = {"service": "request", "action": "goal"}.get(self.key, "message")
+        arguments = {name: kinds.wire for name, kinds in self.arguments(plugin).items()}
         return Meaning(self.path, sends, self.seen, arguments, params, definition, findings, usage or Usage())
 
-    def declared(self, plugin: Plugin) -> tuple[Mapping[str, Type], Mapping[str, Type]]:
-        """Return the types of its arguments, and of what is made of what it hears, by name."""
-        if isinstance(self.node, BoundOperationNode):
-            operation = plugin.operations[self.name]
-            return _types(operation.arguments), operation.result
-        if isinstance(self.node, BoundActionNode):
-            return _types(plugin.actions[self.name].arguments), {}
-        if isinstance(self.node, BoundEventNode):
-            return {}, plugin.events[self.name].fields
-        return {}, {"value": plugin.values[self.name].type}
+    def arguments(self, plugin: Plugin) -> dict[str, Kinds]:
+        """Return the types of its arguments by name."""
+        node = self.node
+        if not isinstance(node, BoundOperationNode | BoundActionNode):
+            return {}
+        family = plugin.operations if isinstance(node, BoundOperationNode) else plugin.actions
+        declared = family[self.name].arguments
+        return {name: _kinds(declared[name].type, written.unit) for name, written in node.arguments.items()}
 
-    def read(self, meaning: Meaning, fields: Mapping[str, Type]) -> _Read:
+    def fields(self, plugin: Plugin) -> dict[str, tuple[ResultNode | BoundValueNode, Kinds, str]]:
+        """Return by name what is made of what it hears: where that is written, its types, and its path."""
+        node, path = self.node, self.path
+        if isinstance(node, BoundValueNode):
+            return {"value": (node, _kinds(plugin.values[self.name].type, node.unit), f"{path}.from")}
+        if isinstance(node, BoundActionNode):
+            return {}
+        if isinstance(node, BoundOperationNode):
+            key, written, declared = "result", node.result, plugin.operations[self.name].result
+        else:
+            key, written, declared = "fields", node.fields, plugin.events[self.name].fields
+        return {
+            name: (each, _kinds(declared[name], each.unit), f"{path}.{key}.{name}")
+            for name, each in written.items()
+        }
+
+    def read(self, meaning: Meaning, plugin: Plugin) -> _Read:
         """Read all its expressions."""
         node = self.node
         found = _Read()
         if isinstance(node, BoundOperationNode | BoundActionNode):
-            found.sending = Sending(meaning.sent(node))
+            kept = {name: kinds.kept for name, kinds in self.arguments(plugin).items()}
+            found.sending = Sending(meaning.sent(node), kept)
         if isinstance(node, BoundOperationNode):
             found.condition = meaning.condition(node, "done_when", self.seen)
             found.code_when = meaning.conditions(node, "code_when", self.seen)
             found.detail = meaning.text(node, "detail", self.seen)
             if self.key == "action":
                 found.told = meaning.told(node, "progress", FEEDBACK)
-            found.fields = _fields(node, "result", fields, meaning)
-        elif isinstance(node, BoundEventNode):
+        elif isinstance(node, BoundEventNode | BoundValueNode):
             found.condition = meaning.condition(node, "when", self.seen)
-            found.fields = _fields(node, "fields", fields, meaning)
-        elif isinstance(node, BoundValueNode):
-            found.condition = meaning.condition(node, "when", self.seen)
-            value = meaning.taken(node, fields["value"], f"{self.path}.from")
-            found.fields = {} if value is None else {"value": (fields["value"], value)}
+        read = {name: meaning.taken(*each) for name, each in self.fields(plugin).items()}
+        found.fields = {name: taken for name, taken in read.items() if taken is not None}
         return found
 
 
@@ -193,22 +209,23 @@ class _Bound:
 class _Read:
     """The expressions of a thing."""
 
-    sending: Sending = field(default_factory=lambda: Sending({}))
+    sending: Sending = field(default_factory=lambda: Sending({}, {}))
     condition: Any = None
     code_when: Mapping[str, Any] = field(default_factory=dict)
     detail: Any = None
     told: Mapping[str, Any] = field(default_factory=dict)
-    fields: Mapping[str, tuple[Type, Any]] = field(default_factory=dict)
+    fields: Mapping[str, Taken] = field(default_factory=dict)
 
 
-def _fields(node: Node, key: str, kinds: Mapping[str, Type], meaning: Meaning) -> dict[str, tuple[Type, Any]]:
-    written = getattr(node, key)
-    read = {n: meaning.taken(written[n], kind, f"{meaning.path}.{key}.{n}") for n, kind in kinds.items()}
-    return {name: (kinds[name], value) for name, value in read.items() if value is not None}
+def _kinds(kept: Type, unit: str | None) -> Kinds:
+    """Return the types of something that is kept so, and has perhaps a unit; one that is wrong was told."""
+    fits = unit is not None and unit in units_of(innermost(kept).unit)
+    return Kinds(kept, measured_in(kept, unit) if fits and unit is not None else kept)
 
 
-def _types(arguments: Mapping[str, Argument]) -> dict[str, Type]:
-    return {name: argument.type for name, argument in arguments.items()}
+def _parameter_types(node: BindingNode, plugin: Plugin) -> dict[str, Type]:
+    """Return what expressions see of the parameters: like arguments in the unit that is written beside."""
+    return {n: _kinds(each.type, node.params[n].unit).wire for n, each in plugin.parameters.items()}
 
 
 def _bound(node: BindingNode) -> Iterator[_Bound]:
@@ -234,6 +251,7 @@ class _Reader:
         self._types = catalog.known_types
         self._findings = findings
         self._usage = Usage()
+        self._declarer = Declarer(catalog, findings, self._usage)
 
     def read(self) -> Binding:
         """Read everything, and tell everything that is wrong."""
@@ -259,13 +277,12 @@ class _Reader:
     def _talking(self, plugin: Plugin) -> Binding:
         """Read what everything sends, and what it makes of what it hears."""
         found: dict[str, dict[str, Any]] = {"operations": {}, "actions": {}, "values": {}, "events": {}}
-        params = {name: parameter.type for name, parameter in plugin.parameters.items()}
+        params = _parameter_types(self._node, plugin)
         self._one_type_each()
         for bound in _bound(self._node):
-            arguments, fields = bound.declared(plugin)
-            meaning = bound.meaning(arguments, params, None, self._findings, self._usage)
+            meaning = bound.meaning(plugin, params, None, self._findings, self._usage)
             endpoint = self._endpoint(bound)
-            made = self._made(bound, endpoint, bound.read(meaning, fields))
+            made = self._made(bound, endpoint, bound.read(meaning, plugin))
             found[bound.path.partition(".")[0]][bound.name] = made
         return Binding(
             plugin, found["operations"], found["actions"], found["values"], found["events"], self._node
@@ -300,9 +317,7 @@ class _Reader:
             )
         if isinstance(node, BoundActionNode):
             return MessageSent(endpoint, read.sending)
-        unit = (node.unit or "") if isinstance(node, BoundValueNode) else ""
-        factor = UNITS[unit][1] if unit in UNITS else 1.0
-        return MessageHeard(endpoint, read.condition, read.fields, factor)
+        return MessageHeard(endpoint, read.condition, read.fields)
 
     def _endpoint(self, bound: _Bound) -> Endpoint:
         node, path = bound.endpoint, f"{bound.path}.{bound.key}"
@@ -326,11 +341,10 @@ class _Reader:
     # -- parameters and codes ------------------------------------------------------------------------------
 
     def _parameters(self) -> Iterator[tuple[str, Parameter]]:
-        declarer = Declarer(self._catalog, self._findings, self._usage)
         for name, written in self._node.params.items():
             place, path = self._node.key_at("params", name), f"params.{name}"
             self._good_name(NAME, "parameter", name, place, path, WORDS)
-            parameter = declarer.parameter(written, path)
+            parameter = self._declarer.parameter(written, path)
             if parameter is not None:
                 yield name, parameter
 
@@ -411,28 +425,33 @@ class _Reader:
 
     def _value(self, name: str, node: BoundValueNode) -> LiveValue:
         path = self._named("values", name, DOTTED_NAME, "value")
-        kind = self._type(node.type, node.at("type"), path)
-        if kind is NUMBER and node.unit is not None and node.unit in UNITS:
-            kind = number_in(UNITS[node.unit][0])  # as of a parameter that is written so
+        kind = self._measured(node, path)
         initial = None
         if kind is not None and node.initial is not None:
             read = read_constant(node.initial, node.at("initial"), kind, self._findings, f"{path}.initial")
             initial = read.value if read else None
-        if kind is not None and node.unit is not None:
-            self._check_unit(node, kind, path)
         freshness = self._duration(node, "freshness", path, "a message would be old as soon as it is there")
         return LiveValue(node.summary, kind or ANY, freshness, initial)
 
-    def _check_unit(self, node: BoundValueNode, kind: Type, path: str) -> None:
-        unit = node.unit or ""
-        units = units_of(kind.unit) if kind.kind == "number" else []
-        if unit in units:
-            return
-        hint = f"its units are {', '.join(map(repr, units))}" if units else "leave 'unit' out"
-        problem = f"{describe(kind)} is not measured in {unit!r}"
-        if unit not in UNITS:
-            problem, hint = f"unknown unit {unit!r}", nearest(unit, UNITS)
-        self._findings.add(node.at("unit"), "wrong-unit", path, problem, hint)
+    def _measured(self, node: ArgumentNode | ResultNode | BoundValueNode, path: str) -> Type | None:
+        """Read the type and the unit of something; a plain number with a unit is one of that dimension."""
+        kind, unit = self._type(node.type, node.at("type"), path), node.unit
+        if kind is None or unit is None:
+            return kind
+        of = innermost(kind)
+        if of is NUMBER and unit in UNITS:  # as a parameter that is written so
+            return in_lists(kind, number_in(UNITS[unit][0]))
+        units = units_of(of.unit) if of.kind == "number" else []
+        if unit not in units:
+            problem, hint = f"{describe(kind)} is not measured in {unit!r}", "leave 'unit' out"
+            if units and unit not in UNITS:
+                problem, hint = f"unknown unit {unit!r}", nearest(unit, units if of.unit else UNITS)
+            elif units:
+                hint = f"its units are {', '.join(map(repr, units))}"
+            elif of.kind == "integer":
+                hint = f"write 'type: {in_lists(kind, NUMBER)}'"
+            self._findings.add(node.at("unit"), "wrong-unit", path, problem, hint)
+        return kind
 
     def _event(self, name: str, node: BoundEventNode) -> EventKind:
         path = self._named("events", name, NAME, "event")
@@ -447,13 +466,17 @@ class _Reader:
         return found
 
     def _argument(self, written: ArgumentNode, path: str) -> Argument:
-        kind = self._type(written.type, written.at("type"), path)
+        kind = self._measured(written, path)
         default = None
-        if written.default is not None and kind is not None:
-            read = read_constant(
-                written.default, written.at("default"), kind, self._findings, f"{path}.default"
-            )
-            default = read.value if read else None
+        if kind is not None:
+            low, high = (self._declarer.limit(written, key, kind, path) for key in ("min", "max"))
+            if written.default is not None:
+                place, inner = written.at("default"), f"{path}.default"
+                read = read_constant(written.default, place, kind, self._findings, inner)
+                default = read.value if read else None
+            known = default if isinstance(default, (int, float)) else None
+            in_order = self._declarer.check_range(written, "default", known, low, high, path)
+            kind, default = within(kind, low, high), default if in_order else None
         # A default that is wrong has been told; missions are not blamed for relying on it.
         return Argument(kind or ANY, written.summary, default, optional=written.default is not None)
 
@@ -462,7 +485,7 @@ class _Reader:
         for name, written in getattr(node, key).items():
             place, inner = node.key_at(key, name), f"{path}.{key}.{name}"
             self._good_name(NAME, "field", name, place, inner)
-            found[name] = self._type(written.type, written.at("type"), inner) or ANY
+            found[name] = self._measured(written, inner) or ANY
         return found
 
     # -- how it is simulated -------------------------------------------------------------------------------

@@ -2,8 +2,9 @@
 
 Reading needs no ROS: the types of fields on the wire are not known here, so what is read of an answer or a
 message fits everywhere. Where the definition is known, `binding_reader.check_definition` reads the same
-expressions again with its types. Fields on the wire have no units; they carry what the engine keeps: seconds,
-metres, radians.
+expressions again with its types. Fields on the wire have no units; they carry what the engine keeps (seconds,
+metres, radians), or what the binding says with `unit`: expressions see the number of an argument or parameter
+in that unit, and the number that they make of an answer or message is taken to be in it.
 
 What expressions see besides the arguments or the answer is handed over as `around`: `param` (the binding's
 parameters), `constant` (of the interface, by name) and `now` (seconds).
@@ -18,7 +19,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from lupin_engine.chart.model import Environment, Expression, Value
 from lupin_engine.errors import Place
 from lupin_engine.plugin.contract import Plugin
-from lupin_engine.plugin.types import Type, convert
+from lupin_engine.plugin.types import Type, convert, in_base, innermost, misfit, placed
 from lupin_engine.plugin.wire import pose_from
 
 if TYPE_CHECKING:
@@ -50,14 +51,37 @@ class Endpoint:
     qos: str
 
 
+class Kinds(NamedTuple):
+    """How a value is kept, and how expressions about the wire see it: its numbers perhaps in another unit."""
+
+    kept: Type
+    wire: Type
+
+
+class Taken(NamedTuple):
+    """What is read of an answer or a message."""
+
+    kinds: Kinds
+    value: Value
+
+
 @dataclass(frozen=True)
 class Sending:
-    """What is sent to an endpoint, worked out from arguments."""
+    """What is sent to an endpoint, worked out from arguments, of which `kinds` are the types."""
 
     fields: Fields
+    kinds: Mapping[str, Type]
 
     def sent(self, arguments: Mapping[str, Any], around: Around) -> dict[str, Any]:
-        """Return the fields as plain data; raises what their expressions raise."""
+        """Return the fields as plain data; raises what their expressions raise.
+
+        Raises:
+            ValueError: an argument that a mission has computed is not of its type or outside of its range.
+        """
+        for name, value in arguments.items():
+            why = misfit(value, self.kinds[name])
+            if why:
+                raise ValueError(placed(f"argument {name!r}", why))
         return _sent(self.fields, _seeing(arguments, around))
 
 
@@ -68,7 +92,7 @@ class OperationCall:
     endpoint: Endpoint
     sending: Sending
     done_when: Value | None
-    result: Mapping[str, tuple[Type, Value]]
+    result: Mapping[str, Taken]
     code: str
     code_when: Mapping[str, Value]
     unavailable: str
@@ -104,20 +128,19 @@ class MessageSent:
 class MessageHeard:
     """A live value or an event: what is read of the messages of a topic.
 
-    `fields` are those of the event, or the one field `value`; `factor` brings a number to its base unit.
+    `fields` are those of the event, or the one field `value`.
     """
 
     endpoint: Endpoint
     when: Value | None
-    fields: Mapping[str, tuple[Type, Value]]
-    factor: float
+    fields: Mapping[str, Taken]
 
     def heard(self, message: Mapping[str, Any], around: Around) -> Mapping[str, Any] | None:
         """Return what a message tells; None when it is passed over. Raises what the expressions raise."""
         seen = _seeing({"message": message}, around)
         if self.when is not None and not self.when.evaluate(seen):
             return None
-        return _taken(self.fields, seen, self.factor)
+        return _taken(self.fields, seen)
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,19 +180,18 @@ def _value(value: Any, env: Environment) -> Any:
     return value.evaluate(env)
 
 
-def _taken(
-    fields: Mapping[str, tuple[Type, Value]], seen: Environment, factor: float = 1.0
-) -> dict[str, Any]:
-    return {name: _typed(value, kind, seen, factor) for name, (kind, value) in fields.items()}
+def _taken(fields: Mapping[str, Taken], seen: Environment) -> dict[str, Any]:
+    return {name: _kept(taken, seen) for name, taken in fields.items()}
 
 
-def _typed(value: Value, kind: Type, seen: Environment, factor: float) -> Any:
-    found = value.evaluate(seen)
-    if not isinstance(value, Expression):
+def _kept(taken: Taken, seen: Environment) -> Any:
+    found = taken.value.evaluate(seen)
+    if not isinstance(taken.value, Expression):
         return found
-    if factor != 1.0:
-        found *= factor
-    return convert(pose_from(found, kind), kind)
+    kept, wire = taken.kinds
+    if wire is not kept:
+        found = in_base(convert(found, wire), innermost(wire).unit)
+    return convert(pose_from(found, kept), kept)
 
 
 def _shown(value: Any) -> str:
@@ -181,9 +203,11 @@ __all__ = [
     "Binding",
     "Endpoint",
     "Fields",
+    "Kinds",
     "MessageHeard",
     "MessageSent",
     "OperationCall",
     "Outcome",
     "Sending",
+    "Taken",
 ]

@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from lupin_engine.chart.documents import (
     FileNode,
@@ -28,7 +28,10 @@ from lupin_engine.chart.values import read_constant, read_guard, read_key, read_
 from lupin_engine.errors import Place, Severity, nearest
 from lupin_engine.plugin.contract import Code, Parameter
 from lupin_engine.plugin.registry import Catalog
-from lupin_engine.plugin.types import BOOL, DURATION, UNITS, Type, number_in, parse_type
+from lupin_engine.plugin.types import BOOL, DURATION, UNITS, Type, innermost, number_in, parse_type
+
+if TYPE_CHECKING:
+    from lupin_engine.chart.binding_file import ArgumentNode
 
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 
@@ -110,7 +113,7 @@ class Declarer:
             problem, _, hint = str(error).partition("; ")
             self._findings.add(place, "unknown-type", path, problem, hint)
             return None
-        self.declared.types.add(_innermost(kind).name)
+        self.declared.types.add(innermost(kind).name)
         return kind
 
     def base_scope(self, file: FileNode | None, functions: bool = True) -> Scope:
@@ -166,10 +169,10 @@ class Declarer:
         default = None
         if "default" in node.model_fields_set:
             default = read_constant(node.default, node.at("default"), kind, self._findings, f"{path}.default")
-        low, high = (self._bound(node, key, kind, path) for key in ("min", "max"))
+        low, high = (self.limit(node, key, kind, path) for key in ("min", "max"))
         value = default.value if default is not None else None
         if isinstance(value, (int, float)):
-            self._range(node, "default", value, low, high, path)
+            self.check_range(node, "default", value, low, high, path)
         return Parameter(kind, value, node.summary, low, high)
 
     def _unit(self, node: ParameterNode, kind: Type, path: str) -> Type | None:
@@ -184,9 +187,14 @@ class Declarer:
             return None
         return number_in(UNITS[unit][0])
 
-    def _bound(
-        self, node: ParameterNode | RequestFieldNode | InputNode, key: str, kind: Type, path: str
+    def limit(
+        self,
+        node: ParameterNode | RequestFieldNode | InputNode | ArgumentNode,
+        key: str,
+        kind: Type,
+        path: str,
     ) -> float | None:
+        """Read a minimum or maximum of a number; None when there is none, or after findings."""
         raw = getattr(node, key)
         if raw is None:
             return None
@@ -197,16 +205,16 @@ class Declarer:
         found = read_constant(raw, node.at(key), kind, self._findings, f"{path}.{key}")
         return None if found is None else float(found.value)
 
-    def _range(
+    def check_range(
         self,
-        node: ParameterNode | InputNode,
+        node: ParameterNode | InputNode | ArgumentNode,
         key: str,
         value: float | None,
         low: float | None,
         high: float | None,
         path: str,
-    ) -> None:
-        """Refuse a range that is empty, or that the value under `key` lies outside of."""
+    ) -> bool:
+        """Tell whether a range holds something, and the value under `key`; a finding otherwise."""
         what, wrong = f"the {key} value" if key == "initial" else f"the {key}", ""
         if low is not None and value is not None and value < low:
             wrong = f"{what} is below the minimum of {node.min}"
@@ -216,6 +224,7 @@ class Declarer:
             key, wrong = "min", f"the minimum of {node.min} is above the maximum of {node.max}"
         if wrong:
             self._findings.add(node.at(key), "out-of-range", path, wrong)
+        return not wrong
 
     # -- codes, inputs, variables --------------------------------------------------------------------------
 
@@ -246,9 +255,9 @@ class Declarer:
             return None
         initial = self._constant(node, "initial", value.type, value.initial, path)
         freshness = self._constant(node, "freshness", DURATION, value.freshness, path)
-        low, high = (self._bound(node, key, value.type, path) for key in ("min", "max"))
+        low, high = (self.limit(node, key, value.type, path) for key in ("min", "max"))
         known = initial if isinstance(initial, (int, float)) else None
-        self._range(node, "initial", known, low, high, path)
+        self.check_range(node, "initial", known, low, high, path)
         self._check_unit(node, value.type, path)
         levels = [
             self._level(node, key, level, value.type, scope, path) for key, level in node.levels.items()
@@ -395,7 +404,7 @@ class Declarer:
                 findings.add(at, "wrong-type", path, f"only a list can be empty, this is {_a(kind)}")
             elif node.not_empty not in codes:
                 findings.unknown(at, "undeclared-code", path, "code", node.not_empty, codes)
-        return Field(name, kind, place, default, node.not_empty, self._bound(node, "min", kind, path))
+        return Field(name, kind, place, default, node.not_empty, self.limit(node, "min", kind, path))
 
     def _can_be_given(self, name: str, node: RequestFieldNode, kind: Type, place: Place, path: str) -> None:
         """Refuse a field that no start can fill: a mission with it could never begin."""
@@ -427,10 +436,6 @@ def _a(kind: Type) -> str:
     """Return what a type is called, with an article."""
     name = describe(kind).removeprefix("a ")
     return f"an {name}" if name[0] in "aeiou" else f"a {name}"
-
-
-def _innermost(kind: Type) -> Type:
-    return _innermost(kind.item) if kind.item is not None else kind
 
 
 def _equal(first: Any, second: Any) -> bool:

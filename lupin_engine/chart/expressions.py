@@ -8,7 +8,8 @@ takes numbers only, so no text or list can be multiplied; a product of integers 
 computed. There is thus no way to reach an object's attributes, to loop, or to use much memory.
 
 Units are part of a number's type. A text that is a quantity ('5 s') counts as a number where it meets one
-with a unit, and a written 0 has any unit. Every mistake is told at its column in the file.
+with a unit, and a written 0 has any unit. The environment has every number in its base unit; a name whose
+type has another one, as in a binding, is read in that. Every mistake is told at its column in the file.
 
 Checking writes the same expression anew (`a.b` becomes `a["b"]`, names become look-ups in the environment).
 Python's own compiler gets that, with no builtins, when the expression is evaluated for the first time, so an
@@ -34,7 +35,20 @@ from lupin_engine.chart.model import Compiled, Environment, Expression
 from lupin_engine.chart.source import Text
 from lupin_engine.errors import nearest
 from lupin_engine.plugin.contract import Function
-from lupin_engine.plugin.types import ANY, BOOL, COUNT, INTEGER, NUMBER, TEXT, Type, list_of, parse_quantity
+from lupin_engine.plugin.types import (
+    ANY,
+    BOOL,
+    COUNT,
+    INTEGER,
+    NUMBER,
+    TEXT,
+    UNITS,
+    Type,
+    in_unit,
+    innermost,
+    list_of,
+    parse_quantity,
+)
 
 MAX_CHARACTERS = 2000
 MAX_NODES = 200
@@ -242,6 +256,7 @@ _GLOBALS: dict[str, Any] = {
     "_number": _number,
     "_times": _times,
     "_same": _same,
+    "_in_unit": in_unit,
     "inf": math.inf,
 }
 
@@ -470,7 +485,7 @@ class _Checker:
             if name in ROOTS:
                 return Typed(scope.names[name], _environment(name))
             code = _environment("item") if name == scope.item else f"{_environment('context')}[{name!r}]"
-            return Typed(scope.names[name], code)
+            return _in_its_unit(scope.names[name], code)
         if name in scope.absent:
             rule, reason = scope.absent[name]
             return self._wrong(node, rule, f"there is no {name!r} here: {reason}")
@@ -510,7 +525,7 @@ class _Checker:
         if node.attr not in record.type.fields:
             return self._unknown_field(node, record.type, root)
         self._note(root, node.attr)
-        return Typed(record.type.fields[node.attr], code)
+        return _in_its_unit(record.type.fields[node.attr], code)
 
     def _note(self, root: str, name: str) -> None:
         if root == "param":
@@ -790,9 +805,8 @@ class _Checker:
             if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value <= 9:
                 return self._wrong(digits, "wrong-type", "the digits of round must be written out, 0 to 9")
             code = f"{code}, {value}"
-        whole = len(node.args) == 1 and argument.type.unit in ("", "*")
-        kind = INTEGER if whole else argument.type
-        return Typed(kind, f"round({code})")
+        unit = "" if argument.type.unit == "*" else argument.type.unit
+        return Typed(q.whole(unit) if len(node.args) == 1 else argument.type, f"round({code})")
 
     def _quantifier(self, node: ast.Call) -> Typed:
         name = _dotted(node.func) or ""
@@ -878,19 +892,33 @@ def _as_quantity(typed: Typed, other: Type) -> Typed:
     """Read a text such as '5 s' as a number when it meets a number with a unit."""
     if typed.type.kind != "text" or not q.is_number(other) or not other.unit:
         return typed
-    return _quantity(typed) or typed
+    return _quantity(typed, other.unit) or typed
 
 
-def _quantity(typed: Typed) -> Typed | None:
-    """Return a written text as the quantity that it is, or None; also where a condition chooses the text."""
+def _quantity(typed: Typed, unit: str) -> Typed | None:
+    """Return a written text as the quantity that it is, or None; also where a condition chooses the text.
+
+    It is in its base unit, or in `unit` where it can be.
+    """
     written = typed.written
     if isinstance(written, Choice):
-        body, other = _quantity(written.body), _quantity(written.other)
+        body, other = _quantity(written.body, unit), _quantity(written.other, unit)
         if body is None or other is None or body.type != other.type:
             return None
         return Typed(body.type, _conditional(written.test, body, other))
     found = parse_quantity(written) if written is not None else None
-    return None if found is None else Typed(q.number(found[1]), repr(found[0]))
+    if found is None:
+        return None
+    value, base = found
+    if unit in UNITS and unit != base and UNITS[unit][0] == base:
+        return Typed(q.number(unit), repr(in_unit(value, unit)))
+    return Typed(q.number(base), repr(value))
+
+
+def _in_its_unit(kind: Type, code: str) -> Typed:
+    """Return what is looked up in the environment, which has base units, in the unit of its type."""
+    unit = innermost(kind).unit
+    return Typed(kind, f"_in_unit({code}, {unit!r})" if unit in UNITS and UNITS[unit][0] != unit else code)
 
 
 def _conditional(test: str, body: Typed, other: Typed) -> str:

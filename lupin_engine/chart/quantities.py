@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from functools import cache
 
-from lupin_engine.plugin.types import ANY, BOOL, INTEGER, NUMBER, TEXT, Type, list_of, number_in
+from lupin_engine.plugin.types import ANY, BOOL, INTEGER, NUMBER, TEXT, Type, innermost, list_of, number_in
 
 #: A written 0: a whole number of any unit.
 ZERO = Type("integer", "integer", unit="*")
@@ -51,6 +51,22 @@ def is_number(kind: Type) -> bool:
 def number(unit: str) -> Type:
     """Return the number type of a computed value: a difference of durations may be negative."""
     return NUMBER if not unit else Type("number", number_in(unit).name, unit=unit)
+
+
+@cache
+def whole(unit: str) -> Type:
+    """Return the type of a number that was rounded to whole ones of its unit."""
+    return Type("integer", number(unit).name, unit=unit) if unit else INTEGER
+
+
+def measured_in(kind: Type, unit: str) -> Type:
+    """Return the type of a number or a list of numbers as it is counted in another unit of its dimension."""
+    return kind if innermost(kind).unit == unit else in_lists(kind, number(unit))
+
+
+def in_lists(kind: Type, item: Type) -> Type:
+    """Return the type of as many lists in each other as `kind` is, with `item` innermost."""
+    return item if kind.item is None else list_of(in_lists(kind.item, item))
 
 
 def plain(kind: Type) -> Type:
@@ -132,9 +148,7 @@ def _join_numbers(first: Type, second: Type) -> Type | None:
     unit = second.unit if first.unit == "*" else first.unit
     if unit == "*":
         return ZERO_NUMBER
-    if first.kind == second.kind == "integer":
-        return INTEGER
-    return number(unit)
+    return whole(unit) if first.kind == second.kind == "integer" else number(unit)
 
 
 def arithmetic(sign: str, left: Type, right: Type) -> Type | None:

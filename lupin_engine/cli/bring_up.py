@@ -8,9 +8,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from lupin_engine.cli.problems import Problems
 from lupin_engine.cli.settings import of_nodes, of_the_mission, settings_in
-from lupin_engine.errors import LupinError, nearest
+from lupin_engine.errors import LupinError, Problems, UsageError, nearest
 from lupin_engine.launch.environment import close_the_doors, for_children
 from lupin_engine.launch.folders import new_run_folder, writable
 from lupin_engine.launch.mission import Loaded
@@ -45,7 +44,7 @@ class Options:
     """
 
     def __init__(self, wanted: Wanted, loaded: Loaded, catalog: Catalog) -> None:
-        self.problems = Problems()
+        self.problems = Problems(UsageError)
         self._wanted = wanted
         self._loaded = loaded
         self._catalog = catalog
@@ -102,7 +101,7 @@ class Options:
         self, option: str, given: Iterable[str], declared: Mapping[str, Parameter], node: str = ""
     ) -> dict[str, Any]:
         values, wrong = settings_in(option, given, declared, node, self._elsewhere)
-        self.problems.add(wrong)
+        self.problems.add(*wrong)
         return values
 
     def _elsewhere(self, name: str) -> str:
@@ -141,9 +140,9 @@ class Options:
                 found[name] = self._read("--set", given, self._declared[name], name)
             elif name == ORCHESTRATOR:
                 hints = " ".join(f"--set {setting!r}" for setting in given)
-                self.problems.add([f"--set: parameters of the mission go without a node: write {hints}"])
+                self.problems.add(f"--set: parameters of the mission go without a node: write {hints}")
             else:
-                self.problems.add([f"--set: unknown node {name!r}; {nearest(name, self._declared)}"])
+                self.problems.add(f"--set: unknown node {name!r}; {nearest(name, self._declared)}")
         return found
 
     def _parameters(self, given: Mapping[str, Values]) -> dict[str, Values]:
@@ -163,7 +162,7 @@ class Options:
         alone = make_plan(self._loaded.plugins, self._catalog, Present(), parameters, simulate=simulate)
         for name, option in self._insisted(given).items():
             if name not in alone.starts:
-                self.problems.add([f"{option} is for {name}, which {self._why_not(name)}"])
+                self.problems.add(f"{option} is for {name}, which {self._why_not(name)}")
         for launch in alone.launches:
             known = self._declared.get(launch.node.name, {})
             if launch.parameters and known:

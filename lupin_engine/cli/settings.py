@@ -7,24 +7,11 @@ from typing import Any
 
 import yaml
 
-from lupin_engine.errors import UsageError
 from lupin_engine.plugin.contract import Parameter
 from lupin_engine.plugin.parameters import sorted_out
 from lupin_engine.plugin.types import TEXT, Type
 
 _BOOLEANS = {"true": True, "yes": True, "on": True, "false": False, "no": False, "off": False}
-
-
-def read_settings(option: str, given: Iterable[str], declared: Mapping[str, Parameter]) -> dict[str, Any]:
-    """Return the checked values, in base units, of what was given as `name=value`; nothing else.
-
-    Raises:
-        UsageError: naming everything that is wrong (see `settings_in`).
-    """
-    values, problems = settings_in(option, given, declared)
-    if problems:
-        raise UsageError("\n".join(problems))
-    return values
 
 
 def settings_in(

@@ -2,30 +2,11 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import click
 
 from lupin_engine.cli import options
-from lupin_engine.cli.options import PNG, SVG, TERMINAL
-from lupin_engine.plugin.types import DURATION, convert
-
-
-def _until(_: click.Context, __: click.Parameter, text: str | None) -> float | str | None:
-    """Read a duration; what does not begin like one is the name of a state."""
-    if text is None or not text[:1].isdigit():
-        return text
-    try:
-        return float(convert(text, DURATION))
-    except ValueError as problem:
-        raise click.BadParameter(f"{problem}; write a duration such as '90 s' or '20 min'") from None
-
-
-def _picture(_: click.Context, __: click.Parameter, text: str | None) -> str | None:
-    if text is None or text == TERMINAL or Path(text).suffix in (SVG, PNG):
-        return text
-    raise click.BadParameter(f"{text!r} ends in neither {SVG} nor {PNG}; {TERMINAL} draws in the terminal")
 
 
 @click.command(short_help="Run a mission in virtual time, without ROS.")
@@ -42,7 +23,6 @@ def _picture(_: click.Context, __: click.Parameter, text: str | None) -> str | N
 @click.option(
     "--until",
     metavar="DURATION|STATE",
-    callback=_until,
     help="Stop after so much virtual time, such as '20 min', or when a state is entered.",
 )
 @click.option("--seed", type=click.IntRange(min=0), help="What is drawn from where chance has a part.")
@@ -57,7 +37,6 @@ def _picture(_: click.Context, __: click.Parameter, text: str | None) -> str | N
     "--timeline",
     "picture",
     metavar="FILE",
-    callback=_picture,
     help="Draw states and operations over time into FILE.svg or FILE.png; - draws in the terminal.",
 )
 @click.option("--interactive", "-i", is_flag=True, help="Work the simulation by hand; help tells how.")
@@ -69,8 +48,8 @@ def simulate(**given: Any) -> int:
     MISSION is the name of a mission (inspection, InspectionMission), a mission file, or a scenario file,
     whose mocks and happenings are then used. The plugins answer as their mocks say: everything succeeds.
 
-    Exit code: 0 all targets visited, or stopped where --until says; 1 some missed; 2 fault, start refused
-    or not ended.
+    Exit code: 0 all targets visited, or stopped where --until says; 1 some missed; 2 fault, not started
+    or not ended; 130 interrupted.
     """
     from lupin_engine.cli.tasks.simulate import work
 

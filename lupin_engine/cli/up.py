@@ -16,6 +16,8 @@ def up(**given: Any) -> int:
     """Start the nodes of missions; an operator starts the missions.
 
     MISSIONS are names or files; without any, all missions of the folder. Ctrl-C stops what was started.
+
+    Exit code: 0 ended by Ctrl-C, 2 not started, or ended by what went wrong.
     """
     from lupin_engine.cli.tasks.up import work
 

@@ -26,6 +26,7 @@ from lupin_engine.plugin.contract import (
     Operation,
     Parameter,
 )
+from lupin_engine.plugin.describe import number_text
 from lupin_engine.plugin.types import UNITS, Type
 
 #: What an expression may call without a plugin: how it is written, and what comes of it.
@@ -121,7 +122,7 @@ def quantity(value: Any, kind: Type) -> str:
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, (int, float)):
-        return f"{value:g} {kind.unit}".strip()
+        return " ".join(number_text(value, kind.unit)).strip()
     if isinstance(value, Mapping):
         return (
             "{" + ", ".join(f"{k}: {quantity(v, kind.fields.get(k, kind))}" for k, v in value.items()) + "}"
@@ -145,12 +146,14 @@ def arguments(wanted: Mapping[str, Argument]) -> str:
 
 def argument_line(name: str, argument: Argument) -> str:
     """Return one argument in a line."""
-    extra = ""
+    kind, extra = argument.type, []
     if argument.default is not None:
-        extra = f" (default {quantity(argument.default, argument.type)})"
+        extra.append(f"default {quantity(argument.default, kind)}")
     elif argument.optional:
-        extra = " (may be left out)"
-    return f"`{name}`: {type_text(argument.type)} — {argument.doc}{extra}"
+        extra.append("may be left out")
+    limits = range_text(kind.minimum, kind.maximum, kind)
+    extra += [limits] if limits else []
+    return f"`{name}`: {type_text(kind)} — {argument.doc}" + (f" ({', '.join(extra)})" if extra else "")
 
 
 def operation(name: str, found: Operation) -> str:

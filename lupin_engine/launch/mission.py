@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +18,7 @@ from lupin_engine.chart.load import (
     mission_files,
 )
 from lupin_engine.chart.model import Chart
-from lupin_engine.errors import LupinError, UsageError, all_of
+from lupin_engine.errors import Problems, UsageError
 from lupin_engine.plugin.registry import Catalog
 
 #: Where missions are looked for before the shipped ones: the folder `missions` of the current folder.
@@ -83,24 +82,38 @@ def load_missions(names: Sequence[str], catalog: Catalog) -> Loaded:
 
 def _files(names: Sequence[str]) -> list[Path]:
     files: list[Path] = []
-
-    def find(name: str) -> None:
-        files.append(find_mission(name, folders()))
-
-    try:
-        all_of(*(partial(find, name) for name in names))
-    except LupinError as problem:
-        raise UsageError(str(problem)) from None
+    problems = Problems(UsageError)
+    for name in names:
+        with problems.collecting():
+            files.append(find_mission(name, folders()))
+    problems.tell()
     return files
+
+
+def check_fields(loaded: Loaded, tags: Sequence[str], goal: int) -> None:
+    """Look whether a request of the first mission has a field for what is given.
+
+    Raises:
+        UsageError: it has none, and would ignore it.
+    """
+    problems = Problems(UsageError)
+    fields = loaded.chart.missions[loaded.names[0]].request
+    for option, field, value in (("--tags", "tag_sequence", tags), ("--goal", "discovery_goal", goal)):
+        if value and field not in fields:
+            problems.add(
+                f"{loaded.names[0]} has no use for {option}: its request has no {field}; "
+                f"it has {', '.join(fields) or 'no fields'}"
+            )
+    problems.tell()
 
 
 def check_request(loaded: Loaded, given: Mapping[str, Any], tags: Sequence[str], goal: int) -> None:
     """Ask the first mission whether it would take a request, as far as that needs no robot.
 
     Raises:
-        UsageError: it would not, and the text is the one that the service would answer; or it has no field
-            for what is given, which the service would ignore.
-        LupinError: a parameter leads nowhere (for example: a layout file that is absent).
+        UsageError: it would not, and the text is the one that the service would answer; it has no field
+            for what is given (see `check_fields`); or a parameter leads nowhere (for example: a layout file
+            that is absent). The text has everything that is wrong.
     """
     # Drawing and checking need no machine, and it takes longer to import than they take.
     from lupin_engine.machine.environment import Surroundings
@@ -108,15 +121,13 @@ def check_request(loaded: Loaded, given: Mapping[str, Any], tags: Sequence[str],
     from lupin_engine.machine.request import read_request
     from lupin_engine.runtime.setup import make_world
 
-    fields = loaded.chart.missions[loaded.names[0]].request
-    for option, field, value in (("--tags", "tag_sequence", tags), ("--goal", "discovery_goal", goal)):
-        if value and field not in fields:
-            raise UsageError(
-                f"{loaded.names[0]} has no use for {option}: its request has no {field}; "
-                f"it has {', '.join(fields) or 'no fields'}"
-            )
-    world = make_world(loaded.chart, given)
-    data = {"mission_type": loaded.names[0], "tag_sequence": list(tags), "discovery_goal": goal}
-    _, refusal = read_request(world, data, Surroundings(world, Memory()).at("", 0.0))
-    if refusal is not None:
-        raise UsageError(refusal.text)
+    problems = Problems(UsageError)
+    with problems.collecting():
+        check_fields(loaded, tags, goal)
+    with problems.collecting():
+        world = make_world(loaded.chart, given)
+        data = {"mission_type": loaded.names[0], "tag_sequence": list(tags), "discovery_goal": goal}
+        _, refusal = read_request(world, data, Surroundings(world, Memory()).at("", 0.0))
+        if refusal is not None:
+            problems.add(refusal.text)
+    problems.tell()

@@ -24,6 +24,9 @@ PORT_BASE, PORTS_PER_DOMAIN, FIRST_OFFSET = 7400, 250, 10
 #: The network is looked at until nothing new has appeared for this long; other machines get this long to
 #: appear; and no look takes longer than this. In seconds.
 QUIET_S, LOOK_S, LIMIT_S = 0.3, 2.0, 6.0
+#: So many looks in a row without anything new are quiet as well: a process that was not let work for a while
+#: sees at its first look what it saw before, however long that was.
+QUIET_LOOKS = 6
 
 
 def settled(spin: Callable[[], None], look: Callable[[], _T], strangers: Callable[[_T], int]) -> _T:
@@ -35,14 +38,15 @@ def settled(spin: Callable[[], None], look: Callable[[], _T], strangers: Callabl
         strangers: how many nodes are seen, besides the one that looks.
     """
     begin = changed = time.monotonic()
-    seen = look()
+    seen, looks = look(), 0
     while (now := time.monotonic()) - begin < LIMIT_S:
-        if now - changed >= QUIET_S and _all_known(strangers(seen), now - begin):
+        quiet = now - changed >= QUIET_S and looks >= QUIET_LOOKS
+        if quiet and _all_known(strangers(seen), now - begin):
             break
         spin()
-        found = look()
+        found, looks = look(), looks + 1
         if found != seen:
-            seen, changed = found, now
+            seen, changed, looks = found, now, 0
     return seen
 
 

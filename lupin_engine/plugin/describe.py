@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from lupin_engine.plugin.contract import Argument, Code, OnHold, Operation, Parameter, Plugin
 from lupin_engine.plugin.parameters import narrowed
-from lupin_engine.plugin.types import Type
+from lupin_engine.plugin.types import ANY, Type, in_unit, units_of
 
 #: What a hold does to an attempt.
 HOLDS: Mapping[OnHold, str] = {
@@ -83,7 +83,7 @@ def _values(plugin: Plugin) -> Iterator[Entry]:
     for name, value in plugin.values.items():
         facts = [("type", type_text(value.type))]
         if value.initial is not None:
-            facts.append(("before the first report", value_text(value.initial)))
+            facts.append(("before the first report", value_text(value.initial, value.type)))
         if value.freshness is not None:
             facts.append(("known for", f"{value.freshness:g} s after a report"))
         yield Entry(name, value.doc, facts=tuple(facts))
@@ -105,7 +105,10 @@ def _types(plugin: Plugin) -> Iterator[Entry]:
 
 def _parameters(plugin: Plugin) -> Iterator[Entry]:
     for name, parameter in plugin.parameters.items():
-        facts = (("type", _parameter_type(parameter)), ("default", value_text(parameter.default)))
+        facts = (
+            ("type", _parameter_type(parameter)),
+            ("default", value_text(parameter.default, parameter.type)),
+        )
         yield Entry(name, parameter.doc, facts=facts)
 
 
@@ -129,7 +132,7 @@ def _arguments(declared: Mapping[str, Argument]) -> tuple[tuple[str, str, str], 
 
 def _argument_type(argument: Argument) -> str:
     if argument.default is not None:
-        return f"{type_text(argument.type)}, default {value_text(argument.default)}"
+        return f"{type_text(argument.type)}, default {value_text(argument.default, argument.type)}"
     return f"{type_text(argument.type)}{', optional' if argument.optional else ''}"
 
 
@@ -137,18 +140,36 @@ def type_text(kind: Type) -> str:
     """Return a type with its unit, its limits and its values."""
     unit = f" in {kind.unit}" if kind.unit and kind.unit not in kind.name.split() else ""
     values = f", one of {', '.join(kind.values)}" if kind.values else ""
-    return f"{kind.name}{unit}{_limits(kind.minimum, kind.maximum)}{values}"
+    return f"{kind.name}{unit}{_limits(kind)}{values}"
 
 
-def value_text(value: object) -> str:
-    """Return a value as a mission would write it."""
+def number_text(value: float, unit: str) -> tuple[str, str]:
+    """Return a number that is kept in `unit` as people would write it, and its unit.
+
+    That is another one only where it takes fewer digits to say exactly the same: 90 deg, not 1.5708 rad.
+    """
+    for other in (unit, *units_of(unit)):
+        number = in_unit(value, other) if other else value
+        if float(f"{number:g}") == number:
+            return f"{number:g}", other
+    return f"{value:g}", unit
+
+
+def value_text(value: object, kind: Type = ANY) -> str:
+    """Return a value of a type as a mission would write it; in the base unit without that."""
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, Mapping):
-        return "{" + ", ".join(f"{name}: {value_text(inner)}" for name, inner in value.items()) + "}"
+        inside = (f"{name}: {value_text(one, kind.fields.get(name, ANY))}" for name, one in value.items())
+        return "{" + ", ".join(inside) + "}"
     if isinstance(value, (list, tuple)):
-        return "[" + ", ".join(map(value_text, value)) + "]"
-    return f"{value:g}" if isinstance(value, float) else f"{value}" or '""'
+        return "[" + ", ".join(value_text(one, kind.item or ANY) for one in value) + "]"
+    return _number(value, kind.unit) if isinstance(value, float) else f"{value}" or '""'
+
+
+def _number(value: float, unit: str) -> str:
+    number, other = number_text(value, unit)
+    return number if other == unit else f"{number} {other}"
 
 
 def _fields(fields: Mapping[str, Type]) -> str:
@@ -159,6 +180,6 @@ def _codes(codes: tuple[Code, ...]) -> str:
     return ", ".join(f"{code.name} ({code.label})" for code in codes)
 
 
-def _limits(minimum: float | None, maximum: float | None) -> str:
-    lowest = "" if minimum is None else f", at least {minimum:g}"
-    return lowest + ("" if maximum is None else f", at most {maximum:g}")
+def _limits(kind: Type) -> str:
+    lowest = "" if kind.minimum is None else f", at least {_number(kind.minimum, kind.unit)}"
+    return lowest + ("" if kind.maximum is None else f", at most {_number(kind.maximum, kind.unit)}")

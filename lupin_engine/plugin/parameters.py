@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Callable, Mapping
 from typing import Any
 
 from lupin_engine.errors import meant, nearest
 from lupin_engine.plugin.contract import Parameter
-from lupin_engine.plugin.types import Type, convert
+from lupin_engine.plugin.types import Type, convert, within
 
 #: Reads a value of the parameter that is named; ValueError says what is wrong with it.
 Reader = Callable[[str, Parameter, Any], Any]
@@ -16,9 +15,7 @@ Reader = Callable[[str, Parameter, Any], Any]
 
 def narrowed(spec: Parameter) -> Type:
     """Return the type of a parameter with the parameter's own range in it."""
-    lows = [low for low in (spec.minimum, spec.type.minimum) if low is not None]
-    highs = [high for high in (spec.maximum, spec.type.maximum) if high is not None]
-    return dataclasses.replace(spec.type, minimum=max(lows, default=None), maximum=min(highs, default=None))
+    return within(spec.type, spec.minimum, spec.maximum)
 
 
 def accepted(spec: Parameter, value: Any) -> Any:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from types import MappingProxyType
 from typing import Any
@@ -48,6 +48,8 @@ MAX_LISTS = 8
 #: Letters that are told of what is wrong with something that a plugin told.
 MAX_TOLD = 120
 
+#: Digits that every number keeps on its way through a float.
+_CERTAIN_DIGITS = 15
 _QUANTITY = re.compile(r"^([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*([A-Za-z/%]+)$")
 
 
@@ -125,6 +127,39 @@ def number_in(unit: str) -> Type:
 def units_of(base: str) -> list[str]:
     """Return the units in which a number of a base unit may be written."""
     return [unit for unit, (of, _) in UNITS.items() if of == base]
+
+
+def innermost(kind: Type) -> Type:
+    """Return what a list holds, also one in lists; of any other type, the type itself."""
+    while kind.kind == "list" and kind.item is not None:
+        kind = kind.item
+    return kind
+
+
+def within(kind: Type, minimum: float | None, maximum: float | None) -> Type:
+    """Return a type with a range of its own besides the one that it has."""
+    if minimum is None and maximum is None:
+        return kind
+    lows = [low for low in (minimum, kind.minimum) if low is not None]
+    highs = [high for high in (maximum, kind.maximum) if high is not None]
+    return replace(kind, minimum=max(lows, default=None), maximum=min(highs, default=None))
+
+
+def in_unit(value: Any, unit: str) -> Any:
+    """Return a number that is kept in the base of `unit` as a number of that unit; a list, each of it.
+
+    What was written as `60 deg` is 60.0, not the nearest number that the way to radians and back leads to.
+    """
+    if isinstance(value, (list, tuple)):
+        return [in_unit(element, unit) for element in value]
+    return float(f"{value / UNITS[unit][1]:.{_CERTAIN_DIGITS}g}")
+
+
+def in_base(value: Any, unit: str) -> Any:
+    """Return a number of `unit` as it is kept; of a list, each."""
+    if isinstance(value, (list, tuple)):
+        return [in_base(element, unit) for element in value]
+    return value * UNITS[unit][1]
 
 
 def parse_type(text: str, known: Mapping[str, Type]) -> Type:
@@ -250,13 +285,18 @@ def _is_finite(value: float) -> bool:
 def _check_range(number: float, wanted: Type, written: Any) -> None:
     low, high = wanted.minimum, wanted.maximum
     if (low is not None and number < low) or (high is not None and number > high):
-        raise ValueError(f"expected {wanted} {_range(wanted)}, got {written!r}")
+        raise ValueError(f"expected {wanted} {_range(wanted, written)}, got {written!r}")
 
 
-def _range(kind: Type) -> str:
-    """Return what numbers of a type are allowed, with their unit."""
-    unit = f" {kind.unit}" if kind.unit and kind.unit not in kind.name.split() else ""
-    low, high = kind.minimum, kind.maximum
+def _range(kind: Type, written: Any) -> str:
+    """Return what numbers of a type are allowed, in the unit that a wrong one was written with."""
+    quantity = _QUANTITY.match(written.strip()) if isinstance(written, str) else None
+    chosen = quantity[2] if quantity is not None else kind.unit
+    unit = f" {chosen}" if chosen and chosen not in kind.name.split() else ""
+    low, high = (
+        limit if limit is None or chosen not in UNITS else in_unit(limit, chosen)
+        for limit in (kind.minimum, kind.maximum)
+    )
     if low is not None and high is not None:
         return f"between {low:g} and {high:g}{unit}"
     return f"of at least {low:g}{unit}" if low is not None else f"of at most {high:g}{unit}"

@@ -8,7 +8,7 @@ from typing import Any
 from lupin_bridge import greenhouse, mqtt, recorded
 from lupin_bridge.backend import REAL_CLOCKS, Backend, Clocks, Sensors, Tell
 from lupin_bridge.recording import load_recording
-from lupin_engine.errors import Severity, all_of
+from lupin_engine.errors import Problems, Severity
 from lupin_engine.world import layout
 
 Parameters = Mapping[str, Any]
@@ -76,7 +76,12 @@ def _recorded(parameters: Parameters, clocks: Clocks, _: Tell) -> Backend:
 
 
 def _check_recorded(parameters: Parameters) -> None:
-    all_of(lambda: _sensors(parameters), lambda: load_recording(parameters["recording_file"]))
+    problems = Problems()
+    with problems.collecting():
+        _sensors(parameters)
+    with problems.collecting():
+        load_recording(parameters["recording_file"])
+    problems.tell()
 
 
 def _mqtt(parameters: Parameters, _: Clocks, tell: Tell) -> Backend:
@@ -85,7 +90,12 @@ def _mqtt(parameters: Parameters, _: Clocks, tell: Tell) -> Backend:
 
 
 def _check_mqtt(parameters: Parameters) -> None:
-    all_of(lambda: _sensors(parameters), lambda: mqtt.check(_broker(parameters)))
+    problems = Problems()
+    with problems.collecting():
+        _sensors(parameters)
+    with problems.collecting():
+        mqtt.check(_broker(parameters))
+    problems.tell()
 
 
 def _broker(parameters: Parameters) -> mqtt.Settings:

@@ -32,7 +32,7 @@ from lupin_bridge.backend import (
 from lupin_bridge.latest import Latest
 from lupin_bridge.stamps import time_of_day
 from lupin_bridge.topics import Rejected, Sample, Template, samples
-from lupin_engine.errors import LupinError, Severity, all_of, shortened
+from lupin_engine.errors import LupinError, Problems, Severity, shortened
 
 if TYPE_CHECKING:
     from paho.mqtt.client import Client, MQTTMessage
@@ -88,12 +88,16 @@ def check(settings: Settings) -> None:
         LupinError: they cannot be, or the library is not installed; the text has everything that is wrong.
     """
     client = _new_client()
-    all_of(
-        lambda: Template(settings.topic),
-        lambda: _aim(client, settings),
-        lambda: _credentials(settings.credentials_file),
-        lambda: _secure(client, settings),
-    )
+    problems = Problems()
+    with problems.collecting():
+        Template(settings.topic)
+    with problems.collecting():
+        _aim(client, settings)
+    with problems.collecting():
+        _credentials(settings.credentials_file)
+    with problems.collecting():
+        _secure(client, settings)
+    problems.tell()
 
 
 class Mqtt:

@@ -66,9 +66,10 @@ class Watch:
 
     def add(self, detections: Iterable[Detection], place: Point | None, now: float) -> Pest | None:
         """Take in a frame seen from `place`; returns a pest that is to be reported now."""
-        sure = [d.confidence for d in detections if d.name == self._name]
-        confidence = max(sure, default=0.0)
-        if not sure or confidence < self._min_confidence:
+        sure = [
+            d.confidence for d in detections if d.name == self._name and d.confidence >= self._min_confidence
+        ]
+        if not sure:
             self._row = 0
             return None
         self._row = self._row + 1 if now - self._last <= ROW_S else 1
@@ -76,7 +77,7 @@ class Watch:
         if self._row < self._frames or place is None or not self._is_new(place):
             return None
         self._reported.append(place)
-        return Pest(self._name, confidence)
+        return Pest(self._name, max(sure))
 
     def _is_new(self, place: Point) -> bool:
         near = any(math.dist(place, other) < self._spacing for other in self._reported)

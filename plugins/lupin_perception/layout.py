@@ -63,7 +63,7 @@ def fit(known: ArrayLike, found: ArrayLike) -> Motion:
 
 def spread(points: ArrayLike) -> float:
     """Return how far points (x, y) are from their middle, in metres: the root of the mean square."""
-    placed = np.asarray(points, dtype=float).reshape(-1, 2)
+    placed = np.asarray(points, dtype=float)
     return float(np.sqrt(((placed - placed.mean(axis=0)) ** 2).sum(axis=1).mean()))
 
 

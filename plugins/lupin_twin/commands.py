@@ -12,7 +12,7 @@ from typing import Any
 
 import click
 
-from lupin_engine.errors import LupinError, UsageError, nearest
+from lupin_engine.errors import LupinError, Problems, UsageError, nearest
 from lupin_engine.plugin.files import write_atomically
 from lupin_engine.world.layout import numeric_key
 from lupin_twin.export.forms import finite, utc
@@ -188,8 +188,12 @@ def export(
     store: str, domain: int | None, mission: str, format_: str | None, output: str, origin: str | None
 ) -> int:
     """Write the record of a mission."""
-    wanted = _format(format_, output)
-    where = None if origin is None else Georeference.parse(origin)
+    problems = Problems(UsageError)
+    with problems.collecting():
+        wanted = _format(format_, output)
+    with problems.collecting():
+        where = None if origin is None else Georeference.parse(origin)
+    problems.tell()
     if where is None and wanted in ("geojson", "sensorthings"):
         raise UsageError(
             f"{wanted} has longitude and latitude, and the map is in metres from its own origin: "
@@ -248,16 +252,16 @@ def plot(
     from lupin_twin.picture import ENDINGS as PICTURES
     from lupin_twin.picture import picture
 
+    problems = Problems(UsageError)
     if distance is not None and not (math.isfinite(distance) and distance > 0.0):
-        raise UsageError(f"--distance {distance:g}: must be above 0 m")
+        problems.add(f"--distance {distance:g}: must be above 0 m")
+    ending = output.suffix.lower()
+    if ending and ending not in PICTURES and not output.is_dir():
+        problems.add(f"{str(output)!r} is no picture: end it in {' or '.join(PICTURES)}, or name a folder")
+    problems.tell()
     content = _content(store, domain)
     record = select(content.rows, mission)
     sensors = _sensors(record, sensor)
-    ending = output.suffix.lower()
-    if ending and ending not in PICTURES and not output.is_dir():
-        raise UsageError(
-            f"{str(output)!r} is no picture: end it in {' or '.join(PICTURES)}, or name a folder"
-        )
     to_file = ending in PICTURES and not output.is_dir()
     if to_file and len(sensors) > 1:
         raise UsageError(f"one file has one sensor: add --sensor ({', '.join(sensors)}), or name a folder")

@@ -5,7 +5,8 @@ from __future__ import annotations
 import io
 import math
 import warnings
-from typing import TYPE_CHECKING, Any
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
@@ -40,8 +41,12 @@ LEAST_SPAN, LEAST_UNITS = 0.01, 0.01
 #: Inches of the longer side of the field, and dots of each.
 SIDE_IN, DPI = 6.5, 150
 
-#: Points: letters of a label, and half of a mark; and letters of an id that are shown.
-LETTER_PT, MARK_PT, LABEL = 7.0, 3.0, 12
+#: Points: letters of a label, its distance from the tag, a mark and the line around it; and letters of an id
+#: that are shown.
+LETTER_PT, GAP_PT, MARK_PT, LINE_PT, LABEL = 7.0, 4.0, 4.5, 0.8, 12
+
+#: What of the field may be hidden. Where labels would need more there are none, and marks become smaller.
+BY_LABELS, BY_MARKS = 0.25, 0.1
 
 #: An occupied cell of the map has this value or more, of 100.
 OCCUPIED = 65
@@ -51,6 +56,15 @@ _MISSING = "pictures need a package that is not installed: pip install 'lupin-en
 #: Dark ink on white; the colour scale is one that people who see few colours can read as well.
 _INK, _FAINT, _HATCH, _COLOURS = "#1b1f24", "#5b636c", "#c3c8ce", "viridis"
 _WALL = (0.32, 0.35, 0.38)
+
+#: Where the label of a tag is, if it has one: right of its mark (else left), above it (else below).
+Label: TypeAlias = tuple[bool, bool] | None
+
+#: Where a label may be, above and right; the first is where it is if it can.
+_AROUND = ((True, True), (True, False), (False, True), (False, False))
+
+#: A rectangle in points: left, bottom, right, top.
+Box: TypeAlias = tuple[float, float, float, float]
 
 
 class NoPicture(LupinError):
@@ -168,21 +182,24 @@ def _draw(
     )
     if occupancy is not None:
         _walls(axes, grid, occupancy, extent)
-    _tags(axes, grid, tags, sensor)
+    labels = _labels(grid, tags)
+    _marks(axes, grid, tags, sensor)
+    _write_labels(axes, tags, labels)
     bar = axes.figure.colorbar(image, ax=axes, fraction=0.05, pad=0.03)
     bar.set_label(_plain(with_unit(sensor)[:40]), color=_INK)
     bar.outline.set_visible(False)
     axes.set_title(_title(sensor, values), loc="left", fontsize=10, color=_INK, pad=46)
-    key = f"{_source(record, sensor, len(values))}\n{_key(occupancy, reach)}"
+    key = f"{_source(record, sensor, len(values))}\n{_key(occupancy, reach, None not in labels)}"
     axes.text(0.0, 1.01, key, transform=axes.transAxes, fontsize=7, color=_FAINT, va="bottom")
     axes.tick_params(colors=_INK, labelsize=8)
     for spine in axes.spines.values():
         spine.set_color(_FAINT)
 
 
-def _key(occupancy: OccupancyMap | None, reach: float) -> str:
-    blank = f"filled: read here · hollow: not read\nblank: nothing was read within {reach:g} m"
-    return blank if occupancy is None else f"{blank} · hatched: not explored"
+def _key(occupancy: OccupancyMap | None, reach: float, labelled: bool) -> str:
+    marks = "filled: read here · hollow: not read" + ("" if labelled else " · no id: no room")
+    blank = f"blank: nothing was read within {reach:g} m"
+    return f"{marks}\n{blank}" + ("" if occupancy is None else " · hatched: not explored")
 
 
 def _range(values: Floats) -> tuple[float, float]:
@@ -228,28 +245,37 @@ def _walls(
     axes.imshow(ink, origin="lower", extent=extent, interpolation="nearest", zorder=2)
 
 
-def _tags(axes: Axes, grid: Grid, tags: list[Tag], sensor: str) -> None:
-    """Mark each tag with its id; those without a reading of this sensor are hollow."""
-    from matplotlib.patheffects import withStroke
-
-    for tag, place in zip(tags, _labels(grid, tags), strict=True):
-        assert tag.pin is not None
-        measured = math.isfinite(tag.readings.get(sensor, math.nan))
+def _marks(axes: Axes, grid: Grid, tags: list[Tag], sensor: str) -> None:
+    """Mark each tag; those without a reading of this sensor are hollow."""
+    places = np.array([(tag.pin.x, tag.pin.y) for tag in tags if tag.pin is not None])
+    size = min(MARK_PT, math.sqrt(BY_MARKS * math.prod(_edge(grid)) / len(tags)))
+    read = np.array([math.isfinite(tag.readings.get(sensor, math.nan)) for tag in tags])
+    for shown, fill, line in ((~read, "white", _INK), (read, _INK, "white")):
+        # All at once: an artist for each takes seconds for thousands of tags.
         axes.plot(
-            tag.pin.x,
-            tag.pin.y,
+            *places[shown].T,
+            linestyle="none",
             marker="o",
-            markersize=4.5,
-            markerfacecolor=_INK if measured else "white",
-            markeredgecolor="white" if measured else _INK,
-            markeredgewidth=0.8,
+            markersize=size,
+            markerfacecolor=fill,
+            markeredgecolor=line,
+            markeredgewidth=LINE_PT * size / MARK_PT,
             zorder=4,
         )
-        right, above = place
+
+
+def _write_labels(axes: Axes, tags: list[Tag], labels: list[Label]) -> None:
+    """Write the id of each tag that has room for it beside its mark."""
+    from matplotlib.patheffects import withStroke
+
+    for tag, label in zip(tags, labels, strict=True):
+        if label is None or tag.pin is None:
+            continue
+        right, above = label
         axes.annotate(
             _plain(tag.tag_id[:LABEL]),
             (tag.pin.x, tag.pin.y),
-            xytext=(4 if right else -4, 4 if above else -4),
+            xytext=(GAP_PT if right else -GAP_PT, GAP_PT if above else -GAP_PT),
             textcoords="offset points",
             ha="left" if right else "right",
             va="bottom" if above else "top",
@@ -260,52 +286,57 @@ def _tags(axes: Axes, grid: Grid, tags: list[Tag], sensor: str) -> None:
         )
 
 
-def _labels(grid: Grid, tags: list[Tag]) -> list[tuple[bool, bool]]:
-    """Return where the label of each tag is: right or left of its mark, above or below.
+def _points(grid: Grid) -> float:
+    """Return how many points a metre is long in the picture, about."""
+    return 72.0 * SIDE_IN / (max(grid.width, grid.height) * grid.resolution)
 
-    The first of the four places in the picture that covers no mark and no earlier label; where none is free,
-    the first.
+
+def _edge(grid: Grid) -> tuple[float, float]:
+    """Return how wide and how high the field is in the picture, in points."""
+    metre = grid.resolution * _points(grid)
+    return grid.width * metre, grid.height * metre
+
+
+def _labels(grid: Grid, tags: list[Tag]) -> list[Label]:
+    """Return where the label of each tag is.
+
+    It is in the first of the four places around its mark that covers no mark and no earlier label, in the
+    picture if possible. Where none is free, and where labels would hide the field, there is no label.
     """
-    points = 72.0 * SIDE_IN / (max(grid.width, grid.height) * grid.resolution)  # in a metre, about
-    marks = [
-        ((tag.pin.x - grid.min_x) * points, (tag.pin.y - grid.min_y) * points)
-        for tag in tags
-        if tag.pin is not None
-    ]
-    edge = grid.width * grid.resolution * points, grid.height * grid.resolution * points
-    taken = [(x - MARK_PT, y - MARK_PT, x + MARK_PT, y + MARK_PT) for x, y in marks]
-    places = []
-    for tag, (x, y) in zip(tags, marks, strict=True):
-        width, height = 0.6 * LETTER_PT * len(tag.tag_id[:LABEL]), LETTER_PT
-        boxes = {
-            (right, above): (
-                x + 4 if right else x - 4 - width,
-                y + 4 if above else y - 4 - height,
-                x + 4 + width if right else x - 4,
-                y + 4 + height if above else y - 4,
-            )
-            for above in (True, False)
-            for right in (True, False)
-        }
-        free = (
-            place
-            for place, box in boxes.items()
-            if _inside(box, edge) and not any(_overlap(box, other) for other in taken)
-        )
-        place = next(free, (True, True))
-        places.append(place)
-        taken.append(boxes[place])
-    return places
+    places = [(tag.pin.x - grid.min_x, tag.pin.y - grid.min_y) for tag in tags if tag.pin is not None]
+    marks, edge = np.array(places) * _points(grid), _edge(grid)
+    sizes = [(0.6 * LETTER_PT * len(tag.tag_id[:LABEL]), LETTER_PT) for tag in tags]
+    labels: list[Label] = [None] * len(tags)
+    if sum(width * height for width, height in sizes) > BY_LABELS * math.prod(edge):
+        return labels
+    half = (MARK_PT + 2.0 * LINE_PT) / 2.0
+    taken = np.concatenate([np.hstack([marks - half, marks + half]), np.zeros((len(tags), 4))])
+    for index, (mark, size) in enumerate(zip(marks.tolist(), sizes, strict=True)):
+        boxes = {(right, above): _box(mark, size, right, above) for above, right in _AROUND}
+        free = [place for place, box in boxes.items() if not _covers(box, taken[: len(tags) + index])]
+        inside = [place for place in free if _inside(boxes[place], edge)]
+        labels[index] = place = next(iter((*inside, *free)), None)
+        if place is not None:
+            taken[len(tags) + index] = boxes[place]
+    return labels
 
 
-def _inside(box: tuple[float, ...], edge: tuple[float, float]) -> bool:
-    """Say whether a box (left, bottom, right, top) is between 0 and the edge."""
+def _box(mark: Sequence[float], size: tuple[float, float], right: bool, above: bool) -> Box:
+    """Return the left, bottom, right and top of a label."""
+    x = mark[0] + GAP_PT if right else mark[0] - GAP_PT - size[0]
+    y = mark[1] + GAP_PT if above else mark[1] - GAP_PT - size[1]
+    return x, y, x + size[0], y + size[1]
+
+
+def _inside(box: Box, edge: tuple[float, float]) -> bool:
+    """Say whether a box is between 0 and the edge."""
     return min(box[:2]) >= 0.0 and box[2] <= edge[0] and box[3] <= edge[1]
 
 
-def _overlap(one: tuple[float, ...], other: tuple[float, ...]) -> bool:
-    """Say whether two boxes (left, bottom, right, top) share a place."""
-    return one[0] < other[2] and other[0] < one[2] and one[1] < other[3] and other[1] < one[3]
+def _covers(box: Box, others: Floats) -> bool:
+    """Say whether a box shares a place with one of the others (rows)."""
+    left, bottom, right, top = others.T
+    return bool(((box[0] < right) & (left < box[2]) & (box[1] < top) & (bottom < box[3])).any())
 
 
 def _title(sensor: str, values: Floats) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -14,6 +15,7 @@ from lupin_engine.plugin.registry import Catalog
 from lupin_engine.plugin.types import DURATION, number_in
 
 MINI = Path(__file__).parents[1] / "charts" / "mini"
+AROUND: dict[str, Any] = {"param": {}, "constant": {}, "now": 0.0}
 VALUE = """\
 binding: scale
 summary: The scale.
@@ -69,7 +71,8 @@ def test_a_number_in_a_unit_is_kept_in_its_base(
     assert bound is not None
     assert findings.all == ()
     assert bound.catalog.values["scale.weight"].type == (DURATION if base == "s" else number_in(base))
-    assert bound.bindings["scale"].values["scale.weight"].factor == factor
+    heard = bound.bindings["scale"].values["scale.weight"].heard({"data": 5.0}, AROUND)
+    assert heard == {"value": pytest.approx(5.0 * factor)}
 
 
 def test_a_default_that_is_wrong_is_told_once(tmp_path: Path, catalog: Catalog) -> None:

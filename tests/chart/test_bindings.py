@@ -74,6 +74,7 @@ GOAL = {
     "patience": SECONDS,
     "points": list_of(message("Point", x=NUMBER)),
     "mode": COUNT,
+    "step": COUNT,
     "stops": list_of(POSE_MESSAGE),
 }
 SURVEY: dict[str, Definition] = {
@@ -240,13 +241,14 @@ def test_what_else_missions_see(survey: Binding) -> None:
 
 def test_a_goal_is_computed(survey: Binding) -> None:
     """From arguments, parameters, constants and the time; lists of messages, too."""
-    arguments = {"place": PLACE, "stops": [PLACE]}
+    arguments = {"place": PLACE, "stops": [PLACE], "step": 0.57}
     assert survey.calls["walk"].sending.sent(arguments, ON_THE_WAY) == {
         "header": {"stamp": 12.5, "frame_id": "bed"},
         "middle": PLACE,
         "patience": "5 s",
         "points": [{"x": 1.5}, {"x": 10.0}],
         "mode": 3,
+        "step": 57,
         "stops": [PLACE],
     }
 
@@ -343,7 +345,7 @@ def test_how_an_action_ended(survey: Binding) -> None:
     call = survey.calls["walk"]
     end = {"x": 1.0, "y": 2.0, "yaw": pytest.approx(math.pi)}
     good = call.outcome(walked(), ON_THE_WAY)
-    assert good.result == {"steps": 5, "end": end, "took": 2.5, "halves": 2}
+    assert good.result == {"steps": 5, "end": end, "took": 2.5, "halves": 2, "way": 0.05}
     assert call.outcome(walked("aborted"), ON_THE_WAY) == Outcome(None, "no_walk")
     assert call.outcome(walked("aborted", error=9), ON_THE_WAY) == Outcome(None, "blocked")
     assert call.progress({"steps": 4}, ON_THE_WAY) == "steps -4, still walking"

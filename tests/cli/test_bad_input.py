@@ -104,14 +104,17 @@ def test_everything_that_is_wrong_is_told_at_once(
     ]
 
 
-def test_a_mission_with_errors_is_told_in_full(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+@pytest.mark.parametrize("verb", ["run", "up", "simulate"])
+def test_a_mission_with_errors_is_told_in_full(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, verb: str
+) -> None:
     """Every finding; exit code 2, because 1 says that targets were missed."""
     shutil.copytree(SHIPPED, tmp_path / "m")
     file = tmp_path / "m" / "inspection.yaml"
     file.write_text(
         file.read_text().replace("phase: LOC", "phaze: LOC").replace("on_error: FAULT", "on_error: FALT")
     )
-    assert main(["run", str(file)]) == 2
+    assert main([verb, str(file)]) == 2
     first, second = capsys.readouterr().err.splitlines()
     assert first.startswith(f"{file}:")
     assert first.endswith("unknown key 'phaze'; did you mean 'phase'? [unknown-key]")

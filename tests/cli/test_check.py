@@ -231,9 +231,15 @@ def test_a_folder_without_missions_is_wrong_usage(folder: Path, capsys: pytest.C
         ),
         (
             ["--github", "--watch", "--json"],
-            "lupin: --json and --github are different forms of the same findings; use one of them\n",
+            "lupin: --json and --github are different forms of the same findings; use one of them\n"
+            "--watch is for people and --json and --github for programs; use one of them\n",
         ),
         (["--watch", "--json", "m.yaml"], "--watch is for people and --json for programs; use one of them"),
+        (
+            ["none.yaml", "m.yaml", "a.scenario.yaml"],
+            "lupin: no mission file 'none.yaml'\n"
+            "'a.scenario.yaml' is a scenario; scenarios are read by lupin test\n",
+        ),
         (["--jsn"], "No such option"),
     ],
 )

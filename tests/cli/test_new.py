@@ -112,6 +112,10 @@ def test_nothing_to_be_like(folder: Path, capsys: pytest.CaptureFixture[str]) ->
     """The text lists those that there are."""
     assert main(["new", "a", "--like", "inspction"]) == 2
     assert capsys.readouterr().err.endswith("did you mean 'inspection'?\n")
+    assert main(["new", "A", "--like", "inspction"]) == 2
+    name, like = capsys.readouterr().err.splitlines()
+    assert name.startswith("lupin: 'A' cannot be the name of a mission's file")
+    assert like.endswith("did you mean 'inspection'?")
     assert files(folder) == []
 
 

@@ -106,7 +106,7 @@ def test_two_packages_with_a_plugin_of_one_name(
     assert run(capsys, "show", "lamp") == (1, "", f"lupin: {problem}\n")
     code, out, _ = run(capsys, "check", "lamp", "--json")
     assert (code, json.loads(out)[0]) == (1, {"plugin": "lamp", "rule": "registered", "problems": [problem]})
-    assert main(["simulate", "inspection"]) == 1
+    assert main(["simulate", "inspection"]) == 2
     assert capsys.readouterr().err == f"lupin: {problem}\n"
 
 

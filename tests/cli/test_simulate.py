@@ -265,7 +265,8 @@ def test_a_timeline_goes_to_the_terminal() -> None:
     ("arguments", "told"),
     [
         (["--timeline", "a.gif"], "'a.gif' ends in neither .svg nor .png; - draws in the terminal"),
-        (["--timeline", "absent/a.svg"], "cannot write 'absent/a.svg': No such file or directory"),
+        (["--timeline", "file/a.svg"], "no picture can be written to 'file': File exists"),
+        (["--timeline", "folder.svg"], "cannot write 'folder.svg': Is a directory"),
         (["--until", "SCANING"], "--until: no state 'SCANING'; did you mean 'SCANNING'?"),
         (["--until", "5 parsecs"], "write a duration such as '90 s' or '20 min'"),
         (["--interactive", "--json"], "--interactive goes with --tags, --goal, --set and --seed only"),
@@ -282,8 +283,51 @@ def test_wrong_options_are_told(
 ) -> None:
     """Exit code 2, and what is allowed."""
     monkeypatch.chdir(tmp_path)
+    (tmp_path / "file").touch()
+    (tmp_path / "folder.svg").mkdir()
     assert main(["simulate", "inspection", "--tags", "1", *arguments]) == 2
     assert told in capsys.readouterr().err
+
+
+def test_all_wrong_options_are_told_at_once(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """Of a mission, and of a scenario, which has a request and parameters of its own."""
+    monkeypatch.chdir(tmp_path)
+    wrong = ["--until", "SCANING", "--timeline", "a.gif", "--set", "nav_timeout=5", "--goal", "3"]
+    both = [
+        "lupin: --timeline: 'a.gif' ends in neither .svg nor .png; - draws in the terminal",
+        "--until: no state 'SCANING'; did you mean 'SCANNING'?",
+    ]
+    of_missions = [
+        "InspectionMission has no use for --goal: its request has no discovery_goal; it has tag_sequence",
+        "--set: unknown parameter 'nav_timeout'; did you mean 'nav_timeout_s'?",
+    ]
+    assert main(["simulate", "inspection", *wrong, "--set", "tag_locations_file=absent.json"]) == 2
+    assert capsys.readouterr().err.splitlines() == [
+        both[0],
+        *of_missions,
+        both[1],
+        "tag_locations_file 'absent.json' cannot be used: No such file or directory",
+    ]
+    assert main(["simulate", str(SCENARIOS / "three_tags.scenario.yaml"), "-i", *wrong]) == 2
+    assert capsys.readouterr().err.splitlines() == [
+        "lupin: --interactive goes with --tags, --goal, --set and --seed only",
+        both[0].removeprefix("lupin: "),
+        "a scenario names its own request and parameters; --tags, --goal and --set are for missions",
+        both[1],
+    ]
+
+
+def test_a_broken_mission_is_not_done(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    """Exit code 2 as for a run, because 1 says that targets were missed; the finding has its place."""
+    file = tmp_path / "broken.yaml"
+    file.write_text(
+        "mission: Broken\ninitial: A\nstates:\n  A: {after: {1 s: B}, phaze: X}\n  B: {type: final}\n"
+    )
+    told = f"{file}:4:24: error: states.A: unknown key 'phaze'; did you mean 'phase'? [unknown-key]\n"
+    assert main(["simulate", str(file), "--timeline", "a.gif"]) == 2
+    assert capsys.readouterr().err == told
 
 
 # -- by hand ----------------------------------------------------------------------------------------------

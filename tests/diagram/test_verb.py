@@ -187,6 +187,12 @@ def test_a_large_chart_is_drawn_to_a_readable_depth(
             "cannot write 'no/such/folder.svg': No such file or directory",
         ),
         (
+            ("inspekt", "--focus", "X", "-o", "x.txt", "--trace", "README.md"),
+            "'x.txt' says no format: end it in .mmd, .puml, .dot, .scxml, .svg, .png, or add --format\n"
+            "'README.md' is not the record of a run; 'lupin simulate MISSION --json' prints one\n"
+            "no mission 'inspekt' in missions; did you mean 'inspection'?",
+        ),
+        (
             ("--all", "missions"),
             "--all FOLDER needs --output FOLDER, and takes no MISSION, --focus or --trace",
         ),

@@ -22,6 +22,8 @@ from tests.docs.test_guide import pages
 
 pytest.importorskip("setuptools", reason="the package is built with it")
 
+pytestmark = pytest.mark.timeout(300)
+
 PAGE = Path(__file__).parents[2] / "docs" / "plugins.md"
 BUILD = "from setuptools import setup; setup()"
 
@@ -43,7 +45,7 @@ class Elsewhere:
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,
-            timeout=110,
+            timeout=280,
         )
 
     def lupin(self, *arguments: str) -> subprocess.CompletedProcess[str]:

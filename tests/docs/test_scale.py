@@ -14,6 +14,8 @@ import pytest
 from lupin_engine.harness.domains import claimed_domain
 from tests.docs.test_guide import pages
 
+pytestmark = pytest.mark.timeout(300)
+
 PAGE = Path(__file__).parents[2] / "docs" / "scale.md"
 CATALOG, CLIENT, NODE = (f"lupin_scale/{name}.py" for name in ("catalog", "client", "node"))
 CANCELLED = """\
@@ -65,7 +67,7 @@ def lupin(*arguments: str, folder: Path, path: str = "") -> subprocess.Completed
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         text=True,
-        timeout=110,
+        timeout=280,
     )
 
 

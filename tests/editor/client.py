@@ -147,13 +147,26 @@ class Client:
         """Return the next findings of a file, of a version of it when there is one."""
 
         def wanted(message: Message) -> bool:
-            params = message.get("params") or {}
-            if message.get("method") != "textDocument/publishDiagnostics" or params["uri"] != path.as_uri():
-                return False
-            return version is None or params.get("version") == version
+            return _tells(message, path) and version in (None, message["params"].get("version"))
 
         found: list[Message] = self.wait(wanted)["params"]["diagnostics"]
         return found
+
+    def until_found(self, path: Path) -> None:
+        """Wait until something is found in a file."""
+        self.wait(lambda message: _tells(message, path) and bool(message["params"]["diagnostics"]))
+
+    def last_diagnostics(self, path: Path) -> list[Message]:
+        """Return the findings of a file that were told last: what comes before an answer was told before."""
+        self.request("textDocument/documentSymbol", {"textDocument": {"uri": path.as_uri()}})
+        *_, last = [message["params"]["diagnostics"] for message in self._waiting if _tells(message, path)]
+        return list(last)
+
+
+def _tells(message: Message, path: Path) -> bool:
+    """Say whether a message is about what is found in a file."""
+    about = message.get("method") == "textDocument/publishDiagnostics"
+    return about and bool(message["params"]["uri"] == path.as_uri())
 
 
 def at(text: str, marked: str) -> tuple[int, int]:

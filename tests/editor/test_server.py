@@ -223,9 +223,10 @@ def test_a_file_that_is_closed_is_as_it_was_saved(server: Client, missions: Path
     """Its findings go with what was not saved."""
     path = missions / INSPECTION
     server.open(path)
-    edited(server, path, "on_error: FAULT", "on_error: FUALT")
+    _, found = edited(server, path, "on_error: FAULT", "on_error: FUALT")
+    assert [each["code"] for each in found] == ["unknown-state"]
     server.notify("textDocument/didClose", {"textDocument": {"uri": path.as_uri()}})
-    assert server.diagnostics(path) == []
+    assert server.last_diagnostics(path) == []
 
 
 def test_without_pygls_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -64,8 +64,15 @@ def server(installed: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterato
         "schemaStore": {"enable": False},
     }
     client.settings({"yaml": settings})
+    until_it_knows_the_schema(client, root / "wrong.yaml")
     yield client
     client.close()
+
+
+def until_it_knows_the_schema(client: Client, path: Path) -> None:
+    """Wait until the server objects to a file: when it asks for its settings is up to it."""
+    client.open(path, "mission: [a]\n")
+    client.until_found(path)
 
 
 def typed(client: Client, path: Path, old: str, new: str) -> tuple[int, int]:
@@ -195,8 +202,9 @@ def test_completes_names_of_plugins(
     client = Client([node, str(installed), "--stdio"], root, CAPABILITIES)
     client.settings({"yaml": {"schemas": {schema.as_uri(): "*.yaml"}, "completion": True, "hover": True}})
     path = missions / "inspection.yaml"
+    until_it_knows_the_schema(client, root / "wrong.yaml")
     here = typed(client, path, "do: nav.localize", "do: |")
-    assert client.diagnostics(path)  # then it has read the schema
+    assert client.diagnostics(path)
     found = client.ask("completion", path, *here)["items"]
     assert {"nav.go_to", "nav.localize", "bridge.read_tag"} <= {item["label"] for item in found}
     client.change(path, path.read_text(encoding="utf-8"))

@@ -140,6 +140,12 @@ class Panel:
         self.until(lambda: self._heard[topic], f"a message of {topic}")
         return self._heard[topic][-1].json
 
+    def fresh(self, topic: str) -> Json:
+        """Return what is told of a topic from now on: what was not listened to for a while waits in line."""
+        asked = time.time()
+        self.until(lambda: _stamp(self.last(topic)) > asked, f"news of {topic}")
+        return self.last(topic)
+
     def publish(self, topic: str, kind: str, message: Mapping[str, Any]) -> None:
         """Send a message; for a second it also reaches who comes late."""
         if topic not in self._publishers:
@@ -233,6 +239,12 @@ class Panel:
             )
             yaw += turn
         return None
+
+
+def _stamp(message: Json) -> float:
+    """Return when a message was sent, by its header or that of its first transform."""
+    header = message["header"] if "header" in message else message["transforms"][0]["header"]
+    return float(header["stamp"]["sec"]) + float(header["stamp"]["nanosec"]) * 1e-9
 
 
 def _gateway_qos() -> QoSProfile:

@@ -23,6 +23,8 @@ SENSORS = {
     "12": {"temperature", "humidity", "co2"},
 }
 THREE = ("run", "inspection", "--tags", "1,5,12")
+#: The second is at the other end of the greenhouse: on the way to it there is time to do something.
+FAR = ("run", "inspection", "--tags", "1,21,12")
 
 
 def test_three_tags_are_visited(lupin: Start) -> None:
@@ -57,8 +59,8 @@ def test_the_output_for_people_ends_with_the_readings(lupin: Start) -> None:
 
 def test_an_interrupt_brings_the_robot_home_and_ends_everything_else(lupin: Start) -> None:
     """Ctrl-C: the mission is aborted, the rest counts as skipped, the robot drives home, exit code 130."""
-    run = lupin(*THREE, "--speed", "4", "--json")
-    run.until_line('"current_target": "5"')
+    run = lupin(*FAR, "--speed", "2", "--json")
+    run.until_line('"current_target": "21"')
     run.process.send_signal(signal.SIGINT)
     assert run.end() == 130, run.output
     (result,) = run.records("result")
@@ -74,8 +76,8 @@ def test_without_time_to_come_home_the_robot_stops_where_it_is(
     lupin: Start, signals: tuple[signal.Signals, ...]
 ) -> None:
     """A service that is stopped, or Ctrl-C a second time: the goal is cancelled and its end awaited."""
-    run = lupin(*THREE, "--json")
-    run.until_line('"current_target": "5"')
+    run = lupin(*FAR, "--json")
+    run.until_line('"current_target": "21"')
     for number in signals:
         run.process.send_signal(number)
         run.until_line('"lifecycle_state": "RETURNING"')
@@ -103,14 +105,14 @@ def test_being_killed_leaves_no_process(lupin: Start) -> None:
     run.until_line("NAVIGATING")
     run.process.kill()
     run.end()
-    until(lambda: not run.processes(), "the nodes ended after their supervisor was killed", 20.0)
+    until(lambda: not run.processes(), "the nodes ended after their supervisor was killed")
 
 
 def test_a_bridge_that_stays_dead_fails_its_scan_and_nothing_else(lupin: Start) -> None:
     """The mission has a declared error for that; the run tells which process died and how."""
-    once = ("--set", "scan_timeout_s=1 s", "--no-respawn")
-    run = lupin("run", "inspection", "--tags", "1,5", "--speed", "10", *once)
-    run.until_line("NAVIGATING  tag 5")
+    once = ("--set", "scan_timeout_s=3 s", "--no-respawn")
+    run = lupin("run", "inspection", "--tags", "1,21", "--speed", "2", *once)
+    run.until_line("NAVIGATING  tag 21")
     os.kill(run.pid_of("greenhouse_bridge"), signal.SIGKILL)
     assert run.end() == 1, run.output
     assert any("greenhouse_bridge was killed by SIGKILL; its log is" in line for line in run.errors)
@@ -158,7 +160,7 @@ def test_nodes_that_run_are_used_and_left_alone(lupin: Start) -> None:
     up.until_line("Ctrl-C stops everything")
     serving = set(up.processes())
 
-    first = lupin(*THREE)
+    first = lupin("run", "inspection")  # all tags: it takes minutes
     first.until_line("NAVIGATING  tag 1")
     (joined,) = [line for line in first.lines if line.startswith("using what is there: ")]
     there = set(joined.removeprefix("using what is there: ").split(", "))

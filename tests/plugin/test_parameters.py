@@ -37,7 +37,7 @@ def test_what_is_allowed_is_taken(spec: Parameter, given: Any, value: Any) -> No
         (
             Parameter(DURATION, 5.0, "", maximum=60.0),
             "2 min",
-            "expected duration between 0 and 60 s, got '2 min'",
+            "expected duration between 0 and 1 min, got '2 min'",
         ),
         (Parameter(DURATION, 5.0, "", minimum=1.0), -1, "expected duration of at least 1 s, got -1"),
         (Parameter(LENGTH, 0.5, "", maximum=1.5), "2 m", "expected length of at most 1.5 m, got '2 m'"),

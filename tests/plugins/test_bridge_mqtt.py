@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import os
 import shutil
 import signal
 import subprocess
@@ -22,7 +23,7 @@ from lupin_bridge.backend import ReadingFailed, UnknownTag
 from lupin_bridge.backend import Sensors as Layout
 from lupin_bridge.mqtt import PASSWORD, USER, Mqtt, Settings
 from lupin_engine.errors import LupinError, Severity
-from tests.broker import PATIENCE, Broker, Sensors, free_port, mosquitto
+from tests.broker import PATIENCE, Broker, Sensors, free_port, mosquitto, sockets_of
 
 LAYOUT = {"7": ("temperature", "humidity"), "9": ("co2",)}
 QUICK = (1, 1)
@@ -363,9 +364,9 @@ class TestWithABroker:
 
 def _doors() -> set[str]:
     """The sockets of this process that wait for connections."""
-    mine = {link.readlink().name for link in Path("/proc/self/fd").iterdir() if link.is_symlink()}
+    mine = sockets_of(os.getpid())
     rows = [line.split() for name in ("tcp", "tcp6") for line in _table(name)]
-    return {row[1] for row in rows if row[3] == "0A" and f"socket:[{row[9]}]" in mine}
+    return {row[1] for row in rows if row[3] == "0A" and row[9] in mine}
 
 
 def _table(name: str) -> list[str]:

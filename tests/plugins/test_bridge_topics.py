@@ -177,7 +177,7 @@ def test_any_payload_is_samples_that_can_be_or_a_reason(payload: bytes, sensor: 
     assert all(one.stamp is None or one.stamp >= 0.0 for one in found)
 
 
-@given(topic=st.text())
+@given(topic=st.text() | st.builds("{}/{}".format, st.text(), st.text()))
 def test_any_topic_is_two_names_or_a_reason(topic: str) -> None:
     try:
         names: Any = Template("{tag}/{sensor}").names(topic)

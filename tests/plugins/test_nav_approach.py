@@ -12,8 +12,10 @@ from hypothesis import strategies as st
 
 from lupin_engine.world import layout
 from lupin_engine.world.layout import Table
+from lupin_engine.world.poses import pose_of
 from lupin_nav.approach import Approach, Source, Tables, approach, approach_discovered, clamp_standoff
 from lupin_nav.overrides import Override
+from lupin_sim.camera import facing
 
 FACING_X = (0.0, math.sin(math.pi / 4), 0.0, math.cos(math.pi / 4))  # +Z of the plate along +X of the map
 FACING_UP = (0.0, 0.0, 0.0, 1.0)  # no horizontal part
@@ -119,6 +121,19 @@ def test_a_discovered_tag_is_approached_from_where_it_faces() -> None:
     found = approach_discovered((2.0, 0.0), FACING_X, 0.5, 0.0)
     assert (found.x, found.y, abs(found.yaw)) == pytest.approx((2.5, 0.0, math.pi))
     assert found.source is Source.DISCOVERED_NORMAL
+
+
+@given(heading=st.floats(-math.pi, math.pi), roll=st.floats(-math.pi, math.pi))
+def test_a_discovered_tag_is_looked_at_head_on_however_its_plate_hangs(heading: float, roll: float) -> None:
+    """Also on a wall that is askew to the map, and turned about its own normal."""
+    plate = pose_of((2.0, 1.0, 0.3), facing(heading))
+    rolled = pose_of((0.0, 0.0, 0.0), (0.0, 0.0, math.sin(roll / 2), math.cos(roll / 2)))
+    assert plate is not None
+    assert rolled is not None
+    x, y, z, w = (plate @ rolled).rotation.tolist()
+    found = approach_discovered((2.0, 1.0), (x, y, z, w), 0.5, 0.0)
+    assert where(found)[:2] == pytest.approx((2.0 + 0.5 * math.cos(heading), 1.0 + 0.5 * math.sin(heading)))
+    assert math.cos(found.yaw - heading) == pytest.approx(-1.0)
 
 
 def test_a_discovered_tag_without_direction_is_approached_from_the_robot() -> None:

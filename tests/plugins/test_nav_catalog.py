@@ -52,6 +52,25 @@ def test_approach_uses_standoff_and_file_of_the_parameters(tmp_path: Path) -> No
     assert math.hypot(pose["x"] - tag["x"], pose["y"] - tag["y"]) == pytest.approx(0.3)
 
 
+def test_a_discovered_tag_is_approached_with_the_standoff_and_heading_of_the_parameters() -> None:
+    approach = bound("approach_discovered", approach_standoff_m=0.3, approach_yaw=0.7)
+    half, robot = math.sqrt(0.5), {"x": 2.0, "y": 4.0, "yaw": 0.0}
+    along_x = {"x": 0.0, "y": half, "z": 0.0, "w": half}
+    pose = approach({"x": 2.0, "y": 1.0, "facing": along_x}, robot)
+    assert pose == pytest.approx({"x": 2.3, "y": 1.0, "yaw": math.pi})
+    assert convert(pose, PLUGIN.functions["approach_discovered"].returns) == pose
+    lying = {"x": 2.0, "y": 1.0, "facing": {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0}}
+    assert approach(lying, robot) == pytest.approx({"x": 2.0, "y": 1.3, "yaw": -math.pi / 2})
+    assert approach(lying, {"x": 2.0, "y": 1.0, "yaw": 0.0}) == {"x": 2.0, "y": 1.0, "yaw": 0.7}
+
+
+def test_a_distance_is_between_places_whatever_the_headings() -> None:
+    distance = bound("distance")
+    here, there = {"x": 1.0, "y": 2.0, "yaw": 0.0}, {"x": 4.0, "y": -2.0, "yaw": 3.0}
+    assert distance(here, there) == distance(there, here) == 5.0
+    assert distance(here, {**here, "yaw": 1.0}) == 0.0
+
+
 def test_functions_read_the_layout_of_the_parameters(tmp_path: Path) -> None:
     file = tmp_path / "layout.json"
     file.write_text('{"tags": {"10": {"x": 1, "y": 2}, "9": {"x": 3, "y": 4}}}')
@@ -117,7 +136,8 @@ def test_a_charge_that_says_nothing_is_ignored(reading: float) -> None:
         (5, "nav_status_5", "CANCELED, error 204: no path"),
         (0, "nav_status_0", "UNKNOWN, error 204: no path"),
         (2, "nav_status_0", "EXECUTING, error 204: no path"),
-        (77, "nav_status_0", "status 77, error 204: no path"),
+        (7, "nav_status_0", "status 7, error 204: no path"),
+        (-1, "nav_status_0", "status -1, error 204: no path"),
     ],
 )
 def test_a_failed_drive_is_told_by_name_and_with_a_declared_code(status: int, code: str, detail: str) -> None:

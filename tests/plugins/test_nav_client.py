@@ -10,12 +10,14 @@ import pytest
 
 pytest.importorskip("rclpy", reason="ROS 2 is not installed here")
 
+from action_msgs.msg import GoalStatus
 from geometry_msgs.msg import PoseWithCovarianceStamped
 from sensor_msgs.msg import BatteryState
 from std_msgs.msg import Bool
 
 from lupin_engine.middleware.action_driver import SERVER_GRACE_S
 from lupin_engine.middleware.estop import LOOKS, STEADY
+from lupin_nav.goal_status import failure
 from tests.plugins.fakes import FakeGoal
 from tests.plugins.nav_bench import NavBench
 
@@ -77,6 +79,11 @@ def test_an_aborted_goal_is_told_with_what_the_server_said() -> None:
     bench = Bench()
     bench.accepted_dock().ended(ABORTED, SimpleNamespace(error_code=204, error_msg="no path"))
     assert bench.outlet.reports[-1] == ("failed", "a1", "nav_status_6", "ABORTED, error 204: no path")
+
+
+def test_every_status_is_called_as_in_its_message() -> None:
+    told = {f"STATUS_{failure(status, RESULT)[1]}": status for status in range(7)}
+    assert told == {name: getattr(GoalStatus, name) for name in dir(GoalStatus) if name.startswith("STATUS_")}
 
 
 def test_a_cancel_that_was_asked_for_is_no_failure() -> None:

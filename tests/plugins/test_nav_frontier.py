@@ -126,6 +126,8 @@ def test_what_is_no_grid_has_no_frontier(wrong: dict[str, Any]) -> None:
     }
     assert choose(**right) is not None
     assert choose(**{**right, **wrong}) is None
+    told = {name: value for name, value in {**right, **wrong}.items() if name != "thresholds"}
+    assert make_grid(**told) is None
 
 
 def corridor(free: int) -> np.ndarray[Any, Any]:

@@ -172,6 +172,7 @@ def test_the_same_tag_again_after_none_begins_with_nothing_but_goes_on_otherwise
 def test_without_a_tag_nothing_is_kept() -> None:
     made = Scan(RULES)
     made.add([red()], 0.0)
+    assert made.summary() is None
     made.aim("5")
     assert made.summary() is None
 
@@ -308,6 +309,13 @@ def test_another_place_is_another_report_and_a_new_mission_too() -> None:
     made.begin([(0.2, 0.0)])
     assert reports(made, *frames) == [None] * 3, "reported before this process began"
     assert made.reported == [(0.2, 0.0)]
+
+
+def test_a_new_mission_begins_the_row_anew() -> None:
+    made = watch()
+    reports(made, [bug()], [bug()])
+    made.begin()
+    assert reports(made, *[[bug()]] * 3) == [None, None, Pest("bug", 0.9)]
 
 
 def test_a_pest_is_reported_only_once_the_robots_place_is_known() -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import pytest
+
 from lupin_perception.idle import AGAIN_S, AT_ONCE, Schedule
 
 
@@ -13,12 +15,13 @@ def test_a_tag_is_read_once() -> None:
     assert schedule.due(["1", "2", "3"], 1e9) == ["3"]
 
 
-def test_with_a_period_it_is_read_again() -> None:
-    schedule = Schedule(60.0)
+@pytest.mark.parametrize("period", [60.0, 0.5])
+def test_with_a_period_it_is_read_again(period: float) -> None:
+    schedule = Schedule(period)
     schedule.due(["1"], 0.0)
     schedule.done("1", 2.0)
-    assert schedule.due(["1"], 61.9) == []
-    assert schedule.due(["1"], 62.0) == ["1"]
+    assert schedule.due(["1"], 1.9 + period) == []
+    assert schedule.due(["1"], 2.0 + period) == ["1"]
 
 
 def test_a_reading_that_failed_is_tried_again_after_a_while() -> None:

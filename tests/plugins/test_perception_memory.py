@@ -30,6 +30,7 @@ def test_what_was_written_is_read(tmp_path: Path) -> None:
     memory = Memory(tmp_path / "new" / "memory.json")
     assert memory.read() is None
     memory.write(Past("m0"))
+    assert memory.read() == Past("m0", [], [], "")
     memory.write(Past("m1", [known("5", summary=SUMMARY), known("6", math.inf)], [(1.0, 2.0)], "5"))
     past = memory.read()
     assert past is not None
@@ -39,6 +40,10 @@ def test_what_was_written_is_read(tmp_path: Path) -> None:
     assert np.allclose(five.pose.position, (1.0, 2.0, 0.1))
     assert np.allclose(five.pose.rotation, (0.0, 0.0, 0.6, 0.8))
     assert (six.distance, six.summary, six.last_seen) == (math.inf, None, -math.inf)
+    once = known("7")
+    once.sightings = 1
+    memory.write(Past("m1", [once]))
+    assert [tag.sightings for tag in (memory.read() or Past("")).tags] == [1]
     assert [file.name for file in (tmp_path / "new").iterdir()] == ["memory.json"]
 
 

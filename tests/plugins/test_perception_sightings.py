@@ -165,6 +165,27 @@ def test_frames_in_a_row_that_cannot_be_placed_are_told_once_with_the_reason() -
     assert "the transforms of tag_5, camera have ceased" in told[-1]
 
 
+def test_tags_whose_moments_do_not_meet_are_told_with_what_to_look_at() -> None:
+    """All that leads to the map is fresh, but of two clocks."""
+    bench = Bench()
+    bench.sightings.take(
+        [stamped("map", "camera", 1.0, 1000.0), stamped("camera", "tag_5", 1.0, 1060.0)], 0.0
+    )
+    told = [bench.sightings.see([FIVE], 0.01 * frame) for frame in range(UNPLACED_FRAMES)]
+    assert told[-1] == (
+        "tags are seen but none can be placed: no moment has all transforms from tag_5 to map: those of"
+        " camera end 60.0 s before those of tag_5 begin, so one has ceased, or two clocks disagree;"
+        " is the camera calibrated, the robot localized?"
+    )
+
+
+def test_a_tag_is_in_sight_for_just_so_long_after_its_last_frame() -> None:
+    bench = Bench(in_sight=0.5)
+    bench.sightings.see([FIVE], 1.0)
+    assert bench.sightings.in_sight(1.5) == {"5": 1.0}
+    assert bench.sightings.in_sight(1.6) == {}
+
+
 def test_a_frame_without_tags_neither_counts_nor_ends_the_row() -> None:
     bench = Bench()
     frames: list[list[TagSeen]] = [[], [FIVE]] * UNPLACED_FRAMES

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import math
 import os
 import sqlite3
 import subprocess
@@ -16,8 +17,8 @@ import pytest
 
 from lupin_engine.cli.main import main
 from lupin_twin.field import Grid, OccupancyMap
-from lupin_twin.missions import select
-from lupin_twin.picture import _grid, _labels, _range, _source, _title, picture
+from lupin_twin.missions import MissionRecord, select
+from lupin_twin.picture import Label, _grid, _labels, _range, _source, _title, picture
 from lupin_twin.place import store_path
 from lupin_twin.records import Bloom, Discovery, Flowers, Pin, Reading
 from lupin_twin.state import Twin
@@ -367,13 +368,49 @@ def test_labels_are_in_the_picture() -> None:
     assert told == [(True, True), (False, True), (False, False)]
 
 
-def test_where_there_is_no_room_a_label_is_where_labels_are() -> None:
-    """Five tags in one place."""
+def test_where_there_is_no_room_there_is_no_label() -> None:
+    """Five tags in one place: the fifth label would make another one unreadable."""
     twin = Twin()
     for tag in "12345":
         twin.apply(Discovery(tag, Pin(1.0, 1.0, 0.0, 1.0)), T)
     told = _labels(Grid.over(0.0, 0.0, 2.0, 2.0, 0.1), list(twin.tags.values()))
-    assert told == [(True, True), (False, True), (True, False), (False, False), (True, True)]
+    assert told == [(True, True), (False, True), (True, False), (False, False), None]
+
+
+def rows_of_tags(count: int) -> MissionRecord:
+    """Return a record with so many tags in a square, each 1 m from the next; every other one was read."""
+    side = math.isqrt(count)
+    readings = [
+        Reading(str(n), T, "m1", "s", ((sensor, 20.0 + n % side),), Pin(n % side, n // side, 0.0, 1.0))
+        for n in range(count)
+        for sensor in ("light", "temperature")[: 1 + n % 2]
+    ]
+    return select([Row(one, T) for one in readings], "all")
+
+
+def test_ids_that_would_hide_the_field_are_left_out() -> None:
+    def labels(count: int) -> list[Label]:
+        tags = list(rows_of_tags(count).twin.tags.values())
+        return _labels(_grid(tags, None), tags)
+
+    assert None not in labels(15**2)
+    assert set(labels(30**2)) == {None}
+
+
+@pytest.mark.usefixtures("drawing")
+def test_a_picture_of_many_tags_shows_the_field() -> None:
+    """Each tag by itself took half a minute for 2,000, and ids beside all of them hid the field."""
+
+    def drawn(count: int) -> tuple[int, int, bool]:
+        """Return how many lines and texts a picture has, and whether it says that ids are left out."""
+        text = picture(rows_of_tags(count), "temperature", None, ".svg").decode()
+        told = "filled: read here · hollow: not read · no id: no room" in text
+        return text.count('<g id="line2d_'), text.count('<g id="text_'), told
+
+    (few_lines, few_texts, few_told), (lines, texts, told) = drawn(7**2), drawn(44**2)
+    assert (few_told, told) == (False, True)
+    assert few_texts >= 7**2 > texts
+    assert abs(lines - few_lines) < 10  # the ticks of the axes
 
 
 def test_a_picture_is_of_the_mission_and_distance_that_were_asked_for(run: Run, tmp_path: Path) -> None:
@@ -498,6 +535,11 @@ def test_names_from_the_wire_are_neither_paths_nor_formulas(run: Run, path: Path
         ),
         (["--distance", "0", "-o", "p"], "--distance 0: must be above 0 m"),
         (["--distance", "nan", "-o", "p"], "--distance nan: must be above 0 m"),
+        (
+            ["--distance", "-1", "-o", "p.gif"],
+            "--distance -1: must be above 0 m\n"
+            "'p.gif' is no picture: end it in .png or .svg, or name a folder",
+        ),
     ],
 )
 def test_what_cannot_be_drawn_is_told(run: Run, arguments: list[str], reason: str) -> None:

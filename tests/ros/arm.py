@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -23,9 +23,9 @@ from lupin_arm.node.services import serve_all
 from lupin_arm.node.sim import PARAMETERS as SIM_PARAMETERS
 from lupin_arm.node.sim import ArmSimNode
 from lupin_arm.trajectory import Trajectory
-from lupin_engine.middleware.node import Qos, RosNode, ServedGoal
+from lupin_engine.middleware.node import Qos, RosNode, ServedGoal, ServiceCaller
 from lupin_msgs.srv import SetArmPreset
-from tests.ros.helpers import spin_for, spin_until
+from tests.ros.helpers import PATIENCE, spin_for, spin_until
 
 MakeNode = Callable[..., RosNode]
 
@@ -35,7 +35,7 @@ TRAJECTORIES = "/mirte_master_arm_controller/joint_trajectory"
 THERE = 0.01
 
 
-def near(one: Pose | None, other: Pose) -> bool:
+def near(one: Sequence[float] | None, other: Sequence[float]) -> bool:
     """Tell whether two poses are the same for all that matters."""
     return one is not None and all(abs(a - b) < THERE for a, b in zip(one, other, strict=True))
 
@@ -52,6 +52,7 @@ class Bystander:
         self.warnings: list[str] = []
         self._estop = self.ros.publisher(Bool, "/e_stop_state", Qos.EVENT)
         self._pressed: bool | None = None
+        self._services: dict[str, ServiceCaller] = {}
         self.ros.timer(0.2, self._tell_estop)
         self.ros.subscribe(JointTrajectory, TRAJECTORIES, Qos.EVENT, self.sent.append)
         self.ros.subscribe(JointState, "/joint_states", Qos.DETECTION, self._on_states)
@@ -65,7 +66,7 @@ class Bystander:
         if message.level >= 30 and message.name == "lupin_arm":
             self.warnings.append(message.msg)
 
-    def until(self, condition: Callable[[], Any], what: str = "", timeout: float = 10.0) -> None:
+    def until(self, condition: Callable[[], Any], what: str = "", timeout: float = PATIENCE) -> None:
         """Let everybody work until something holds."""
         spin_until(self.nodes, condition, timeout, what)
 
@@ -99,14 +100,14 @@ class Bystander:
 
     def call_later(self, kind: Any, name: str, request: Any) -> Callable[[], Any]:
         """Send a request; what is returned waits for the answer."""
-        service = self.ros.service(kind, name)
+        if name not in self._services:
+            self._services[name] = self.ros.service(kind, name)
+        service, answers = self._services[name], []
         self.until(service.ready, f"service {name}")
-        answers: list[Any] = []
         service.call(request, 10.0, answers.append)
 
         def answer() -> Any:
-            self.until(lambda: answers, f"an answer of {name}", 12.0)
-            service.close()
+            self.until(lambda: answers, f"an answer of {name}")
             return answers[0]
 
         return answer
@@ -160,6 +161,8 @@ class Scene(Bystander):
             self.sim = ArmSimNode(robot)
             self.nodes.append(robot)
         self._states = self.ros.publisher(JointState, "/joint_states", Qos.DETECTION)
+        self._told_pose: Pose | None = None
+        self.ros.timer(0.05, self._tell_again)
         said = [part for name, value in parameters.items() for part in ("-p", f"{name}:={value}")]
         self.node = make_node("lupin_arm", ["--ros-args", *said] if said else (), PARAMETERS)
         self.nodes.append(self.node)
@@ -170,6 +173,7 @@ class Scene(Bystander):
         self.until(lambda: self._states.get_subscription_count() == 2, "who reads where the arm is")
         if simulated:
             self.until(lambda: self.told and self.arm.pose() and self.arm.jaw() is not None, "the arm")
+            self.until(self.arm._gripper._action.ready, "the jaw's controller")
             self.arm.hold()
             self.command()
             self.sent.clear()
@@ -186,8 +190,17 @@ class Scene(Bystander):
         self.until(lambda: self.sent and _same(self.sent[-1], motion.trajectory), "what was sent last")
         return motion.trajectory
 
+    def stays(self, pose: Pose) -> None:
+        """Say where the arm is from now on, steadily as a driver does; its node has heard of it then."""
+        self._told_pose = pose
+        self.until(lambda: near(self.arm.pose(), pose), f"the node to know that the arm is at {pose}")
+
+    def _tell_again(self) -> None:
+        if self._told_pose is not None:
+            self.tell(self._told_pose)
+
     def tell(self, pose: Pose, **changed: Any) -> None:
-        """Say where the arm is, among wheels."""
+        """Say once where the arm is, among wheels."""
         angles: Mapping[str, float] = {
             "wheel_left_joint": math.pi,
             **{joint.state_name: angle for joint, angle in zip(ARM, pose, strict=True)},

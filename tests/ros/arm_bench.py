@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import subprocess
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -20,11 +20,13 @@ from trajectory_msgs.msg import JointTrajectory
 
 from lupin_arm.calibration.offsets import HOMES
 from lupin_arm.joints import ARM, JAW
+from lupin_arm.node.arm import Arm
 from lupin_arm.node.services import serve_all
 from lupin_arm.node.settings import PARAMETERS
 from lupin_engine.middleware.node import Failure, Qos, RosNode
 from lupin_msgs.msg import MissionState
-from lupin_msgs.srv import ArmRecord
+from lupin_msgs.srv import ArmRecord, GetArmLibrary
+from tests.ros.arm import near
 from tests.ros.helpers import spin_until
 from tests.ros.wire import Asked, serve_by_hand
 from tests.ros.world import PATIENCE, World
@@ -143,20 +145,26 @@ class Bench:
         self.estop = self.ros.publisher(Bool, "/e_stop_state", Qos.EVENT)
         self._pressed: bool | None = None
         self.ros.timer(0.2, self._tell_estop)
-        self.mission = self.ros.publisher(MissionState, "/mission/state", Qos.LATCHED)
+        self._mission = self.ros.publisher(MissionState, "/mission/state", Qos.LATCHED)
+        self._lifecycle = ""
+        self.ros.timer(0.2, self._tell_mission)
+        #: The arm, where its node is in this process.
+        self.arm: Arm | None = None
         self._callers: dict[str, Any] = {}
         if world is None:
             arguments = [part for name, value in settings.items() for part in ("-p", f"{name}:={value}")]
             self.nodes.insert(0, make_node("lupin_arm", ["--ros-args", *arguments], PARAMETERS))
-            serve_all(self.nodes[0])
+            self.arm = serve_all(self.nodes[0])
         else:
             world.start("lupin_arm", **settings)
         # Who hears the state is known to the arm's node, and so is who has listened before to what it sends.
         self.until(lambda: self.told, "a first state")
         self.drivers.telling = True
         self.until(lambda: self.drivers.trajectories, "the arm is pinned")
-        for topic in (self.estop, self.mission):
+        for topic in (self.estop, self._mission):
             self.until(topic.get_subscription_count, "the arm listens")
+        # Ends are found in the order of their making: who answers this has found the drivers' services.
+        self.call(GetArmLibrary, f"{LIBRARY}/list")
 
     def _on_state(self, message: String) -> None:
         self.told.append(json.loads(message.data))
@@ -195,23 +203,49 @@ class Bench:
         """Wait for a state that says what is wanted, and return it."""
         known = len(self.told)
 
-        def found() -> bool:
-            return any(wanted.items() <= told.items() for told in self.told[known:])
+        def found() -> list[Mapping[str, Any]]:
+            return [told for told in self.told[known:] if wanted.items() <= told.items()]
 
         self.until(found, f"state {wanted}; last {self.told[-1:]}")
-        return self.told[-1]
+        return found()[0]
+
+    @property
+    def points(self) -> Sequence[Any]:
+        """The points of what the arm's controller was sent last."""
+        return list(self.drivers.trajectories[-1].points)
+
+    def is_sent_to(self, pose: Sequence[float]) -> bool:
+        """Tell whether what the arm was sent last is one point, at a pose: to go there, or to stay."""
+        return len(self.points) == 1 and near(self.points[0].positions, pose)
 
     def move_by_hand(self, *poses: list[float]) -> None:
-        """Have the arm in these poses, each for some messages."""
+        """Have the arm in these poses, each for some messages, and until a node in this process has it."""
         for pose in poses:
             self.drivers.pose = list(pose)
-            before = self.drivers.stamp
-            self.until(lambda before=before: self.drivers.stamp > before + 0.15, "joint states")
+            end = self.drivers.stamp + 0.15
+            self.until(lambda end=end, pose=pose: self.drivers.stamp > end and self._known(pose), "a pose")
+
+    def _known(self, pose: list[float]) -> bool:
+        return self.arm is None or near(self.arm.pose(), pose)
 
     def stop(self, engaged: bool = True) -> None:
         """Press or release the emergency stop, which from then on is told five times a second."""
         self._pressed = engaged
         self._tell_estop()
+
+    def until_stopped(self) -> None:
+        """Press the emergency stop, and wait until the arm has heard of it."""
+        self.stop()
+        self.until(lambda: self.arm is not None and self.arm.stopped, "the stop is heard")
+
+    def mission_is(self, lifecycle: str) -> None:
+        """Have the orchestrator in a state, which from then on is told five times a second, as it does."""
+        self._lifecycle = lifecycle
+        self._tell_mission()
+
+    def _tell_mission(self) -> None:
+        if self._lifecycle:
+            self._mission.publish(MissionState(lifecycle_state=self._lifecycle))
 
     def _tell_estop(self) -> None:
         if self._pressed is not None:

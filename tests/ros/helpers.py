@@ -9,7 +9,7 @@ from typing import Any
 from lupin_engine.middleware.node import RosNode
 
 #: Seconds that a condition may take on a busy machine.
-PATIENCE = 10.0
+PATIENCE = 30.0
 
 
 def spin_until(
@@ -19,6 +19,13 @@ def spin_until(
     end = time.monotonic() + timeout
     while not condition():
         assert time.monotonic() < end, f"not reached within {timeout:g} s: {what or condition}"
+        for node in nodes:
+            node.spin_once(0.005)
+
+
+def work_off(nodes: Sequence[RosNode], rounds: int = 100) -> None:
+    """Let `nodes` deal with whatever was under way: in so many turns a full queue is worked off."""
+    for _ in range(rounds):
         for node in nodes:
             node.spin_once(0.005)
 

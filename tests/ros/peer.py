@@ -1,7 +1,8 @@
-"""A base or a bridge as a process of its own, to be killed: `peer.py base|bridge`.
+"""A base or a bridge as a process of its own, to be killed: `peer.py base|bridge [spare]`.
 
 It tells on /wire/told what it does. Whoever says its name on /wire/hold lets it hold the next request: the
-base drives and does not arrive, the bridge does not answer.
+base drives and does not arrive, the bridge does not answer. A spare offers nothing until /wire/hold says
+`spare`: it comes up in no time, however busy the machine is.
 """
 
 from __future__ import annotations
@@ -16,18 +17,26 @@ from lupin_engine.middleware.node import Qos, RosNode, ServedGoal
 from lupin_msgs.srv import GetTagReading
 
 TOLD, HOLD = "/wire/told", "/wire/hold"
+SPARE = "spare"
 
 
 class Peer:
     """One of the two, on a node of its name."""
 
-    def __init__(self, role: str) -> None:
+    def __init__(self, role: str, *, spare: bool) -> None:
         self.ros = RosNode(f"wire_{role}")
         self._role = role
         self._holds = False
+        self._waits = spare
         self._told = self.ros.publisher(String, TOLD, Qos.BACKLOG)
-        self.ros.subscribe(String, HOLD, Qos.EVENT, self._hold)
-        if role == "base":
+        self.ros.subscribe(String, HOLD, Qos.EVENT, self._hear)
+        if spare:
+            self._tell("waits")
+        else:
+            self._serve()
+
+    def _serve(self) -> None:
+        if self._role == "base":
             self.ros.serve_action(
                 NavigateToPose,
                 "/navigate_to_pose",
@@ -42,8 +51,11 @@ class Peer:
     def _tell(self, what: str) -> None:
         self._told.publish(String(data=f"{self._role} {what}"))
 
-    def _hold(self, role: String) -> None:
-        if role.data == self._role:
+    def _hear(self, word: String) -> None:
+        if self._waits and word.data == SPARE:
+            self._waits = False
+            self._serve()
+        elif not self._waits and word.data == self._role:
             self._holds = True
             self._tell("holds")
 
@@ -66,4 +78,4 @@ class Peer:
 
 
 if __name__ == "__main__":
-    Peer(sys.argv[1]).ros.spin()
+    Peer(sys.argv[1], spare=SPARE in sys.argv).ros.spin()

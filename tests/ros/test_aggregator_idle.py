@@ -19,7 +19,7 @@ from lupin_engine.plugin.wire import time_fields
 from lupin_msgs.msg import Observation, SensorReading
 from lupin_msgs.srv import GetTagReading
 from lupin_perception.node.aggregator import RECALL_S
-from tests.ros.test_aggregator_node import BUG, RED, Scene
+from tests.ros.test_aggregator_node import BUG, RED, Scene, Unheard
 
 pytestmark = pytest.mark.ros
 
@@ -70,7 +70,10 @@ def test_a_period_reads_them_again_and_again(make_node: MakeNode) -> None:
     scene = Scene(make_node, *SOON, "-p", "refresh_period_s:=0.05")
     bridge = Bridge(scene)
     discover(scene, 5)
-    scene.until(lambda: bridge.asked == ["5"] * 3 and len(scene.observations) == 3, "three readings")
+    for count in (1, 2, 3):
+        scene.told(count)
+        assert bridge.asked == ["5"] * count
+        scene.wait(0.06)
 
 
 def test_a_mission_reads_for_itself(make_node: MakeNode) -> None:
@@ -118,8 +121,11 @@ def test_it_can_be_switched_off(make_node: MakeNode) -> None:
 
 
 def remembering(make_node: MakeNode, file: Path) -> Scene:
-    given = ["-p", f"memory_file:={file}", "-p", "tag_in_sight_s:=0.1"]
-    return Scene(make_node, *given)
+    return Scene(make_node, *kept_in(file))
+
+
+def kept_in(file: Path) -> list[str]:
+    return ["-p", f"memory_file:={file}", "-p", "tag_in_sight_s:=0.1"]
 
 
 def test_a_node_that_was_killed_knows_its_mission_again(make_node: MakeNode, tmp_path: Path) -> None:
@@ -132,7 +138,7 @@ def test_a_node_that_was_killed_knows_its_mission_again(make_node: MakeNode, tmp
     first.told(1)
     first.place(9, robot=7.0)
     first.mission("EXPLORING")
-    first.wait(0.1)  # until no tag is in sight
+    first.wait(0.2)  # until no tag is in sight
     for _ in range(3):
         first.flowers(BUG)
     before = first.told(2)
@@ -141,7 +147,8 @@ def test_a_node_that_was_killed_knows_its_mission_again(make_node: MakeNode, tmp
     poses = {tag.tag_id: tag.pose_in_map for tag in first.next_list().tags}
     first.node.close()
 
-    second = remembering(make_node, file)
+    second = Unheard(make_node, *kept_in(file))  # but for the first one's mission, which is still told
+    second.until(lambda: second.lists, "the first list")
     assert all(told.tags for told in second.lists), "never an empty list, which would take the finds away"
     assert {tag.tag_id: tag.pose_in_map for tag in second.lists[0].tags} == poses
     assert [tag.species for tag in second.lists[0].tags] == ["tulip_red", ""]
@@ -192,25 +199,43 @@ def test_a_scan_that_has_ended_meanwhile_does_not_go_on(make_node: MakeNode, tmp
 
 
 class Simulated(Scene):
-    """A scene in simulated time, which goes on by 20 ms with each look; `time` is moved by tests."""
+    """A scene in simulated time, which stands still unless a test lets it go on or jump."""
 
     def __init__(self, make_node: MakeNode, begin: float, *arguments: str) -> None:
         self.time = begin
         self._clock = make_node("clock").publisher(Clock, "/clock", Qos.EVENT)
         super().__init__(make_node, "-p", "use_sim_time:=true", *arguments)
 
-    def until(self, condition: Callable[[], Any], what: str = "") -> None:
-        def ticking() -> Any:
-            self.time += 0.02
-            self._clock.publish(Clock(clock=Time(**time_fields(self.time))))
-            return condition()
+    def _hold_the_time(self) -> None:
+        """Leave it to the simulation."""
 
-        super().until(ticking, what)
+    def greet(self) -> None:
+        self.jump(0.0)
+        super().greet()
 
     def jump(self, seconds: float) -> None:
         """Let it be so much later or earlier, and wait until the aggregator knows."""
         self.time += seconds
-        self.until(lambda: abs(self.node.now() - self.time) < 1.0, "the time")
+
+        def heard() -> bool:
+            self._tell_time()
+            return abs(self.node.now() - self.time) < 0.001
+
+        self.until(heard, "the time")
+
+    def go_on_until(self, condition: Callable[[], Any], what: str) -> None:
+        """Let time pass, 20 ms with each look, until a condition holds."""
+
+        def ticking() -> Any:
+            self.time += 0.02
+            self._tell_time()
+            return condition()
+
+        self.until(ticking, what)
+
+    def _tell_time(self) -> None:
+        # Again and again: of a clock nothing is kept for a node that is not matched yet.
+        self._clock.publish(Clock(clock=Time(**time_fields(self.time))))
 
 
 def test_in_simulated_time_too_a_new_process_never_tells_an_empty_list(
@@ -225,6 +250,8 @@ def test_in_simulated_time_too_a_new_process_never_tells_an_empty_list(
     first.node.close()
     first.world.close()
     second = Simulated(make_node, 1000.0, "-p", f"memory_file:={file}")
+    assert second.lists == []
+    second.go_on_until(lambda: second.lists, "the first list")
     assert second.lists[0].tags == []
     assert second.time - 1000.0 > RECALL_S, "so long without a mission, and there is none"
     second.mission("EXPLORING")
@@ -239,8 +266,8 @@ def test_a_simulation_that_begins_anew_leaves_nothing_in_sight_for_ever(make_nod
     scene.discover()
     assert scene.confirm("5").detected
     scene.jump(-900.0)
-    scene.until(lambda: not scene.confirm("5").detected, "it is stale")
-    scene.until(lambda: not scene.aggregator._is_under_way(), "the mission is silent")
+    scene.go_on_until(lambda: not scene.confirm("5").detected, "it is stale")
+    scene.go_on_until(lambda: not scene.aggregator._is_under_way(), "the mission is silent")
     assert scene.aggregator._sightings.in_sight(scene.node.elapsed()) == {}
     scene.discover()
     assert scene.confirm("5").detected

@@ -25,7 +25,7 @@ from lupin_msgs.srv import ConfirmTag
 from lupin_perception import sightings
 from lupin_perception.node import NAME, PARAMETERS, Aggregator
 from lupin_perception.node import aggregator as module
-from tests.ros.helpers import spin_until
+from tests.ros.helpers import PATIENCE, spin_until
 
 pytestmark = pytest.mark.ros
 
@@ -54,20 +54,28 @@ class Log:
 
 
 class Scene:
-    """The aggregator, and somebody who is camera, arm, mission and audience at once."""
+    """The aggregator, and somebody who is camera, arm, mission and audience at once.
+
+    The aggregator's time stands still unless a test lets it pass: what is in sight, fresh or under way stays
+    so, however long the machine takes. Lists and looks come by real time.
+    """
 
     def __init__(self, make_node: MakeNode, *arguments: str) -> None:
         self.node = make_node(NAME, ["--ros-args", *OFTEN, *QUIET, *arguments], PARAMETERS)
         self.log = Log()
         self.node.log = self.log  # type: ignore[assignment]
+        self.now = 0.0
         self.taken: dict[str, int] = {}
+        self._hold_the_time()
         self._count_what_is_taken_in()
         self.aggregator = Aggregator(self.node)
         self.world = world = make_node("world")
         self.lists: list[Any] = []
         self.observations: list[Any] = []
-        world.subscribe(DiscoveredTags, "/perception/discovered_tags", Qos.LATCHED, self.lists.append)
-        world.subscribe(Observation, "/floranova/observations", Qos.BACKLOG, self.observations.append)
+        heard = (
+            world.subscribe(DiscoveredTags, "/perception/discovered_tags", Qos.LATCHED, self.lists.append),
+            world.subscribe(Observation, "/floranova/observations", Qos.BACKLOG, self.observations.append),
+        )
         self.tag_frames = world.publisher(String, "/camera/tag_detections_json", Qos.DETECTION)
         self.flower_frames = world.publisher(String, "/yolo/detections", Qos.DETECTION)
         self.transforms = world.publisher(TFMessage, "/tf", Qos.TRANSFORMS)
@@ -76,13 +84,18 @@ class Scene:
         self.box_frames: Any = None
         self.confirmer = world.service(ConfirmTag, "/perception/confirm_tag")
         outlets = (self.tag_frames, self.flower_frames, self.transforms, self.states, self.joints)
-        self.until(lambda: all(outlet.get_subscription_count() == 1 for outlet in outlets))
-        self.until(lambda: self.lists and self.confirmer.ready())
+        self.until(lambda: all(outlet.get_subscription_count() == 1 for outlet in outlets), "its ears")
+        self.until(lambda: all(topic.get_publisher_count() == 1 for topic in heard), "its topics")
+        self.until(self.confirmer.ready, "its service")
         self.greet()
 
     def greet(self) -> None:
         """Be there as an orchestrator at rest."""
         self.mission("READY", mission_id="")
+
+    def _hold_the_time(self) -> None:
+        """Let the aggregator's time be ours."""
+        self.node.elapsed = lambda: self.now  # type: ignore[method-assign]
 
     def _count_what_is_taken_in(self) -> None:
         """Count the messages of each topic once the aggregator is through with them."""
@@ -101,9 +114,8 @@ class Scene:
         spin_until([self.node, self.world], condition, what=what)
 
     def wait(self, seconds: float) -> None:
-        """Go on until the node's clock says that so much time has passed."""
-        end = self.node.elapsed() + seconds
-        self.until(lambda: self.node.elapsed() > end, f"{seconds} s")
+        """Let so much time pass."""
+        self.now += seconds
 
     def send(self, outlet: Any, message: Any) -> None:
         """Publish, and wait until the aggregator has had it."""
@@ -161,12 +173,12 @@ class Scene:
 
     def tags(self) -> dict[str, int]:
         """The tags of the last list with their sightings."""
-        return {tag.tag_id: tag.sightings for tag in self.lists[-1].tags}
+        return {tag.tag_id: tag.sightings for tag in self.lists[-1].tags} if self.lists else {}
 
     def next_list(self) -> Any:
         """A list that was made after this moment: the second to come, the first may be under way."""
         count = len(self.lists)
-        self.until(lambda: len(self.lists) >= count + 2)
+        self.until(lambda: len(self.lists) >= count + 2, "two lists")
         return self.lists[-1]
 
     def told(self, count: int) -> Any:
@@ -178,9 +190,16 @@ class Scene:
 
     def confirm(self, tag_id: str) -> Any:
         answers: list[Any] = []
-        self.confirmer.call(ConfirmTag.Request(expected_tag_id=tag_id), 5.0, answers.append)
-        self.until(lambda: answers)
+        self.confirmer.call(ConfirmTag.Request(expected_tag_id=tag_id), PATIENCE, answers.append)
+        self.until(lambda: answers, "an answer")
         return answers[0]
+
+
+class Unheard(Scene):
+    """The same where nobody tells of a mission."""
+
+    def greet(self) -> None:
+        """Say nothing."""
 
 
 def transform(parent: str, child: str, place: tuple[float, ...], turn: tuple[float, ...]) -> TransformStamped:
@@ -220,20 +239,24 @@ def test_a_tag_is_told_with_its_place_on_the_map_at_its_third_sighting(make_node
 
 
 def test_who_comes_late_gets_the_last_list_at_once(make_node: MakeNode) -> None:
-    scene = Scene(make_node, "-p", "publish_rate_hz:=0.2")
+    scene = Scene(make_node)
+    scene.discover()
+    scene.next_list()
     late, heard = make_node("late"), []
     late.subscribe(DiscoveredTags, "/perception/discovered_tags", Qos.LATCHED, heard.append)
-    count = len(scene.lists)
-    spin_until([scene.node, late], lambda: heard, 4.0, "the latched list, before the next one")
-    assert len(scene.lists) == count
+    spin_until([late], lambda: heard, what="the list")  # the aggregator does not get its turn to tell another
+    assert [tag.tag_id for tag in heard[0].tags] == ["5"]
 
 
-def test_a_tag_is_told_at_once_when_it_is_discovered(make_node: MakeNode) -> None:
+def test_a_tag_is_told_at_once_when_it_is_discovered(
+    make_node: MakeNode, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Who has just come to it says where it is with its reading, and the next list would be too late."""
     scene = Scene(make_node, "-p", "publish_rate_hz:=0.2")
+    told: list[Any] = []
+    monkeypatch.setattr(scene.aggregator._lists, "publish", told.append)
     scene.discover()
-    spin_until([scene.node, scene.world], scene.tags, 4.0, "the tag, before the next list")
-    assert scene.tags() == {"5": 3}
+    assert [(tag.tag_id, tag.sightings) for tag in told[-1].tags] == [("5", 3)]
 
 
 def test_a_list_without_news_keeps_its_stamp(make_node: MakeNode) -> None:
@@ -330,7 +353,6 @@ def test_an_old_transform_places_no_new_sighting(
     assert scene.tags() == {"5": 3}
     (text,) = scene.log.warnings
     assert "none can be placed: the transforms of tag_5, base_link, odom have ceased; " in text
-    monkeypatch.setattr(sightings, "LATE_S", 60.0)  # however long this machine takes
     scene.place(5)
     scene.next_list()
     assert scene.tags() == {"5": 4}, "with the one that waited"
@@ -345,8 +367,12 @@ def test_a_tag_is_confirmed_while_it_is_in_sight(make_node: MakeNode) -> None:
     found = scene.confirm("5")
     assert (found.detected, found.detection_confidence, found.error_message) == (True, 1.0, "")
     assert found.tag_pose_in_map.position.x == pytest.approx(2.0)
-    scene.until(lambda: not scene.confirm("5").detected, "it is stale")
-    assert scene.confirm("5").error_message.startswith("tag '5' stale: last seen ")
+    scene.wait(0.3)
+    stale = scene.confirm("5")
+    assert (stale.detected, stale.error_message) == (
+        False,
+        "tag '5' stale: last seen 0.3 s ago, allowed 0.2 s",
+    )
 
 
 # --- flowers
@@ -407,32 +433,28 @@ def test_a_pest_of_the_last_pot_is_not_told_of_the_next(make_node: MakeNode) -> 
     assert (second.flower.tag_id, second.flower.species, second.flower.anomaly) == ("6", "tulip_white", False)
 
 
-def test_what_comes_late_is_of_no_scan_and_no_find_beside_one(
-    make_node: MakeNode, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_comes_late_is_of_no_scan_and_no_find_beside_one(make_node: MakeNode) -> None:
     """A detection has no stamp: what was seen at the last pot looks like the next one's if it comes late."""
-    now = [0.0]
     scene = Scene(make_node, "-p", "detection_delay_s:=0.3", "-p", "tag_in_sight_s:=0.2")
-    monkeypatch.setattr(scene.node, "elapsed", lambda: now[0])
     scene.mission("MONITORING", "SCANNING", "5")
     scene.discover(5)
     scene.discover(6)
-    now[0] = 0.3
+    scene.now = 0.3
     scene.flowers(RED)
     assert scene.told(1).flower.tag_id == "5"
     scene.mission("MONITORING", "SCANNING", "6")
-    now[0] = 0.5
+    scene.now = 0.5
     scene.flowers(RED, BUG)
-    now[0] = 0.6
+    scene.now = 0.6
     scene.flowers(("tulip_white", 0.7, 0.0))
     second = scene.told(2).flower
     assert (second.tag_id, second.species, second.anomaly) == ("6", "tulip_white", False)
     scene.mission("MONITORING", "NAVIGATING", "5")
-    now[0] = 0.8
+    scene.now = 0.8
     for _ in range(3):
         scene.flowers(BUG)
     scene.told(2)
-    now[0] = 0.9
+    scene.now = 0.9
     for _ in range(3):
         scene.flowers(BUG)
     assert scene.told(3).kind == Observation.KIND_ANOMALY
@@ -551,27 +573,17 @@ def test_without_a_mission_flowers_belong_to_the_nearest_tag_in_sight(
     assert [told.flower.tag_id for told in scene.observations] == ["5"] * count
 
 
-def test_a_node_that_has_just_begun_waits_to_hear_of_a_mission(
-    make_node: MakeNode, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_node_that_has_just_begun_waits_to_hear_of_a_mission(make_node: MakeNode) -> None:
     """Started again in a mission it hears the detectors first, and would credit what is seen on the way."""
-
-    class Unheard(Scene):
-        def greet(self) -> None:
-            """Say nothing."""
-
     scene = Unheard(make_node, "-p", "tag_in_sight_s:=0.1")
-    now = [scene.node.elapsed()]
-    monkeypatch.setattr(scene.node, "elapsed", lambda: now[0])
-    scene.aggregator._begun = now[0]
     scene.discover()
     scene.flowers(RED)
-    now[0] += 1.0
+    scene.wait(1.0)
     for _ in range(4):
         scene.flowers(BUG)
     scene.next_list()
     assert scene.observations == []
-    now[0] += module.RECALL_S
+    scene.wait(module.RECALL_S)
     scene.see(5)
     scene.flowers(RED)
     assert scene.told(1).flower.tag_id == "5"
@@ -687,7 +699,6 @@ def test_where_a_robot_was_a_while_ago_is_no_place_for_a_pest(
         scene.flowers(BUG)
     scene.next_list()
     assert scene.observations == []
-    monkeypatch.setattr(sightings, "LATE_S", 60.0)  # however long this machine takes
     scene.place(5, robot=2.5)
     scene.flowers(BUG)
     assert scene.told(1).anomaly.pose.pose.position.x == pytest.approx(2.5)

@@ -13,22 +13,31 @@ pytest.importorskip("rclpy", reason="ROS 2 is not installed here")
 from std_srvs.srv import SetBool
 
 from lupin_arm.calibration.offsets import HOMES
+from lupin_arm.node import calibration_servos as servos_module
+from lupin_arm.node import torque as torque_module
 from lupin_arm.node.calibration_servos import CUT_OFF, LIMP
 from lupin_engine.middleware.node import RosNode
-from lupin_msgs.msg import MissionState
 from lupin_msgs.srv import CalibrateArm, SetArmPreset
 from tests.ros.arm_bench import CALIBRATE, GATE, POWER, Bench, refuse
-from tests.ros.helpers import spin_for
+from tests.ros.helpers import PATIENCE, spin_for, work_off
 from tests.ros.wire import Asked
 from tests.ros.world import World
 
 pytestmark = pytest.mark.ros
 
 JOINTS = list(HOMES)
-QUICK: dict[str, Any] = {"calibration_settle_s": "0.05", "calibration_window_s": "0.3"}
+QUICK: dict[str, Any] = {"calibration_settle_s": "0.05", "calibration_window_s": "1.0"}
+#: Who looks for so long can be disturbed meanwhile.
+THOROUGH = {**QUICK, "calibration_window_s": "30.0"}
 #: What the node says as soon as it knows where the arm is.
 PINNED = "the arm is there"
 MakeNode = Callable[..., RosNode]
+
+
+@pytest.fixture(autouse=True)
+def patience(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Wait long for switches that a test answers when it has looked at what happens meanwhile."""
+    monkeypatch.setattr(torque_module, "ANSWER_S", PATIENCE)
 
 
 @pytest.fixture
@@ -151,7 +160,7 @@ def test_a_servo_that_tells_no_position_ends_a_commit(bench: Bench) -> None:
     bench.drivers.offsets = dict.fromkeys(JOINTS, 240)
     posing(bench)
     bench.drivers.mute = {"elbow", "gripper"}
-    spin_for(bench.nodes, 0.1)  # what was under way arrives
+    work_off(bench.nodes)  # what was under way arrives
     answer = calibrate(bench, "commit")
     assert (answer.success, answer.state) == (False, "IDLE")
     assert answer.message == ("a servo does not tell where it is: nothing was heard of elbow, gripper")
@@ -228,8 +237,9 @@ def test_the_emergency_stop_and_a_calibration(bench: Bench) -> None:
     bench.until(lambda: calibrate(bench, "commit").success, "released")
 
 
-def test_the_emergency_stop_ends_a_commit(bench: Bench) -> None:
+def test_the_emergency_stop_ends_a_commit(make_node: MakeNode, tmp_path: Path) -> None:
     """Servos that would move to zero do not; the torque waits for the release."""
+    bench = Bench(make_node, tmp_path / "arm.json", servos=True, hardware="real", **THOROUGH)
     bench.drivers.offsets = dict.fromkeys(JOINTS, 240)
     posing(bench)
     answers = bench.ask(CalibrateArm, CALIBRATE, action="commit")
@@ -294,7 +304,7 @@ def test_a_mission_refuses_a_calibration_and_ends_one(bench: Bench) -> None:
     """A robot does not drive off with a limp arm."""
     bench.drivers.offsets = dict.fromkeys(JOINTS, 240)
     posing(bench)
-    bench.mission.publish(MissionState(lifecycle_state="PREPARE"))
+    bench.mission_is("PREPARE")
     bench.until(lambda: calibrate(bench, "status").message == "ready", "called off")
     assert bench.drivers.offsets == dict.fromkeys(JOINTS, 240)
     answer = calibrate(bench, "start")
@@ -302,9 +312,10 @@ def test_a_mission_refuses_a_calibration_and_ends_one(bench: Bench) -> None:
 
 
 def test_cancel_does_not_wait_for_servos_that_are_not_there(
-    make_node: MakeNode, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+    make_node: MakeNode, tmp_path: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """They are being looked for when the operator thinks again; nothing of that is left behind."""
+    monkeypatch.setattr(servos_module, "LOOK_UP_S", PATIENCE)
     bench = Bench(make_node, tmp_path / "arm.json", hardware="real", **QUICK)
     started = bench.ask(CalibrateArm, CALIBRATE, action="start")
     bench.until(lambda: calibrate(bench, "status").message == "under way: reading", "looking for them")

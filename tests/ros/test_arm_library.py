@@ -16,10 +16,11 @@ pytest.importorskip("rclpy", reason="ROS 2 is not installed here")
 
 from std_srvs.srv import SetBool, Trigger
 
-from lupin_arm.library import Library
+from lupin_arm.library import Library, Sequence, Waypoint
+from lupin_arm.node import library as library_module
+from lupin_arm.node import torque as torque_module
 from lupin_arm.presets import PRESETS
 from lupin_engine.middleware.node import RosNode
-from lupin_msgs.msg import MissionState
 from lupin_msgs.srv import (
     ArmLibraryEdit,
     ArmRecord,
@@ -28,8 +29,9 @@ from lupin_msgs.srv import (
     SaveArmPose,
     SetArmPreset,
 )
+from tests.ros.arm import near
 from tests.ros.arm_bench import GATE, LIBRARY, POWER, Bench, refuse
-from tests.ros.helpers import spin_for
+from tests.ros.helpers import PATIENCE, spin_for, work_off
 from tests.ros.wire import Asked, leave_open
 from tests.ros.world import World
 
@@ -37,6 +39,7 @@ pytestmark = pytest.mark.ros
 
 OFF, ON = [(GATE, False), (POWER, False)], [(POWER, True), (GATE, True)]
 SWEEP = [[0.0, 0.0, 0.0, 0.0], [0.1, 0.0, 0.0, 0.0], [0.2, 0.1, 0.0, 0.0]]
+AWAY = [1.5, 1.0, 0.0, 0.0]
 BAD_NAMES = [
     "",
     " ",
@@ -56,6 +59,12 @@ BAD_NAMES = [
 def path(tmp_path: Path) -> Path:
     """Where the library is."""
     return tmp_path / "settings" / "arm_library.json"
+
+
+@pytest.fixture(autouse=True)
+def patience(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Wait long for switches that a test answers when it has looked at what happens meanwhile."""
+    monkeypatch.setattr(torque_module, "ANSWER_S", PATIENCE)
 
 
 @pytest.fixture
@@ -78,6 +87,29 @@ def play(bench: Bench, name: str, speed: float = 1.0) -> Any:
     return bench.call(PlayArmSequence, f"{LIBRARY}/play", name=name, speed=speed)
 
 
+def keep_long_one(path: Path) -> None:
+    """Have a sequence in the library that plays for a minute: longer than anybody needs to look at it."""
+    poses = [[0.0] * 4, [0.2, 0.1, 0.0, 0.0]]
+    waypoints = [Waypoint(t=60.0 * number, arm=pose) for number, pose in enumerate(poses)]
+    Library(path).save_sequence("long", Sequence(duration_s=60.0, waypoints=waypoints), overwrite=False)
+
+
+def play_long_one(bench: Bench, path: Path) -> None:
+    """Have the arm play for a minute, beginning with a way to where it plays."""
+    keep_long_one(path)
+    bench.move_by_hand(AWAY)
+    answer = play(bench, "long")
+    assert answer.success, answer.message
+    bench.until(lambda: len(bench.points) > 1, "the motion")
+
+
+def steered(bench: Bench) -> None:
+    """Have the arm in each pose of the sweep until the recorder has taken it."""
+    for number, pose in enumerate(SWEEP, start=1):
+        bench.drivers.pose = pose
+        bench.until(lambda number=number: bench.told[-1]["n_waypoints"] == number, "a waypoint")
+
+
 def recorded(bench: Bench, name: str = "sweep", mode: str = "teleop", **fields: Any) -> Any:
     """Record a sweep and save it."""
     assert bench.record("start", mode=mode, **fields).success
@@ -96,14 +128,11 @@ def test_a_pose_is_saved_listed_moved_to_renamed_and_deleted(bench: Bench, path:
         "poses": [{"name": "over_pot", "note": "", "has_gripper": True}],
         "sequences": [],
     }
-    sent = len(bench.drivers.trajectories)
     bench.move_by_hand([0.0, 0.0, 0.0, 0.0])
     answer = bench.call(SetArmPreset, f"{LIBRARY}/goto_pose", name="over_pot")
     assert answer.success, answer.message
     assert answer.message.startswith("over_pot: sent, there in 3.0 s")
-    bench.until(lambda: len(bench.drivers.trajectories) > sent, "a trajectory")
-    (point,) = bench.drivers.trajectories[-1].points
-    assert list(point.positions) == pytest.approx([0.1, 0.2, 0.3, 0.4])
+    bench.until(lambda: bench.is_sent_to([0.1, 0.2, 0.3, 0.4]), "the trajectory, after the pin")
     edit = lambda **f: bench.call(ArmLibraryEdit, f"{LIBRARY}/delete", **f)  # noqa: E731
     renamed = edit(kind="pose", name="over_pot", new_name="pot")
     assert (renamed.success, renamed.message) == (True, "renamed pose 'over_pot' to 'pot'")
@@ -207,7 +236,7 @@ def test_a_recording_by_hand_asks_for_off_once_and_gives_it_back(bench: Bench, p
     answer = bench.record("save", name="sweep")
     assert (answer.success, answer.message) == (True, "saved 'sweep'")
     assert bench.drivers.switched == OFF + ON
-    assert bench.state(torque=True)["recording"] is False
+    bench.state(torque=True, recording=False)
     assert not path.with_name("arm_library.limp").exists()
     found = Library(path).sequence("sweep")
     assert (found.mode, len(found.waypoints)) == ("kinesthetic", answer.n_waypoints)
@@ -360,46 +389,37 @@ def test_a_replay_moves_to_its_beginning_first(bench: Bench) -> None:
     assert max(told["progress"] for told in bench.told) > 0.5
 
 
-def test_nobody_else_moves_the_arm_during_a_replay(bench: Bench) -> None:
+def test_nobody_else_moves_the_arm_during_a_replay(bench: Bench, path: Path) -> None:
     """Presets, saved poses, a second replay and recordings are refused, each with the reason."""
-    recorded(bench)
-    bench.move_by_hand([1.5, 1.0, 0.0, 0.0])
-    assert play(bench, "sweep", 0.25).success
+    play_long_one(bench, path)
     preset = bench.call(SetArmPreset, "/lupin/arm/preset", name="home")
-    assert (preset.success, preset.message) == (False, "the arm is busy: playing 'sweep'")
-    busy = "'sweep' is being played; stop it first"
-    assert play(bench, "sweep").message == busy
+    assert (preset.success, preset.message) == (False, "the arm is busy: playing 'long'")
+    busy = "'long' is being played; stop it first"
+    assert play(bench, "long").message == busy
     assert bench.record("start").message == busy
     stopped = bench.call(Trigger, f"{LIBRARY}/stop")
     assert (stopped.success, stopped.message) == (True, "stopped; the arm stays where it is")
-    held = bench.drivers.trajectories[-1].points
-    assert len(held) == 1
-    assert list(held[0].positions) == pytest.approx([1.5, 1.0, 0.0, 0.0])
+    bench.until(lambda: bench.is_sent_to(AWAY), "the arm is held")
     assert bench.state(playing=False)["name"] == ""
     assert bench.call(Trigger, f"{LIBRARY}/stop").message == "there was nothing to stop"
 
 
-def test_the_emergency_stop_ends_a_replay_and_refuses_another(bench: Bench) -> None:
+def test_the_emergency_stop_ends_a_replay_and_refuses_another(bench: Bench, path: Path) -> None:
     """War story A30: a playing arm ignored the e-stop."""
-    recorded(bench)
-    bench.move_by_hand([1.5, 1.0, 0.0, 0.0])
-    assert play(bench, "sweep", 0.25).success
-    sent = len(bench.drivers.trajectories)
+    play_long_one(bench, path)
     bench.stop()
     assert bench.state(playing=False)["name"] == ""
-    bench.until(lambda: len(bench.drivers.trajectories) > sent, "the arm is held")
-    (held,) = bench.drivers.trajectories[-1].points
-    assert list(held.positions) == pytest.approx([1.5, 1.0, 0.0, 0.0])
-    answer = play(bench, "sweep")
+    bench.until(lambda: bench.is_sent_to(AWAY), "the arm is held")
+    answer = play(bench, "long")
     assert (answer.success, answer.message) == (False, "the emergency stop is engaged (/e_stop_state)")
     bench.stop(False)
-    bench.until(lambda: play(bench, "sweep").success, "released")
+    bench.until(lambda: play(bench, "long").success, "released")
 
 
 def test_the_emergency_stop_does_not_end_a_recording_by_hand(bench: Bench, path: Path) -> None:
     """Nothing moves by itself; but the torque comes back only when the stop is released, and that is said."""
     assert bench.record("start", mode="kinesthetic").success
-    bench.stop()
+    bench.until_stopped()
     bench.move_by_hand(*SWEEP)
     answer = bench.record("save", name="sweep")
     assert answer.success
@@ -415,25 +435,23 @@ def test_the_emergency_stop_does_not_end_a_recording_by_hand(bench: Bench, path:
     assert not path.with_name("arm_library.limp").exists()
 
 
-def test_the_library_does_not_fight_a_mission(bench: Bench) -> None:
+def test_the_library_does_not_fight_a_mission(bench: Bench, path: Path) -> None:
     """War story A30: while a mission runs nothing is begun, and one that begins ends what is under way."""
-    recorded(bench)
-    bench.move_by_hand([1.5, 1.0, 0.0, 0.0])
-    assert play(bench, "sweep", 0.25).success
-    bench.mission.publish(MissionState(lifecycle_state="PREPARE"))
+    play_long_one(bench, path)
+    bench.mission_is("PREPARE")
     assert bench.state(playing=False)["name"] == ""
     reason = "a mission is running (PREPARE); abort it or wait for its end"
-    assert play(bench, "sweep").message == reason
+    assert play(bench, "long").message == reason
     assert bench.record("start", mode="kinesthetic").message == reason
-    bench.mission.publish(MissionState(lifecycle_state="DONE"))
-    bench.until(lambda: play(bench, "sweep").success, "the mission has ended")
+    bench.mission_is("DONE")
+    bench.until(lambda: play(bench, "long").success, "the mission has ended")
 
 
 def test_a_mission_that_begins_ends_a_recording_by_hand_and_keeps_it(bench: Bench) -> None:
     """A robot does not drive off with a limp arm; what was recorded can still be saved."""
     assert bench.record("start", mode="kinesthetic").success
     bench.move_by_hand(*SWEEP)
-    bench.mission.publish(MissionState(lifecycle_state="PREPARE"))
+    bench.mission_is("PREPARE")
     state = bench.state(unsaved=True)
     assert (state["recording"], state["torque"]) == (False, True)
     assert bench.drivers.switched == OFF + ON
@@ -444,7 +462,7 @@ def test_a_recording_that_is_saved_later_is_told_with_what_was_cut_from_it(bench
     """What a hand has pushed beyond a limit was kept at it; that is said whenever it is saved."""
     assert bench.record("start", mode="kinesthetic").success
     bench.move_by_hand(*SWEEP, [0.2, 0.1, 1.6, 0.0])
-    bench.mission.publish(MissionState(lifecycle_state="PREPARE"))
+    bench.mission_is("PREPARE")
     bench.state(unsaved=True)
     answer = bench.record("save", name="sweep")
     assert answer.message == "saved 'sweep', 1 waypoints beyond the limits were kept at them"
@@ -455,7 +473,7 @@ def test_stop_discards_a_recording_by_hand_and_lets_another_one_be(bench: Bench)
     assert bench.record("start", mode="kinesthetic").success
     stopped = bench.call(Trigger, f"{LIBRARY}/stop")
     assert stopped.message == "stopped; the recording by hand is discarded, the servos are on"
-    assert bench.state(recording=False)["torque"] is True
+    bench.state(recording=False, torque=True)
     assert bench.drivers.switched == OFF + ON
     assert bench.record("start").success
     assert bench.call(Trigger, f"{LIBRARY}/stop").message == "there was nothing to stop"
@@ -495,11 +513,10 @@ def test_stop_calls_off_a_replay_that_waits_for_torque(bench: Bench) -> None:
     bench.drivers.plan.append(leave_open)
     answers = bench.ask(PlayArmSequence, f"{LIBRARY}/play", name="sweep", speed=1.0)
     bench.until(lambda: bench.drivers.switched, "the power is asked")
-    sent = len(bench.drivers.trajectories)
     assert bench.call(Trigger, f"{LIBRARY}/stop").success
     bench.until(lambda: answers, "an answer")
     assert (answers[0].success, answers[0].message) == (False, "stopped by the operator")
-    assert len(bench.drivers.trajectories) == sent
+    assert {len(trajectory.points) for trajectory in bench.drivers.trajectories} == {1}  # pins
 
 
 @pytest.mark.parametrize("mission", [False, True])
@@ -510,9 +527,8 @@ def test_a_move_to_a_pose_that_waits_for_torque_is_called_off(bench: Bench, miss
     bench.drivers.plan.append(open_ones.append)
     answers = bench.ask(SetArmPreset, f"{LIBRARY}/goto_pose", name="far")
     bench.until(lambda: open_ones, "the power is asked")
-    sent = len(bench.drivers.trajectories)
     if mission:
-        bench.mission.publish(MissionState(lifecycle_state="PREPARE"))
+        bench.mission_is("PREPARE")
         bench.until(lambda: "a mission" in play(bench, "far").message, "the mission is heard of")
     else:
         stopped = bench.call(Trigger, f"{LIBRARY}/stop")
@@ -524,7 +540,7 @@ def test_a_move_to_a_pose_that_waits_for_torque_is_called_off(bench: Bench, miss
         False,
         reason if mission else "stopped by the operator",
     )
-    assert len(bench.drivers.trajectories) == sent
+    assert all(near(sent.points[-1].positions, SWEEP[0]) for sent in bench.drivers.trajectories)
 
 
 def test_a_replay_without_torque_is_refused(bench: Bench) -> None:
@@ -542,37 +558,43 @@ def test_a_replay_without_torque_is_refused(bench: Bench) -> None:
     assert bench.call(SetArmPreset, f"{LIBRARY}/goto_pose", name="here").message == off
 
 
-def test_stop_holds_an_arm_on_its_way_to_a_pose(bench: Bench) -> None:
+def go_far(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Have the arm on its way to a saved pose, for a minute."""
+    monkeypatch.setattr(library_module, "MOVE_S", 60.0)
+    save(bench, "far", arm_rad=[1.0, 0.0, 0.0, 0.0])
+    assert bench.call(SetArmPreset, f"{LIBRARY}/goto_pose", name="far").success
+    bench.until(lambda: bench.is_sent_to([1.0, 0.0, 0.0, 0.0]), "the motion")
+
+
+def test_stop_holds_an_arm_on_its_way_to_a_pose(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
     """A saved pose takes seconds."""
-    save(bench, "far", arm_rad=[1.0, 0.0, 0.0, 0.0])
-    assert bench.call(SetArmPreset, f"{LIBRARY}/goto_pose", name="far").success
+    go_far(bench, monkeypatch)
     assert bench.call(Trigger, f"{LIBRARY}/stop").message == "stopped; the arm stays where it is"
-    (held,) = bench.drivers.trajectories[-1].points
-    assert list(held.positions) == pytest.approx([0.0] * 4)
+    bench.until(lambda: bench.is_sent_to([0.0] * 4), "the arm is held")
 
 
-def test_a_mission_that_begins_holds_an_arm_on_its_way_to_a_pose(bench: Bench) -> None:
+def test_a_mission_that_begins_holds_an_arm_on_its_way_to_a_pose(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """While a mission runs the library moves nothing."""
-    save(bench, "far", arm_rad=[1.0, 0.0, 0.0, 0.0])
-    assert bench.call(SetArmPreset, f"{LIBRARY}/goto_pose", name="far").success
-    sent = len(bench.drivers.trajectories)
-    bench.mission.publish(MissionState(lifecycle_state="PREPARE"))
-    bench.until(lambda: len(bench.drivers.trajectories) > sent, "the arm is held")
-    (held,) = bench.drivers.trajectories[-1].points
-    assert list(held.positions) == pytest.approx([0.0] * 4)
+    go_far(bench, monkeypatch)
+    bench.mission_is("PREPARE")
+    bench.until(lambda: bench.is_sent_to([0.0] * 4), "the arm is held")
 
 
-def test_what_somebody_else_has_sent_since_is_not_stopped(bench: Bench) -> None:
+def test_what_somebody_else_has_sent_since_is_not_stopped(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """A mission that begins sends the arm, and then its state is heard: the preset goes on."""
-    save(bench, "far", arm_rad=[1.0, 0.0, 0.0, 0.0])
-    assert bench.call(SetArmPreset, f"{LIBRARY}/goto_pose", name="far").success
+    go_far(bench, monkeypatch)
     answer = bench.call(SetArmPreset, "/lupin/arm/preset", name="travel")
     assert (answer.success, answer.message) == (True, "travel: sent, there in 3.0 s")
+    bench.until(lambda: bench.is_sent_to(PRESETS["travel"]), "the preset")
     assert bench.call(Trigger, f"{LIBRARY}/stop").message == "there was nothing to stop"
-    bench.mission.publish(MissionState(lifecycle_state="PREPARE"))
+    bench.mission_is("PREPARE")
     bench.until(lambda: "a mission" in play(bench, "far").message, "the mission is heard of")
-    (point,) = bench.drivers.trajectories[-1].points
-    assert list(point.positions) == pytest.approx(PRESETS["travel"])
+    work_off(bench.nodes)
+    assert bench.is_sent_to(PRESETS["travel"])
 
 
 def test_a_sequence_that_was_written_by_hand_is_checked_before_it_is_played(bench: Bench, path: Path) -> None:
@@ -645,9 +667,7 @@ def test_joint_states_without_a_stamp_are_recorded_by_their_arrival(bench: Bench
     bench.drivers.stamped = False
     bench.move_by_hand(SWEEP[0])
     assert bench.record("start").success
-    for number, pose in enumerate(SWEEP, start=1):
-        bench.drivers.pose = pose
-        bench.until(lambda number=number: bench.told[-1]["n_waypoints"] == number, "a waypoint")
+    steered(bench)
     answer = bench.record("save", name="sweep")
     assert answer.n_waypoints == len(SWEEP) + 1  # and where it ended
     assert answer.duration_s > 0.1
@@ -686,7 +706,7 @@ def test_a_process_that_ends_while_it_saves_waits_for_the_torque(
     """Told to stop between the two switches: both are turned."""
     bench = Bench(make_node, path, world=world)
     assert bench.record("start", mode="kinesthetic").success
-    bench.move_by_hand(*SWEEP)
+    steered(bench)
     open_ones: list[Asked] = []
     bench.drivers.plan.append(open_ones.append)
     bench.ask(ArmRecord, f"{LIBRARY}/record", action="save", name="sweep")
@@ -708,16 +728,12 @@ def test_a_replay_does_not_outlive_its_process(
 ) -> None:
     """The controller has the whole motion: one who ends holds the arm, and the next one after a kill does."""
     bench = Bench(make_node, path, world=world)
-    recorded(bench)
-    bench.move_by_hand([1.5, 1.0, 0.0, 0.0])
-    assert play(bench, "sweep", 0.25).success
+    play_long_one(bench, path)
     process = world.processes.pop("lupin_arm") if killed else world.processes["lupin_arm"]
-    bench.until(lambda: len(bench.drivers.trajectories[-1].points) > 1, "the motion")
     if killed:
         process.kill()
         process.wait()
         world.start("lupin_arm", library_path=path)
     else:
         process.terminate()
-    bench.until(lambda: len(bench.drivers.trajectories[-1].points) == 1, "the arm is held")
-    assert list(bench.drivers.trajectories[-1].points[0].positions) == pytest.approx([1.5, 1.0, 0.0, 0.0])
+    bench.until(lambda: bench.is_sent_to(AWAY), "the arm is held")

@@ -29,7 +29,7 @@ from lupin_arm.trajectory import VELOCITY_HINT, Point, Trajectory
 from lupin_engine.errors import LupinError
 from tests.plugins.fakes import FakeOutlet
 from tests.ros.arm import TRAJECTORIES, Bystander, MakeNode, Scene, late_jaw
-from tests.ros.helpers import spin_until
+from tests.ros.helpers import PATIENCE, spin_until, work_off
 
 pytestmark = pytest.mark.ros
 
@@ -88,10 +88,14 @@ def test_one_publisher_commands_the_arm(scene: Scene) -> None:
 
 
 @pytest.mark.parametrize("said", ["inspect", "  INSPECT "])
-def test_a_preset_is_sent_at_once_and_reached(scene: Scene, said: str) -> None:
+def test_a_preset_is_sent_at_once_and_reached(
+    scene: Scene, said: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(arm_module, "LOST_S", PATIENCE)
+    robot = scene.nodes.pop(1)  # it stands still until the answer is there: nobody waits for the arm
     answer = scene.preset(said)
     assert (answer.success, answer.message) == (True, "inspect: sent, there in 0.5 s")
-    assert not scene.is_at(PRESETS["inspect"])
+    scene.nodes.append(robot)
     scene.arrives(PRESETS["inspect"])
     scene.command()
     assert list(scene.sent[-1].joint_names) == [joint.state_name for joint in ARM]
@@ -193,8 +197,8 @@ def test_a_slider_that_makes_no_sense_moves_nothing(
 
 def test_a_slider_leaves_the_others_on_their_way(scene: Scene) -> None:
     """The arm is half way when another joint is turned: the first still gets where it was sent."""
-    scene.turn("elbow", 60.0, rate=20.0)
-    scene.until(lambda: scene.pose[2] > math.radians(15.0))
+    scene.turn("elbow", 60.0, rate=10.0)
+    scene.until(lambda: scene.pose[2] > math.radians(5.0))
     scene.turn("shoulder_pan", 20.0, rate=20.0)
     assert seconds(scene) > 1.2  # the elbow keeps to the rate, though the pan has a short way, of 1 s
     scene.arrives((math.radians(20.0), HOME[1], math.radians(60.0), HOME[3]))
@@ -204,12 +208,10 @@ def test_what_was_bent_by_hand_stays_bent(make_node: MakeNode, monkeypatch: pyte
     """Its target is elsewhere; without a look at where it is, the next slider would let it jump."""
     monkeypatch.setattr(arm_module, "SETTLE_S", 0.0)
     scene = Scene(make_node, simulated=False)
-    scene.tell(ZERO)
+    scene.stays(ZERO)
     scene.until(lambda: scene.sent)
     scene.wait(0.15)  # the pin's own motion is over
-    told = scene.told
-    scene.tell((0.0, 0.3, 0.05, 0.0))  # lifted by hand; the elbow only sags
-    scene.until(lambda: scene.told > told)
+    scene.stays((0.0, 0.3, 0.05, 0.0))  # lifted by hand; the elbow only sags
     assert scene.turn("wrist", 10.0)
     assert positions(scene) == pytest.approx((0.0, 0.3, 0.0, math.radians(10.0)))
 
@@ -251,10 +253,14 @@ def test_without_a_controller_the_jaw_is_not_moved(
     scene.until(lambda: f"jaw not moved: {expected}" in scene.warnings, "a warning")
 
 
-def test_a_controller_that_comes_a_little_late_is_waited_for(make_node: MakeNode) -> None:
+def test_a_controller_that_comes_a_little_late_is_waited_for(
+    make_node: MakeNode, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(gripper_module, "PATIENCE_S", PATIENCE)
     scene = Scene(make_node, simulated=False)
     name = "/lupin/gripper/set_angle_with_speed"
     request = scene.call_later(SetServoAngleWithSpeed, name, SetServoAngleWithSpeed.Request(angle=12.0))
+    work_off(scene.nodes)  # it is taken: making a node takes long enough for requests to grow stale
     goals = late_jaw(scene, make_node)
     assert request().status
     scene.until(lambda: goals)
@@ -338,8 +344,8 @@ def test_while_stopped_everything_is_refused(scene: Scene) -> None:
 def test_a_stop_in_the_middle_of_a_motion_holds_arm_and_jaw(
     scene: Scene, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(simulated_module, "JAW_RATE", 0.1)
-    scene.turn("elbow", 80.0, rate=20.0)
+    monkeypatch.setattr(simulated_module, "JAW_RATE", 0.05)
+    scene.turn("elbow", 80.0, rate=10.0)
     scene.turn("gripper", 30.0)
     scene.until(lambda: scene.pose[2] > math.radians(5.0) and scene.jaw > -0.19)
     scene.estop(True)
@@ -487,7 +493,8 @@ class Vendor:
 
 @pytest.fixture
 def vendor(make_node: MakeNode, monkeypatch: pytest.MonkeyPatch) -> tuple[Scene, Vendor]:
-    monkeypatch.setattr(torque_module, "ANSWER_S", 0.3)
+    monkeypatch.setattr(torque_module, "ANSWER_S", 2.5)
+    monkeypatch.setattr(torque_module, "LOOK_UP_S", PATIENCE)
     scene = Scene(make_node, simulated=False)
     vendor = Vendor(scene, make_node)
     services = {name for name, _ in scene.node.node.get_service_names_and_types()}
@@ -497,7 +504,7 @@ def vendor(make_node: MakeNode, monkeypatch: pytest.MonkeyPatch) -> tuple[Scene,
             or services.update(name for name, _ in scene.node.node.get_service_names_and_types())
         )
     )
-    scene.tell(ZERO)
+    scene.stays(ZERO)
     scene.until(lambda: scene.sent)
     return scene, vendor
 
@@ -510,7 +517,7 @@ def test_both_switches_in_order(vendor: tuple[Scene, Vendor]) -> None:
     scene, switches = vendor
     assert scene.torque(False).success
     assert switches.calls == OFF
-    scene.tell(HOME)
+    scene.stays(HOME)
     before = len(scene.sent)
     assert scene.torque(True).success
     assert switches.calls == OFF + ON
@@ -531,7 +538,7 @@ def test_both_switches_in_order(vendor: tuple[Scene, Vendor]) -> None:
             False,
             {("power", False): None},
             [*OFF, ("gate", True)],
-            f"{POWER}: no answer within 0.3 s; commands are taken again",
+            f"{POWER}: no answer within 2.5 s; commands are taken again",
         ),
         (
             False,
@@ -551,7 +558,7 @@ def test_both_switches_in_order(vendor: tuple[Scene, Vendor]) -> None:
             True,
             {("gate", True): None, ("power", False): False},
             [*ON, ("power", False)],
-            f"{GATE}: no answer within 0.3 s; and the servos could not be switched off again: "
+            f"{GATE}: no answer within 2.5 s; and the servos could not be switched off again: "
             f"{POWER} refused: bus error",
         ),
     ],

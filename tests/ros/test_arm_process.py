@@ -13,9 +13,9 @@ pytest.importorskip("rclpy", reason="ROS 2 is not installed here")
 from lupin_arm.presets import PRESETS
 from lupin_engine.middleware.node import RosNode
 from tests.ros.arm import Bystander
-from tests.ros.world import World
+from tests.ros.world import PATIENCE, World
 
-pytestmark = [pytest.mark.ros, pytest.mark.timeout(120)]
+pytestmark = [pytest.mark.ros, pytest.mark.timeout(300)]
 
 
 def test_the_arm_survives_the_death_of_its_node_and_of_its_drivers(
@@ -28,24 +28,24 @@ def test_the_arm_survives_the_death_of_its_node_and_of_its_drivers(
     scene = Bystander(make_node)
     world.start("lupin_arm_sim")
     world.start("lupin_arm", preset_duration=0.5)
-    scene.until(lambda: scene.told and scene.preset("inspect").success, "a first preset", 30.0)
+    scene.until(lambda: scene.told and _sent(scene, "inspect"), "a first preset", PATIENCE)
     scene.arrives(PRESETS["inspect"])
 
     world.processes["lupin_arm"].send_signal(signal.SIGKILL)
-    world.processes["lupin_arm"].wait(10.0)
+    world.processes["lupin_arm"].wait(PATIENCE)
     again = world.start("lupin_arm", preset_duration=0.5)
-    scene.until(lambda: _sent(scene, "place"), "a preset after the node died", 30.0)
+    scene.until(lambda: _sent(scene, "place"), "a preset after the node died", PATIENCE)
     scene.arrives(PRESETS["place"])
 
     world.processes["lupin_arm_sim"].send_signal(signal.SIGKILL)
-    world.processes["lupin_arm_sim"].wait(10.0)
-    scene.until(lambda: "for more than 2 s" in _refused(scene), "the drivers' death is noticed", 30.0)
+    world.processes["lupin_arm_sim"].wait(PATIENCE)
+    scene.until(lambda: "for more than 2 s" in _refused(scene), "the drivers' death is noticed", PATIENCE)
     world.start("lupin_arm_sim")
-    scene.until(lambda: _sent(scene, "tuck"), "a preset after the drivers died", 30.0)
+    scene.until(lambda: _sent(scene, "tuck"), "a preset after the drivers died", PATIENCE)
     scene.arrives(PRESETS["tuck"])
 
     again.send_signal(signal.SIGINT)
-    assert again.wait(10.0) == 0
+    assert again.wait(PATIENCE) == 0
     assert "Traceback" not in world.log("lupin_arm").read_text()
 
 
@@ -60,7 +60,7 @@ def _refused(scene: Bystander) -> str:
 
 def test_a_wrong_parameter_ends_the_node_with_its_name(world: World) -> None:
     process = world.start("lupin_arm", preset_duration=1000.0)
-    assert process.wait(20.0) == 1
+    assert process.wait(PATIENCE) == 1
     said = world.log("lupin_arm").read_text()
     assert "parameter 'preset_duration': expected" in said
     assert "between 0.5 and 60" in said

@@ -13,12 +13,16 @@ from std_srvs.srv import SetBool, Trigger
 
 from lupin_arm import simulated as simulated_module
 from lupin_arm.node import arm as arm_module
+from lupin_arm.node import gripper as gripper_module
+from lupin_arm.node import torque as torque_module
+from lupin_arm.node.power import MOST_WAITING
 from lupin_arm.node.refused import Refused
 from lupin_arm.presets import PRESETS
 from lupin_msgs.srv import SaveArmPose
 from tests.ros.arm import MakeNode, Scene, late_jaw, near
 from tests.ros.arm_bench import GATE, LIBRARY, POWER, Bench
 from tests.ros.wire import Asked
+from tests.ros.world import PATIENCE
 
 pytestmark = pytest.mark.ros
 
@@ -54,8 +58,11 @@ def test_servos_get_no_power_while_it_is_not_told_where_they_are(bench: Bench) -
     bench.until(lambda: bench.call(SetBool, TORQUE, data=True).success, "power")
 
 
-def test_a_switch_that_waited_is_not_turned_on_after_a_stop(bench: Bench) -> None:
+def test_a_switch_that_waited_is_not_turned_on_after_a_stop(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """The request was fine when it came; the emergency stop was pressed while the servos were switched."""
+    monkeypatch.setattr(torque_module, "ANSWER_S", PATIENCE)
     open_ones: list[Asked] = []
     bench.drivers.plan.append(open_ones.append)
     off = bench.ask(SetBool, TORQUE, data=False)
@@ -70,6 +77,23 @@ def test_a_switch_that_waited_is_not_turned_on_after_a_stop(bench: Bench) -> Non
     assert off[0].success
     assert (on[0].success, on[0].message) == (False, "the emergency stop is engaged (/e_stop_state)")
     assert bench.drivers.switched == [(GATE, False), (POWER, False)]
+
+
+def test_only_so_many_requests_to_switch_wait(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The drivers are slow, and somebody asks again and again: what is refused switches nothing, ever."""
+    monkeypatch.setattr(torque_module, "ANSWER_S", PATIENCE)
+    open_ones: list[Asked] = []
+    bench.drivers.plan.append(open_ones.append)
+    waiting = [bench.ask(SetBool, TORQUE, data=False) for _ in range(MOST_WAITING)]
+    refused = bench.call(SetBool, TORQUE, data=False)
+    full = "8 torque requests wait already; try again when they are answered"
+    assert (refused.success, refused.message, any(waiting)) == (False, full, False)
+    bench.until(lambda: open_ones, "the gate is asked")
+    open_ones[0].answer(SetBool.Response(success=True))
+    bench.until(lambda: all(waiting), "all other answers")
+    assert [answers[0].success for answers in waiting] == [True] * MOST_WAITING
+    assert bench.drivers.switched == [(GATE, False), (POWER, False)] * MOST_WAITING
+    assert bench.call(SetBool, TORQUE, data=True).success
 
 
 # --- feedback that is wrong ------------------------------------------------------------------------------
@@ -130,7 +154,7 @@ def _nowhere(scene: Scene, owner: str) -> bool:
 
 def test_an_arm_that_is_held_holds_its_jaw(make_node: MakeNode, monkeypatch: pytest.MonkeyPatch) -> None:
     """The operator's stop is for all of it."""
-    monkeypatch.setattr(simulated_module, "JAW_RATE", 0.1)
+    monkeypatch.setattr(simulated_module, "JAW_RATE", 0.05)
     scene = Scene(make_node)
     assert scene.turn("gripper", 30.0)
     scene.until(lambda: scene.jaw > -0.19, "the jaw moves")
@@ -140,8 +164,11 @@ def test_an_arm_that_is_held_holds_its_jaw(make_node: MakeNode, monkeypatch: pyt
     assert scene.jaw < 0.2
 
 
-def test_a_jaw_that_waits_for_its_controller_can_be_stopped(make_node: MakeNode) -> None:
+def test_a_jaw_that_waits_for_its_controller_can_be_stopped(
+    make_node: MakeNode, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """The controller comes after the stop: the jaw does not move then."""
+    monkeypatch.setattr(gripper_module, "PATIENCE_S", PATIENCE)
     scene = Scene(make_node, simulated=False)
     problems: list[str | None] = []
     scene.arm.move_jaw(0.1, "slider", problems.append)

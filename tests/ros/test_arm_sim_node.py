@@ -10,13 +10,15 @@ import pytest
 pytest.importorskip("rclpy", reason="ROS 2 is not installed here")
 
 from action_msgs.msg import GoalStatus
-from builtin_interfaces.msg import Duration
+from builtin_interfaces.msg import Duration, Time
 from control_msgs.action import GripperCommand
 from mirte_msgs.msg import ServoPosition
 from mirte_msgs.srv import SetServoAngleWithSpeed
+from rosgraph_msgs.msg import Clock
 from std_srvs.srv import SetBool
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
+from lupin_arm import simulated as simulated_module
 from lupin_arm.catalog import PLUGIN
 from lupin_arm.joints import ARM, Pose
 from lupin_arm.node import sim as sim_module
@@ -24,7 +26,9 @@ from lupin_arm.node.sim import PARAMETERS, ArmSimNode
 from lupin_arm.presets import PRESETS
 from lupin_engine.errors import LupinError
 from lupin_engine.middleware.node import Qos
+from lupin_engine.plugin.wire import time_fields
 from tests.ros.arm import TRAJECTORIES, Bystander, MakeNode
+from tests.ros.helpers import work_off
 
 pytestmark = pytest.mark.ros
 
@@ -36,15 +40,20 @@ GRIPPER = "/mirte_master_gripper_controller/gripper_cmd"
 class Bench(Bystander):
     """A simulated arm, and a controller's client."""
 
-    def __init__(self, make_node: MakeNode) -> None:
+    def __init__(self, make_node: MakeNode, *arguments: str) -> None:
         super().__init__(make_node)
-        self.robot = make_node("lupin_arm_sim", (), PARAMETERS)
+        self.robot = make_node("lupin_arm_sim", arguments, PARAMETERS)
         self.sim = ArmSimNode(self.robot)
         self.nodes.append(self.robot)
         self.commands = self.ros.publisher(JointTrajectory, TRAJECTORIES, Qos.EVENT)
         self.gripper = self.ros.action(GripperCommand, GRIPPER)
         self.ended: list[tuple[int, Any]] = []
-        self.until(lambda: self.commands.get_subscription_count() == 2 and self.told and self.gripper.ready())
+        self.until(lambda: self.commands.get_subscription_count() == 2 and self.gripper.ready())
+        self.begin()
+
+    def begin(self) -> None:
+        """Wait until it is told where the arm is."""
+        self.until(lambda: self.told)
 
     def send(self, pose: Pose, seconds: float = 0.3, **changed: Any) -> None:
         """Command the arm; `changed` fields of the message or of its point make it a bad command."""
@@ -69,26 +78,64 @@ class Bench(Bystander):
         )
 
 
+class TimedBench(Bench):
+    """The same on a clock that goes on only when a test says so."""
+
+    #: Seconds of a tick: as long as the shortest wait of the simulated arm.
+    TICK = 0.05
+
+    def __init__(self, make_node: MakeNode) -> None:
+        super().__init__(make_node, "--ros-args", "-p", "use_sim_time:=true")
+
+    def begin(self) -> None:
+        self.time = 1000.0
+        self._clock = self.ros.publisher(Clock, "/clock", Qos.EVENT)
+        self.until(self._is_heard)
+        self.pass_time(1.0)
+
+    def pass_time(self, seconds: float) -> None:
+        """Let so much time pass, tick by tick."""
+        for _ in range(round(seconds / self.TICK)):
+            self.time += self.TICK
+            self.until(self._is_heard)
+            work_off(self.nodes, 5)
+
+    def _is_heard(self) -> bool:
+        if self.robot.now() < self.time - self.TICK / 2:
+            self._clock.publish(Clock(clock=Time(**time_fields(self.time))))
+            return False
+        return True
+
+
 @pytest.fixture
 def bench(make_node: MakeNode) -> Bench:
     return Bench(make_node)
 
 
-def test_it_rests_at_home_and_tells_so_often_enough_to_be_fresh(bench: Bench) -> None:
-    assert list(bench.angles) == [*NAMES, "gripper_joint"]
-    assert bench.pose == HOME
-    told = bench.told
-    bench.wait(1.0)
-    assert 4 <= bench.told - told <= 7
+@pytest.fixture
+def timed(make_node: MakeNode) -> TimedBench:
+    return TimedBench(make_node)
 
 
-def test_it_tells_more_often_while_it_moves(bench: Bench) -> None:
-    bench.send(INSPECT, 2.0)
-    bench.until(lambda: not bench.is_at(HOME))
-    told = bench.told
-    bench.arrives(INSPECT)
-    assert bench.told - told > 12  # at rest 10 in that time
-    bench.until(lambda: not bench.sim._moving.running)
+def test_it_rests_at_home_and_tells_so_often_enough_to_be_fresh(timed: TimedBench) -> None:
+    assert list(timed.angles) == [*NAMES, "gripper_joint"]
+    assert timed.pose == HOME
+    told = timed.told
+    timed.pass_time(2.0)
+    timed.until(lambda: timed.told - told >= 9, "the last of them")
+    assert timed.told - told <= 11
+
+
+def test_it_tells_more_often_while_it_moves(timed: TimedBench) -> None:
+    timed.send(INSPECT, 2.0)
+    timed.until(lambda: timed.sim._moving.running)
+    told = timed.told
+    timed.pass_time(2.0)
+    timed.until(lambda: timed.told - told >= 39, "the last of them")
+    assert timed.told - told <= 41
+    timed.pass_time(0.2)
+    timed.arrives(INSPECT)
+    assert not timed.sim._moving.running
 
 
 def test_joints_may_come_in_any_order(bench: Bench) -> None:
@@ -151,7 +198,8 @@ def test_the_jaw_succeeds_when_it_is_there(bench: Bench) -> None:
     assert result.position == pytest.approx(0.2)
 
 
-def test_a_new_goal_of_the_jaw_ends_the_one_before(bench: Bench) -> None:
+def test_a_new_goal_of_the_jaw_ends_the_one_before(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(simulated_module, "JAW_RATE", 0.1)
     bench.grip(0.25)
     bench.until(lambda: bench.sim._goal is not None)
     bench.grip(-0.1)
@@ -159,7 +207,10 @@ def test_a_new_goal_of_the_jaw_ends_the_one_before(bench: Bench) -> None:
     assert [status for status, _ in bench.ended] == [GoalStatus.STATUS_ABORTED, GoalStatus.STATUS_SUCCEEDED]
 
 
-def test_a_goal_that_is_cancelled_leaves_the_jaw_where_it_is(bench: Bench) -> None:
+def test_a_goal_that_is_cancelled_leaves_the_jaw_where_it_is(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(simulated_module, "JAW_RATE", 0.1)
     goal = bench.grip(0.25)
     bench.until(lambda: bench.jaw > -0.1)
     goal.cancel()
@@ -210,6 +261,11 @@ def test_a_start_out_of_reach_is_named(make_node: MakeNode) -> None:
 def test_it_stands_in_for_what_a_robot_serves(bench: Bench) -> None:
     (replaced,) = PLUGIN.stands_in["lupin_arm_sim"]
     assert f"/{replaced}" == GRIPPER
-    offered = {name for name, _ in bench.ros.node.get_service_names_and_types()}
-    assert "/io/servo/hiwonder/enable_all_servos" in offered
-    assert not [name for name in offered if name == "/enable_arm_control" or name.endswith("_offset")]
+    last = f"{GRIPPER}/_action/get_result"
+
+    def offered() -> set[str]:
+        return {name for name, _ in bench.ros.node.get_service_names_and_types()}
+
+    bench.until(lambda: {last, "/io/servo/hiwonder/enable_all_servos"} <= offered(), "its services")
+    work_off(bench.nodes)
+    assert not [name for name in offered() if name == "/enable_arm_control" or name.endswith("_offset")]

@@ -29,7 +29,7 @@ from lupin_engine.plugin.contract import Parameter
 from lupin_engine.plugin.types import COUNT, DURATION, NUMBER, TEXT, Type, list_of
 from tests.plugins.fakes import FakeOutlet
 from tests.ros.bound import binding_of
-from tests.ros.helpers import spin_for, spin_until
+from tests.ros.helpers import PATIENCE, spin_for, spin_until
 
 pytestmark = pytest.mark.ros
 
@@ -85,7 +85,9 @@ class Bench:
         self.nodes[-1].serve(SetBool, "/lamp", switch)
 
     def switch(self, *reports: str) -> tuple[Any, ...]:
-        """Switch the lamp on, wait for these reports, and return the last."""
+        """Switch the lamp on, wait for these reports, and return the last; a lamp that serves is found."""
+        if len(self.nodes) > 1:
+            spin_until(self.nodes, lambda: not self.client.missing(), what="the lamp")
         self.client.start("a1", "switch", {"on": True})
         spin_until(self.nodes, lambda: self.outlet.kinds("a1") == list(reports), what=str(reports))
         return self.outlet.reports[-1]
@@ -105,8 +107,11 @@ def test_a_call_and_its_result(bench: Callable[..., Bench]) -> None:
     assert one.asked == [True]
 
 
-def test_a_server_that_comes_a_moment_later_is_waited_for(bench: Callable[..., Bench]) -> None:
+def test_a_server_that_comes_a_moment_later_is_waited_for(
+    bench: Callable[..., Bench], monkeypatch: pytest.MonkeyPatch
+) -> None:
     """A client that was just made has not found its server yet; that is no error."""
+    monkeypatch.setattr(bound_client, "DISCOVERY_S", PATIENCE)
     one = bench()
     one.client.start("a1", "switch", {"on": True})
     assert one.client.missing() == ["service /lamp"]
@@ -171,9 +176,10 @@ def test_a_server_of_another_type_is_told(
     """Nobody answers, and the reason is said with the attempt: the peers do not speak of the same."""
     monkeypatch.setattr("lupin_engine.middleware.bound_client.DISCOVERY_S", 0.0)
     one = bench()
-    one.nodes.append(make_node("other_lamp"))
-    one.nodes[-1].serve(Trigger, "/lamp", lambda _, response: response)
-    spin_until(one.nodes, lambda: peer_mismatches(one.nodes[0]), what="the other one is seen")
+    other = make_node("other_lamp")
+    other.serve(Trigger, "/lamp", lambda _, response: response)
+    both = "request", "answer"
+    spin_until(one.nodes, lambda: len(peer_mismatches(one.nodes[0])) == len(both), what=f"its {both}")
     *_, code, detail = one.switch("accepted", "failed")
     assert code == "lamp_gone"
     assert detail.startswith(

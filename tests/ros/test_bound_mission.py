@@ -113,7 +113,7 @@ def test_a_mission_with_it(world: World, desk: Desk, spraying: Cart) -> None:
     answers = [succeed, abort(204, "a box")]
     spraying.answer = lambda served: answers.pop(0)(served)
     desk.begin("1", "5")
-    desk.in_state("DONE")
+    desk.until_done(published=2)
     told = [(o.tag_reading.tag_id, o.status) for o in desk.observations]
     assert told == [("1", 0), ("5", 1)]
     assert desk.observations[1].status_detail == "a box"
@@ -150,7 +150,7 @@ def test_a_level_of_its_value_is_an_event(desk: Desk, spraying: Cart) -> None:
 
 def test_a_value_that_nobody_tells_any_more_is_unknown(world: World, desk: Desk, missions: Path) -> None:
     """After its `freshness`; nothing has to come for that to be noticed."""
-    put(missions / "bindings" / "sprayer.yaml", ("freshness: 5 s", "freshness: 1 s"))
+    put(missions / "bindings" / "sprayer.yaml", ("freshness: 5 s", "freshness: 3 s"))
     level = "input.tank.low: {target: RINSING, code: tank_empty}\n"
     unknown = "always: {target: RINSING, guard: not known(input.tank), code: tank_empty}\n"
     put(missions / "spray.yaml", (f"  {level}", f"{unknown}"))
@@ -170,7 +170,7 @@ def test_a_hold_stops_the_cart_and_gives_the_order_again(desk: Desk, spraying: C
     desk.until(lambda: spraying.goals, "the order")
     assert desk.ask("pause").success
     desk.until(lambda: spraying.cancelled == spraying.goals, "the cart has stopped")
-    assert desk.state.paused
+    desk.until(lambda: desk.state.paused, "paused")
     spraying.answer = succeed
     assert desk.ask("resume").success
     desk.in_state("DONE")
@@ -182,7 +182,7 @@ def test_a_cart_that_will_not(desk: Desk, spraying: Cart) -> None:
     """The reason stands in what is published of the plant."""
     spraying.willing = False
     desk.begin("1")
-    desk.in_state("DONE")
+    desk.until_done(published=1)
     detail = "action server /sprayer/spray is not willing to take the goal"
     assert [o.status_detail for o in desk.observations] == [detail]
 
@@ -195,7 +195,7 @@ def test_a_cart_that_dies(world: World, desk: Desk, missions: Path) -> None:
     desk.in_state("SPRAYING")
     desk.until(desk.order_is_taken, "the order is taken")
     world.processes["cart"].kill()
-    desk.in_state("DONE")
+    desk.until_done(published=1)
     assert [o.status_detail for o in desk.observations] == ["action server /sprayer/spray is gone"]
 
 
@@ -214,7 +214,7 @@ def test_a_binding_that_changes_while_nothing_runs(desk: Desk, spraying: Cart, m
     put(missions / "bindings" / "sprayer.yaml", ("default: mist", "default: fog"), ("1.0}", "0.5}"))
     spraying.answer = succeed
     desk.begin("1")
-    desk.in_state("DONE")
+    desk.until_done(published=1)
     assert [goal.request.behavior_tree for goal in spraying.goals] == ["fog"]
     assert spraying.lamps == [(0.0, 1.0), (1.0, 0.0)]
     assert [o.status for o in desk.observations] == [0]

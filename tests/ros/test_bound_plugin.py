@@ -58,8 +58,12 @@ class Bench:
         spin_until(self.nodes, condition, what=what)
 
     def ready(self) -> Bench:
-        """Wait until the servers are there."""
+        """Wait until the servers are there, and the topics heard: of a gauge nothing is sent again."""
         self.until(lambda: not self.client.missing(), "the servers")
+        self.until(
+            lambda: all(one._subscription.get_publisher_count() == 1 for one in self.client._listeners),
+            "the topics",
+        )
         return self
 
     def spray(self, attempt: str = "a1") -> None:
@@ -180,13 +184,14 @@ def test_a_cart_that_is_killed(world: World, make_node: MakeNode) -> None:
     engine, outlet = make_node("engine"), FakeOutlet()
     client = BoundClient(engine, sprayer(), outlet, SETTINGS)
     cart = world.run("cart", [sys.executable, "-m", bound.__name__, "cart"])
-    spin_until([engine], lambda: not client.missing(), 30.0, "the cart is there")
+    spin_until([engine], lambda: not client.missing(), what="the cart is there")
     client.start("a1", "spray", ORDER)
     spin_until([engine], lambda: outlet.kinds("a1") == ["accepted"], what="the order is taken")
     cart.kill()
-    spin_until([engine], lambda: outlet.kinds("a1") == ["accepted", "failed"], 30.0, "it is missed")
+    spin_until([engine], lambda: outlet.kinds("a1") == ["accepted", "failed"], what="it is missed")
     assert outlet.reports[-1] == ("failed", "a1", "sprayer_gone", "action server /sprayer/spray is gone")
-    assert client.missing() == ["service /sprayer/rinse", "action server /sprayer/spray"]
+    missing = ["service /sprayer/rinse", "action server /sprayer/spray"]
+    spin_until([engine], lambda: client.missing() == missing, what="both are missed")
     client.start("a2", "spray", ORDER)
     detail = "action server /sprayer/spray is not there"
     assert outlet.reports[-1] == ("failed", "a2", "sprayer_gone", detail)
@@ -199,10 +204,17 @@ def test_a_cart_that_was_started_anew(bench: Bench, make_node: MakeNode) -> None
     old = bench.nodes.pop()
     again = Cart(make_node("cart_again"))
     bench.nodes.append(again.ros)
-    bench.until(lambda: bench.engine.node.count_services("/sprayer/rinse") == 2)
+    bench.until(lambda: sees(bench.engine, "/sprayer/rinse", servers=2), "both carts")
     old.close()
     code, detail = bench.reported("accepted", "failed")[2:]
     assert (code, detail) == ("sprayer_gone", "action server /sprayer/spray no longer knows the goal")
+
+
+def sees(ros: RosNode, service: str, servers: int) -> bool:
+    """Say whether so many offer a service, and all of it: what takes requests is found apart from answers."""
+    taking = ros.node.get_subscriptions_info_by_topic(f"rq{service}Request", no_mangle=True)
+    answering = ros.node.get_publishers_info_by_topic(f"rr{service}Reply", no_mangle=True)
+    return len(taking) == len(answering) == servers
 
 
 # -- topics ------------------------------------------------------------------------------------------------

@@ -17,7 +17,7 @@ from lupin_bridge.node import STATUS_READING_FAILED
 from lupin_engine.middleware.node import Failure
 from lupin_msgs.msg import Observation, TagReading
 from lupin_msgs.srv import GetTagReading
-from tests.broker import Broker, Sensors
+from tests.broker import Broker, Sensors, sockets_of
 from tests.ros.world import Operator, World
 
 pytestmark = [pytest.mark.ros, pytest.mark.timeout(180)]
@@ -191,9 +191,10 @@ def test_a_mission_over_mqtt_goes_on_when_bridge_and_broker_are_killed(
     sensors.close()
     world.start("greenhouse_bridge", backend="mqtt", **given)
     operator.until(lambda: is_readable(operator, "2"), "the bridge has heard of tag 2")
-    world.start("lupin_sim", speed=2.0)
+    world.start("lupin_sim", speed=0.5)  # so slow that a pause comes in time before tag 2
     world.start("mission_orchestrator", scan_timeout_s=20.0)
     operator.in_state("READY")
+    assert not operator.ask("pause").success  # the service is found: the next request is there at once
     broker.kill()
     assert operator.start("1", "2").accepted
     operator.until(lambda: operator.observations, "the reading of tag 1, which was heard before")
@@ -207,8 +208,9 @@ def test_a_mission_over_mqtt_goes_on_when_bridge_and_broker_are_killed(
         "greenhouse/2/temperature", json.dumps({"value": 23.0, "stamp": time.time()}), retain=True
     )
     operator.until(lambda: is_readable(operator, "2"), "the second bridge has heard of tag 2")
+    operator.set_parameter("lupin_sim", "speed", 10.0)
     assert operator.ask("resume").success
-    operator.in_state("DONE")
+    operator.until_done(2)
     sensors.close()
     found = [
         (o.tag_reading.tag_id, o.status, [r.value for r in o.tag_reading.readings])
@@ -227,11 +229,10 @@ def test_the_node_of_a_greenhouse_opens_no_port_for_its_sensors(
     )
     log = world.log("greenhouse_bridge")
     operator.until(lambda: "connected to the broker at 127.0.0.1" in log.read_text(), "a connection")
-    folder = Path(f"/proc/{process.pid}/fd")
-    own = {str(link.readlink()) for link in folder.iterdir()}
+    own = sockets_of(process.pid)
     tables = [
         Path(f"/proc/{process.pid}/net/{name}").read_text().splitlines()[1:] for name in ("tcp", "tcp6")
     ]
     rows = [row.split() for table in tables for row in table]
-    states = [row[3] for row in rows if f"socket:[{row[9]}]" in own]
+    states = [row[3] for row in rows if row[9] in own]
     assert set(states) == {"01"}, "connections that are established, and nothing that listens"

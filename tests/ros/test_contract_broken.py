@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 import sys
 import threading
@@ -218,7 +219,7 @@ def offer(ros: RosNode) -> None:
 @pytest.fixture
 def patience(monkeypatch: pytest.MonkeyPatch) -> None:
     """Wait a moment only for what never comes."""
-    monkeypatch.setattr(benches, "PATIENCE_S", 4.0)
+    monkeypatch.setattr(benches, "PATIENCE_S", 8.0)
 
 
 def lab_of(driver: type[Good], monkeypatch: pytest.MonkeyPatch) -> Lab:
@@ -250,17 +251,17 @@ def test_a_good_driver_keeps_every_rule(
 @pytest.mark.parametrize(
     ("driver", "rule", "problem"),
     [
-        (Blocks, "ends_once", "start of 'switch' blocks: it took 1.2 s; call back when there is an answer"),
+        (Blocks, "ends_once", "start of 'switch' blocks: it took # s; call back when there is an answer"),
         (Raises, "ignores_strangers", "cancel of 'nobody_knows_this_one' raises KeyError"),
         (Raises, "ends_once", "cancel of 'switch_1' raises KeyError"),
         (EndsTwice, "ends_once", "switch_1 reports 'done' after its end ['accepted', 'done']"),
         (
             NeverEnds,
             "survives_its_servers",
-            "the end of switch_1: not within 4 s; reports so far: switch_1: acc",
+            "the end of switch_1: not within 8 s; reports so far: switch_1: acc",
         ),
-        (DropsWhatIsCancelled, "is_cancelled", "the end of switch_1: not within 4 s"),
-        (DropsWhatIsCancelled, "is_cancelled_at_once", "the end of switch_1: not within 4 s"),
+        (DropsWhatIsCancelled, "is_cancelled", "the end of switch_1: not within 8 s"),
+        (DropsWhatIsCancelled, "is_cancelled_at_once", "the end of switch_1: not within 8 s"),
         (CancelsAll, "keeps_attempts_apart", "switch_2 is cancelled, and only switch_1 was to be"),
         (WaitsForNobody, "waits_alone", "missing() is empty although nobody is there; set `waits = False`"),
         (WaitsForSomething, "waits_alone", "missing() must name what is missing, in words; it returns ['']"),
@@ -282,7 +283,7 @@ def test_a_good_driver_keeps_every_rule(
         (
             IgnoresCancels,
             "is_cancelled",
-            "the cancel of switch_1 changes nothing: it is done 0.5 s later, as if left alone (0.5 s); end ",
+            "the cancel of switch_1 changes nothing: it is done # s later, as if left alone (# s); end ",
         ),
         (ChangesTheCatalog, "comes_to_work", "the driver changes the catalog: value 'trial.hot'; it is data"),
         (
@@ -307,10 +308,11 @@ def test_a_bad_driver_breaks_a_rule(
     patience: None,
     ros_domain: int,
 ) -> None:
-    """And is told in what."""
+    """And is told in what; `#` stands for what was measured, which differs from machine to machine."""
     operation = next(operation for name, operation in cases(LAMP) if name == rule)
     try:
-        assert problem in verdict(lab_of(driver, monkeypatch), rule, operation)
+        told = verdict(lab_of(driver, monkeypatch), rule, operation)
+        assert problem in re.sub(r"\d+\.\d s", "# s", told)
     finally:
         VALUES.pop("trial.hot", None)
 

@@ -15,6 +15,7 @@ pytest.importorskip("greenhouse_sim", reason="mdp-greenhouse is not installed he
 from geometry_msgs.msg import PoseWithCovarianceStamped
 
 from lupin_engine.middleware.node import Qos
+from lupin_engine.plugin.wire import seconds_of
 from lupin_msgs.msg import DiscoveredTag, DiscoveredTags, Observation
 from lupin_msgs.srv import StartMission
 from lupin_sim.camera import Plate, plates_of
@@ -44,6 +45,18 @@ def tags(operator: Operator, source: str) -> list[str]:
     return [o.tag_reading.tag_id for o in operator.observations if o.source == source]
 
 
+def until_done(operator: Operator) -> None:
+    """Wait until the mission has ended and every reading of its sweep has come: two topics keep no order."""
+    operator.in_state("DONE")
+    read = operator.state.targets_total
+    operator.until(lambda: len(tags(operator, WATCHED)) >= read, f"{read} readings")
+
+
+def until_beds_are_told(operator: Operator, mission_id: str) -> None:
+    """Wait until there was a word of the flowers at every tag that was read."""
+    operator.until(lambda: beds(operator, mission_id).keys() >= set(tags(operator, WATCHED)), "the flowers")
+
+
 def readings(operator: Operator, mission_id: str) -> list[Any]:
     """The readings of a mission; without one the aggregator reads what is in sight."""
     told = [o for o in operator.observations if o.mission_id == mission_id]
@@ -70,7 +83,8 @@ def test_tags_are_read_when_seen_and_again_when_visited_and_their_flowers_are_to
     """Each once as a seed and once in the sweep, where its plate is; the published mission stays the same."""
     world.start_search(speed=4.0, monitoring_sweeps=1, flower_scan_dwell_s=1.0)
     mission_id = explore(operator, 4)
-    operator.in_state("DONE")
+    until_done(operator)
+    until_beds_are_told(operator, mission_id)
     visited = tags(operator, WATCHED)
     assert len(visited) == len(set(visited)) == operator.state.targets_total >= 4
     assert max(Counter(tags(operator, SEEDED)).values()) == 1
@@ -91,14 +105,24 @@ def test_tags_are_read_when_seen_and_again_when_visited_and_their_flowers_are_to
 def test_an_aggregator_that_is_killed_and_started_again_changes_nothing(
     world: World, operator: Operator
 ) -> None:
-    """In the middle of the search: what was found stays found, and the mission goes on to its end."""
+    """In the middle of the search: what was found stays found, and the mission goes on to its end.
+
+    The robot stands until the new one is there: with nobody who looks it would have seen everything in vain.
+    """
+    lists: list[DiscoveredTags] = []
+    operator.ros.subscribe(DiscoveredTags, "/perception/discovered_tags", Qos.LATCHED, lists.append)
     world.start_search(speed=4.0, monitoring_sweeps=1, flower_scan_dwell_s=1.0)
     mission_id = explore(operator, 5)
     operator.until(lambda: operator.state.tags_discovered >= 2, "two tags")
+    operator.hit(1, "stall")
     world.processes[AGGREGATOR].send_signal(signal.SIGKILL)
     world.processes[AGGREGATOR].wait(10.0)
+    killed = operator.ros.now()
     world.start(AGGREGATOR)
-    operator.in_state("DONE")
+    operator.until(lambda: any(seconds_of(told.header.stamp) > killed for told in lists), "the new one")
+    operator.set_parameter("lupin_sim", "fault", "none")
+    until_done(operator)
+    until_beds_are_told(operator, mission_id)
     found = [s.tags_discovered for s in operator.states if s.lifecycle_state == "EXPLORING"]
     assert found == sorted(found), "nothing that was found was lost"
     assert operator.state.targets_completed == operator.state.targets_total >= 5
@@ -113,11 +137,11 @@ def test_a_second_search_begins_with_nothing(world: World, operator: Operator) -
     second = explore(operator, 3)
     operator.until(lambda: operator.state.mission_id == second, "the second mission")
     operator.in_state("DONE")
+    operator.until(lambda: len(tags(operator, WATCHED)) >= 6, "the readings of both")
     states = [s for s in operator.states if s.mission_id == second]
     searching = [s for s in states if s.lifecycle_state == "EXPLORING"]
     assert searching, "it had to search again"
     assert searching[0].tags_discovered == 0
-    assert len(tags(operator, WATCHED)) >= 6
     log = world.log("mission_orchestrator").read_text()
     assert log.count("from before the mission") <= 3, "what is told twice a second is noted once"
 
@@ -164,6 +188,7 @@ def test_without_a_map_the_search_ends_and_says_what_was_missing(world: World, o
 def test_docking_while_it_searches_and_resuming_searches_on(world: World, operator: Operator) -> None:
     """The map that was seen stays known, and so do the tags: it is one mission."""
     world.start_search(speed=4.0, monitoring_sweeps=1)
+    operator.hit(1, "stall")  # one tag is in view from the start, and nothing is missed meanwhile
     mission_id = explore(operator, 4)
     operator.until(lambda: operator.state.tags_discovered >= 1, "the first tag")
     assert operator.ask("dock").success
@@ -173,7 +198,7 @@ def test_docking_while_it_searches_and_resuming_searches_on(world: World, operat
     assert operator.ask("resume").success
     operator.in_state("EXPLORING")
     assert operator.state.tags_discovered >= found
-    operator.in_state("DONE")
+    until_done(operator)
     assert operator.state.mission_id == mission_id
     assert len(set(tags(operator, WATCHED))) >= 4
 
@@ -187,8 +212,10 @@ def test_a_pause_on_the_way_to_a_frontier_stops_the_robot(world: World, operator
     operator.until(lambda: operator.state.paused, "paused")
     poses: list[PoseWithCovarianceStamped] = []
     operator.ros.subscribe(PoseWithCovarianceStamped, "/amcl_pose", Qos.LATCHED, poses.append)
-    operator.until(lambda: len(poses) >= 3, "three poses")
-    places = {_place(pose) for pose in poses[1:]}
+    operator.until(lambda: len(poses) >= 2 and _place(poses[-1]) == _place(poses[-2]), "standing still")
+    stopped = len(poses)
+    operator.until(lambda: len(poses) >= stopped + 2, "two more poses")
+    places = {_place(pose) for pose in poses[stopped - 1 :]}
     assert len(places) == 1
     assert operator.ask("resume").success
     operator.until(lambda: not operator.state.paused, "resumed")

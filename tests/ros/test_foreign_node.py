@@ -12,7 +12,7 @@ import pytest
 
 pytest.importorskip("rclpy", reason="ROS 2 is not installed here")
 
-pytestmark = [pytest.mark.ros, pytest.mark.timeout(60)]
+pytestmark = [pytest.mark.ros, pytest.mark.timeout(180)]
 
 CATALOG = """\
 from lupin_engine.plugin.contract import Plugin
@@ -64,13 +64,13 @@ def test_a_node_in_plain_rclpy_ends_quietly(
         assert node.stdout is not None
         assert node.stdout.readline() == "it spins as /there/far_node\n"
         node.send_signal(number)
-        _, errors = node.communicate(timeout=30)
+        _, errors = node.communicate(timeout=60)
     assert (node.returncode, errors) == (0, "")
 
 
 def test_a_defect_of_a_node_names_who_brought_it(installed: dict[str, str]) -> None:
     """One line and a file with the traceback, as always; but it is not the engine's."""
-    done = subprocess.run(lupin_node("far_wreck"), env=installed, capture_output=True, text=True, timeout=50)
+    done = subprocess.run(lupin_node("far_wreck"), env=installed, capture_output=True, text=True, timeout=150)
     first, second = done.stderr.splitlines()
     assert done.returncode == 70
     assert first == "lupin: a defect of the node 'far_wreck' of far 1.2: ZeroDivisionError: division by zero"

@@ -142,7 +142,7 @@ def test_a_mission_can_be_started_as_soon_as_its_file_is_there(
     drop_patrol(missions, *ONE_ROUND)
     answer = desk.start("1", "5", mission="PatrolMission")
     assert answer.accepted, answer.error_message
-    desk.in_state("DONE")
+    desk.until_done(published=2)
     assert arm.asked == ["inspect", "home", "inspect", "home"]
     assert [(o.tag_reading.tag_id, o.status) for o in desk.observations] == [("1", 0), ("5", 0)]
     assert desk.state.last_error == ""
@@ -232,13 +232,17 @@ def test_a_running_mission_is_not_touched(world: World, desk: Desk, missions: Pa
     start_all(world, missions)
     desk.in_state("READY")
     desk.offered("InspectionMission")
+    desk.hit(1, "stall")  # until the files have changed
     assert desk.start("1", "5").accepted
     desk.in_state("INSPECTING")
-    offers = len(desk.offers)
     other = ("mission: InspectionMission", "mission: SecondMission")
     put(missions / "inspection.yaml", missions, other)
-    desk.in_state("DONE")
-    assert len(desk.offers) == offers
-    assert desk.state.mission_type == "InspectionMission"
+    second = desk.start("1")  # before every start the files are looked at
+    assert second.error_message == "start refused: a mission is already running"
+    desk.set_parameter("lupin_sim", "fault", "none")
     desk.offered("SecondMission")
     assert desk.state.lifecycle_state == "DONE"
+    ended = next(state for state in desk.states if state.lifecycle_state == "DONE")
+    assert ended.mission_type == "InspectionMission"
+    log = world.log("mission_orchestrator").read_text(encoding="utf-8")
+    assert log.index("mission ended") < log.index("missions loaded anew")

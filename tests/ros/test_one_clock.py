@@ -122,7 +122,7 @@ def test_deadlines_wait_while_simulated_time_stands_still(world: World, outside:
     """The mission's timers are of the clock of its stamps; the state is told all the same."""
     operator = outside.operator
     world.start("greenhouse_bridge", use_sim_time=True)
-    world.start("mission_orchestrator", use_sim_time=True, flower_scan_dwell_s=1.5)
+    world.start("mission_orchestrator", use_sim_time=True, flower_scan_dwell_s=5.0)
     operator.in_state("READY")
     assert operator.start("1").accepted
     operator.until(lambda: operator.observations, "the reading")

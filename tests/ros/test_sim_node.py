@@ -29,7 +29,7 @@ from lupin_sim.detector import CLASSES, blooms_of
 from lupin_sim.node import PARAMETERS, SimNode
 from lupin_sim.node.senses import TELL_S
 from lupin_sim.robot import Pose
-from tests.ros.helpers import spin_until
+from tests.ros.helpers import PATIENCE, spin_until
 
 pytestmark = pytest.mark.ros
 
@@ -110,8 +110,8 @@ class Scene:
         for name, value in values.items():
             kind, slot = kinds[type(value)]
             request.parameters.append(Parameter(name=name, value=ParameterValue(type=kind, **{slot: value})))
-        self.setter.call(request, 5.0, answers.append)
-        self.until(lambda: answers)
+        self.setter.call(request, PATIENCE, answers.append)
+        self.until(lambda: answers, "an answer")
         return list(answers[0].results)
 
     @property
@@ -137,8 +137,10 @@ def test_a_standing_robot_tells_where_and_how_it_is(make_node: MakeNode) -> None
 
 
 def test_the_robot_drives_to_a_goal_and_knows_where_it_is(make_node: MakeNode) -> None:
-    scene = Scene(make_node, "-p", "speed:=4.0")
+    scene = Scene(make_node, "-p", "speed:=0.5")
     drive = scene.drive(0.6, 7.5)
+    scene.until(lambda: len(drive.feedback) >= 2, "two words on the way")
+    scene.set(speed=10.0)
     assert scene.end_of(drive) == 4
     scene.until(lambda: scene.place == (0.6, 7.5))
     remaining = [f.distance_remaining for f in drive.feedback]
@@ -267,7 +269,8 @@ class Clicked(Scene):
         self.clicks = self.observer.publisher(PoseStamped, "/goal_pose", Qos.EVENT)
         self.cancel_all = self.observer.service(CancelGoal, "/navigate_to_pose/_action/cancel_goal")
         self.until(lambda: self.clicks.get_subscription_count() == 1 and self.cancel_all.ready())
-        self.until(lambda: self.observer.node.count_publishers("/plan") == 1 and self.poses)
+        # The first plan is not told again: the robot has to know who listens.
+        self.until(lambda: self.node._display._plans.get_subscription_count() == 1 and self.poses)
 
     def click(self, x: float, y: float) -> None:
         pose = PoseStamped()
@@ -278,10 +281,10 @@ class Clicked(Scene):
 
 
 def test_a_click_on_the_map_drives_the_robot_and_the_plan_shows_how(make_node: MakeNode) -> None:
-    scene = Clicked(make_node, "-p", "speed:=0.5")
+    scene = Clicked(make_node, "-p", "speed:=0.1", "-p", "start_pose:=[0.5, 0.5, 1.5708]")
     scene.click(0.5, 1.5)
-    scene.until(lambda: scene.place == (0.5, 1.5), "there")
-    first, last = scene.plans[0], scene.plans[-1]
+    scene.until(lambda: len(scene.plans) >= 2, "a second plan, on the way")
+    first, last = scene.plans[:2]
     assert first.header.frame_id == "map"
     places = [(p.pose.position.x, p.pose.position.y) for p in first.poses]
     assert places == [(0.5, 0.5), (0.5, 1.5)]
@@ -291,22 +294,26 @@ def test_a_click_on_the_map_drives_the_robot_and_the_plan_shows_how(make_node: M
     # Told again while it drives: of what is left.
     assert last.poses[0].pose.position.y > 0.5
     assert last.poses[-1].pose.position.y == 1.5
+    scene.set(speed=10.0)
+    scene.until(lambda: scene.place == (0.5, 1.5), "there")
 
 
 def test_a_click_is_a_goal_like_any_other(make_node: MakeNode) -> None:
     """One that is no place moves nothing; whoever cancels all goals ends it; a new goal takes its place."""
-    scene = Clicked(make_node, "-p", "speed:=0.5")
+    scene = Clicked(make_node, "-p", "speed:=0.02")
     scene.click(math.nan, 1.0)
     scene.click(0.5, 1.5)
     scene.until(lambda: scene.plans, "under way")
     answers: list[Any] = []
-    scene.cancel_all.call(CancelGoal.Request(), 5.0, answers.append)
+    scene.cancel_all.call(CancelGoal.Request(), PATIENCE, answers.append)
     scene.until(lambda: answers and scene.node._goal is None, "cancelled")
     assert len(answers[0].goals_canceling) == 1
     assert scene.place[1] < 1.5
     scene.click(0.5, 1.5)
     scene.until(lambda: scene.node._goal is not None, "under way again")
-    assert scene.end_of(scene.drive(0.5, 0.5)) == 4
+    back = scene.drive(0.5, 0.5)
+    scene.set(speed=10.0)
+    assert scene.end_of(back) == 4
     assert scene.place == (0.5, 0.5)
 
 
@@ -358,7 +365,8 @@ def test_the_map_is_latched_and_grows_as_the_robot_drives(make_node: MakeNode) -
     assert len(heard[-1].data) == len(first.data)
 
 
-def test_a_map_without_news_is_not_sent_again(make_node: MakeNode) -> None:
+def test_a_map_without_news_is_not_sent_again(make_node: MakeNode, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("lupin_sim.node.senses.TELL_AGAIN_S", math.inf)
     scene = Sensed(make_node)
     scene.until(lambda: scene.maps)
     seen = len(scene.maps)
@@ -414,6 +422,7 @@ def test_a_pest_without_a_place_is_refused(make_node: MakeNode) -> None:
 def test_a_fast_robot_looks_around_as_often_on_its_way_as_a_slow_one(
     make_node: MakeNode, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr("lupin_sim.node.robot.LOOKS_WITHIN_S", math.inf)  # however long this machine stands
     scene = Sensed(make_node)
     looks: list[Pose] = []
     monkeypatch.setattr(scene.node._senses, "look", looks.append)

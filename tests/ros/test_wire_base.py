@@ -13,7 +13,7 @@ from tests.ros.wire import OK, UNREACHABLE, Drive, Wire, leave_open, running_nod
 pytestmark = [pytest.mark.ros, pytest.mark.timeout(120)]
 
 #: Seconds that a drive may take.
-LIMIT = 1.5
+LIMIT = 2.5
 
 
 @pytest.fixture(scope="module")

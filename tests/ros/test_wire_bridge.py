@@ -24,7 +24,7 @@ from tests.ros.wire import (
 pytestmark = [pytest.mark.ros, pytest.mark.timeout(120)]
 
 #: Seconds that a reading may take.
-LIMIT = 0.7
+LIMIT = 2.0
 
 
 @pytest.fixture(scope="module")

@@ -10,7 +10,7 @@ import pytest
 
 pytest.importorskip("rclpy", reason="ROS 2 is not installed here")
 
-pytestmark = [pytest.mark.ros, pytest.mark.timeout(120)]
+pytestmark = [pytest.mark.ros, pytest.mark.timeout(300)]
 
 BENCHMARK = Path(__file__).parents[2] / "benchmarks" / "estop_latency.py"
 
@@ -18,7 +18,7 @@ BENCHMARK = Path(__file__).parents[2] / "benchmarks" / "estop_latency.py"
 def test_an_e_stop_is_a_cancel_on_the_wire_in_every_trial(ros_domain: int) -> None:
     """The figures of three trials say nothing of speed, but each of them has stopped a drive."""
     done = subprocess.run(
-        [sys.executable, str(BENCHMARK), "--trials", "3"], capture_output=True, text=True, timeout=100
+        [sys.executable, str(BENCHMARK), "--trials", "3"], capture_output=True, text=True, timeout=280
     )
     assert done.returncode == 0, done.stdout + done.stderr
     title, columns, *rows, ratio = done.stdout.splitlines()

@@ -286,13 +286,15 @@ class Wire:
         self.until(lambda: self.operator.state.paused, "held")
 
     def until_done(self, mission_id: str) -> None:
-        """Wait until a mission has ended."""
+        """Wait until a mission has ended and its tags are told: two topics keep no order."""
         self.until(
             lambda: (
                 self.operator.state.lifecycle_state == "DONE" and self.operator.state.mission_id == mission_id
             ),
             "the end of the mission",
         )
+        tags = self.wanted.get(mission_id, [])
+        self.until(lambda: len(self.outcomes(mission_id)) >= len(tags), "all observations")
 
     def until_quiet(self) -> None:
         """Wait until the node has worked off what it was told: it repeats its state, and repeats it again."""
@@ -359,7 +361,6 @@ class Wire:
         """Every tag of every mission is closed exactly once, and the missions are over."""
         assert self.operator.state.lifecycle_state in ("READY", "DONE")
         for mission_id, tags in self.wanted.items():
-            self.until(lambda: len(self.outcomes(mission_id)) >= len(tags), "all observations")  # noqa: B023
             closed = Counter(tag for tag, _ in self.outcomes(mission_id))
             assert closed == dict.fromkeys(tags, 1)
 

@@ -21,7 +21,7 @@ from lupin_msgs.msg import MissionState, Observation
 from lupin_msgs.srv import StartMission
 
 #: Every wait ends; generous, because the machine may be busy.
-PATIENCE = 30.0
+PATIENCE = 60.0
 
 
 class Operator:
@@ -70,6 +70,11 @@ class Operator:
         answer = self.call(SetParameters, f"/{node}/set_parameters", request)
         assert answer.results[0].successful, answer.results[0].reason
 
+    def hit(self, goals: int, fault: str) -> None:
+        """Let something go wrong with the next goals of the simulated robot, with each until it has ended."""
+        self.set_parameter("lupin_sim", "fault_count", goals)
+        self.set_parameter("lupin_sim", "fault", fault)
+
     @property
     def state(self) -> MissionState:
         """The last state seen."""
@@ -86,6 +91,11 @@ class Operator:
             f"{lifecycle}/{phase or '*'}",
         )
 
+    def until_done(self, published: int) -> None:
+        """Wait until the mission has ended and so many observations have come: two topics keep no order."""
+        self.in_state("DONE")
+        self.until(lambda: len(self.observations) >= published, f"{published} observations")
+
     def seen(self) -> list[str]:
         """The states seen, each change once, as LIFECYCLE or LIFECYCLE/PHASE."""
         names = [s.lifecycle_state + (f"/{s.mission_phase}" if s.mission_phase else "") for s in self.states]
@@ -97,6 +107,8 @@ def _value(value: Any) -> ParameterValue:
         return ParameterValue(type=ParameterType.PARAMETER_BOOL, bool_value=value)
     if isinstance(value, str):
         return ParameterValue(type=ParameterType.PARAMETER_STRING, string_value=value)
+    if isinstance(value, int):
+        return ParameterValue(type=ParameterType.PARAMETER_INTEGER, integer_value=value)
     return ParameterValue(type=ParameterType.PARAMETER_DOUBLE, double_value=float(value))
 
 
@@ -146,7 +158,7 @@ class World:
         stubborn = []
         for node, process in self.processes.items():
             try:
-                process.wait(10.0)
+                process.wait(PATIENCE)
             except subprocess.TimeoutExpired:
                 os.killpg(process.pid, signal.SIGKILL)
                 process.wait(10.0)

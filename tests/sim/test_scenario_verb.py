@@ -164,7 +164,16 @@ def test_a_simulation_becomes_a_scenario(tmp_path: Path) -> None:
             "exists; remove it, or",
         ),
         (["--record", __file__, "-o", "x.scenario.yaml"], ":1: this is no JSON"),
+        (
+            ["--record", __file__, "-o", __file__],
+            f"lupin: {__file__!r} must end in .scenario.yaml\n"
+            f"{__file__!r} exists; remove it, or choose another name\n{__file__}:1: this is no JSON",
+        ),
         (["--coverage-diagram", "x.png", str(SCENARIOS)], "'x.png' must end in .svg"),
+        (
+            ["--coverage-diagram", "x.png", "-k", "nowhere", str(SCENARIOS / "estop.scenario.yaml")],
+            "lupin: none of 1 scenarios has 'nowhere' in its path\n'x.png' must end in .svg\n",
+        ),
         (["--seeds", "0", str(SCENARIOS)], "0 is not in the range x>=1"),
         ([str(SCENARIOS / "estop.scenario.yaml"), "--junit", "/dev/null/x.xml"], "cannot write"),
     ],

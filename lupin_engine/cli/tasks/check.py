@@ -22,7 +22,7 @@ from lupin_engine.chart.load import (
 )
 from lupin_engine.chart.source import head
 from lupin_engine.cli.findings import FORMS, Checked, as_text, counted, wants_colour
-from lupin_engine.errors import Diagnostic, LupinError, Severity, UsageError
+from lupin_engine.errors import Diagnostic, LupinError, Problems, Severity, UsageError
 from lupin_engine.launch.mission import LOCAL, folders
 from lupin_engine.plugin.registry import Catalog, load_catalog
 from lupin_engine.sim import SUFFIX
@@ -38,11 +38,13 @@ def work(paths: tuple[str, ...], forms: Sequence[str], strict: bool, watch: bool
 
         click.echo(rule_text(explain), color=wants_colour())
         return 0
+    problems = Problems(UsageError)
+    named = " and ".join(f"--{form}" for form in forms)
     if len(forms) > 1:
-        named = " and ".join(f"--{form}" for form in forms)
-        raise UsageError(f"{named} are different forms of the same findings; use one of them")
+        problems.add(f"{named} are different forms of the same findings; use one of them")
     if watch and forms:
-        raise UsageError(f"--watch is for people and --{forms[0]} for programs; use one of them")
+        problems.add(f"--watch is for people and {named} for programs; use one of them")
+    problems.tell()
     if watch:
         return watch_paths(paths, strict)
     return check_paths(paths, forms[0] if forms else "text", strict)
@@ -109,9 +111,12 @@ def watch_paths(
 def run_check(paths: Sequence[str | Path], catalog: Catalog) -> Checked:
     """Check what `paths` name; what is meant twice is checked once. Errors as for `check_paths`."""
     groups: dict[Path, dict[Path, None]] = {}
+    problems = Problems(UsageError)
     for path in paths or folders()[:1]:
-        lifecycle, missions = _meant_by(str(path))
-        groups.setdefault(lifecycle, {}).update(dict.fromkeys(missions))
+        with problems.collecting():
+            lifecycle, missions = _meant_by(str(path))
+            groups.setdefault(lifecycle, {}).update(dict.fromkeys(missions))
+    problems.tell()
     found: dict[Diagnostic, None] = {}
     for root, files in groups.items():
         inspection = inspect_chart(root, list(files), catalog)

@@ -10,9 +10,10 @@ import click
 
 from lupin_engine.diagram.formats import FORMATS
 from lupin_engine.diagram.index import Page, index
-from lupin_engine.diagram.outline import outline, readable_depth
+from lupin_engine.diagram.outline import find_state, outline, readable_depth
 from lupin_engine.diagram.picture import Picture
-from lupin_engine.errors import UsageError
+from lupin_engine.diagram.trace import Counts, check_fits, coloured, read_trace
+from lupin_engine.errors import Problems, UsageError
 from lupin_engine.launch.mission import Loaded, load_missions
 from lupin_engine.plugin.registry import Catalog, load_catalog
 from lupin_engine.sim import SUFFIX
@@ -40,13 +41,30 @@ def work(
         return 0
     if mission is None:
         raise UsageError("name a mission, or a folder of missions with --all FOLDER")
-    wanted = _format(formats, output)
-    catalog = load_catalog()
-    if mission.endswith(SUFFIX):
-        raise UsageError(_scenario(mission, catalog))
-    picture = _picture(load_missions([mission], catalog), wanted, focus, depth, trace)
+    problems = Problems(UsageError)
+    with problems.collecting():
+        wanted = _format(formats, output)
+        if wanted == "scxml" and (focus or depth or trace):
+            raise UsageError("SCXML is the whole chart: leave --focus, --depth and --trace out")
+    with problems.collecting():
+        counts = None if trace is None else _counts(trace)
+    with problems.collecting():
+        loaded = _loaded(mission, load_catalog())
+        if focus is not None:
+            find_state(loaded.chart, focus)
+    problems.tell()
+    picture = _picture(loaded, wanted, focus, depth)
+    if trace is not None and counts is not None:
+        check_fits(picture, counts, trace.name)
+        picture = coloured(picture, counts)
     _write(_draw(picture, wanted), output)
     return 0
+
+
+def _loaded(mission: str, catalog: Catalog) -> Loaded:
+    if mission.endswith(SUFFIX):
+        raise UsageError(_scenario(mission, catalog))
+    return load_missions([mission], catalog)
 
 
 def _format(formats: tuple[str, ...], output: Path | None) -> str:
@@ -70,28 +88,20 @@ def _scenario(name: str, catalog: Catalog) -> str:
     return f"{name!r} is a scenario; for a picture name the mission that it tests: {str(mission)!r}"
 
 
-def _picture(
-    loaded: Loaded, wanted: str, focus: str | None, depth: int | None, trace: Path | None
-) -> Picture:
+def _picture(loaded: Loaded, wanted: str, focus: str | None, depth: int | None) -> Picture:
     """Return what is to be drawn."""
     if wanted == "scxml":
-        if focus or depth or trace:
-            raise UsageError("SCXML is the whole chart: leave --focus, --depth and --trace out")
         return outline(loaded.chart, whole=True)
     picture = outline(loaded.chart, focus=focus, depth=depth)
     levels = readable_depth(picture) if wanted in _PICTURES and depth is None else None
     if levels is not None:
         click.echo(f"lupin: drawn {levels} levels deep, to be readable; --depth says how deep", err=True)
         picture = outline(loaded.chart, focus=focus, depth=levels)
-    return picture if trace is None else _coloured(picture, trace)
+    return picture
 
 
-def _coloured(picture: Picture, trace: Path) -> Picture:
-    from lupin_engine.diagram.trace import check_fits, coloured, read_trace
-
-    counts = read_trace(trace.read_text(encoding="utf-8", errors="replace"), trace.name)
-    check_fits(picture, counts, trace.name)
-    return coloured(picture, counts)
+def _counts(trace: Path) -> Counts:
+    return read_trace(trace.read_text(encoding="utf-8", errors="replace"), trace.name)
 
 
 def _draw(picture: Picture, wanted: str) -> bytes:
@@ -136,7 +146,7 @@ def _draw_all(folder: Path, formats: tuple[str, ...], depth: int | None, output:
         loaded = load_missions([str(file)], catalog)
         names = {wanted: f"{file.stem}{FORMATS[wanted]}" for wanted in formats}
         for wanted, name in names.items():
-            picture = _picture(loaded, wanted, None, None if wanted == "scxml" else depth, None)
+            picture = _picture(loaded, wanted, None, depth)
             _write(_draw(picture, wanted), output / name)
         mission = loaded.chart.missions[loaded.names[0]]
         pages.append(Page(mission.name, mission.summary, names))

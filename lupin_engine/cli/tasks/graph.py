@@ -13,7 +13,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from lupin_engine.errors import UsageError, meant
+from lupin_engine.errors import Problems, UsageError, meant
 from lupin_engine.launch.environment import close_the_doors, current_domain
 from lupin_engine.launch.requirements import prepare_ros
 
@@ -30,10 +30,14 @@ _TABLES: dict[Kind, tuple[str, str, str]] = {
 
 def work(words: Sequence[str], domain: int | None, everything: bool, mermaid: bool, as_json: bool) -> int:
     """Do what the options of `lupin graph` say, and return the exit code."""
+    problems = Problems(UsageError)
     if mermaid and as_json:
-        raise UsageError("--mermaid and --json are two forms of the same map: give one of them")
-    close_the_doors(domain)
-    prepare_ros()
+        problems.add("--mermaid and --json are two forms of the same map: give one of them")
+    with problems.collecting():
+        close_the_doors(domain)
+    with problems.collecting():
+        prepare_ros()
+    problems.tell()
     from lupin_engine.launch.graph import network  # needs rclpy
 
     seen = network()

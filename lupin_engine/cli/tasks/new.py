@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 from pathlib import Path
 
 import click
@@ -17,7 +18,7 @@ from lupin_engine.chart.load import (
     lifecycle_of,
 )
 from lupin_engine.cli.files import nearest_name, title_of, write_text
-from lupin_engine.errors import UsageError
+from lupin_engine.errors import Problems, UsageError
 from lupin_engine.launch.mission import LOCAL
 from lupin_engine.plugin.registry import NAME, load_catalog
 from lupin_engine.sim import SUFFIX
@@ -73,27 +74,25 @@ def write_mission(name: str, like: str | None, folder: Path) -> tuple[list[Path]
     Raises:
         UsageError: the name cannot be one, the mission exists, or there is none to be `like`.
     """
-    if not NAME.fullmatch(name) or name == Path(LIFECYCLE).stem:
-        wanted = "lower-case letters, digits and underscores, such as water_beds"
-        raise UsageError(
-            f"{name!r} cannot be the name of a mission's file: write {wanted}{nearest_name(name)}"
-        )
     missions = folder / LOCAL
     scenario = folder / "scenarios" / f"{name}{SUFFIX}"
+    problems = Problems(UsageError)
+    with problems.collecting():
+        _check_name(name, (missions / f"{name}.yaml", scenario))
+    with problems.collecting():
+        model = None if like is None else _model(like, folder)
+    problems.tell()
     own = {
         missions / f"{name}.yaml": MISSION.format(title=title_of(name)),
         scenario: (SCENARIO_LIKE if like else SCENARIO).format(name=name),
     }
     source = default_missions_folder()
     lifecycle, others = source / LIFECYCLE, list[str]()
-    if like is not None:
-        file, parts = _model(like, folder)
+    if model is not None:
+        file, parts = model
         source, lifecycle = file.parent, lifecycle_of(file)
         own[missions / f"{name}.yaml"] = _renamed(file.read_text(encoding="utf-8"), title_of(name))
         others += parts
-    for file in own:
-        if file.exists():
-            raise UsageError(f"{str(file)!r} exists; choose another name, or remove it")
     origins = {missions / LIFECYCLE: lifecycle, **{missions / other: source / other for other in others}}
     shared = {file: origin.read_text(encoding="utf-8") for file, origin in origins.items()}
     kept = [file for file in shared if file.exists()]
@@ -101,6 +100,18 @@ def write_mission(name: str, like: str | None, folder: Path) -> tuple[list[Path]
     for file, text in written.items():
         write_text(file, text)
     return list(written), kept
+
+
+def _check_name(name: str, files: Iterable[Path]) -> None:
+    """Look whether a mission can be called so, and these files be its own."""
+    if not NAME.fullmatch(name) or name == Path(LIFECYCLE).stem:
+        wanted = "lower-case letters, digits and underscores, such as water_beds"
+        raise UsageError(
+            f"{name!r} cannot be the name of a mission's file: write {wanted}{nearest_name(name)}"
+        )
+    for file in files:
+        if file.exists():
+            raise UsageError(f"{str(file)!r} exists; choose another name, or remove it")
 
 
 def _model(like: str, folder: Path) -> tuple[Path, list[str]]:

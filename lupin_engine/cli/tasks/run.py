@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import contextlib
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 
 from lupin_engine.cli.bring_up import Options, Wanted
+from lupin_engine.cli.exit_codes import not_done
 from lupin_engine.cli.observers import Heard, JsonObserver, LiveObserver, PlainObserver, SavingPicture
 from lupin_engine.cli.options import PATIENCE_S
 from lupin_engine.cli.terminal import quiet_terminal
@@ -25,17 +24,7 @@ if TYPE_CHECKING:
     from lupin_engine.launch.session import Session
 
 
-@contextlib.contextmanager
-def _nothing_started() -> Iterator[None]:
-    """Give what is raised the exit code of a run that was not done: 1 says that targets were missed."""
-    try:
-        yield
-    except LupinError as problem:
-        problem.exit_code = NOT_DONE
-        raise
-
-
-@_nothing_started()
+@not_done()
 def work(
     mission: str,
     tags: tuple[str, ...],

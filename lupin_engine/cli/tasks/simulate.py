@@ -16,15 +16,18 @@ from rich.text import Text
 
 from lupin_engine.chart.model import Chart
 from lupin_engine.cli.colours import styled
-from lupin_engine.cli.options import PNG, TERMINAL
-from lupin_engine.cli.settings import read_settings, read_value
+from lupin_engine.cli.exit_codes import not_done
+from lupin_engine.cli.options import PNG, SVG, TERMINAL
+from lupin_engine.cli.settings import read_value, settings_in
 from lupin_engine.cli.view import readings_table
-from lupin_engine.errors import UsageError, nearest
-from lupin_engine.launch.mission import load_missions
+from lupin_engine.errors import Problems, UsageError, nearest
+from lupin_engine.launch.folders import writable
+from lupin_engine.launch.mission import check_fields, load_missions
 from lupin_engine.launch.story import ALL_VISITED, INTERRUPTED, NOT_DONE, SOME_MISSED, STATUSES, Reading
 from lupin_engine.machine.environment import World
 from lupin_engine.machine.memory import Visit
 from lupin_engine.plugin.registry import load_catalog
+from lupin_engine.plugin.types import DURATION, convert
 from lupin_engine.runtime.record import command_record, step_record, view_record
 from lupin_engine.runtime.setup import make_world
 from lupin_engine.sim.scenario import is_scenario, load_scenario
@@ -40,12 +43,13 @@ WORDS = dict(zip(STATUSES, ("visited", "unreachable", "failed", "skipped"), stri
 WIDTH = 120
 
 
+@not_done()
 def work(
     mission: str,
     tags: tuple[str, ...],
     goal: int,
     settings: tuple[str, ...],
-    until: float | str | None,
+    until: str | None,
     seed: int | None,
     speed: float,
     picture: str | None,
@@ -53,16 +57,25 @@ def work(
     as_json: bool,
     quiet: bool,
 ) -> int:
-    """Do what the options of `lupin simulate` say, and return the exit code."""
+    """Do what the options of `lupin simulate` say, and return the exit code.
+
+    Raises:
+        LupinError: nothing was simulated; the text has everything that is wrong with the options.
+    """
+    problems = Problems(UsageError)
     if interactive and (as_json or quiet or speed or picture or until is not None):
-        raise UsageError("--interactive goes with --tags, --goal, --set and --seed only")
-    subject = _subject(mission, tags, goal, settings)
+        problems.add("--interactive goes with --tags, --goal, --set and --seed only")
+    with problems.collecting():
+        _check_picture(picture)
+    with problems.collecting():
+        subject = _subject(problems, mission, tags, goal, settings, until)
+    problems.tell()
     if seed is not None:
         subject = replace(subject, script=replace(subject.script, seed=seed))
     if interactive:
         return _interact(subject)
     began = time.perf_counter()
-    run = subject.run(until)
+    run = subject.run()
     wall = time.perf_counter() - began
     lanes = timeline(run)
     if picture not in (None, TERMINAL):
@@ -88,48 +101,85 @@ def work(
 
 @dataclass(frozen=True)
 class Subject:
-    """What is to be simulated: a mission as it is requested, or a scenario."""
+    """What is to be simulated, at most `until` a time or a state: a mission that is requested, a scenario."""
 
     chart: Chart
     script: Script
     world: World
+    until: float | str | None
 
-    def run(self, until: float | str | None) -> Run:
-        """Simulate it, at most until then; errors as for `simulation.simulate`."""
-        script = self.script
-        if isinstance(until, str):
-            _check_state(self.chart, until)
-            script = replace(script, stop_at=until)
-        elif until is not None:
-            script = replace(script, limit=until)
-        run = run_script(self.chart, script, world=self.world)
+    def run(self) -> Run:
+        """Simulate it; errors as for `simulation.simulate`."""
+        if isinstance(self.until, str):
+            return run_script(self.chart, replace(self.script, stop_at=self.until), world=self.world)
+        if self.until is None:
+            return run_script(self.chart, self.script, world=self.world)
+        run = run_script(self.chart, replace(self.script, limit=self.until), world=self.world)
         # Who names a time is not cut off by it.
-        asked = run.cut_off and until is not None
-        return replace(run, cut_off=False, stopped=True) if asked and not isinstance(until, str) else run
+        return replace(run, cut_off=False, stopped=True) if run.cut_off else run
 
 
-def _subject(mission: str, tags: tuple[str, ...], goal: int, settings: tuple[str, ...]) -> Subject:
+def _subject(
+    problems: Problems,
+    mission: str,
+    tags: tuple[str, ...],
+    goal: int,
+    settings: tuple[str, ...],
+    until: str | None,
+) -> Subject:
+    """Return what is to be simulated; `problems` gets what is wrong with options.
+
+    Raises:
+        LupinError: there is no such mission or scenario, or it cannot be used.
+    """
     catalog = load_catalog()
     if is_scenario(mission):
         if tags or goal or settings:
-            raise UsageError(
+            problems.add(
                 "a scenario names its own request and parameters; --tags, --goal and --set are for missions"
             )
         scenario = load_scenario(mission, catalog)
-        world = make_world(scenario.chart, scenario.parameters)
-        return Subject(scenario.chart, scenario.script, world)
-    loaded = load_missions([mission], catalog)
-    given = read_settings("--set", settings, loaded.chart.parameters)
-    request: dict[str, Any] = {"tag_sequence": list(tags), "discovery_goal": goal}
-    script = Script(loaded.names[0], request, limit=LIMIT)
-    return Subject(loaded.chart, script, make_world(loaded.chart, given))
+        chart, script, parameters = scenario.chart, scenario.script, scenario.parameters
+    else:
+        loaded = load_missions([mission], catalog)
+        chart = loaded.chart
+        script = Script(loaded.names[0], {"tag_sequence": list(tags), "discovery_goal": goal}, limit=LIMIT)
+        with problems.collecting():
+            check_fields(loaded, tags, goal)
+        parameters, wrong = settings_in("--set", settings, chart.parameters)
+        problems.add(*wrong)
+    end: float | str | None = None
+    with problems.collecting():
+        end = _until(chart, until)
+    return Subject(chart, script, make_world(chart, parameters), end)
 
 
-def _check_state(chart: Chart, name: str) -> None:
+def _until(chart: Chart, text: str | None) -> float | str | None:
+    """Read when to stop: a duration, in seconds; what does not begin like one is the name of a state."""
+    if text is None:
+        return None
+    if text[:1].isdigit():
+        try:
+            return float(convert(text, DURATION))
+        except ValueError as problem:
+            hint = "write a duration such as '90 s' or '20 min'"
+            raise UsageError(f"--until: {problem}; {hint}") from None
     names = [state for state in chart.states if state]
-    if not any(is_named(state, name) for state in names):
+    if not any(is_named(state, text) for state in names):
         local = {state.rpartition(".")[2] for state in names}
-        raise UsageError(f"--until: no state {name!r}; {nearest(name, local)}")
+        raise UsageError(f"--until: no state {text!r}; {nearest(text, local)}")
+    return text
+
+
+def _check_picture(name: str | None) -> None:
+    """Look whether a timeline can be drawn there."""
+    if name is None or name == TERMINAL:
+        return
+    if Path(name).suffix not in (SVG, PNG):
+        raise UsageError(
+            f"--timeline: {name!r} ends in neither {SVG} nor {PNG}; {TERMINAL} draws in the terminal"
+        )
+    writable(Path(name).parent, "picture")
 
 
 def _interact(subject: Subject) -> int:

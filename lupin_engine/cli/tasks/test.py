@@ -10,7 +10,7 @@ from typing import Any
 import click
 
 from lupin_engine.cli.files import write_text
-from lupin_engine.errors import UsageError
+from lupin_engine.errors import Problems, UsageError
 from lupin_engine.plugin.registry import Catalog, load_catalog
 from lupin_engine.sim import SUFFIX
 from lupin_engine.sim import failure as told
@@ -54,9 +54,12 @@ def work(
     catalog = load_catalog()
     if recording is not None or output is not None:
         return _make_scenario(recording, output, paths, catalog)
-    files = _chosen(paths, words)
+    problems = Problems(UsageError)
+    with problems.collecting():
+        files = _chosen(paths, words)
     if drawing is not None and drawing.suffix != ".svg":
-        raise UsageError(f"{str(drawing)!r} must end in .svg")
+        problems.add(f"{str(drawing)!r} must end in .svg")
+    problems.tell()
     counts = covers or min_coverage is not None or drawing is not None
     results = []
     for result in run_all(catalog, files, range(seed, seed + seeds), jobs, counts):
@@ -102,11 +105,14 @@ def _make_scenario(
 
     if recording is None or output is None or paths:
         raise UsageError("write 'lupin test --record RUN.json -o NAME.scenario.yaml'")
+    problems = Problems(UsageError)
     if not is_scenario(output.name):
-        raise UsageError(f"{str(output)!r} must end in {SUFFIX}")
+        problems.add(f"{str(output)!r} must end in {SUFFIX}")
     if output.exists():
-        raise UsageError(f"{str(output)!r} exists; remove it, or choose another name")
-    recorded = read_recording(_text(recording), str(recording))
+        problems.add(f"{str(output)!r} exists; remove it, or choose another name")
+    with problems.collecting():
+        recorded = read_recording(_text(recording), str(recording))
+    problems.tell()
     promise = f"{recorded.mission} as it was recorded in {recording.name}"
     write_text(output, scenario_text(recorded, promise, output, Missions(catalog)))
     click.echo(f"wrote {output}")

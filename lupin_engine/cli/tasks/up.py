@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from lupin_engine.cli import view
 from lupin_engine.cli.bring_up import Options, Wanted
+from lupin_engine.cli.exit_codes import not_done
 from lupin_engine.cli.observers import Heard, PlainObserver
 from lupin_engine.errors import LupinError, Severity
 from lupin_engine.launch.environment import current_domain
@@ -20,8 +21,13 @@ if TYPE_CHECKING:
     from lupin_engine.launch.session import Observer, Session
 
 
+@not_done()
 def work(missions: tuple[str, ...], **wanted: Any) -> int:
-    """Do what the options of `lupin up` say, and return the exit code."""
+    """Do what the options of `lupin up` say, and return the exit code.
+
+    Raises:
+        LupinError: nothing was started.
+    """
     catalog = load_catalog()
     loaded = load_missions(missions, catalog)
     given = Options(Wanted(**wanted), loaded, catalog)

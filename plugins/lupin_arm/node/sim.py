@@ -25,7 +25,7 @@ from lupin_arm.node.hardware import SERVOS
 from lupin_arm.presets import PRESETS
 from lupin_arm.simulated import SimulatedArm
 from lupin_arm.trajectory import LONGEST_S, Point, Trajectory, time_for
-from lupin_engine.errors import LupinError, all_of
+from lupin_engine.errors import LupinError, Problems
 from lupin_engine.middleware.node import Qos, RosNode, ServedGoal
 from lupin_engine.middleware.repeater import Repeater
 from lupin_engine.plugin.contract import Parameter
@@ -55,10 +55,13 @@ def check(values: Mapping[str, Any]) -> None:
     Raises:
         LupinError: they do not; the text has everything that is wrong.
     """
-    all_of(
-        lambda: _servo_pose("start", values["start"]),
-        lambda: _servo_pose("hand", values["hand"]) if values["hand"] else None,
-    )
+    problems = Problems()
+    with problems.collecting():
+        _servo_pose("start", values["start"])
+    with problems.collecting():
+        if values["hand"]:
+            _servo_pose("hand", values["hand"])
+    problems.tell()
 
 
 class ArmSimNode:

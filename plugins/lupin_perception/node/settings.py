@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from lupin_engine.errors import LupinError, all_of, nearest
+from lupin_engine.errors import LupinError, Problems, nearest
 from lupin_engine.plugin.contract import Parameter
 from lupin_engine.plugin.types import (
     ANGLE,
@@ -123,10 +123,13 @@ def check(values: Mapping[str, Any]) -> None:
     Raises:
         LupinError: they do not, or it cannot; the text has everything that is wrong.
     """
-    all_of(
-        lambda: layout.load(values["tag_locations_file"]) if values["register_layout"] else None,
-        lambda: fusion_rules(values),
-    )
+    problems = Problems()
+    with problems.collecting():
+        if values["register_layout"]:
+            layout.load(values["tag_locations_file"])
+    with problems.collecting():
+        fusion_rules(values)
+    problems.tell()
 
 
 def fusion_rules(values: Mapping[str, Any]) -> Rules:

@@ -23,7 +23,7 @@ from sensor_msgs.msg import BatteryState
 from std_msgs.msg import Bool
 from tf2_msgs.msg import TFMessage
 
-from lupin_engine.errors import LupinError, all_of
+from lupin_engine.errors import LupinError, Problems
 from lupin_engine.middleware.node import Qos, RosNode, ServedGoal
 from lupin_engine.middleware.repeater import Repeater
 from lupin_engine.plugin.contract import Parameter
@@ -88,7 +88,12 @@ def check(values: Mapping[str, Any]) -> None:
     Raises:
         LupinError: they do not; the text has everything that is wrong.
     """
-    all_of(lambda: load_layout(values["tag_locations_file"]), lambda: senses.places(values["pests"]))
+    problems = Problems()
+    with problems.collecting():
+        load_layout(values["tag_locations_file"])
+    with problems.collecting():
+        senses.places(values["pests"])
+    problems.tell()
 
 
 class SimNode:

@@ -1,0 +1,19 @@
+"""The exit codes of verbs that carry out a mission, where nothing came of it."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Iterator
+
+from lupin_engine.errors import LupinError
+from lupin_engine.launch.story import NOT_DONE
+
+
+@contextlib.contextmanager
+def not_done() -> Iterator[None]:
+    """Give what is raised the exit code of a mission that was not done: 1 says that targets were missed."""
+    try:
+        yield
+    except LupinError as problem:
+        problem.exit_code = NOT_DONE
+        raise

@@ -1,0 +1,66 @@
+"""When everybody has been seen: time alone does not tell, nor does the first look after a standstill."""
+
+from __future__ import annotations
+
+import pytest
+
+from lupin_engine.launch import neighbours
+from lupin_engine.launch.neighbours import LIMIT_S, QUIET_S, settled
+
+TICK_S = 0.05
+
+
+class Network:
+    """Nodes that appear at their times; `stands` is when who looks is not let work, and for how long."""
+
+    def __init__(self, appear: dict[str, float], stands: tuple[float, float] = (-1.0, 0.0)) -> None:
+        self.now = 0.0
+        self._appear = appear
+        self._stands, self._seconds = stands
+
+    def monotonic(self) -> float:
+        """Return the time."""
+        return self.now
+
+    def spin(self) -> None:
+        """Let time go by."""
+        before = self.now
+        self.now += TICK_S
+        if before <= self._stands < self.now:
+            self.now += self._seconds
+            # What came meanwhile is still to be worked off.
+            late = {node: max(at, self.now + TICK_S) for node, at in self._appear.items() if at > before}
+            self._appear |= late
+
+    def look(self) -> frozenset[str]:
+        """Return the nodes that have appeared."""
+        return frozenset(node for node, at in self._appear.items() if at <= self.now)
+
+
+def seen(network: Network, monkeypatch: pytest.MonkeyPatch, there: int) -> frozenset[str]:
+    """Return who is seen where the machine has so many participants, the one who looks among them."""
+    monkeypatch.setattr(neighbours, "time", network)
+    monkeypatch.setattr(neighbours, "participants", lambda domain: there)
+    monkeypatch.setattr(neighbours, "is_local_only", lambda: True)
+    return settled(network.spin, network.look, len)
+
+
+def test_nothing_new_for_a_moment_is_everybody(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Later ones are not waited for."""
+    network = Network({"a": 0.1, "b": 0.3, "late": 5.0})
+    assert seen(network, monkeypatch, there=3) == {"a", "b"}
+    assert network.now == pytest.approx(0.3 + QUIET_S, abs=2 * TICK_S)
+
+
+def test_who_holds_a_port_is_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    """However long nothing is new, up to the limit."""
+    assert seen(Network({"a": 0.1, "b": 3.0}), monkeypatch, there=3) == {"a", "b"}
+    network = Network({"a": 0.1})
+    assert seen(network, monkeypatch, there=3) == {"a"}
+    assert network.now == pytest.approx(LIMIT_S, abs=2 * TICK_S)
+
+
+def test_the_first_look_after_a_standstill_is_not_trusted(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The process was not let work, nor were its threads that hear of others: nothing new says nothing."""
+    network = Network({"a": 0.0, "a again": 0.2}, stands=(0.1, 1.0))
+    assert seen(network, monkeypatch, there=2) == {"a", "a again"}
