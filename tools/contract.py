@@ -51,7 +51,7 @@ PARTS: Sequence[Part] = (
         "`BOOL`, `TEXT`, `NUMBER`, `INTEGER`, `COUNT`, `DURATION`, `LENGTH`, `ANGLE`, `POSE` and `ANY` are\n"
         "there; values are plain data, records are mappings. Others are made with these:",
         "plugin/types.py",
-        ("list_of", "number_in", "one_of", "Type"),
+        ("list_of", "number_in", "one_of", "within", "in_unit", "in_base", "Type"),
     ),
     Part(
         "The driver",

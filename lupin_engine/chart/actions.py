@@ -8,9 +8,10 @@ from typing import Any
 
 from lupin_engine.chart.declare import NAME
 from lupin_engine.chart.documents import ActionNode
+from lupin_engine.chart.evaluation import Constant, Value
 from lupin_engine.chart.expressions import Scope
 from lupin_engine.chart.findings import Findings
-from lupin_engine.chart.model import ActionCall, Constant, Value, Variable
+from lupin_engine.chart.model import ActionCall, Variable
 from lupin_engine.chart.source import Map, Text
 from lupin_engine.chart.values import read_arguments, read_under
 from lupin_engine.errors import nearest

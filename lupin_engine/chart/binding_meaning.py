@@ -16,9 +16,9 @@ from lupin_engine.chart import quantities as q
 from lupin_engine.chart.binding_file import BoundValueNode, ResultNode
 from lupin_engine.chart.bindings import Fields, Kinds, Taken
 from lupin_engine.chart.documents import Node
+from lupin_engine.chart.evaluation import Expression, Value
 from lupin_engine.chart.expressions import BUILTIN_CALLS, ROOTS, WORDS, Scope, Usage
 from lupin_engine.chart.findings import Findings
-from lupin_engine.chart.model import Expression, Value
 from lupin_engine.chart.source import Map, Seq
 from lupin_engine.chart.values import is_expression, read_constant, read_guard, read_value
 from lupin_engine.errors import Place, nearest
@@ -205,11 +205,12 @@ class Meaning:
         return found
 
     def _misfit(self, found: Expression, kind: Type, is_read: bool, path: str) -> None:
-        whole = kind.kind == "integer" and found.type.kind == "number"
-        wanted, got = ("a whole number", "one with digits") if whole else map(q.describe, (kind, found.type))
-        hint = _instead(kind, found)
-        if whole:
+        wanted, got, hint = q.describe(kind), q.describe(found.type), _instead(kind, found)
+        if kind.kind == "integer" and found.type.kind == "number":
+            wanted, got = "a whole number", "one with digits"
             hint = "write 'type: number'" if is_read else f"write 'round({found.source})'"
+        elif kind.name in TIMES:
+            wanted = "a time"
         problem = f"expected {wanted}, but {found.source!r} is {got}"
         self.findings.add(found.place, "wrong-type", path, problem, hint)
 

@@ -43,9 +43,9 @@ from lupin_engine.chart.declare import SEVERITIES, Declarer
 from lupin_engine.chart.documents import Node
 from lupin_engine.chart.expressions import WORDS, Usage
 from lupin_engine.chart.findings import Findings
-from lupin_engine.chart.quantities import describe, in_lists, measured_in
+from lupin_engine.chart.quantities import measured_in
 from lupin_engine.chart.values import read_constant
-from lupin_engine.errors import Place, nearest
+from lupin_engine.errors import Place
 from lupin_engine.plugin.contract import (
     Action,
     Argument,
@@ -62,13 +62,9 @@ from lupin_engine.plugin.registry import DOTTED_NAME, FREE_NAME, LETTERS, NAME, 
 from lupin_engine.plugin.types import (
     ANY,
     DURATION,
-    NUMBER,
     ROS_NAME,
-    UNITS,
     Type,
     innermost,
-    number_in,
-    parse_type,
     units_of,
     within,
 )
@@ -157,17 +153,17 @@ class _Bound:
     ) -> Meaning:
         """Return what reads its expressions."""
         sends = {"service": "request", "action": "goal"}.get(self.key, "message")
-        arguments = {name: kinds.wire for name, kinds in self.arguments(plugin).items()}
+        arguments = self._arguments(plugin)
         return Meaning(self.path, sends, self.seen, arguments, params, definition, findings, usage or Usage())
 
-    def arguments(self, plugin: Plugin) -> dict[str, Kinds]:
-        """Return the types of its arguments by name."""
+    def _arguments(self, plugin: Plugin) -> dict[str, Type]:
+        """Return what its expressions know its arguments as, by name."""
         node = self.node
         if not isinstance(node, BoundOperationNode | BoundActionNode):
             return {}
         family = plugin.operations if isinstance(node, BoundOperationNode) else plugin.actions
         declared = family[self.name].arguments
-        return {name: _kinds(declared[name].type, written.unit) for name, written in node.arguments.items()}
+        return {name: _kinds(declared[name].type, each.unit).wire for name, each in node.arguments.items()}
 
     def fields(self, plugin: Plugin) -> dict[str, tuple[ResultNode | BoundValueNode, Kinds, str]]:
         """Return by name what is made of what it hears: where that is written, its types, and its path."""
@@ -190,8 +186,7 @@ class _Bound:
         node = self.node
         found = _Read()
         if isinstance(node, BoundOperationNode | BoundActionNode):
-            kept = {name: kinds.kept for name, kinds in self.arguments(plugin).items()}
-            found.sending = Sending(meaning.sent(node), kept)
+            found.sending = Sending(meaning.sent(node))
         if isinstance(node, BoundOperationNode):
             found.condition = meaning.condition(node, "done_when", self.seen)
             found.code_when = meaning.conditions(node, "code_when", self.seen)
@@ -209,7 +204,7 @@ class _Bound:
 class _Read:
     """The expressions of a thing."""
 
-    sending: Sending = field(default_factory=lambda: Sending({}, {}))
+    sending: Sending = field(default_factory=lambda: Sending({}))
     condition: Any = None
     code_when: Mapping[str, Any] = field(default_factory=dict)
     detail: Any = None
@@ -219,8 +214,10 @@ class _Read:
 
 def _kinds(kept: Type, unit: str | None) -> Kinds:
     """Return the types of something that is kept so, and has perhaps a unit; one that is wrong was told."""
-    fits = unit is not None and unit in units_of(innermost(kept).unit)
-    return Kinds(kept, measured_in(kept, unit) if fits and unit is not None else kept)
+    of = innermost(kept)
+    if unit is None or of.kind != "number" or unit not in units_of(of.unit):
+        return Kinds(kept, kept)
+    return Kinds(kept, measured_in(kept, unit))
 
 
 def _parameter_types(node: BindingNode, plugin: Plugin) -> dict[str, Type]:
@@ -247,8 +244,6 @@ class _Reader:
 
     def __init__(self, node: BindingNode, catalog: Catalog, findings: Findings) -> None:
         self._node = node
-        self._catalog = catalog
-        self._types = catalog.known_types
         self._findings = findings
         self._usage = Usage()
         self._declarer = Declarer(catalog, findings, self._usage)
@@ -425,33 +420,13 @@ class _Reader:
 
     def _value(self, name: str, node: BoundValueNode) -> LiveValue:
         path = self._named("values", name, DOTTED_NAME, "value")
-        kind = self._measured(node, path)
+        kind = self._declarer.measured(node, path)
         initial = None
         if kind is not None and node.initial is not None:
             read = read_constant(node.initial, node.at("initial"), kind, self._findings, f"{path}.initial")
             initial = read.value if read else None
         freshness = self._duration(node, "freshness", path, "a message would be old as soon as it is there")
         return LiveValue(node.summary, kind or ANY, freshness, initial)
-
-    def _measured(self, node: ArgumentNode | ResultNode | BoundValueNode, path: str) -> Type | None:
-        """Read the type and the unit of something; a plain number with a unit is one of that dimension."""
-        kind, unit = self._type(node.type, node.at("type"), path), node.unit
-        if kind is None or unit is None:
-            return kind
-        of = innermost(kind)
-        if of is NUMBER and unit in UNITS:  # as a parameter that is written so
-            return in_lists(kind, number_in(UNITS[unit][0]))
-        units = units_of(of.unit) if of.kind == "number" else []
-        if unit not in units:
-            problem, hint = f"{describe(kind)} is not measured in {unit!r}", "leave 'unit' out"
-            if units and unit not in UNITS:
-                problem, hint = f"unknown unit {unit!r}", nearest(unit, units if of.unit else UNITS)
-            elif units:
-                hint = f"its units are {', '.join(map(repr, units))}"
-            elif of.kind == "integer":
-                hint = f"write 'type: {in_lists(kind, NUMBER)}'"
-            self._findings.add(node.at("unit"), "wrong-unit", path, problem, hint)
-        return kind
 
     def _event(self, name: str, node: BoundEventNode) -> EventKind:
         path = self._named("events", name, NAME, "event")
@@ -466,7 +441,7 @@ class _Reader:
         return found
 
     def _argument(self, written: ArgumentNode, path: str) -> Argument:
-        kind = self._measured(written, path)
+        kind = self._declarer.measured(written, path)
         default = None
         if kind is not None:
             low, high = (self._declarer.limit(written, key, kind, path) for key in ("min", "max"))
@@ -475,8 +450,10 @@ class _Reader:
                 read = read_constant(written.default, place, kind, self._findings, inner)
                 default = read.value if read else None
             known = default if isinstance(default, (int, float)) else None
-            in_order = self._declarer.check_range(written, "default", known, low, high, path)
-            kind, default = within(kind, low, high), default if in_order else None
+            if self._declarer.check_range(written, "default", known, low, high, path):
+                kind = within(kind, low, high)
+            else:
+                default = None
         # A default that is wrong has been told; missions are not blamed for relying on it.
         return Argument(kind or ANY, written.summary, default, optional=written.default is not None)
 
@@ -485,7 +462,7 @@ class _Reader:
         for name, written in getattr(node, key).items():
             place, inner = node.key_at(key, name), f"{path}.{key}.{name}"
             self._good_name(NAME, "field", name, place, inner)
-            found[name] = self._measured(written, inner) or ANY
+            found[name] = self._declarer.measured(written, inner) or ANY
         return found
 
     # -- how it is simulated -------------------------------------------------------------------------------
@@ -552,14 +529,6 @@ class _Reader:
         hint = "it is a word of expressions" if name in taken else f"use {LETTERS[form]}"
         self._findings.add(place, "bad-name", path, problem, hint)
         return False
-
-    def _type(self, text: str, place: Place, path: str) -> Type | None:
-        try:
-            return parse_type(text, self._types)
-        except ValueError as error:
-            problem, _, hint = str(error).partition("; ")
-            self._findings.add(place, "unknown-type", path, problem, hint)
-            return None
 
     def _duration(self, node: Node, key: str, path: str, zero: str = "") -> float | None:
         """Read a duration; `zero` says what none at all would come to, where that makes no sense."""

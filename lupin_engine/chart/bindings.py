@@ -16,10 +16,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from lupin_engine.chart.model import Environment, Expression, Value
+from lupin_engine.chart.evaluation import Environment, Expression, Value
 from lupin_engine.errors import Place
 from lupin_engine.plugin.contract import Plugin
-from lupin_engine.plugin.types import Type, convert, in_base, innermost, misfit, placed
+from lupin_engine.plugin.types import Type, convert, in_base, innermost
 from lupin_engine.plugin.wire import pose_from
 
 if TYPE_CHECKING:
@@ -67,21 +67,12 @@ class Taken(NamedTuple):
 
 @dataclass(frozen=True)
 class Sending:
-    """What is sent to an endpoint, worked out from arguments, of which `kinds` are the types."""
+    """What is sent to an endpoint, worked out from arguments."""
 
     fields: Fields
-    kinds: Mapping[str, Type]
 
     def sent(self, arguments: Mapping[str, Any], around: Around) -> dict[str, Any]:
-        """Return the fields as plain data; raises what their expressions raise.
-
-        Raises:
-            ValueError: an argument that a mission has computed is not of its type or outside of its range.
-        """
-        for name, value in arguments.items():
-            why = misfit(value, self.kinds[name])
-            if why:
-                raise ValueError(placed(f"argument {name!r}", why))
+        """Return the fields as plain data; raises what their expressions raise."""
         return _sent(self.fields, _seeing(arguments, around))
 
 

@@ -29,13 +29,13 @@ from lupin_engine.chart.documents import (
     StateNode,
     TransitionNode,
 )
+from lupin_engine.chart.evaluation import Expression
 from lupin_engine.chart.expressions import Scope, Typed, Usage, check_expression, fragment_of, literal
 from lupin_engine.chart.findings import Findings
 from lupin_engine.chart.invoke import InvokeReader, check_code, names_when_done, names_when_failed
 from lupin_engine.chart.model import (
     ActionCall,
     Chart,
-    Expression,
     Field,
     Invariant,
     Invoke,

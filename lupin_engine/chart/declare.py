@@ -20,18 +20,29 @@ from lupin_engine.chart.documents import (
     ParameterNode,
     RequestFieldNode,
 )
+from lupin_engine.chart.evaluation import Constant
 from lupin_engine.chart.expressions import BUILTIN_CALLS, ROOTS, WORDS, Scope, Usage
 from lupin_engine.chart.findings import Findings
-from lupin_engine.chart.model import CARRIED, REQUESTS, Constant, Field, Hold, Input, Level, Variable
-from lupin_engine.chart.quantities import describe, is_number
+from lupin_engine.chart.model import CARRIED, REQUESTS, Field, Hold, Input, Level, Variable
+from lupin_engine.chart.quantities import describe, in_lists, is_number, with_article
 from lupin_engine.chart.values import read_constant, read_guard, read_key, read_value
 from lupin_engine.errors import Place, Severity, nearest
 from lupin_engine.plugin.contract import Code, Parameter
 from lupin_engine.plugin.registry import Catalog
-from lupin_engine.plugin.types import BOOL, DURATION, UNITS, Type, innermost, number_in, parse_type
+from lupin_engine.plugin.types import (
+    BOOL,
+    DURATION,
+    NUMBER,
+    UNITS,
+    Type,
+    innermost,
+    number_in,
+    parse_type,
+    units_of,
+)
 
 if TYPE_CHECKING:
-    from lupin_engine.chart.binding_file import ArgumentNode
+    from lupin_engine.chart.binding_file import ArgumentNode, BoundValueNode, ResultNode
 
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 
@@ -161,9 +172,7 @@ class Declarer:
 
     def parameter(self, node: ParameterNode, path: str) -> Parameter | None:
         """Read a setting; None after findings that leave no type."""
-        kind = self._type(node.type, node.at("type"), path)
-        if kind is not None and node.unit is not None:
-            kind = self._unit(node, kind, path)
+        kind = self.measured(node, path)
         if kind is None:
             return None
         default = None
@@ -175,17 +184,27 @@ class Declarer:
             self.check_range(node, "default", value, low, high, path)
         return Parameter(kind, value, node.summary, low, high)
 
-    def _unit(self, node: ParameterNode, kind: Type, path: str) -> Type | None:
-        place = node.at("unit")
-        if kind.kind != "number" or kind.unit:
-            problem = f"a {kind} has no unit of its own to choose"
-            self._findings.add(place, "wrong-unit", path, problem, "use type: number with a unit")
-            return None
-        unit = node.unit or ""
-        if unit not in UNITS:
-            self._findings.add(place, "wrong-unit", path, f"unknown unit {unit!r}", nearest(unit, UNITS))
-            return None
-        return number_in(UNITS[unit][0])
+    def measured(
+        self, node: ParameterNode | ArgumentNode | ResultNode | BoundValueNode, path: str
+    ) -> Type | None:
+        """Read a type and the unit beside it; a plain number with a unit is one of that dimension."""
+        kind, unit = self._type(node.type, node.at("type"), path), node.unit
+        if kind is None or unit is None:
+            return kind
+        of = innermost(kind)
+        if of is NUMBER and unit in UNITS:
+            return in_lists(kind, number_in(UNITS[unit][0]))
+        units = units_of(of.unit) if of.kind == "number" else []
+        if unit not in units:
+            problem, hint = f"{describe(kind)} is not measured in {unit!r}", "leave 'unit' out"
+            if units and unit not in UNITS:
+                problem, hint = f"unknown unit {unit!r}", nearest(unit, units if of.unit else UNITS)
+            elif units:
+                hint = f"its units are {', '.join(map(repr, units))}"
+            elif of.kind == "integer":
+                hint = f"write 'type: {in_lists(kind, NUMBER)}'"
+            self._findings.add(node.at("unit"), "wrong-unit", path, problem, hint)
+        return kind
 
     def limit(
         self,
@@ -199,7 +218,7 @@ class Declarer:
         if raw is None:
             return None
         if kind.kind not in ("integer", "number"):
-            problem = f"{_a(kind)} has no {key}"
+            problem = f"{with_article(kind)} has no {key}"
             self._findings.add(node.key_at(key), "wrong-type", path, problem, f"leave {key!r} out")
             return None
         found = read_constant(raw, node.at(key), kind, self._findings, f"{path}.{key}")
@@ -284,7 +303,7 @@ class Declarer:
         hint = "leave 'unit' out"
         if of_value:
             hint = f"write {' or '.join(map(repr, of_value))}, or {hint}"
-        problem = f"{node.value} is {_a(kind)}, which is not measured in {node.unit!r}"
+        problem = f"{node.value} is {with_article(kind)}, which is not measured in {node.unit!r}"
         self._findings.add(node.at("unit"), "wrong-unit", path, problem, hint)
 
     def _level(
@@ -294,7 +313,7 @@ class Declarer:
         if not self.good_name("level", name, place, path):
             return None
         if kind.kind not in ("number", "integer"):
-            problem = f"a level is drawn from a number, {node.value} is {_a(kind)}"
+            problem = f"a level is drawn from a number, {node.value} is {with_article(kind)}"
             self._findings.add(place, "wrong-type", path, problem)
             return None
         if name == "value":
@@ -401,7 +420,8 @@ class Declarer:
         if node.not_empty is not None:
             at = node.at("not_empty")
             if kind.kind != "list":
-                findings.add(at, "wrong-type", path, f"only a list can be empty, this is {_a(kind)}")
+                problem = f"only a list can be empty, this is {with_article(kind)}"
+                findings.add(at, "wrong-type", path, problem)
             elif node.not_empty not in codes:
                 findings.unknown(at, "undeclared-code", path, "code", node.not_empty, codes)
         return Field(name, kind, place, default, node.not_empty, self.limit(node, "min", kind, path))
@@ -430,12 +450,6 @@ def level_events(inputs: Mapping[str, Input]) -> list[str]:
     """Return the events that stand for a level: yes-or-no inputs, and the levels drawn from numbers."""
     plain = [f"input.{name}" for name, found in inputs.items() if found.type.kind == "bool"]
     return plain + [f"input.{name}.{level.name}" for name, found in inputs.items() for level in found.levels]
-
-
-def _a(kind: Type) -> str:
-    """Return what a type is called, with an article."""
-    name = describe(kind).removeprefix("a ")
-    return f"an {name}" if name[0] in "aeiou" else f"a {name}"
 
 
 def _equal(first: Any, second: Any) -> bool:

@@ -30,10 +30,10 @@ from functools import cache
 from typing import Any, NamedTuple
 
 from lupin_engine.chart import quantities as q
+from lupin_engine.chart.evaluation import Compiled, Environment, Expression
 from lupin_engine.chart.findings import Findings
-from lupin_engine.chart.model import Compiled, Environment, Expression
 from lupin_engine.chart.source import Text
-from lupin_engine.errors import nearest
+from lupin_engine.errors import meant, nearest
 from lupin_engine.plugin.contract import Function
 from lupin_engine.plugin.types import (
     ANY,
@@ -844,16 +844,17 @@ class _Checker:
 
     def _no_state(self, node: ast.expr, name: str) -> None:
         problem = f"no state is called {name!r}"
-        hint = nearest(name, {word for state in self._scope.states for word in state.split(".")})
+        known = {word for state in self._scope.states for word in state.split(".")}
         if not self._scope.open_states:
-            self._wrong(node, "unknown-state", problem, hint)
+            self._wrong(node, "unknown-state", problem, nearest(name, known))
             return
-        if not hint.startswith("did you mean"):
+        guess = meant(name, known)
+        if not guess:
             return  # the lifecycle may speak of missions that are not loaded
         place = self._fragment.text.at(self._start + self._offset(node))
         problem += " in the missions that are loaded, so this is false"
         self.warned = True
-        self._findings.warn(place, "unknown-state", self._path, problem, hint)
+        self._findings.warn(place, "unknown-state", self._path, problem, guess)
 
     def _word(self, node: ast.Call, function: str, what: str) -> str | None:
         """Return the single argument when it is a word that is written out, quoted or not."""

@@ -9,7 +9,18 @@ from __future__ import annotations
 from collections.abc import Mapping
 from functools import cache
 
-from lupin_engine.plugin.types import ANY, BOOL, INTEGER, NUMBER, TEXT, Type, innermost, list_of, number_in
+from lupin_engine.plugin.types import (
+    ANY,
+    BOOL,
+    INTEGER,
+    NUMBER,
+    TEXT,
+    UNITS,
+    Type,
+    innermost,
+    list_of,
+    number_in,
+)
 
 #: A written 0: a whole number of any unit.
 ZERO = Type("integer", "integer", unit="*")
@@ -90,11 +101,18 @@ def describe(kind: Type) -> str:
     return f"{kind.name} ({kind.unit})" if kind.unit not in kind.name else kind.name
 
 
+def with_article(kind: Type) -> str:
+    """Return a type as messages call it, with an article."""
+    name = describe(kind).removeprefix("a ")
+    return f"an {name}" if name[0] in "aeiou" else f"a {name}"
+
+
 def unit_hint(wanted: Type, got: Type) -> str:
     """Return what to write when a plain number stands where one with a unit is needed."""
     for unit, other in ((wanted.unit, got.unit), (got.unit, wanted.unit)):
-        if unit in _EXAMPLES and not other:
-            return f"write the number with its unit as a text, such as {_EXAMPLES[unit]}"
+        if unit in UNITS and not other:
+            example = _EXAMPLES.get(unit, f"'5 {unit}'")
+            return f"write the number with its unit as a text, such as {example}"
     return ""
 
 

@@ -4,19 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 
-from lupin_engine.chart.model import (
-    ActionCall,
-    Chart,
-    Constant,
-    ForEach,
-    Hold,
-    Invoke,
-    Itinerary,
-    State,
-    Transition,
-    UnknownInput,
-    Value,
-)
+from lupin_engine.chart.evaluation import Constant, UnknownInput, Value
+from lupin_engine.chart.model import ActionCall, Chart, ForEach, Hold, Invoke, Itinerary, State, Transition
 from lupin_engine.diagram.picture import Cause, Label, Line, Role
 
 #: Longest guard, value or list of actions, in characters.

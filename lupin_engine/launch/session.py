@@ -6,6 +6,7 @@ interrupts, and tells the observer. Every wait in here has a deadline.
 
 from __future__ import annotations
 
+import math
 import time
 from collections import Counter
 from collections.abc import Callable, Container, Iterable, Mapping, Sequence
@@ -36,6 +37,8 @@ UNTOLD_S = 4.0
 BOOT_LIMIT_S = 600.0
 #: What an operator may have set (e-stop, battery) reaches the orchestrator within this time, in seconds.
 SETTLE_S = 1.5
+#: How long what the simulated robot was given (`--sim`) may take to be heard, in seconds: it tells it all.
+SETTLE_LIMIT_S = 20.0
 #: How long the orchestrator may take to answer a request, in seconds.
 ANSWER_S = 5.0
 #: `/mission/state` comes five times a second: this long without it and the orchestrator is gone.
@@ -128,9 +131,15 @@ class Session:
         self._wait_for(self._missing_nodes, APPEAR_LIMIT_S)
         self._wait_for(self._missing_servers, BOOT_LIMIT_S)
         self.supervisor.note_segments()
-        if self._settings.settle or self.plan.joined:
+        if self.plan.joined:
             self._tick_for(SETTLE_S)
+        if self._settings.settle:
+            self._tick_for(SETTLE_LIMIT_S, self._knows_the_battery)
         self._is_up = True
+
+    def _knows_the_battery(self) -> bool:
+        """Say whether the robot has been heard: its charge is what it tells last, and least often."""
+        return not math.isnan(self._state["battery_percentage"])
 
     def _start(self, launch: Launch) -> None:
         folder = self._settings.folder
@@ -314,9 +323,9 @@ class Session:
             self._tick()
         return True
 
-    def _tick_for(self, seconds: float) -> None:
+    def _tick_for(self, seconds: float, enough: Callable[[], bool] = lambda: False) -> None:
         until = time.monotonic() + seconds
-        while time.monotonic() < until:
+        while time.monotonic() < until and not enough():
             self._tick()
             self._interrupts.check()
 

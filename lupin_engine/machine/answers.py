@@ -10,14 +10,15 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
-from lupin_engine.chart.model import Expression, Transition, UnknownInput
+from lupin_engine.chart.evaluation import Expression, UnknownInput
+from lupin_engine.chart.model import Transition
 from lupin_engine.errors import reason
 from lupin_engine.machine.core import Core, passes
 from lupin_engine.machine.environment import NO_CAUSE, Cause
 from lupin_engine.machine.event import Event
 from lupin_engine.machine.plan import Row
+from lupin_engine.machine.reasons import Considered, Refusal
 from lupin_engine.machine.request import read_request
-from lupin_engine.machine.step import Considered, Refusal
 from lupin_engine.machine.structure import Structure
 from lupin_engine.machine.turn import Turn
 from lupin_engine.machine.view import moment_of

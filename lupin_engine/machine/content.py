@@ -11,6 +11,7 @@ from typing import Any
 
 from lupin_engine.chart.model import ActionCall
 from lupin_engine.errors import reason
+from lupin_engine.machine.arguments import evaluated
 from lupin_engine.machine.core import Core
 from lupin_engine.machine.environment import Cause
 from lupin_engine.machine.event import Act, Report
@@ -39,7 +40,8 @@ class Content:
 
     def _run(self, call: ActionCall, state: str, cause: Cause, turn: Turn) -> None:
         env = self._core.see(state, turn, cause)
-        arguments = {name: value.evaluate(env) for name, value in call.arguments.items()}
+        action = self._core.chart.catalog.actions.get(call.name)
+        arguments = evaluated(call.arguments, action.arguments if action else {}, env)
         builtin = _BUILTINS.get(call.name)
         if builtin is not None:
             builtin(self, arguments, self.walks.of(state), turn)

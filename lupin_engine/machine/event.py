@@ -45,6 +45,10 @@ _FIELDS: Mapping[str, Mapping[str, type | tuple[type, ...]]] = MappingProxyType(
 _END_OF_TIME = 1e12
 
 
+#: What a timer's shortcut is called with; it knows its own event.
+NO_EVENT = Event("")
+
+
 def flaw(event: Event) -> str:
     """Return what is wrong with the form of a request, a report or a value, or an empty text."""
     if not isinstance(event.name, str):

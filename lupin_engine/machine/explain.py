@@ -10,7 +10,7 @@ from lupin_engine.machine.core import Core
 from lupin_engine.machine.environment import NO_CAUSE, Cause
 from lupin_engine.machine.event import Event
 from lupin_engine.machine.plan import Row
-from lupin_engine.machine.step import Considered, Refusal
+from lupin_engine.machine.reasons import Considered, Refusal
 from lupin_engine.machine.structure import ENGINE_EVENTS, Structure
 from lupin_engine.machine.turn import Turn
 

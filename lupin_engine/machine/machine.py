@@ -25,15 +25,16 @@ from lupin_engine.machine.answers import Answers, consider
 from lupin_engine.machine.content import Content
 from lupin_engine.machine.core import Core, passes
 from lupin_engine.machine.environment import NO_CAUSE, Cause, Surroundings, World
-from lupin_engine.machine.event import NOTHING, Event, flaw
+from lupin_engine.machine.event import NO_EVENT, NOTHING, Event, flaw
 from lupin_engine.machine.explain import Explainer, Possibility
 from lupin_engine.machine.memory import Memory, Timer
 from lupin_engine.machine.operations import Operations
-from lupin_engine.machine.plan import MAX_PLANS, Plan, Planner, Row, planner_of
+from lupin_engine.machine.plan import MAX_PLANS, Heard, Plan, Planner, Row, Shortcut, planner_of
+from lupin_engine.machine.reasons import Refusal
 from lupin_engine.machine.request import BAD_REQUEST
-from lupin_engine.machine.shortcut import Shortcut, shortcut
+from lupin_engine.machine.shortcut import shortcut
 from lupin_engine.machine.snapshot import snapshot
-from lupin_engine.machine.step import Refusal, Step
+from lupin_engine.machine.step import Step
 from lupin_engine.machine.structure import ENGINE_EVENTS, EXECUTION_ERROR, FAULT, FAULT_RULE
 from lupin_engine.machine.timers import seconds
 from lupin_engine.machine.turn import EXECUTION_CODE, Signal, Turn
@@ -47,7 +48,7 @@ MAX_DEFERRED = 64
 #: The code of an invariant that does not hold.
 INVARIANT_CODE = "invariant_broken"
 
-_NO_ANSWERS: Mapping[str | tuple[str, str], Shortcut | None] = {}
+_NO_ANSWERS: Mapping[Heard, Shortcut | None] = {}
 
 
 class Machine:
@@ -81,7 +82,7 @@ class Machine:
         self._row = self._planner.row(self.memory.configuration)
         self._turn = _NO_TURN
         #: The shortcuts from here; none while the machine is not quiet.
-        self.answers: Mapping[str | tuple[str, str], Shortcut | None] = _NO_ANSWERS
+        self.answers: Mapping[Heard, Shortcut | None] = _NO_ANSWERS
 
     # -- the interface ----------------------------------------------------------------------------------
 
@@ -122,11 +123,14 @@ class Machine:
 
     def handle(self, event: Event, now: float) -> Step:
         """Process one event from outside; deadlines before `now` must have been fired by `advance`."""
-        taken = self.answers.get(event.name)
-        if taken is not None:
-            step = taken(self, event, now)
-            if step is not None:
-                return step
+        answer = self.answers.get(event.name)
+        if answer is not None:
+            memory = self.memory
+            taken = answer(memory, self.env, event, now)
+            if taken is not None:
+                self.answers = taken.answers
+                memory.sequence = sequence = memory.sequence + 1
+                return Step(sequence, now, event, taken.plans)
         return self.macrostep(event, now)
 
     @property
@@ -137,15 +141,18 @@ class Machine:
 
     def advance(self, now: float) -> Step | None:
         """Fire the earliest deadline that is due at `now`; None when there is none."""
-        timers = self.memory.timers
+        memory = self.memory
+        timers = memory.timers
         if not timers or timers[0][0] > now:
             return None
         timer = timers.pop(0)
-        taken = self.answers.get(timer[3])
-        if taken is not None:
-            step = taken(self, _NO_EVENT, now)
-            if step is not None:
-                return step
+        answer = self.answers.get(timer[3])
+        if answer is not None:
+            taken = answer(memory, self.env, NO_EVENT, now)
+            if taken is not None:
+                self.answers = taken.answers
+                memory.sequence = sequence = memory.sequence + 1
+                return Step(sequence, now, taken.event, taken.plans)
         return self._fire(timer, now)
 
     @property
@@ -237,7 +244,7 @@ class Machine:
 
     def _learn(
         self,
-        key: str | tuple[str, str],
+        key: Heard,
         candidates: Sequence[Sequence[Transition]],
         fixed: Event | None = None,
     ) -> None:
@@ -595,7 +602,5 @@ def _distinct(candidates: Iterable[Sequence[Transition]]) -> list[Transition]:
 
 #: First words of events that come from the machine itself, never from outside.
 _OWN_EVENTS = ENGINE_EVENTS | {"", "input"}
-#: What a timer's shortcut is called with; it knows its own event.
-_NO_EVENT = Event("", NOTHING)
 #: Between two steps nothing is collected.
 _NO_TURN = cast(Turn, None)

@@ -21,8 +21,10 @@ from itertools import takewhile
 from types import MappingProxyType
 from typing import Any
 
-from lupin_engine.chart.model import ForEach, Invoke, Retry, State, UnknownInput
+from lupin_engine.chart.evaluation import UnknownInput
+from lupin_engine.chart.model import ForEach, Invoke, Retry, State
 from lupin_engine.errors import reason
+from lupin_engine.machine.arguments import evaluated
 from lupin_engine.machine.content import Content
 from lupin_engine.machine.core import Core, passes
 from lupin_engine.machine.environment import Cause
@@ -202,7 +204,7 @@ class Operations:
         invoke = self._invoke(invocation)
         env = self._core.see(invocation.state, turn, _cause(invocation))
         try:
-            arguments = {name: value.evaluate(env) for name, value in invoke.arguments.items()}
+            arguments = evaluated(invoke.arguments, invoke.operation.arguments, env)
             timeout = seconds(invoke.timeout.evaluate(env)) if invoke.timeout else None
         except Exception as problem:
             self._signal(

@@ -13,16 +13,16 @@ goes on that comes back by history (`resume_at`). Plans through a history state 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache
-from typing import TYPE_CHECKING
+from typing import TypeAlias
 
 from lupin_engine.chart.model import Chart, Kind, State, Transition
+from lupin_engine.machine.environment import Surroundings
+from lupin_engine.machine.event import NO_EVENT, Event
+from lupin_engine.machine.memory import Memory
 from lupin_engine.machine.structure import Structure
 from lupin_engine.machine.view import Moment
-
-if TYPE_CHECKING:
-    from lupin_engine.machine.shortcut import Shortcut
 
 #: How many configurations, and how many plans of each, are kept.
 MAX_ROWS = 4096
@@ -30,14 +30,18 @@ MAX_PLANS = 1024
 
 Configuration = tuple[str, ...]
 
+#: Takes an event's transitions at a time, or returns None where it cannot; see `shortcut`.
+Shortcut: TypeAlias = "Callable[[Memory, Surroundings, Event, float], Taken | None]"
+#: An event that has shortcuts: its name, or (state, event) for the event of one state alone.
+Heard: TypeAlias = str | tuple[str, str]
+
 
 class Row:
     """A configuration and what follows from it alone.
 
     `label` and `phase` are published. `levels` are, for each leaf, the transitions that need no event.
     `working` are the states with an operation. In a `passing` row a final state is active, or a helper
-    (named in lower case): nobody should see it. `answers` are the shortcuts from here by event, or by (state,
-    event) for the event of one state alone.
+    (named in lower case): nobody should see it. `answers` are the shortcuts from here.
     """
 
     __slots__ = (
@@ -65,7 +69,7 @@ class Row:
         self.working = tuple(state for state in states if state.invoke or state.for_each)
         self.passing = self.label.islower() or any(state.kind is Kind.FINAL for state in states)
         self.plans: dict[tuple[str, ...], Plan] = {}
-        self.answers: dict[str | tuple[str, str], Shortcut | None] = {}
+        self.answers: dict[Heard, Shortcut | None] = {}
         self._candidates: dict[str, tuple[tuple[Transition, ...], ...]] = {}
 
     def candidates(self, structure: Structure, event: str) -> tuple[tuple[Transition, ...], ...]:
@@ -118,6 +122,20 @@ class Plan:
         self.exited = tuple(state.name for state, _ in exits)
         self.entered = tuple(state.name for state, _ in entries)
         self.alone = (self,)
+
+
+class Taken:
+    """What a shortcut has done: always the same, so it is made once.
+
+    `answers` are the shortcuts from then on, `event` is that of a timer, which steps are recorded with.
+    """
+
+    __slots__ = ("answers", "event", "plans")
+
+    def __init__(self, plan: Plan, event: Event | None) -> None:
+        self.plans = plan.alone
+        self.answers: Mapping[Heard, Shortcut | None] = plan.row.answers
+        self.event = event or NO_EVENT
 
 
 @lru_cache(maxsize=32)

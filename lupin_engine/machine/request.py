@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from lupin_engine.chart.model import Environment, Field
+from lupin_engine.chart.evaluation import Environment
+from lupin_engine.chart.model import Field
 from lupin_engine.errors import nearest, reason, shortened
 from lupin_engine.machine.environment import World
-from lupin_engine.machine.step import Refusal
+from lupin_engine.machine.reasons import Refusal
 from lupin_engine.plugin.types import Type, convert
 
 #: Wrong elements of a list that are told of.

@@ -23,20 +23,17 @@ from __future__ import annotations
 
 from bisect import insort
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from lupin_engine.chart.model import Chart, Compiled, Constant, Environment, Kind, State, Timer, Transition
+from lupin_engine.chart.evaluation import Compiled, Constant, Environment
+from lupin_engine.chart.model import Chart, Kind, State, Timer, Transition
+from lupin_engine.machine.environment import Surroundings
 from lupin_engine.machine.event import Event
-from lupin_engine.machine.plan import Plan
-from lupin_engine.machine.step import Step
+from lupin_engine.machine.memory import Memory
+from lupin_engine.machine.plan import Plan, Shortcut, Taken
 from lupin_engine.machine.structure import FAULT_RULE, Structure
 from lupin_engine.machine.timers import seconds
 
-if TYPE_CHECKING:
-    from lupin_engine.machine.machine import Machine
-
-#: Takes an event's transitions at a time, or returns None where it cannot. A timer's knows its own event.
-Shortcut = Callable[["Machine", Event, float], "Step | None"]
 Evaluate = Callable[[Environment], Any]
 Writes = tuple[tuple[str, Evaluate], ...]
 #: A guard (None: none), what is done when it holds, and what is written then.
@@ -143,14 +140,11 @@ def _plain(plan: Plan, fixed: Event | None) -> Shortcut:
     arms, leaving = _timing(plan)
     if arms or leaving:
         return _timed(plan, arms, leaving, fixed)
-    alone, configuration, answers = plan.alone, plan.row.configuration, plan.row.answers
+    taken, configuration = Taken(plan, fixed), plan.row.configuration
 
-    def take(machine: Machine, event: Event, now: float) -> Step:
-        memory = machine.memory
+    def take(memory: Memory, env: Surroundings, event: Event, now: float) -> Taken:
         memory.configuration = configuration
-        memory.sequence = sequence = memory.sequence + 1
-        machine.answers = answers
-        return Step(sequence, now, fixed or event, alone)
+        return taken
 
     return take
 
@@ -159,10 +153,9 @@ def _timed(
     plan: Plan, arms: tuple[Arm, ...], leaving: frozenset[tuple[str, str]], fixed: Event | None
 ) -> Shortcut:
     """Return the shortcut for transitions that leave or enter states with timers."""
-    alone, configuration, answers = plan.alone, plan.row.configuration, plan.row.answers
+    taken, configuration = Taken(plan, fixed), plan.row.configuration
 
-    def take(machine: Machine, event: Event, now: float) -> Step:
-        memory = machine.memory
+    def take(memory: Memory, env: Surroundings, event: Event, now: float) -> Taken:
         timers = memory.timers
         if timers and leaving:
             timers[:] = [timer for timer in timers if timer[3] not in leaving or timer[2] != "after"]
@@ -170,9 +163,7 @@ def _timed(
             memory.next_id = token = memory.next_id + 1
             insort(timers, (now + delay, token, "after", about))
         memory.configuration = configuration
-        memory.sequence = sequence = memory.sequence + 1
-        machine.answers = answers
-        return Step(sequence, now, fixed or event, alone)
+        return taken
 
     return take
 
@@ -194,8 +185,7 @@ def _guarded(chart: Chart, options: tuple[Option, ...], fixed: Event | None) -> 
     if len(choices) == 1:
         return _guarded_once(*choices[0])
 
-    def take(machine: Machine, event: Event, now: float) -> Step | None:
-        env = machine.env
+    def take(memory: Memory, env: Surroundings, event: Event, now: float) -> Taken | None:
         env["event"] = event.data
         env.inputs.now = now
         try:
@@ -203,7 +193,7 @@ def _guarded(chart: Chart, options: tuple[Option, ...], fixed: Event | None) -> 
                 if guard is None or guard(env):
                     if write is not None:
                         write(env)
-                    return move(machine, event, now)
+                    return move(memory, env, event, now)
         except Exception:
             return None  # the general way tells what raised, and where
         return None
@@ -216,8 +206,7 @@ def _guarded_once(
 ) -> Shortcut:
     """Return the shortcut for the one transition that can be taken, which is what most have."""
 
-    def take(machine: Machine, event: Event, now: float) -> Step | None:
-        env = machine.env
+    def take(memory: Memory, env: Surroundings, event: Event, now: float) -> Taken | None:
         env["event"] = event.data
         env.inputs.now = now
         try:
@@ -227,7 +216,7 @@ def _guarded_once(
                 write(env)
         except Exception:
             return None  # the general way tells what raised, and where
-        return move(machine, event, now)
+        return move(memory, env, event, now)
 
     return take
 

@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
 from lupin_engine.machine.environment import NO_CAUSE, Cause
 from lupin_engine.machine.event import Command, Event
-from lupin_engine.machine.step import Considered, Refusal
-
-if TYPE_CHECKING:
-    from lupin_engine.machine.plan import Plan, Row
+from lupin_engine.machine.plan import Plan, Row
+from lupin_engine.machine.reasons import Considered, Refusal
 
 #: The code of an expression or action that raised.
 EXECUTION_CODE = "execution_error"

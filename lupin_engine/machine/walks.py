@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from lupin_engine.chart.model import Itinerary, State, UnknownInput
+from lupin_engine.chart.evaluation import UnknownInput
+from lupin_engine.chart.model import Itinerary, State
 from lupin_engine.errors import reason
 from lupin_engine.machine.core import Core
 from lupin_engine.machine.environment import Cause, walk_of

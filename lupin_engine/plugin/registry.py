@@ -345,9 +345,19 @@ def _type_problems(where: str, kind: object) -> Iterator[str]:
         return
     if kind.unit:
         yield from _unit_problems(where, kind.unit)
+    yield from _range_problems(where, kind, kind.minimum, kind.maximum)
     if kind.item is not None:
         yield from _type_problems(where, kind.item)
     yield from _field_problems(where, "field", kind.fields)
+
+
+def _range_problems(where: str, kind: Type, lowest: float | None, highest: float | None) -> Iterator[str]:
+    if lowest is None and highest is None:
+        return
+    if kind.kind not in ("integer", "number"):
+        yield f"{where}: a {kind} has no minimum or maximum"
+    elif lowest is not None and highest is not None and lowest > highest:
+        yield f"{where}: the minimum {lowest:g} is above the maximum {highest:g}"
 
 
 def _unit_problems(where: str, unit: str) -> Iterator[str]:
@@ -367,14 +377,9 @@ def _parameter_problems(where: str, parameter: Parameter) -> Iterator[str]:
     if problems:
         yield from problems
         return
-    if parameter.minimum is None and parameter.maximum is None:
-        return
-    if parameter.type.kind not in ("integer", "number"):
-        yield f"{where}: a {parameter.type} has no minimum or maximum"
-        return
-    lowest, highest = parameter.minimum, parameter.maximum
-    if lowest is not None and highest is not None and lowest > highest:
-        yield f"{where}: the minimum {lowest:g} is above the maximum {highest:g}"
+    problems = list(_range_problems(where, parameter.type, parameter.minimum, parameter.maximum))
+    if problems or (parameter.minimum is None and parameter.maximum is None):
+        yield from problems
         return
     default = convert(parameter.default, parameter.type)
     if parameter.minimum is not None and default < parameter.minimum:

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator
 
 from lupin_engine.chart.model import Chart, Transition
 from lupin_engine.machine.explain import Possibility
-from lupin_engine.machine.step import Considered
+from lupin_engine.machine.reasons import Considered
 from lupin_engine.machine.view import View
 from lupin_engine.sim.simulation import Simulation
 from lupin_engine.sim.story import Piece, short_name, shorten

@@ -310,7 +310,7 @@ def _labels(grid: Grid, tags: list[Tag]) -> list[Label]:
     if sum(width * height for width, height in sizes) > BY_LABELS * math.prod(edge):
         return labels
     half = (MARK_PT + 2.0 * LINE_PT) / 2.0
-    taken = np.concatenate([np.hstack([marks - half, marks + half]), np.zeros((len(tags), 4))])
+    taken = np.concatenate([np.hstack([marks - half, marks + half]), np.full((len(tags), 4), np.nan)])
     for index, (mark, size) in enumerate(zip(marks.tolist(), sizes, strict=True)):
         boxes = {(right, above): _box(mark, size, right, above) for above, right in _AROUND}
         free = [place for place, box in boxes.items() if not _covers(box, taken[: len(tags) + index])]

@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 
 from lupin_engine.chart.compose import ITINERARY
+from lupin_engine.chart.evaluation import Compiled, Expression, UnknownInput
 from lupin_engine.chart.expressions import (
     MAX_CHARACTERS,
     Fragment,
@@ -22,7 +23,6 @@ from lupin_engine.chart.expressions import (
     literal,
 )
 from lupin_engine.chart.findings import Findings
-from lupin_engine.chart.model import Compiled, Expression, UnknownInput
 from lupin_engine.chart.source import text_at
 from lupin_engine.errors import Place
 from lupin_engine.plugin.contract import Argument, Function
@@ -143,6 +143,8 @@ def refusals(source: str, scope: Scope, wanted: Type = ANY) -> list[str]:
         ("abs(-2.5)", 2.5),
         ("round(2.567, 1)", 2.6),
         ("round(2.6)", 3),
+        ("round(param.patience) + 0", 30),
+        ("round(param.patience / '7 s')", 4),
         ("len(param.names)", 2),
         ("param.names[0]", "a"),
         ("'b' in param.names", True),

@@ -14,6 +14,7 @@ import pytest
 
 import lupin_engine
 from lupin_engine.chart import load
+from lupin_engine.chart.evaluation import Constant, Expression
 from lupin_engine.chart.load import (
     LIFECYCLE,
     MAX_CHARTS,
@@ -28,7 +29,7 @@ from lupin_engine.chart.load import (
     load_chart,
     mission_files,
 )
-from lupin_engine.chart.model import Chart, Constant, Expression, Kind
+from lupin_engine.chart.model import Chart, Kind
 from lupin_engine.errors import ChartError, Severity, UsageError
 from lupin_engine.plugin.registry import Catalog
 
@@ -498,6 +499,19 @@ def test_a_part_is_unused_when_all_missions_are_there(tmp_path: Path, catalog: C
         f"{tmp_path}/parts/knock.yaml:1:1: warning: no mission uses the part 'knock'; "
         "use it, or remove the file [unused-part]"
     ]
+
+
+@pytest.mark.parametrize(
+    ("name", "hints"), [("WAITNG", ["did you mean 'WAITING'?"]), ("WAITING", []), ("SCANNING", [])]
+)
+def test_a_lifecycle_may_speak_of_missions_that_are_not_loaded(
+    name: str, hints: list[str], tmp_path: Path, catalog: Catalog
+) -> None:
+    """Of a state that is called like none of those that are loaded nothing is said."""
+    text = (CHARTS / "broken" / "unloaded_state.yaml").read_text(encoding="utf-8")
+    (tmp_path / LIFECYCLE).write_text(text.replace("WAITNG", name), encoding="utf-8")
+    found = check_chart(tmp_path / LIFECYCLE, [CHARTS / "mini" / "idle.yaml"], catalog)[1]
+    assert [one.hint for one in found if one.rule == "unknown-state"] == hints
 
 
 def test_a_part_is_found_wherever_it_is_used(tmp_path: Path, catalog: Catalog) -> None:

@@ -201,6 +201,18 @@ def test_a_number_without_its_unit_is_told_how_to_write_it(kind: Type, example: 
     assert q.unit_hint(kind, number_in("kg")) == q.unit_hint(NUMBER, NUMBER) == ""
 
 
+def test_a_rounded_number_is_whole_and_keeps_its_unit() -> None:
+    """Beside another of its kind too, and a written 0; only a number with digits makes digits."""
+    seconds = q.whole("s")
+    assert (seconds.kind, str(seconds), seconds.unit) == ("integer", "duration", "s")
+    assert q.whole("") == INTEGER
+    assert q.join(seconds, seconds) == q.join(seconds, q.ZERO) == q.join(q.ZERO, seconds) == seconds
+    assert q.join(seconds, DURATION) == q.number("s")
+    assert q.join(seconds, q.whole("m")) is None
+    assert q.accepts(DURATION, seconds)
+    assert not q.accepts(INTEGER, seconds)
+
+
 # -- what authors are told ----------------------------------------------------------------------------------
 
 MINI = Path(__file__).parents[1] / "charts" / "mini" / LIFECYCLE

@@ -14,6 +14,9 @@ from lupin_engine.chart.load import default_missions_folder
 from lupin_engine.cli.tasks.new import MISSION, SCENARIO
 from tests.tools import load_tool
 
+#: The first page of a book does what all of them say.
+pytestmark = pytest.mark.timeout(300)
+
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
 STEPS = DOCS / "guide" / "steps"
@@ -72,8 +75,8 @@ def test_every_recipe_has_scenarios_that_hold() -> None:
 
 @pytest.mark.parametrize(
     "folder",
-    [STEPS, DOCS / "cookbook", TUTORIAL, DOCS / "sprayer", DOCS / "scale"],
-    ids=["guide", "cookbook", "tutorial", "bindings", "scale"],
+    [STEPS, DOCS / "cookbook", TUTORIAL, DOCS / "sprayer", DOCS / "wrist", DOCS / "scale"],
+    ids=["guide", "cookbook", "tutorial", "bindings", "units", "scale"],
 )
 def test_no_file_is_left_over(folder: Path) -> None:
     """A file that no page shows is never tried."""

@@ -11,6 +11,8 @@ from pathlib import Path
 
 import pytest
 
+pytestmark = pytest.mark.timeout(300)
+
 ROOT = Path(__file__).parents[2]
 #: Tag -> the attribute by which a browser fetches something unasked.
 FETCHES = {"script": "src", "img": "src", "link": "href", "iframe": "src", "source": "src", "audio": "src"}

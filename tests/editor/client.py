@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 #: How long one answer may take on a busy machine, in seconds.
-PATIENCE = 30.0
+PATIENCE = 90.0
 
 Message = dict[str, Any]
 

@@ -90,7 +90,8 @@ def test_a_mission_is_told_what_it_uses(folder: Folder, mark: str, told: str, li
     assert place.file.read_text(encoding="utf-8").count("\n", 0, place.start) + 1 == line
 
 
-SPRAYER = Path(__file__).parents[2] / "docs" / "sprayer"
+DOCS = Path(__file__).parents[2] / "docs"
+SPRAYER = DOCS / "sprayer"
 
 
 @pytest.fixture
@@ -141,3 +142,32 @@ def test_what_a_live_value_can_say_is_offered(sprayer: Folder) -> None:
         sprayer.put(path, text.replace(written, f"{line}\n"))
         offset = sprayer.text(path).index(f"{line}\n", text.index(written)) + len(line)
         assert wanted in {offer.label for offer in complete(sprayer, path, offset).found}
+
+
+@pytest.fixture
+def wrist(tmp_path: Path) -> Folder:
+    """A mission whose plugin counts in degrees and millimetres."""
+    shutil.copytree(DOCS / "wrist" / "bindings", tmp_path / "bindings")
+    shutil.copy(DOCS / "wrist" / "feel.yaml", tmp_path)
+    shutil.copy(default_missions_folder() / "lifecycle.yaml", tmp_path)
+    return Folder(tmp_path, load_catalog())
+
+
+@pytest.mark.parametrize(
+    "mark", ["angle: {type: angle, unit: |deg, min", "bent: {type: length, unit: |mm, from"]
+)
+def test_units_are_offered_wherever_one_stands(wrist: Folder, mark: str) -> None:
+    """Beside an argument, and beside a field."""
+    path, offset = at(wrist, "bindings/wrist.yaml", mark)
+    text = wrist.text(path)
+    wrist.put(path, text[:offset] + text[text.index(",", offset) :])
+    assert {"deg", "mm", "ms", "%"} <= {offer.label for offer in complete(wrist, path, offset).found}
+
+
+def test_an_argument_is_told_with_its_range(wrist: Folder) -> None:
+    """As somebody would write it."""
+    wrist.refresh()
+    path, offset = at(wrist, "feel.yaml", "with: {an|gle: ")
+    shown = hover(wrist, path, offset)
+    assert shown is not None
+    assert "`angle`: angle in rad — how far from the middle (-90 deg to 90 deg)" in shown.text

@@ -165,6 +165,15 @@ def test_knows_the_plugins_when_asked() -> None:
     assert "max_varance" in said or "is not valid under any" in said
 
 
+@pytest.mark.parametrize("word", ["Parameter", "Argument", "Result", "BoundValue"])
+def test_knows_the_units_wherever_one_is_written(word: str) -> None:
+    """Of a binding, in everything that has a number on the other side."""
+    binding = schemas(with_names=True)["binding"]
+    found = binding["definitions"][f"{word}Node"]["properties"]["unit"]
+    assert {"deg", "mm", "%"} <= set(found["enum"])
+    assert found["markdownEnumDescriptions"][found["enum"].index("mm")] == "1 mm is 0.001 m"
+
+
 def test_the_verb_prints_and_writes(tmp_path: Path, made: dict[str, dict[str, Any]]) -> None:
     """One kind on standard output; all of them into a folder."""
     printed = CliRunner().invoke(verb, ["part"]).output

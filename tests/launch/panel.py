@@ -30,7 +30,7 @@ from rclpy.task import Future
 Json = dict[str, Any]
 
 #: Seconds that anything may take on a busy machine.
-PATIENCE = 60.0
+PATIENCE = 120.0
 #: Seconds between two words about the software stop, and most links between the map and the robot.
 STOP_PERIOD_S = 0.5
 MOST_LINKS = 32

@@ -109,8 +109,10 @@ def panel(page: Panel) -> Panel:
 
 def explore(page: Panel) -> None:
     """Let a mission find, read and look at some tags."""
+    page.until(lambda: page.state["estop_engaged"], "the stop of a page that was just loaded")
     page.reset()
-    page.start("ExplorationMission", goal=3)
+    answer = page.start("ExplorationMission", goal=3)
+    assert answer["accepted"], answer
     page.until(lambda: [o for o in readings(page) if o["source"] == "MonitoringMission"], "a visit")
     page.press("abort")
     page.until(lambda: page.state["lifecycle_state"] == "DONE", "the end of the exploration")
@@ -729,6 +731,9 @@ def test_the_recorder_records_saves_and_plays(panel: Panel, mode: str) -> None:
         panel.call(f"/{SERVOS}/set_parameters", "rcl_interfaces/SetParameters", parameters=[hand])
     arrives(panel, elbow=math.radians(40.0))
     panel.until(lambda: text(panel, library)["n_waypoints"] > 1, "waypoints on the page")
+    # Page and recorder hear of the joints apart from each other: by then the recorder, too, has seen the end.
+    seen = text(panel, library)["elapsed_s"]
+    panel.until(lambda: text(panel, library)["elapsed_s"] > seen + 1.0, "a second of holding still")
     saved = record(panel, "save", name="nod", overwrite=True)
     assert saved["success"], saved
     assert saved["message"] == "saved 'nod'"

@@ -164,7 +164,7 @@ def test_who_is_killed_comes_back_and_the_mission_loses_nothing(
     until_answers(tinkerer, node)
     tinkerer.set_parameter("lupin_sim", "speed", 5.0)
     tinkerer.set_parameter("lupin_sim", "fault", "none")
-    assert run.end() == 0, run.lines[-3:]
+    assert run.end() == 0, [*run.errors, *run.lines[-3:]]
     (result,) = run.records("result")
     assert result["counts"]["OK"] == 3
     assert any(f"{node} is started again in 1 s (1 of 3)" in line for line in [*run.errors, *run.lines])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import math
 import os
 import sys
 from collections.abc import Callable
@@ -21,6 +22,7 @@ from lupin_engine.launch.plan import Launch, Plan
 from lupin_engine.launch.session import RunFailed, Session, Settings
 from lupin_engine.launch.story import Story
 from lupin_engine.plugin.registry import build_catalog
+from lupin_engine.ros.operator import Arrival
 from tests.launch.processes import until
 
 pytestmark = pytest.mark.ros
@@ -63,6 +65,21 @@ class Nobody:
 
     def close(self) -> None:
         """Nothing is open."""
+
+
+class Slow(Nobody):
+    """One who hears an orchestrator that is ready, and of the robot's battery only after a while."""
+
+    def __init__(self) -> None:
+        super().__init__(lambda: None)
+        self.left = [0.1, math.nan, math.nan, math.nan]
+
+    def ready(self) -> bool:
+        return True
+
+    def take(self) -> list[Any]:
+        state = {"lifecycle_state": "READY", "battery_percentage": self.left.pop()}
+        return [Arrival("state", state, 0.0)]
 
 
 def begin(
@@ -123,6 +140,18 @@ def test_a_disk_that_is_full_is_told_and_ends_what_was_started(
     assert session.supervisor.names == []
     told = f"looker cannot be started with its files in {tmp_path}: No space left on device"
     assert str(caught.value) == told
+
+
+@pytest.mark.parametrize(("settle", "left"), [(True, []), (False, [0.1, math.nan, math.nan])])
+def test_what_the_simulated_robot_was_given_is_heard_before_the_mission_is_started(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, settle: bool, left: list[float]
+) -> None:
+    """On a slow machine as well: a battery that is low would be heard of too late to refuse the start."""
+    slow = Slow()
+    with begin(monkeypatch, tmp_path, settle=settle) as session:
+        monkeypatch.setattr(session, "_operator", slow)
+        session.bring_up([], CATALOG)
+    assert slow.left == pytest.approx(left, nan_ok=True)
 
 
 def test_every_option_for_a_node_that_runs_already_is_told(

@@ -12,11 +12,10 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
+from lupin_engine.chart.evaluation import Constant, Expression, Value
 from lupin_engine.chart.model import (
     ActionCall,
     Chart,
-    Constant,
-    Expression,
     Field,
     ForEach,
     Hold,
@@ -31,7 +30,6 @@ from lupin_engine.chart.model import (
     State,
     Timer,
     Transition,
-    Value,
     Variable,
 )
 from lupin_engine.errors import Place, Severity
@@ -41,19 +39,31 @@ from lupin_engine.machine.event import Event, Start
 from lupin_engine.machine.machine import Machine
 from lupin_engine.machine.snapshot import restore
 from lupin_engine.machine.step import Step
-from lupin_engine.plugin.contract import Code, OnHold, Operation
-from lupin_engine.plugin.types import ANY, BOOL
+from lupin_engine.plugin.contract import Action, Argument, Code, OnHold, Operation
+from lupin_engine.plugin.registry import Catalog
+from lupin_engine.plugin.types import ANY, BOOL, NUMBER, within
 
 PLACE = Place("test.yaml", 1, 1)
 
-#: Operations that tests invoke: two that drive, one that uses nothing, one that uses the arm and may go on
-#: while held, one that uses both.
+#: Operations that tests invoke: two that drive, one that uses nothing, two that use the arm and may go on
+#: while held, one of them with an argument that has a range, one that uses both.
 DRIVE = Operation("drive", uses=("base",), on_hold=OnHold.CANCEL)
 DOCK = Operation("dock", uses=("base",), on_hold=OnHold.CANCEL)
 READ = Operation("read", on_hold=OnHold.FINISH)
 LOOK = Operation("look", uses=("arm",), on_hold=OnHold.FINISH)
+TURN = Argument(within(NUMBER, 0.0, 2.0), "how far")
+BEND = Operation("bend", {"by": TURN}, uses=("arm",), on_hold=OnHold.FINISH)
 CARRY = Operation("carry", uses=("base", "arm"), on_hold=OnHold.CANCEL)
-OPERATIONS = {"nav.go": DRIVE, "nav.dock": DOCK, "bridge.read": READ, "arm.look": LOOK, "arm.carry": CARRY}
+OPERATIONS = {
+    "nav.go": DRIVE,
+    "nav.dock": DOCK,
+    "bridge.read": READ,
+    "arm.look": LOOK,
+    "arm.bend": BEND,
+    "arm.carry": CARRY,
+}
+#: The catalog's actions; others that tests name are taken as they are.
+ACTIONS = {"arm.nod": Action("nod", {"by": TURN})}
 
 PAUSE: dict[str, Any] = {"engage": "operator.pause", "release": ("operator.resume",), "code": "paused"}
 
@@ -283,6 +293,7 @@ def chart(
     return Chart(
         name="test",
         files=("test.yaml",),
+        catalog=Catalog(actions=ACTIONS),
         states=Builder().build(root),
         missions={name: _mission(name, fields) for name, fields in (missions or {}).items()},
         holds={name: _hold(name, fields) for name, fields in (holds or {}).items()},

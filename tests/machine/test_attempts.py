@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import pytest
@@ -295,6 +296,28 @@ def test_arguments_that_cannot_be_computed_are_an_error_of_the_operation() -> No
     assert bench.leaves == ["C"]
     assert bench.context["error"] == {"code": "execution_error", "detail": "test.yaml:1:1: division by zero"}
     assert bench.commands == []
+
+
+@pytest.mark.parametrize(
+    ("by", "why"),
+    [
+        (2.5, "by: expected number between 0 and 2, got 2.5"),
+        (math.nan, "by: expected number, got nan"),
+        ("1 m", "by: expected number, got '1 m'"),
+    ],
+    ids=str,
+)
+def test_computed_arguments_outside_their_range_are_an_error_of_the_operation(by: Any, why: str) -> None:
+    """What the catalog rules out reaches no plugin; what is written out was checked at load."""
+    bench = bench_with(do="arm.bend", **{"with": {"by": lambda env: by}})
+    assert bench.leaves == ["C"]
+    assert bench.context["error"] == {"code": "execution_error", "detail": f"test.yaml:1:1: {why}"}
+    assert bench.commands == []
+
+
+def test_computed_arguments_may_be_at_the_end_of_their_range() -> None:
+    bench = bench_with(do="arm.bend", **{"with": {"by": lambda env: 2.0}})
+    assert bench.steps[0].commands == (Start(bench.attempt, "arm.bend", {"by": 2.0}),)
 
 
 def test_a_timeout_that_cannot_be_computed_is_an_error_of_the_operation() -> None:

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from lupin_engine.chart.model import Variable
-from lupin_engine.machine.event import Publish, Report
+from lupin_engine.machine.event import Act, Publish, Report
 from lupin_engine.plugin.types import COUNT
 from tests.machine.charts import PAUSE, PLACE, Bench, chart, said, value
 
@@ -37,6 +37,17 @@ def test_an_error_leads_to_fault_with_its_place(where: str) -> None:
     assert bench.machine.view.code == "execution_error"
     assert bench.machine.view.detail.startswith("test.yaml:1:1: ")
     assert "never.done" not in str(step.commands)
+
+
+@pytest.mark.parametrize("by", [-0.5, 2.0])
+def test_an_action_with_a_computed_argument_outside_its_range_is_not_sent(by: float) -> None:
+    """What the catalog rules out reaches no plugin."""
+    bench = Bench(chart({"A": {"entry": ("arm.nod", {"by": lambda env: by})}, "FAULT": {}}))
+    if by < 0.0:
+        detail = "test.yaml:1:1: arm.nod: by: expected number between 0 and 2, got -0.5"
+        assert (bench.leaves, bench.machine.view.detail, bench.commands) == (["FAULT"], detail, [])
+    else:
+        assert (bench.leaves, bench.steps[0].commands[0]) == (["A"], Act("arm.nod", {"by": 2.0}))
 
 
 def test_the_states_own_error_handler_goes_first() -> None:

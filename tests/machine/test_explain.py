@@ -10,7 +10,7 @@ import pytest
 from lupin_engine.machine import event as events
 from lupin_engine.machine.event import Event
 from lupin_engine.machine.explain import Possibility
-from lupin_engine.machine.step import Considered
+from lupin_engine.machine.reasons import Considered
 from tests.machine.charts import PAUSE, PLACE, Bench, chart, expression, fails
 from tests.machine.test_properties import START, World
 

@@ -16,7 +16,7 @@ from lupin_engine.machine import event as events
 from lupin_engine.machine.event import Event
 from lupin_engine.machine.machine import MAX_DEFERRED
 from lupin_engine.machine.operations import CANCEL_DEADLINE, MAX_LOST
-from lupin_engine.machine.step import Refusal
+from lupin_engine.machine.reasons import Refusal
 from tests.machine.charts import PAUSE, Bench, chart, legal
 from tests.machine.test_properties import World
 from tests.machine.test_snapshot import RICH

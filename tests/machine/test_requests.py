@@ -7,8 +7,9 @@ from typing import Any
 
 import pytest
 
+from lupin_engine.machine.reasons import Refusal
 from lupin_engine.machine.request import _together
-from lupin_engine.machine.step import Refusal, Step
+from lupin_engine.machine.step import Step
 from lupin_engine.plugin.contract import Code
 from lupin_engine.plugin.types import COUNT, TEXT, Type, list_of
 from tests.machine.charts import Bench, chart, value

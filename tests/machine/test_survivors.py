@@ -11,8 +11,9 @@ from lupin_engine.machine.explain import Possibility
 from lupin_engine.machine.machine import Machine
 from lupin_engine.machine.memory import Phase, Visit, Walk
 from lupin_engine.machine.operations import CANCEL_DEADLINE
+from lupin_engine.machine.reasons import Considered, Refusal
 from lupin_engine.machine.snapshot import shift
-from lupin_engine.machine.step import Considered, Refusal, Step
+from lupin_engine.machine.step import Step
 from lupin_engine.machine.view import Moment
 from lupin_engine.plugin.types import NUMBER, TEXT
 from tests.machine.charts import PAUSE, PLACE, Bench, chart, expression, fails, value

@@ -22,7 +22,7 @@ from lupin_engine.plugin.contract import (
     Reader,
 )
 from lupin_engine.plugin.registry import build_catalog
-from lupin_engine.plugin.types import DURATION, NUMBER, TEXT, Type, list_of, number_in
+from lupin_engine.plugin.types import DURATION, NUMBER, TEXT, Type, list_of, number_in, within
 
 BROKEN = Code("broken", "it is broken")
 
@@ -173,4 +173,18 @@ def test_a_range_that_nothing_is_in_is_refused() -> None:
     """And not the default for being outside of it."""
     assert told(parameters={"rest": Parameter(DURATION, 5.0, "rest", minimum=9, maximum=2)}) == [
         "parameter 'rest': the minimum 9 is above the maximum 2"
+    ]
+
+
+def test_a_range_is_checked_wherever_a_type_has_one() -> None:
+    """Of arguments, results, values and events, also inside of lists; a text has none."""
+    level = LiveValue("how bright it is", list_of(within(NUMBER, 2, 1)))
+    assert told(values={"lamp.level": level}) == ["value 'lamp.level': the minimum 2 is above the maximum 1"]
+    said = Argument(within(TEXT, None, 5), "what it says")
+    assert told(**operation(arguments={"said": said})) == [
+        "operation 'dim': the argument 'said': a text has no minimum or maximum"
+    ]
+    narrow = Argument(within(DURATION, 1, 2), "how long", default=3.0)
+    assert told(**operation(arguments={"wait": narrow})) == [
+        "operation 'dim': the default of argument 'wait': expected duration between 1 and 2 s, got 3.0"
     ]

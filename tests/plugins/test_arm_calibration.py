@@ -65,6 +65,11 @@ def test_the_scenarios_reach_everything(kind: str) -> None:
     assert missing == []
 
 
+def test_the_servos_homes_are_those_of_the_robot() -> None:
+    """What was measured there; a count more is a hundredth of a degree."""
+    assert dict(HOMES) == {"shoulder_lift": 11450, "elbow": 11750, "wrist": 12200, "gripper": 10524}
+
+
 def test_a_servo_gets_what_it_is_off_and_what_it_has() -> None:
     """Counts and offsets are hundredths of a degree both, so they add up."""
     found = corrections(moved(elbow=-700, wrist=500), {**NONE, "wrist": 300}, HIGHEST)

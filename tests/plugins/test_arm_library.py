@@ -116,6 +116,20 @@ def test_five_values_are_not_four() -> None:
         checked_pose([0.0] * 5, None, "")
 
 
+def test_what_was_brought_inside_the_limits_is_told() -> None:
+    pose, told = checked_pose([2.0, math.radians(-90.0), 0.5, math.radians(88.0)], 1.0, "now")
+    assert told == [
+        "shoulder_pan 114.6 deg is beyond its limit, kept as 90 deg",
+        "shoulder_lift -90.0 deg is beyond its limit, kept as -86 deg",
+        "the gripper is beyond its limit, kept as 30 deg",
+    ]
+    assert pose.arm == pytest.approx(
+        [math.radians(angle) for angle in (90.0, -86.0, math.degrees(0.5), 88.0)]
+    )
+    assert (pose.gripper, pose.created, pose.note) == (JAW_CLOSED, "now", "")
+    assert checked_pose([0.0] * 4, JAW_OPEN, "")[1] == []
+
+
 # --- poses and sequences
 
 
@@ -455,6 +469,23 @@ def test_a_file_that_is_too_large_is_left_alone(path: Path) -> None:
     assert library.notices == [why]
     with pytest.raises(NotInLibrary, match=re.escape(why)):
         library.save_pose("pot", HERE, overwrite=False)
+    assert path.read_bytes() == before
+
+
+@pytest.mark.parametrize("changed", [{"version": 2}, {"tools": ["x" * MAX_BYTES]}])
+def test_a_file_that_is_left_alone_is_not_replaced_by_its_backup(path: Path, changed: dict[str, Any]) -> None:
+    """What is in it is newer than what was kept."""
+    library = Library(path)
+    for name in ("first", "second"):
+        library.save_pose(name, HERE, overwrite=False)
+    assert len(names(path.parent)) == 2
+    written(path, **changed)
+    before = path.read_bytes()
+    found = Library(path)
+    (notice,) = found.notices
+    assert notice.endswith("; it is left as it is")
+    with pytest.raises(NotInLibrary, match=re.escape(notice)):
+        found.listing()
     assert path.read_bytes() == before
 
 

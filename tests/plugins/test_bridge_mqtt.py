@@ -407,14 +407,17 @@ def refused(**settings: Any) -> str:
 
 
 def test_files_that_are_missing_or_useless_are_named(tmp_path: Path) -> None:
-    assert refused(ca_file="ca.pem") == "mqtt_ca_file is given, but mqtt_tls is not set"
-    assert refused(tls=True, ca_file="nowhere") == "mqtt_ca_file: file nowhere does not exist"
+    for name in ("ca_file", "certificate_file", "key_file"):
+        assert refused(**{name: "x.pem"}) == f"mqtt_{name} is given, but mqtt_tls is not set"
+        assert refused(tls=True, **{name: "nowhere"}) == f"mqtt_{name}: file nowhere does not exist"
     rubbish = tmp_path / "rubbish.pem"
     rubbish.write_text("rubbish")
     assert refused(tls=True, ca_file=str(rubbish)).startswith(f"TLS cannot use mqtt_ca_file {rubbish}: ")
     assert refused(topic="x").startswith("mqtt_topic 'x': expected {tag} once")
     assert refused(host="a" * 64).startswith(f"mqtt_host '{'a' * 64}', port 1883: ")
     assert refused(host="").startswith("mqtt_host '', port 1883: ")
+    assert refused(host="", tls=True).startswith("mqtt_host '', port 8883: ")
+    assert refused(host="", tls=True, port=9).startswith("mqtt_host '', port 9: ")
 
 
 @pytest.mark.parametrize("host", ["mqtt://broker", "broker:1883", "bro ker", "broker/path"])
@@ -477,6 +480,14 @@ def test_a_host_that_does_not_answer_holds_up_nothing(monkeypatch: pytest.Monkey
         backend.read("7")
     backend.close()
     assert time.monotonic() - begin < mqtt.CONNECTING_S
+
+
+def test_without_layout_and_connection_nobody_says_that_there_is_no_such_tag() -> None:
+    """The topics would tell which tags there are."""
+    listener = Listener(free_port())
+    with pytest.raises(ReadingFailed, match=r"^tag '7': .*(no connection yet to|cannot be reached)"):
+        listener.backend.read("7")
+    listener.backend.close()
 
 
 def test_a_port_that_nobody_serves_is_told_once() -> None:

@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 from pathlib import Path
 
+import numpy as np
 import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
 
 from lupin_engine.errors import LupinError
 from lupin_engine.world.layout import Table, Tag
 from lupin_sim.faults import Fault, Faults
 from lupin_sim.floor import ROBOT_RADIUS, Floor, Point
-from lupin_sim.layout import Layout, load_layout
+from lupin_sim.layout import LENGTH, WIDTH, Layout, load_layout
 from lupin_sim.robot import TURN_RATE, Pose, Robot
 
 WALL = Table("T", 1.0, 1.2, 0.0, 6.0)
@@ -43,6 +47,18 @@ def test_a_path_goes_around_a_table_and_keeps_clear_of_it() -> None:
     assert min(WALL.distance(*point) for point in between) > ROBOT_RADIUS - 0.02
 
 
+@pytest.mark.parametrize(
+    ("start", "goal"),
+    [((0.5, 5.0), (1.08, 6.125)), ((0.5, 5.0), (1.344, 6.078)), ((1.33, 3.0), (0.93, 6.278))],
+)
+def test_a_goal_just_behind_a_corner_is_reached(start: Point, goal: Point) -> None:
+    """The last corner of the path before it is beside it, and sees it as the first one."""
+    path = Floor([WALL]).path(start, goal)
+    assert path is not None
+    assert path[-1] == goal
+    assert math.dist(path[-2], goal) < 0.06
+
+
 def test_the_same_request_gives_the_same_path() -> None:
     assert Floor([WALL]).path((0.5, 1.0), (2.0, 1.0)) == Floor([WALL]).path((0.5, 1.0), (2.0, 1.0))
 
@@ -67,6 +83,39 @@ def test_a_robot_that_stands_too_near_a_table_gets_away() -> None:
     path = Floor([WALL]).path((0.98, 1.0), (0.5, 1.0))
     assert path is not None
     assert path[-1] == (0.5, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("tables", "start", "goal"),
+    [
+        ([Table("L", 0.0, 0.88, 2.0, 6.0), Table("R", 1.12, 4.0, 2.0, 6.0)], (1.0, 1.0), (1.0, 7.0)),
+        ([Table("L", 1.0, 3.0, 0.0, 3.88), Table("R", 1.0, 3.0, 4.12, 8.0)], (0.5, 4.0), (3.5, 4.0)),
+    ],
+    ids=["along", "across"],
+)
+def test_a_passage_as_wide_as_the_robot_is_passed(tables: list[Table], start: Point, goal: Point) -> None:
+    assert Floor(tables).path(start, goal) == [goal]
+    assert Floor(tables).path(goal, start) == [start]
+
+
+GREENHOUSE = load_layout()
+FLOOR = Floor(GREENHOUSE.tables)
+PLACES = st.tuples(st.floats(0.0, WIDTH), st.floats(0.0, LENGTH))
+
+
+@settings(max_examples=30)
+@given(start=PLACES, goal=PLACES)
+def test_a_path_ends_where_it_should_and_the_robot_fits_all_along(start: Point, goal: Point) -> None:
+    assume(FLOOR.is_free(*start) and FLOOR.is_free(*goal))
+    path = FLOOR.path(start, goal)
+    assert path is not None
+    assert path[-1] == goal
+    for (x, y), (u, v) in pairwise([start, *path]):
+        for share in np.linspace(0.0, 1.0, 40):
+            place = x + share * (u - x), y + share * (v - y)
+            assert GREENHOUSE.clearance(*place) > ROBOT_RADIUS - 0.02, (
+                "between two looks it may come a little nearer"
+            )
 
 
 def test_every_tag_of_the_real_layout_can_be_approached() -> None:
@@ -145,6 +194,32 @@ def test_the_brake_and_an_empty_battery_stop_the_robot_and_the_goal_stays() -> N
     assert (robot.pose.x, robot.arrived) == (3.0, True)
 
 
+def test_the_robot_turns_to_where_it_drives_before_it_drives_there() -> None:
+    robot = Robot(Pose(0.0, 0.0, 0.0), now=0.0, speed=0.5)
+    robot.follow([(0.0, 0.4)], 0.0)
+    turned = math.pi / 2 / (TURN_RATE * robot.speed)
+    robot.advance(turned / 2)
+    assert (robot.pose.x, robot.pose.y, robot.pose.yaw) == (0.0, 0.0, pytest.approx(math.pi / 4))
+    robot.advance(turned + 0.4)
+    assert (robot.pose.x, robot.pose.y) == (pytest.approx(0.0), pytest.approx(0.2))
+    assert robot.pose.yaw == pytest.approx(math.pi / 2)
+
+
+def test_a_corner_where_the_robot_is_turns_it_nowhere() -> None:
+    robot = Robot(Pose(1.0, 2.0, 3.0), now=0.0, speed=0.5)
+    robot.follow([(1.0, 2.0)], 3.0)
+    robot.advance(1e-6)
+    assert (robot.arrived, robot.pose) == (True, Pose(1.0, 2.0, 3.0))
+
+
+def test_a_robot_that_was_halted_has_no_way_left() -> None:
+    robot = Robot(Pose(0.0, 0.0, 0.0), now=0.0, speed=0.5)
+    robot.follow([(1.0, 0.0), (1.0, 1.0)], 2.0)
+    assert (robot.arrived, robot.remaining) == (False, 2.0)
+    robot.halt()
+    assert (robot.arrived, robot.remaining, robot.path) == (True, 0.0, [(0.0, 0.0)])
+
+
 def test_time_that_runs_backwards_moves_nothing() -> None:
     robot = Robot(Pose(0.0, 0.0, 0.0), now=10.0, speed=1.0)
     robot.follow([(5.0, 0.0)], 0.0)
@@ -155,6 +230,22 @@ def test_time_that_runs_backwards_moves_nothing() -> None:
 
 
 # --- faults
+
+
+def test_nothing_goes_wrong_at_first() -> None:
+    assert [fault.value for fault in Fault] == ["none", "reject", "abort", "stall", "lose_localization"]
+    faults = Faults()
+    assert [fault for fault in Fault if faults.now(fault)] == [Fault.NONE]
+    assert (faults.kind, faults.take()) == (Fault.NONE, Fault.NONE)
+
+
+def test_another_fault_ends_what_a_running_goal_suffers() -> None:
+    """A goal that runs can be rejected no more."""
+    faults = Faults()
+    faults.set(Fault.STALL, 0, goal_running=True)
+    faults.set(Fault.REJECT, 1, goal_running=True)
+    assert not faults.now(Fault.STALL)
+    assert faults.take() is Fault.REJECT
 
 
 def test_a_fault_without_a_count_lasts_until_it_is_changed() -> None:

@@ -67,8 +67,9 @@ def test_where_a_robot_sees_a_plate_is_where_it_is(x: float, y: float, yaw: floa
 
 
 def test_a_detector_reports_numbers_only() -> None:
-    named, long = (Plate(name, 1.0, 0.0, math.pi, (1.0, 0.0)) for name in ("door", "1" * 5000))
-    assert readable([named, PLATE, long]) == [PLATE]
+    names = ("door", "1" * 5000, "1" * 10, "\u0663", "1" * 9)
+    *others, longest = (Plate(name, 1.0, 0.0, math.pi, (1.0, 0.0)) for name in names)
+    assert readable([*others, PLATE, longest]) == [PLATE, longest]
 
 
 def test_what_grows_at_a_tag_is_the_same_every_time_and_differs_from_tag_to_tag() -> None:
@@ -87,6 +88,20 @@ def test_the_blooms_of_the_box_ahead_are_seen_from_left_to_right() -> None:
     bearings = [detection.bearing for detection in found]
     assert bearings == sorted(bearings)
     assert bearings[0] == pytest.approx(-bearings[-1])
+
+
+def test_a_bloom_in_the_middle_is_in_the_middle_of_the_image() -> None:
+    (entry,) = flower_entries(ORIGIN, [], [(2.0, 0.0)])
+    width, height = IMAGE_PX
+    assert entry == {
+        "class": PEST,
+        "confidence": 0.8,
+        "bbox_xyxy": pytest.approx(
+            [width / 2 - 20.0, height / 2 - 20.0, width / 2 + 20.0, height / 2 + 20.0]
+        ),
+        "track_id": None,
+        "class_name": "bug",
+    }
 
 
 def test_only_the_nearest_box_is_looked_into_and_only_what_is_in_view_is_seen() -> None:

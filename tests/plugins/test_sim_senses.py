@@ -175,6 +175,7 @@ def test_without_tags_nothing_is_seen() -> None:
         (Tag("d", 3.0, 3.5), 0.0),
         (Tag("e", 2.0, 3.05), -math.pi / 2),  # a little inside its table
         (Tag("f", 3.05, 3.5), 0.0),  # a little before it
+        (Tag("g", 1.3, 3.5), math.pi),  # well inside
     ],
 )
 def test_a_plate_hangs_on_the_side_of_its_table_that_has_most_room(tag: Tag, heading: float) -> None:
@@ -189,13 +190,14 @@ def test_a_plate_hangs_on_the_side_of_its_table_that_has_most_room(tag: Tag, hea
     [(Table("T", 1.0, 3.7, 3.0, 4.0), math.pi / 2), (Table("T", 1.0, 2.0, 7.0, 7.9), 0.0)],
 )
 def test_at_a_corner_a_plate_turns_away_from_the_wall(table: Table, heading: float) -> None:
-    (plate,) = plates_of(Layout((table,), (Tag("1", table.x1, table.y1),)))
-    assert plate.yaw == heading
+    for x, y in ((table.x1, table.y1), (table.x1 - 0.05, table.y1), (table.x1, table.y1 - 0.05)):
+        (plate,) = plates_of(Layout((table,), (Tag("1", x, y),)))
+        assert plate.yaw == heading
 
 
 def test_a_tag_without_tables_looks_at_the_middle_of_the_floor() -> None:
-    (plate,) = plates_of(Layout((), (Tag("1", 2.0, 1.0),)))
-    assert plate.yaw == math.pi / 2
+    low, aside = plates_of(Layout((), (Tag("1", 2.0, 1.0), Tag("2", 1.0, 3.0))))
+    assert (low.yaw, aside.yaw) == (math.pi / 2, math.pi / 4)
 
 
 @given(yaw=st.floats(-10.0, 10.0))

@@ -22,7 +22,7 @@ from lupin_twin.export.ngsi_ld import CORE, ngsi_ld
 from lupin_twin.export.sensorthings import sensorthings
 from lupin_twin.export.table import DESCRIPTION, description, table
 from lupin_twin.missions import ALL, LATEST, MissionRecord, select, summaries
-from lupin_twin.records import Anomaly, Bloom, Box, Discovery, Flowers, Pin, Reading, Record
+from lupin_twin.records import Anomaly, Bloom, Box, Corners, Discovery, Flowers, Pin, Reading, Record
 from lupin_twin.store import Row
 
 SCHEMAS = Path(__file__).parents[1] / "schemas"
@@ -31,6 +31,8 @@ T = 1_790_000_000.0
 
 BLOOMS = (Bloom(1.1, 2.1, 0.0, "tulip_red", 0.5, False), Bloom(math.nan, 0.0, 0.0, "", math.nan, True))
 CLOCKWISE = ((1.0, 2.0), (1.0, 2.4), (1.6, 2.4), (1.6, 2.0))
+#: One that stands on a corner, to a map as to the middle of the greenhouse.
+ASKEW = ((5.0, 4.8), (4.8, 5.1), (5.1, 5.4), (5.3, 5.1))
 
 
 def at(x: float, y: float, heading: float = 0.0) -> Pin:
@@ -205,6 +207,30 @@ def test_a_column_has_a_name_of_its_own_that_templates_can_use() -> None:
     assert {name: told[name] for name in sensors} == dict.fromkeys(sensors, "5E-05")
 
 
+def test_a_sensor_with_the_name_of_a_column_has_one_of_its_own() -> None:
+    (before,) = parsed(table(record_of(ALL, Reading("5", T, "m1", "", (), at(1.0, 2.0)))))
+    assert len(before) == 14
+    namesakes = Reading("5", T, "m1", "", tuple((name, 7.0) for name in before), at(1.0, 2.0))
+    (told,) = parsed(table(record_of(ALL, namesakes)))
+    assert told == before | {f"sensor {name}": "7.0" for name in before}
+
+
+@pytest.mark.parametrize(
+    ("records", "mission", "title"),
+    [
+        (RECORDS, "m1", "mission m1"),
+        (RECORDS, ALL, "all missions"),
+        (RECORDS[:2], ALL, "all missions"),
+        (RECORDS[:2], LATEST, "mission m1"),
+    ],
+)
+def test_the_description_says_what_the_table_is_about(
+    records: list[Record], mission: str, title: str
+) -> None:
+    told = json.loads(description(record_of(mission, *records), "a b.csv"))
+    assert (told["dc:title"], told["url"]) == (f"Observations of {title}", "a%20b.csv")
+
+
 def test_the_description_has_the_units() -> None:
     columns = json.loads(description(record_of(ALL), "record.csv"))["tableSchema"]["columns"]
     units = {
@@ -305,15 +331,18 @@ def test_geojson_opens_in_geopandas(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("order", [(0, 1, 2, 3), (3, 2, 1, 0), (0, 2, 1, 3), (0, 0, 1, 2, 3)])
 @pytest.mark.parametrize("origin", [ORIGIN, Georeference(-33.9, 18.4, 200.0)])
-def test_a_box_is_a_ring_however_its_corners_are_told(order: tuple[int, ...], origin: Georeference) -> None:
+@pytest.mark.parametrize("told", [CLOCKWISE, ASKEW])
+def test_a_box_is_a_ring_however_its_corners_are_told(
+    told: Corners, order: tuple[int, ...], origin: Georeference
+) -> None:
     shape = pytest.importorskip("shapely.geometry").shape
-    box = Box("5", tuple(CLOCKWISE[index] for index in order))
+    box = Box("5", tuple(told[index] for index in order))
     features = json.loads(geojson(record_of(ALL, *RECORDS, box), origin))["features"]
     (found,) = (f["geometry"] for f in features if f["id"] == "urn:lupin:box:5")
     polygon = shape(found)
     assert polygon.is_valid
     assert polygon.exterior.is_ccw
-    corners = {tuple(origin.position(x, y)) for x, y in CLOCKWISE}
+    corners = {tuple(origin.position(x, y)) for x, y in told}
     assert set(polygon.exterior.coords) == corners
 
 

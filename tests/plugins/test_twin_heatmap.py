@@ -87,6 +87,10 @@ def test_the_settings_are_used(state: Twin) -> None:
             "4 m x 2 m at 0.001 m are more than 250000 cells; ask for a smaller area or a coarser resolution",
         ),
         (
+            {"resolution": 1e-3, "min_x": 1.0, "min_y": -1.0},
+            "3 m x 3 m at 0.001 m are more than 250000 cells; ask for a smaller area or a coarser resolution",
+        ),
+        (
             {"resolution": 1e-38, "max_x": 3e38},
             "3e+38 m x 2 m at 1e-38 m are more than 250000 cells; "
             "ask for a smaller area or a coarser resolution",

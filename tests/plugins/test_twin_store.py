@@ -19,7 +19,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lupin_twin.field import OccupancyMap
-from lupin_twin.records import Anomaly, Box, Discovery, Flowers, Pin, Reading, Record, to_json
+from lupin_twin.records import Anomaly, Box, Discovery, Flowers, Pin, Reading, Record, from_json, to_json
 from lupin_twin.state import Twin
 from lupin_twin.store import MAX_WAITING, NOWHERE, Row, Store, StoreError, read
 
@@ -172,6 +172,24 @@ def test_damage_in_the_middle_is_noticed(path: str) -> None:
     assert list(store.rows()) == []
     store.close()
     assert Path(f"{path}.corrupt-1").read_bytes() == bytes(data)
+
+
+def test_what_cannot_be_put_aside_is_told_and_left_alone(path: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    Path(path).parent.mkdir()
+    Path(path).write_bytes(b"nonsense" * 1000)
+
+    def refuse(*_: object) -> None:
+        raise PermissionError(13, "Permission denied")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "rename", refuse)
+        with pytest.raises(StoreError) as refused:
+            Store(path)
+    assert str(refused.value) == f"{path} is corrupt and cannot be put aside: Permission denied"
+    assert Path(path).read_bytes() == b"nonsense" * 1000
+    later = Store(path)
+    assert later.put_aside.endswith(f"kept as {path}.corrupt-1, a new one begun"), "nobody holds its lock"
+    later.close()
 
 
 def test_what_was_put_aside_is_never_overwritten(path: str) -> None:
@@ -421,6 +439,28 @@ def test_the_latest_map_is_kept(path: str) -> None:
     assert kept is not None
     assert (kept.x, kept.y, kept.yaw, kept.resolution) == (1.0, 2.0, 0.5, 0.05)
     assert kept.cells.tolist() == [[-1] * 3] * 2
+
+
+def test_all_that_is_read_is_of_one_moment(path: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A twin that goes on meanwhile: records and map that never were together would be told."""
+    twin = Store(path)
+    before, after = (OccupancyMap(x, 0.0, 0.0, 1.0, np.zeros((1, 1), np.int8)) for x in (1.0, 2.0))
+    twin.add(RECORDS[0], 1.0)
+    twin.keep_map(before)
+
+    def meanwhile(text: bytes) -> Record:
+        twin.add(RECORDS[1], 2.0)
+        twin.keep_map(after)
+        return from_json(text)
+
+    with monkeypatch.context() as patch:
+        patch.setattr("lupin_twin.store.from_json", meanwhile)
+        found = read(path)
+    assert [row.record for row in found.rows] == RECORDS[:1]
+    assert found.map is not None
+    assert found.map.same_as(before)
+    assert len(read(path).rows) == 2
+    twin.close()
 
 
 def test_a_damaged_map_costs_the_map_only(path: str) -> None:

@@ -23,7 +23,6 @@ from lupin_twin.place import store_path
 from lupin_twin.records import Bloom, Discovery, Flowers, Pin, Reading
 from lupin_twin.state import Twin
 from lupin_twin.store import Row, Store, StoreError, read
-from lupin_twin.text import number
 
 T = 1_790_000_000.0
 Run = Callable[..., tuple[int, str, str]]
@@ -424,14 +423,6 @@ def test_a_picture_is_of_the_mission_and_distance_that_were_asked_for(run: Run, 
         run("plot", "--sensor", "temperature", "-o", "p.svg", *more)
         found.add((tmp_path / "p.svg").read_bytes())
     assert len(found) == 3
-
-
-@pytest.mark.parametrize(
-    ("value", "told"),
-    [(0.21, "0.21"), (21.25, "21.25"), (999.96, "1000"), (23490.4, "23490"), (-3.2, "-3.2"), (1e30, "1e+30")],
-)
-def test_numbers_are_written_as_people_read_them(value: float, told: str) -> None:
-    assert number(value) == told
 
 
 @pytest.mark.parametrize(

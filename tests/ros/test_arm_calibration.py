@@ -23,7 +23,7 @@ from tests.ros.helpers import PATIENCE, spin_for, work_off
 from tests.ros.wire import Asked
 from tests.ros.world import World
 
-pytestmark = pytest.mark.ros
+pytestmark = [pytest.mark.ros, pytest.mark.timeout(300)]
 
 JOINTS = list(HOMES)
 QUICK: dict[str, Any] = {"calibration_settle_s": "0.05", "calibration_window_s": "1.0"}
@@ -225,13 +225,13 @@ def test_nobody_else_moves_an_arm_that_is_calibrated(bench: Bench) -> None:
 
 def test_the_emergency_stop_and_a_calibration(bench: Bench) -> None:
     """Nothing begins and nothing is committed while it is engaged; a limp arm waits for its release."""
-    bench.stop()
-    bench.until(lambda: not calibrate(bench, "start").success, "stopped")
-    assert calibrate(bench, "start").message == "the e-stop is engaged"
+    bench.until_stopped()
+    refused = calibrate(bench, "start")
+    assert (refused.success, refused.message) == (False, "the e-stop is engaged")
     bench.stop(False)
     bench.until(lambda: calibrate(bench, "start").success, "released")
-    bench.stop()
-    bench.until(lambda: calibrate(bench, "commit").message == "the e-stop is engaged", "stopped")
+    bench.until_stopped()
+    assert calibrate(bench, "commit").message == "the e-stop is engaged"
     assert calibrate(bench, "status").state == "AWAITING_POSE"
     bench.stop(False)
     bench.until(lambda: calibrate(bench, "commit").success, "released")

@@ -17,6 +17,7 @@ pytest.importorskip("rclpy", reason="ROS 2 is not installed here")
 from std_srvs.srv import SetBool, Trigger
 
 from lupin_arm.library import Library, Sequence, Waypoint
+from lupin_arm.node import feedback as feedback_module
 from lupin_arm.node import library as library_module
 from lupin_arm.node import torque as torque_module
 from lupin_arm.presets import PRESETS
@@ -35,7 +36,7 @@ from tests.ros.helpers import PATIENCE, spin_for, work_off
 from tests.ros.wire import Asked, leave_open
 from tests.ros.world import World
 
-pytestmark = pytest.mark.ros
+pytestmark = [pytest.mark.ros, pytest.mark.timeout(300)]
 
 OFF, ON = [(GATE, False), (POWER, False)], [(POWER, True), (GATE, True)]
 SWEEP = [[0.0, 0.0, 0.0, 0.0], [0.1, 0.0, 0.0, 0.0], [0.2, 0.1, 0.0, 0.0]]
@@ -88,14 +89,16 @@ def play(bench: Bench, name: str, speed: float = 1.0) -> Any:
 
 
 def keep_long_one(path: Path) -> None:
-    """Have a sequence in the library that plays for a minute: longer than anybody needs to look at it."""
-    poses = [[0.0] * 4, [0.2, 0.1, 0.0, 0.0]]
-    waypoints = [Waypoint(t=60.0 * number, arm=pose) for number, pose in enumerate(poses)]
-    Library(path).save_sequence("long", Sequence(duration_s=60.0, waypoints=waypoints), overwrite=False)
+    """Have a sequence in the library that plays longer than anybody needs to look at it.
+
+    Its first minute the arm stands still: where it should be is where the drivers say that it is.
+    """
+    waypoints = [Waypoint(t=time, arm=pose) for time, pose in ((0.0, AWAY), (60.0, AWAY), (62.0, SWEEP[0]))]
+    Library(path).save_sequence("long", Sequence(duration_s=62.0, waypoints=waypoints), overwrite=False)
 
 
 def play_long_one(bench: Bench, path: Path) -> None:
-    """Have the arm play for a minute, beginning with a way to where it plays."""
+    """Have the arm play for a minute."""
     keep_long_one(path)
     bench.move_by_hand(AWAY)
     answer = play(bench, "long")
@@ -119,8 +122,11 @@ def recorded(bench: Bench, name: str = "sweep", mode: str = "teleop", **fields: 
     return answer
 
 
-def test_a_pose_is_saved_listed_moved_to_renamed_and_deleted(bench: Bench, path: Path) -> None:
+def test_a_pose_is_saved_listed_moved_to_renamed_and_deleted(
+    bench: Bench, path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """What an operator does with a pose; a pose from now has the jaw, too."""
+    monkeypatch.setattr(feedback_module, "FRESH_S", PATIENCE)
     bench.drivers.jaw = 0.1
     bench.move_by_hand([0.1, 0.2, 0.3, 0.4])
     assert save(bench, " Over_Pot ", from_current=True).message == "saved 'over_pot'"
@@ -559,8 +565,8 @@ def test_a_replay_without_torque_is_refused(bench: Bench) -> None:
 
 
 def go_far(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Have the arm on its way to a saved pose, for a minute."""
-    monkeypatch.setattr(library_module, "MOVE_S", 60.0)
+    """Have the arm on its way to a saved pose, so slowly that it is still where it was."""
+    monkeypatch.setattr(library_module, "MOVE_S", 3600.0)
     save(bench, "far", arm_rad=[1.0, 0.0, 0.0, 0.0])
     assert bench.call(SetArmPreset, f"{LIBRARY}/goto_pose", name="far").success
     bench.until(lambda: bench.is_sent_to([1.0, 0.0, 0.0, 0.0]), "the motion")

@@ -19,6 +19,7 @@ from lupin_arm import simulated as simulated_module
 from lupin_arm.client import ArmClient
 from lupin_arm.joints import ARM, MAX_RATE, Pose, check_pose
 from lupin_arm.node import arm as arm_module
+from lupin_arm.node import feedback as feedback_module
 from lupin_arm.node import gripper as gripper_module
 from lupin_arm.node import torque as torque_module
 from lupin_arm.node.hardware import Hardware
@@ -207,6 +208,7 @@ def test_a_slider_leaves_the_others_on_their_way(scene: Scene) -> None:
 def test_what_was_bent_by_hand_stays_bent(make_node: MakeNode, monkeypatch: pytest.MonkeyPatch) -> None:
     """Its target is elsewhere; without a look at where it is, the next slider would let it jump."""
     monkeypatch.setattr(arm_module, "SETTLE_S", 0.0)
+    monkeypatch.setattr(feedback_module, "FRESH_S", PATIENCE)
     scene = Scene(make_node, simulated=False)
     scene.stays(ZERO)
     scene.until(lambda: scene.sent)
@@ -328,9 +330,11 @@ def test_feedback_that_was_lost_pins_the_arm_again(
 
 def test_while_stopped_everything_is_refused(scene: Scene) -> None:
     scene.estop(True)
-    scene.until(lambda: scene.preset("inspect").message == STOPPED)
+    scene.until(lambda: scene.arm.stopped)
+    scene.command()  # which holds it
     before = len(scene.sent)
-    assert not scene.preset("inspect").success
+    answer = scene.preset("inspect")
+    assert (answer.success, answer.message) == (False, STOPPED)
     assert not scene.turn("elbow", 10.0)
     assert not scene.turn("gripper", 10.0)
     assert (scene.init().success, scene.init().message) == (False, STOPPED)

@@ -192,7 +192,8 @@ def test_a_mission_over_mqtt_goes_on_when_bridge_and_broker_are_killed(
     world.start("greenhouse_bridge", backend="mqtt", **given)
     operator.until(lambda: is_readable(operator, "2"), "the bridge has heard of tag 2")
     world.start("lupin_sim", speed=0.5)  # so slow that a pause comes in time before tag 2
-    world.start("mission_orchestrator", scan_timeout_s=20.0)
+    # A robot that a busy machine does not let tell its emergency stop for two seconds would be held.
+    world.start("mission_orchestrator", scan_timeout_s=20.0, estop_timeout_s=20.0)
     operator.in_state("READY")
     assert not operator.ask("pause").success  # the service is found: the next request is there at once
     broker.kill()

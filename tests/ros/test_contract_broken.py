@@ -317,6 +317,34 @@ def test_a_bad_driver_breaks_a_rule(
         VALUES.pop("trial.hot", None)
 
 
+def test_a_driver_that_gets_no_processor_does_not_block(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, ros_domain: int
+) -> None:
+    """On a busy machine a call takes seconds in which the driver has done nothing, and no wrong."""
+    counted = tmp_path / "schedstat"
+    counted.write_text("5000000 0 1\n")
+    monkeypatch.setattr(benches, "SCHEDULED", counted)
+
+    class Starved(Blocks):
+        def start(self, attempt: str, operation: str, arguments: Mapping[str, Any]) -> None:
+            super().start(attempt, operation, arguments)
+            ran, waited, slices = map(int, counted.read_text().split())
+            counted.write_text(f"{ran} {waited + int(benches.AT_ONCE_S * 1.2e9)} {slices}\n")
+
+    assert verdict(lab_of(Starved, monkeypatch), "ends_once", "switch") == ""
+
+
+@pytest.mark.parametrize("told", ["", "0 0", "what?"], ids=["nothing", "no waiting", "something else"])
+def test_who_blocks_is_told_also_where_waiting_is_not_counted(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, ros_domain: int, told: str
+) -> None:
+    """Another system, or a kernel that was built without it."""
+    counted = tmp_path / "schedstat"
+    counted.write_text(told)
+    monkeypatch.setattr(benches, "SCHEDULED", counted)
+    assert "blocks: it took" in verdict(lab_of(Blocks, monkeypatch), "ends_once", "switch")
+
+
 def test_what_keeps_a_driver_from_its_work_is_told_once(
     monkeypatch: pytest.MonkeyPatch, patience: None, ros_domain: int
 ) -> None:

@@ -315,9 +315,9 @@ def test_an_orchestrator_that_crashed_leaves_no_robot_driving(world: World, oper
         Qos.LATCHED,
         lambda message: statuses.extend(goal.status for goal in message.status_list[-1:]),
     )
-    world.start_all(speed=1.0)
+    world.start_all()
     operator.in_state("READY")
-    assert operator.start("21").accepted
+    start_and_stall(operator, FAR)
     operator.until(lambda: GoalStatus.STATUS_EXECUTING in statuses, "the robot driving")
     world.processes["mission_orchestrator"].kill()
     world.processes["mission_orchestrator"].wait(10.0)

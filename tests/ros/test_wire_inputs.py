@@ -9,6 +9,7 @@ import pytest
 
 pytest.importorskip("rclpy", reason="ROS 2 is not installed here")
 
+from lupin_engine.middleware.estop import LOOKS, STEADY
 from lupin_engine.middleware.node import Qos
 from lupin_engine.ros.messages import to_time
 from lupin_msgs.msg import DiscoveredTag, DiscoveredTags
@@ -17,11 +18,15 @@ from tests.ros.wire import OK, Drive, Wire, running_node
 
 pytestmark = [pytest.mark.ros, pytest.mark.timeout(120)]
 
+#: Seconds of silence after which an emergency stop that was told steadily counts as engaged.
+SILENCE = 4.0
+
 
 @pytest.fixture(scope="module")
 def running(ros_domain: int, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Wire]:
     """One node for all tests here: each leaves it with its mission ended."""
-    with running_node(tmp_path_factory.mktemp("wire"), monitoring_sweeps=1) as wire:
+    given = {"monitoring_sweeps": 1, "estop_timeout_s": SILENCE}
+    with running_node(tmp_path_factory.mktemp("wire"), **given) as wire:
         yield wire
 
 
@@ -89,9 +94,18 @@ def test_a_button_that_was_told_steadily_and_falls_silent_stops(wire: Wire) -> N
     wire.base.plan.append(Drive.accept)
     mission = wire.start("1")
     drive = wire.until_driving()
-    steadily = wire.ros.timer(0.1, lambda: wire.estop(False))
-    end = wire.ros.elapsed() + 6.0
-    wire.until(lambda: wire.ros.elapsed() > end, "a while of that")
+    since = last = wire.ros.elapsed()
+
+    def tell() -> None:
+        nonlocal since, last
+        now = wire.ros.elapsed()
+        if now - last > 0.8 * SILENCE / LOOKS:  # that was not steady: this process was not let work
+            since = now
+        last = now
+        wire.estop(False)
+
+    steadily = wire.ros.timer(0.1, tell)
+    wire.until(lambda: last - since > (STEADY + 2) * SILENCE / LOOKS, "a while of that")
     assert (drive.cancels, wire.operator.state.estop_engaged) == ([], False)
     steadily.cancel()
     wire.until(lambda: drive.cancels, "the cancel on the wire")

@@ -50,7 +50,7 @@ class Operator:
             self._callers[name] = self.ros.service(kind, name)
         caller, answers = self._callers[name], []
         self.until(caller.ready, f"service {name}")
-        caller.call(request, 10.0, answers.append)
+        caller.call(request, PATIENCE, answers.append)
         self.until(lambda: answers, f"answer of {name}")
         assert not isinstance(answers[0], Failure), answers[0]
         return answers[0]
@@ -136,10 +136,13 @@ class World:
         return self.processes[node]
 
     def start_all(self, *, speed: float = 20.0, **parameters: Any) -> None:
-        """Start what an inspection needs."""
+        """Start what an inspection needs.
+
+        A robot that is silent for 2 s counts as stopped; on a busy machine it is only not let work.
+        """
         self.start("greenhouse_bridge")
         self.start("lupin_sim", speed=0.5 * speed)
-        self.start("mission_orchestrator", **parameters)
+        self.start("mission_orchestrator", **{"estop_timeout_s": 10.0, **parameters})
 
     def start_search(self, **given: Any) -> None:
         """Start what an exploration needs: somebody must say where tags are."""

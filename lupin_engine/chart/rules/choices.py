@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
+from lupin_engine.chart.evaluation import Constant, Expression
 from lupin_engine.chart.findings import warning
 from lupin_engine.chart.guards import (
     Condition,
@@ -16,7 +17,7 @@ from lupin_engine.chart.guards import (
     possible,
     total,
 )
-from lupin_engine.chart.model import Constant, Expression, Invoke, Kind, State, Transition
+from lupin_engine.chart.model import Invoke, Kind, State, Transition
 from lupin_engine.chart.rules.index import (
     OF_ONE_STATE,
     Index,

@@ -11,14 +11,9 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from lupin_engine.chart.compose import Composed
+from lupin_engine.chart.evaluation import Expression
 from lupin_engine.chart.guards import TRUE, Condition, Every, condition_of, constant, fact
-from lupin_engine.chart.model import (
-    Expression,
-    Invoke,
-    Kind,
-    State,
-    Transition,
-)
+from lupin_engine.chart.model import Invoke, Kind, State, Transition
 from lupin_engine.chart.names import inputs_read
 from lupin_engine.chart.rules.written import Call, Read, Texts, calls_of, reads_of
 from lupin_engine.errors import Diagnostic, Place

@@ -17,7 +17,7 @@ from typing import Any
 from urllib.parse import quote
 
 from lupin_twin.export.forms import to_json, utc
-from lupin_twin.missions import MissionRecord, Observation
+from lupin_twin.missions import ALL, MissionRecord, Observation
 from lupin_twin.records import Anomaly, Flowers, Observed, Pin, Reading
 from lupin_twin.units import QUANTITIES
 
@@ -84,7 +84,7 @@ def description(record: MissionRecord, url: str) -> bytes:
 
 
 def _title(record: MissionRecord) -> str:
-    return f"mission {record.name}" if len(record.missions) == 1 else "all missions"
+    return "all missions" if record.name == ALL else f"mission {record.name}"
 
 
 def _columns(record: MissionRecord) -> Iterator[Column]:
