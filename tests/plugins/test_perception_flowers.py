@@ -295,7 +295,11 @@ def test_a_tag_that_came_in_sight_begins_the_row_anew() -> None:
     made = watch()
     reports(made, [bug()], [bug()])
     made.interrupt()
-    assert reports(made, [bug()]) == [None]
+    assert reports(made, *[[bug()]] * 3) == [None, None, Pest("bug", 0.9)]
+
+
+def test_a_pest_that_is_just_sure_enough_counts() -> None:
+    assert reports(watch(), *[[bug(confidence=0.35)]] * 3) == [None, None, Pest("bug", 0.35)]
 
 
 def test_another_place_is_another_report_and_a_new_mission_too() -> None:
