@@ -237,6 +237,19 @@ class TestWithABroker:
             "messages that could not be used: 3 no 'value' in it, 2 no name of a tag or sensor, 3 not in"
         )
 
+    def test_names_without_end_have_no_room(
+        self, broker: Broker, listen: Listen, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        """Without a layout any topic could be a tag; those that are known go on."""
+        monkeypatch.setattr("lupin_bridge.latest.MAX_TAGS", 1)
+        listener = listen(broker.start().port)
+        listener.until("connected to the broker at")
+        with sender(broker) as sensors:
+            sensors.send(listener, ("greenhouse/7/co2", "400"), ("greenhouse/8/co2", "500"))
+            sensors.send(listener, ("greenhouse/7/co2", "410"))
+        assert (listener.backend.tags, listener.values()) == (("7",), {"co2": 410.0})
+        assert listener.count("message on 'greenhouse/8/co2' not used: too many tags or sensors") == 1
+
     def test_a_broker_that_is_absent_at_the_start_is_waited_for(self, broker: Broker, listen: Listen) -> None:
         listener = listen(broker.port, LAYOUT)
         gone = (
@@ -459,6 +472,9 @@ def test_a_file_of_credentials_is_private_and_has_two_lines(
     file.write_text(content)
     file.chmod(mode)
     assert told in refused(credentials_file=str(file))
+    file.write_bytes(b"robot\nsecret\xff\n")
+    file.chmod(0o600)
+    assert refused(credentials_file=str(file)) == f"mqtt_credentials_file {file} is not in UTF-8"
     assert refused(credentials_file="nowhere") == "mqtt_credentials_file nowhere: No such file or directory"
 
 

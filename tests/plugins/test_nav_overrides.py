@@ -42,10 +42,10 @@ def test_without_the_key_overrides_there_are_none(data: Any) -> None:
         ("overrides: {7: {goal_x: true}}", "goal_x of tag '7'"),
         ("overrides: {7: {goal_x: .inf}}", "goal_x of tag '7'"),
         (f"overrides: {{7: {{goal_x: 1{'0' * 400}}}}}", "goal_x of tag '7'"),
-        ("overrides: {", "cannot be used"),
+        ("overrides: {", "while parsing a flow node"),
         ("overrides:\n  7: {yaw: 1}\n  '7': {yaw: 2}", "'7' is there twice in what begins in line 2"),
         ("overrides: {7: {yaw: 1, yaw: 2}}", "'yaw' is there twice in what begins in line 1"),
-        ("[" * 10_000, "cannot be used"),
+        ("[" * 10_000, "maximum recursion depth exceeded"),
     ],
 )
 def test_overrides_that_cannot_be_used_are_refused_with_their_file(
@@ -53,6 +53,6 @@ def test_overrides_that_cannot_be_used_are_refused_with_their_file(
 ) -> None:
     file = tmp_path / "overrides.yaml"
     file.write_text(content)
-    with pytest.raises(LupinError, match=said) as caught:
+    with pytest.raises(LupinError) as caught:
         overrides.load(str(file))
-    assert str(caught.value).startswith(f"approach_overrides_file {str(file)!r} cannot be used: ")
+    assert str(caught.value).startswith(f"approach_overrides_file {str(file)!r} cannot be used: {said}")

@@ -268,7 +268,7 @@ def test_a_message_is_sent(bench: Bench, make_node: MakeNode) -> None:
 def test_a_message_that_cannot_be_sent(bench: Bench, capfd: pytest.CaptureFixture[str]) -> None:
     """Nothing goes out, and the log says why and where it is written."""
     bench.client.act("lamp", {"red": math.nan, "green": 0.0})
-    assert "bound.yaml:50:3: argument 'red': expected number, got nan" in capfd.readouterr().err
+    assert "bound.yaml:50:3: std_msgs/msg/ColorRGBA.r: expected number, got nan" in capfd.readouterr().err
     assert bench.cart.lamps == []
 
 
