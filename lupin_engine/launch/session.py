@@ -6,7 +6,6 @@ interrupts, and tells the observer. Every wait in here has a deadline.
 
 from __future__ import annotations
 
-import math
 import time
 from collections import Counter
 from collections.abc import Callable, Container, Iterable, Mapping, Sequence
@@ -37,7 +36,9 @@ UNTOLD_S = 4.0
 BOOT_LIMIT_S = 600.0
 #: What an operator may have set (e-stop, battery) reaches the orchestrator within this time, in seconds.
 SETTLE_S = 1.5
-#: How long what the simulated robot was given (`--sim`) may take to be heard, in seconds: it tells it all.
+#: On a busy machine seconds pass in which nobody speaks: so many states must have come meanwhile, or all of
+#: this time has passed, in seconds.
+SETTLE_STATES = 8
 SETTLE_LIMIT_S = 20.0
 #: How long the orchestrator may take to answer a request, in seconds.
 ANSWER_S = 5.0
@@ -102,6 +103,7 @@ class Session:
         self._interrupts = interrupts
         self._operator = Operator()
         self._state: dict[str, Any] = {}
+        self._states = 0
         self._view: dict[str, Any] = {}
         #: The mission, once it was started.
         self.story: Story | None = None
@@ -131,15 +133,15 @@ class Session:
         self._wait_for(self._missing_nodes, APPEAR_LIMIT_S)
         self._wait_for(self._missing_servers, BOOT_LIMIT_S)
         self.supervisor.note_segments()
-        if self.plan.joined:
-            self._tick_for(SETTLE_S)
-        if self._settings.settle:
-            self._tick_for(SETTLE_LIMIT_S, self._knows_the_battery)
+        if self._settings.settle or self.plan.joined:
+            self._settle()
         self._is_up = True
 
-    def _knows_the_battery(self) -> bool:
-        """Say whether the robot has been heard: its charge is what it tells last, and least often."""
-        return not math.isnan(self._state["battery_percentage"])
+    def _settle(self) -> None:
+        began, enough = time.monotonic(), self._states + SETTLE_STATES
+        self._tick_until(
+            lambda: time.monotonic() - began >= SETTLE_S and self._states >= enough, SETTLE_LIMIT_S
+        )
 
     def _start(self, launch: Launch) -> None:
         folder = self._settings.folder
@@ -323,8 +325,8 @@ class Session:
             self._tick()
         return True
 
-    def _tick_for(self, seconds: float, enough: Callable[[], bool] = lambda: False) -> None:
-        until = time.monotonic() + seconds
+    def _tick_until(self, enough: Callable[[], bool], limit: float) -> None:
+        until = time.monotonic() + limit
         while time.monotonic() < until and not enough():
             self._tick()
             self._interrupts.check()
@@ -340,6 +342,7 @@ class Session:
         for arrival in self._operator.take():
             if arrival.kind == "state":
                 self._state = arrival.data
+                self._states += 1
             elif arrival.kind == "step":
                 self._view = arrival.data.get("view", {})
             if self.story is None:  # what comes before the answer to the start may belong to the mission

@@ -65,6 +65,17 @@ def test_an_angle_is_checked_against_its_window(angle: float) -> None:
         wrist.check(angle)
 
 
+@given(FOUR)
+def test_what_a_servo_reaches_is_in_its_range_and_the_nearest(angles: tuple[float, ...]) -> None:
+    pan, lift, elbow, wrist = angles
+    reached = joints.reach_pose((pan, lift, elbow, wrist))
+    for joint, asked, angle in zip(ARM, angles, reached, strict=True):
+        low, high = (math.radians(limit) for limit in joint.servo_deg)
+        assert low <= angle <= high
+        assert angle in (asked, low, high)
+    assert joints.reach_pose(reached) == reached
+
+
 @pytest.mark.parametrize("angles", [(), (0.0,) * 3, (0.0,) * 5])
 def test_a_pose_has_four_angles(angles: tuple[float, ...]) -> None:
     with pytest.raises(OutsideLimits) as refused:

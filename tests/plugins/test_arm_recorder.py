@@ -108,8 +108,10 @@ def test_nothing_recorded_is_nothing() -> None:
     """And the recording goes on: it is not lost by asking."""
     made = recording()
     assert made.elapsed(HERE) == 0.0
-    with pytest.raises(NotInLibrary, match="no joint states with all joints of the arm have arrived"):
+    with pytest.raises(NotInLibrary) as refused:
         made.finish(HERE + 5.0, "")
+    missing = "no joint states with all joints of the arm have arrived"
+    assert str(refused.value) == f"nothing was recorded: {missing}"
     made.sample(THERE, HERE + 6.0, pose(0.1), None)
     assert len(made.finish(HERE + 7.0, "").waypoints) == 2
 

@@ -87,6 +87,11 @@ def test_what_was_measured_at_this_time_of_day_is_served(bench: Bench) -> None:
     assert read(backend, "9") == {"co2": 420.0}
 
 
+def test_a_tag_that_was_not_recorded_is_unknown(bench: Bench) -> None:
+    with pytest.raises(UnknownTag, match=r"^unknown tag '8'; the recording has 2 tags$"):
+        bench.replay(*DAY).read("8")
+
+
 def test_a_value_is_neither_kept_for_long_nor_made_up(bench: Bench) -> None:
     backend = bench.replay(*DAY)
     bench.now.at("2026-07-01T10:00:00")

@@ -243,6 +243,18 @@ def test_a_turned_grid_is_turned_back() -> None:
     assert (found.x, found.y) == pytest.approx((9.5, 22.5))
 
 
+@given(x=st.floats(-20.0, 20.0), y=st.floats(-20.0, 20.0), yaw=st.floats(-4.0, 4.0))
+def test_turning_and_moving_a_grid_turns_and_moves_its_goal(x: float, y: float, yaw: float) -> None:
+    cells = np.full((3, 4), U)
+    cells[1, 2] = F
+    found = best(cells, resolution=0.4, origin=(x, y, yaw))
+    assert found is not None
+    right, up, cosine, sine = 1.0, 0.6, math.cos(yaw), math.sin(yaw)
+    assert (found.x - x, found.y - y) == pytest.approx(
+        (cosine * right - sine * up, sine * right + cosine * up), abs=1e-9
+    )
+
+
 def test_a_survey_counts_what_did_not_count() -> None:
     cells = drawn("""
     |.   .#   ..........|

@@ -51,6 +51,12 @@ def test_the_box_of_a_tag_that_faces_plus_x() -> None:
     assert box(offset=0.1).origin.tolist() == pytest.approx([2.0, 0.1])
 
 
+@given(heading=HEADINGS, offset=st.floats(-0.5, 0.5))
+def test_the_middle_of_a_box_is_aside_of_its_tag_along_its_front(heading: float, offset: float) -> None:
+    found, place = box(heading=heading, offset=offset), tag().position[:2]
+    assert np.allclose(found.origin - place, offset * found.lateral, atol=1e-9)
+
+
 @pytest.mark.parametrize("rotation", [(0.0, 0.0, 0.3, 1.0), (1.0, 0.0, 0.0, 0.0)])
 def test_a_tag_that_faces_up_or_down_has_no_box(rotation: tuple[float, ...]) -> None:
     pose = pose_of((0.0, 0.0, 0.0), rotation)

@@ -33,6 +33,8 @@ RULES = Rules(
     margin=0.1,
 )
 UNGATED = Rules(RULES.view, 7, "bug", 0.35, gated=False, margin=0.1)
+#: A camera that sees the whole box at once.
+WIDE = Rules(View(0.0, 0.5), 7, "bug", 0.35, gated=True, margin=0.1)
 NAMES = st.sampled_from(["tulip_red", "tulip_white", "tulip_pink", "bug"])
 DETECTIONS = st.builds(Detection, NAMES, st.sampled_from([0.2, 0.4, 0.6, 0.6, 0.9]), st.floats(-1.0, 1.0))
 
@@ -188,6 +190,16 @@ def test_a_scan_goes_on_after_a_restart_and_what_was_told_stays_true() -> None:
     found = made.summary()
     assert found is not None
     assert (found.species, found.anomaly, len(found.blooms)) == ("tulip_red", True, 3)
+
+
+def test_blooms_at_both_edges_are_resumed() -> None:
+    before = summary(red(bearing=-1.0), red(bearing=1.0), pan=0.0, rules=WIDE)
+    assert before is not None
+    assert [bloom.column for bloom in before.blooms] == [0, 6]
+    made = Scan(WIDE)
+    made.aim("5")
+    made.resume(before)
+    assert made.summary() == before
 
 
 def test_what_is_resumed_by_a_node_of_other_columns_is_left_out() -> None:

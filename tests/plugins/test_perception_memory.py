@@ -40,10 +40,11 @@ def test_what_was_written_is_read(tmp_path: Path) -> None:
     assert np.allclose(five.pose.position, (1.0, 2.0, 0.1))
     assert np.allclose(five.pose.rotation, (0.0, 0.0, 0.6, 0.8))
     assert (six.distance, six.summary, six.last_seen) == (math.inf, None, -math.inf)
-    once = known("7")
+    sure = Summary("tulip_red", 1.0, False, (Bloom(0, "tulip_red", 1.0, False),))
+    once = known("7", summary=sure)
     once.sightings = 1
     memory.write(Past("m1", [once]))
-    assert [tag.sightings for tag in (memory.read() or Past("")).tags] == [1]
+    assert [(tag.sightings, tag.summary) for tag in (memory.read() or Past("")).tags] == [(1, sure)]
     assert [file.name for file in (tmp_path / "new").iterdir()] == ["memory.json"]
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lupin_engine.errors import LupinError
@@ -100,13 +100,14 @@ def test_a_passage_as_wide_as_the_robot_is_passed(tables: list[Table], start: Po
 
 GREENHOUSE = load_layout()
 FLOOR = Floor(GREENHOUSE.tables)
-PLACES = st.tuples(st.floats(0.0, WIDTH), st.floats(0.0, LENGTH))
+#: Where the robot fits, on no grid.
+ANYWHERE = np.random.default_rng(7).uniform((0.0, 0.0), (WIDTH, LENGTH), (1000, 2)).tolist()
+PLACES = st.sampled_from([(x, y) for x, y in ANYWHERE if FLOOR.is_free(x, y)])
 
 
 @settings(max_examples=30)
 @given(start=PLACES, goal=PLACES)
 def test_a_path_ends_where_it_should_and_the_robot_fits_all_along(start: Point, goal: Point) -> None:
-    assume(FLOOR.is_free(*start) and FLOOR.is_free(*goal))
     path = FLOOR.path(start, goal)
     assert path is not None
     assert path[-1] == goal
@@ -203,6 +204,12 @@ def test_the_robot_turns_to_where_it_drives_before_it_drives_there() -> None:
     robot.advance(turned + 0.4)
     assert (robot.pose.x, robot.pose.y) == (pytest.approx(0.0), pytest.approx(0.2))
     assert robot.pose.yaw == pytest.approx(math.pi / 2)
+
+
+def test_a_robot_that_was_sent_nowhere_stays() -> None:
+    robot = Robot(Pose(1.0, 2.0, 3.0), now=0.0, speed=0.5)
+    robot.advance(10.0)
+    assert (robot.arrived, robot.remaining, robot.pose, robot.charge) == (True, 0.0, Pose(1.0, 2.0, 3.0), 1.0)
 
 
 def test_a_corner_where_the_robot_is_turns_it_nowhere() -> None:

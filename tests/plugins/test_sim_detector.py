@@ -10,8 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lupin_perception.detections import Detection, read_flowers, read_tags
-from lupin_sim.camera import Plate
+from lupin_sim.camera import PLATE_M, Plate
 from lupin_sim.detector import (
+    CENTRE_PX,
     CLASSES,
     FOCAL_PX,
     IMAGE_PX,
@@ -47,6 +48,40 @@ def test_a_tag_ahead_is_told_with_its_distance_and_its_corners_clockwise_from_th
 def test_a_tag_to_the_left_is_on_the_left_of_the_image() -> None:
     (entry,) = tag_entries(Pose(0.0, -0.3, 0.0), [PLATE])
     assert all(u < 320.5 for u, _ in entry["corners"])
+
+
+@given(ahead=st.floats(0.6, 2.0), left=st.floats(-0.2, 0.2), heading=st.floats(-1.2, 1.2))
+def test_the_corners_are_those_of_a_plate_of_its_size_place_and_heading(
+    ahead: float, left: float, heading: float
+) -> None:
+    """Looked at askew, too: its nearer edge is the taller one."""
+    (entry,) = tag_entries(ORIGIN, [Plate("7", ahead, left, math.pi + heading, (ahead, left))])
+    upper_left, upper_right, lower_right, lower_left = entry["corners"]
+
+    def edge(upper: list[float], lower: list[float]) -> tuple[float, float]:
+        assert upper[0] == lower[0]
+        forward = FOCAL_PX * PLATE_M / (lower[1] - upper[1])
+        return forward, (CENTRE_PX[0] - upper[0]) * forward / FOCAL_PX
+
+    one, other = edge(upper_left, lower_left), edge(upper_right, lower_right)
+    assert ((one[0] + other[0]) / 2, (one[1] + other[1]) / 2) == pytest.approx((ahead, left))
+    # The edge to the left of whoever looks at it is clockwise of its normal.
+    assert (one[0] - other[0], one[1] - other[1]) == pytest.approx(
+        (PLATE_M * -math.sin(heading), PLATE_M * math.cos(heading)), abs=1e-9
+    )
+
+
+@given(turn=st.floats(-3.0, 3.0), x=st.floats(-5.0, 5.0), y=st.floats(-5.0, 5.0), aside=st.floats(-0.3, 0.3))
+def test_turning_and_moving_the_greenhouse_changes_no_bearing(
+    turn: float, x: float, y: float, aside: float
+) -> None:
+    plate = Plate("7", 1.0, aside, math.pi - 0.4, (1.0, aside))
+    cosine, sine = math.cos(turn), math.sin(turn)
+    place = x + cosine * plate.x - sine * plate.y, y + sine * plate.x + cosine * plate.y
+    turned = Plate("7", *place, plate.yaw + turn, place)
+    here, there = flowers(ORIGIN, plate), flowers(Pose(x, y, turn), turned)
+    assert [one.bearing for one in there] == pytest.approx([one.bearing for one in here], abs=1e-6)
+    assert here
 
 
 @given(x=st.floats(-3, 3), y=st.floats(-3, 3), yaw=st.floats(-9, 9))

@@ -61,6 +61,7 @@ def test_an_empty_hall_is_seen_whole_with_its_walls() -> None:
 
 def test_a_table_is_seen_from_its_front_and_hides_what_is_behind() -> None:
     grown = seen_from(HALL, 2.0, 2.0)
+    assert set(np.unique(grown.cells).tolist()) == {-1, 0, 100}, "as others read a grid"
     assert value_at(grown, 2.0, 2.9) == FREE
     assert value_at(grown, 2.0, 3.01) == OCCUPIED
     assert value_at(grown, 2.0, 3.5) == UNKNOWN
@@ -86,7 +87,9 @@ def test_what_was_seen_stays_known_and_only_news_count_as_a_change() -> None:
     assert grown.changed
     known = before != UNKNOWN
     assert (grown.cells[known] == before[known]).all()
+    grown.take()
     grown.forget()
+    assert grown.changed
     assert (grown.cells == UNKNOWN).all()
 
 

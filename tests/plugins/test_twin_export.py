@@ -119,6 +119,14 @@ def test_missions_are_counted() -> None:
     assert (outside.mission_id, outside.source, outside.readings) == ("", "passive", 1)
 
 
+def test_who_reads_is_the_source_of_a_mission_whoever_saw_flowers_before() -> None:
+    flowers = Flowers("5", T, "m1", "aggregator", "tulip_red", 0.5, False)
+    (seen,) = summaries(rows(flowers))
+    assert seen.source == "aggregator"
+    (driven,) = summaries(rows(flowers, RECORDS[1], flowers))
+    assert driven.source == "InspectionMission"
+
+
 def test_nothing_is_observed_later_than_it_arrived() -> None:
     (seen,) = select([Row(RECORDS[1], T - 5.0)], "m1").observations
     assert seen.time == T - 5.0
@@ -168,6 +176,13 @@ def test_a_row_is_an_observation() -> None:
     assert (second["co2"], second["sensor species"], second["species"]) == ("400.0", "1.0", "")
     found = {name: flowers[name] for name in ("species", "species_confidence", "pest", "blooms")}
     assert found == {"species": "tulip_red", "species_confidence": "0.75", "pest": "true", "blooms": "2"}
+
+
+def test_numbers_are_written_as_xml_schema_has_them() -> None:
+    values = (0.5, 1e-7, math.inf, -math.inf, math.nan)
+    readings = Reading("5", T, "m1", "", tuple((f"s{index}", value) for index, value in enumerate(values)))
+    (told,) = parsed(table(record_of(ALL, readings)))
+    assert [told[f"s{index}"] for index in range(5)] == ["0.5", "1E-07", "INF", "-INF", "NaN"]
 
 
 def test_what_is_odd_survives_the_table() -> None:

@@ -565,9 +565,15 @@ def test_an_anomaly_is_kept_and_knows_the_nearest_tag() -> None:
     anomaly = Anomaly(1.0, "m", "s", 1.0, 1.0, 0.0, "obstacle", 1)
     state = state_of(anomaly, Discovery("far", Pin(1.0, 3.5, 0.0, 1.0)), reading("lost"))
     assert state.reports == [Report(anomaly, "")]
+    state.apply(Discovery("mirrored", Pin(-1.0, -1.0, 0.0, 1.0)), 0.0)
     state.apply(Discovery("near", Pin(1.0, 2.5, 0.0, 1.0)), 0.0)
     state.apply(Discovery("nearer", Pin(1.0, 0.5, 0.0, 1.0)), 0.0)
     assert state.reports == [Report(anomaly, "nearer")]
+    assert [state.nearest(x, y) for x, y in ((-1.0, -1.1), (1.0, -1.0), (1.0, 5.6))] == [
+        "mirrored",
+        "nearer",
+        "",
+    ]
     assert state.observation_count == 1  # the reading of the lost tag
 
 

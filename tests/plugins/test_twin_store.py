@@ -35,7 +35,7 @@ RECORDS: list[Record] = [
 
 @pytest.fixture
 def path(tmp_path: Path) -> str:
-    return str(tmp_path / "folder" / "twin.sqlite")
+    return str(tmp_path / "folder" / "in it" / "twin.sqlite")
 
 
 def fill(path: str, *records: Record) -> None:
@@ -149,7 +149,7 @@ def test_what_is_kept_adds_up_to_what_was_known(records: list[Record]) -> None:
 
 @pytest.mark.parametrize("garbage", [b"no database at all" * 100, b"SQLite format 3\0" + b"\xff" * 4096])
 def test_a_file_that_is_no_database_is_put_aside(path: str, garbage: bytes) -> None:
-    Path(path).parent.mkdir()
+    Path(path).parent.mkdir(parents=True)
     Path(path).write_bytes(garbage)
     store = Store(path)
     reason = "file is not a database"
@@ -175,7 +175,7 @@ def test_damage_in_the_middle_is_noticed(path: str) -> None:
 
 
 def test_what_cannot_be_put_aside_is_told_and_left_alone(path: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    Path(path).parent.mkdir()
+    Path(path).parent.mkdir(parents=True)
     Path(path).write_bytes(b"nonsense" * 1000)
 
     def refuse(*_: object) -> None:
@@ -193,7 +193,7 @@ def test_what_cannot_be_put_aside_is_told_and_left_alone(path: str, monkeypatch:
 
 
 def test_what_was_put_aside_is_never_overwritten(path: str) -> None:
-    Path(path).parent.mkdir()
+    Path(path).parent.mkdir(parents=True)
     for garbage in (b"first" * 100, b"second" * 100):
         Path(path).write_bytes(garbage)
         Store(path).close()
@@ -202,7 +202,7 @@ def test_what_was_put_aside_is_never_overwritten(path: str) -> None:
 
 
 def test_another_programs_database_is_put_aside(path: str) -> None:
-    Path(path).parent.mkdir()
+    Path(path).parent.mkdir(parents=True)
     with sqlite3.connect(path) as other:
         other.execute("CREATE TABLE theirs (x)")
     other.close()
@@ -248,7 +248,7 @@ WRITTEN = (
 
 
 def test_a_store_of_an_earlier_engine_is_read_as_it_was_written(path: str) -> None:
-    Path(path).parent.mkdir()
+    Path(path).parent.mkdir(parents=True)
     with sqlite3.connect(path) as db:
         db.executescript(VERSION_1)
         for number, text in enumerate(WRITTEN):

@@ -16,6 +16,7 @@ from rcl_interfaces.msg import ParameterType, ParameterValue
 from rcl_interfaces.srv import SetParameters
 from std_srvs.srv import Trigger
 
+from lupin_engine.middleware.lifeline import SUPERVISED
 from lupin_engine.middleware.node import Failure, Qos, RosNode
 from lupin_msgs.msg import MissionState, Observation
 from lupin_msgs.srv import StartMission
@@ -117,6 +118,8 @@ class World:
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
+        # Nobody writes: the nodes end with this process, however that ends (see `middleware.lifeline`).
+        self._lifeline = [os.fdopen(end, mode) for end, mode in zip(os.pipe(), ("rb", "wb"), strict=True)]
         self.processes: dict[str, subprocess.Popen[bytes]] = {}
 
     def start(self, node: str, **parameters: Any) -> subprocess.Popen[bytes]:
@@ -131,7 +134,12 @@ class World:
         """Start any process under the name of a node."""
         with self.log(node).open("ab") as output:
             self.processes[node] = subprocess.Popen(
-                command, stdout=output, stderr=subprocess.STDOUT, start_new_session=True
+                command,
+                stdin=self._lifeline[0],
+                stdout=output,
+                stderr=subprocess.STDOUT,
+                env={**os.environ, SUPERVISED: "1"},
+                start_new_session=True,
             )
         return self.processes[node]
 
@@ -166,6 +174,8 @@ class World:
                 os.killpg(process.pid, signal.SIGKILL)
                 process.wait(10.0)
                 stubborn.append(node)
+        for end in self._lifeline:
+            end.close()
         return stubborn
 
 
