@@ -15,6 +15,8 @@ if TYPE_CHECKING:
 
 #: Seconds that an operation must take, for a cancel that changes nothing to be told from one that is late.
 NOTICEABLE_S = 0.3
+#: How often it is looked: on a busy machine one attempt may be late for no fault of its driver.
+LOOKS = 3
 
 
 def waits_alone(lab: Lab) -> None:
@@ -53,23 +55,33 @@ def ends_once(lab: Lab, operation: str) -> None:
 def is_cancelled(lab: Lab, operation: str) -> None:
     """An attempt that was accepted ends, once, when it is cancelled; twice does no harm."""
     with lab.bench() as bench:
-        bench.prepare(operation)
-        attempt = bench.begin(operation)
-        bench.until_heard(attempt)
-        begun = time.monotonic()
-        bench.cancel(attempt)
-        bench.cancel(attempt)
-        ended = bench.until_ended(attempt)
-        cancelled_s = time.monotonic() - begun
-        left_alone = bench.begin_prepared(operation)
-        begun = time.monotonic()
-        bench.until_done(left_alone)
-        whole_s = time.monotonic() - begun
-        if "done" in ended.reports and whole_s > NOTICEABLE_S and cancelled_s > whole_s / 2:
-            raise ContractBroken(
-                f"the cancel of {attempt} changes nothing: it is done {cancelled_s:.1f} s later, as if left "
-                f"alone ({whole_s:.1f} s); end the work and report `cancelled`"
-            )
+        in_vain = [_cancelled_in_vain(bench, operation)]
+        while in_vain[-1] and len(in_vain) < LOOKS:
+            in_vain.append(_cancelled_in_vain(bench, operation))
+        if in_vain[-1]:
+            raise ContractBroken(in_vain[0])
+
+
+def _cancelled_in_vain(bench: Bench, operation: str) -> str:
+    """Cancel an attempt, and leave one alone; return what is wrong when that took the same time."""
+    bench.prepare(operation)
+    attempt = bench.begin(operation)
+    bench.until_heard(attempt)
+    begun = time.monotonic()
+    bench.cancel(attempt)
+    bench.cancel(attempt)
+    ended = bench.until_ended(attempt)
+    cancelled_s = time.monotonic() - begun
+    left_alone = bench.begin_prepared(operation)
+    begun = time.monotonic()
+    bench.until_done(left_alone)
+    whole_s = time.monotonic() - begun
+    if "done" not in ended.reports or whole_s <= NOTICEABLE_S or cancelled_s <= whole_s / 2:
+        return ""
+    return (
+        f"the cancel of {attempt} changes nothing: it is done {cancelled_s:.1f} s later, as if left "
+        f"alone ({whole_s:.1f} s); end the work and report `cancelled`"
+    )
 
 
 def is_cancelled_at_once(lab: Lab, operation: str) -> None:
