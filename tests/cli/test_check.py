@@ -237,7 +237,7 @@ def test_a_folder_without_missions_is_wrong_usage(folder: Path, capsys: pytest.C
         (["--watch", "--json", "m.yaml"], "--watch is for people and --json for programs; use one of them"),
         (
             ["none.yaml", "m.yaml", "a.scenario.yaml"],
-            "lupin: no mission file 'none.yaml'\n"
+            "lupin: no mission file 'none.yaml'; did you mean 'm.yaml'?\n"
             "'a.scenario.yaml' is a scenario; scenarios are read by lupin test\n",
         ),
         (["--jsn"], "No such option"),

@@ -18,7 +18,7 @@ from lupin_engine.middleware.node import Qos, RosNode
 from lupin_engine.plugin.wire import time_fields
 from lupin_msgs.msg import Observation, SensorReading
 from lupin_msgs.srv import GetTagReading
-from lupin_perception.node.aggregator import RECALL_S
+from lupin_perception.node.aggregator import HEAR_S, RECALL_S
 from tests.ros.test_aggregator_node import BUG, RED, Scene, Unheard
 
 pytestmark = pytest.mark.ros
@@ -238,6 +238,25 @@ class Simulated(Scene):
         self._clock.publish(Clock(clock=Time(**time_fields(self.time))))
 
 
+def test_who_remembers_a_mission_tells_nothing_else_before_it_has_heard_anything(
+    make_node: MakeNode, tmp_path: Path
+) -> None:
+    """On a busy machine that takes seconds, and meanwhile a tag comes into view."""
+    file = tmp_path / "memory.json"
+    first = remembering(make_node, file)
+    first.mission("EXPLORING")
+    discover(first, 5)
+    first.until(lambda: file.exists() and '"5"' in file.read_text(), "it is kept")
+    first.node.close()
+    first.world.close()
+    second = Unheard(make_node, *kept_in(file))
+    second.wait(RECALL_S - 1.0)
+    second.discover(6)
+    second.mission("EXPLORING")
+    second.next_list()
+    assert [told for told in second.lists if "5" not in {tag.tag_id for tag in told.tags}] == []
+
+
 def test_in_simulated_time_too_a_new_process_never_tells_an_empty_list(
     make_node: MakeNode, tmp_path: Path
 ) -> None:
@@ -253,7 +272,7 @@ def test_in_simulated_time_too_a_new_process_never_tells_an_empty_list(
     assert second.lists == []
     second.go_on_until(lambda: second.lists, "the first list")
     assert second.lists[0].tags == []
-    assert second.time - 1000.0 > RECALL_S, "so long without a mission, and there is none"
+    assert second.time - 1000.0 > HEAR_S, "so long without a mission, and there is none"
     second.mission("EXPLORING")
     second.next_list()
     assert second.tags() == {"5": 3}

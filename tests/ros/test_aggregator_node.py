@@ -583,7 +583,7 @@ def test_a_node_that_has_just_begun_waits_to_hear_of_a_mission(make_node: MakeNo
         scene.flowers(BUG)
     scene.next_list()
     assert scene.observations == []
-    scene.wait(module.RECALL_S)
+    scene.wait(module.HEAR_S)
     scene.see(5)
     scene.flowers(RED)
     assert scene.told(1).flower.tag_id == "5"

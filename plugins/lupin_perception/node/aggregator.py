@@ -39,8 +39,9 @@ NAME = "perception_aggregator"
 
 #: Requests older than this, in seconds, are not answered: they waited out a broken link, nobody listens.
 STALE_AFTER_S = 10.0
-#: Seconds for which a node that has begun waits to hear of a mission: of the one it remembers, or of any.
-RECALL_S = 2.0
+#: Seconds for which a node that has begun waits to hear of a mission, and one that remembers a mission of
+#: anything at all: on a busy machine a new node is found late.
+HEAR_S, RECALL_S = 2.0, 10.0
 #: Without a mission the tag that flowers belong to changes when another one is nearer by so much (m): what is
 #: measured of two tags at one distance changes from frame to frame.
 NEARER_M = 0.1
@@ -198,7 +199,7 @@ class Aggregator:
 
     def _may_hear(self) -> bool:
         """Say whether this node has just begun and may hear of a mission in a moment."""
-        return math.isinf(self._mission_heard) and self._ros.elapsed() - self._begun <= RECALL_S
+        return math.isinf(self._mission_heard) and self._ros.elapsed() - self._begun <= HEAR_S
 
     def _mission_id(self) -> str:
         """Return what observations are part of: what is seen after a mission's end is none of its finds."""
@@ -244,7 +245,8 @@ class Aggregator:
 
     def _tick(self) -> None:
         # A list without what is remembered would tell the mission that its finds are gone.
-        if self._past is None or self._ros.elapsed() - self._begun > RECALL_S:
+        patience = RECALL_S if math.isinf(self._mission_heard) else HEAR_S
+        if self._past is None or self._ros.elapsed() - self._begun > patience:
             self._keep()
             self._tell_tags()
 
