@@ -103,7 +103,11 @@ def describe(kind: Type) -> str:
 
 def with_article(kind: Type) -> str:
     """Return a type as messages call it, with an article."""
-    name = describe(kind).removeprefix("a ")
+    return one(describe(kind).removeprefix("a "))
+
+
+def one(name: str) -> str:
+    """Return a name with its article."""
     return f"an {name}" if name[0] in "aeiou" else f"a {name}"
 
 

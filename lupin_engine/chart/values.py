@@ -16,7 +16,7 @@ from lupin_engine.chart.documents import Node, show
 from lupin_engine.chart.evaluation import Constant, Expression, Value
 from lupin_engine.chart.expressions import Fragment, Scope, compile_expression, fragment_of
 from lupin_engine.chart.findings import Findings
-from lupin_engine.chart.quantities import describe, is_number
+from lupin_engine.chart.quantities import describe, is_number, one
 from lupin_engine.chart.source import Map, Seq, Text, map_at, text_at
 from lupin_engine.errors import Place, nearest
 from lupin_engine.plugin.contract import Argument
@@ -188,8 +188,7 @@ def _fits_number(raw: Any, place: Place, wanted: Type, findings: Findings, path:
         findings.add(place, "wrong-type", path, f"expected {describe(wanted)}, got {show(raw)}")
         return False
     if wanted.unit:
-        article = "an" if wanted.name[0] in "aeiou" else "a"
-        problem = f"{show(raw)} has no unit, but {article} {wanted} needs one"
+        problem = f"{show(raw)} has no unit, but {one(str(wanted))} needs one"
         findings.add(place, "no-unit", path, problem, f"write '{show(raw)} {wanted.unit}'")
         return False
     if wanted.kind == "integer" and not isinstance(raw, int):

@@ -124,6 +124,18 @@ def remembering(make_node: MakeNode, file: Path) -> Scene:
     return Scene(make_node, *kept_in(file))
 
 
+def left_behind(make_node: MakeNode, folder: Path) -> Path:
+    """Return what a search that found tag 5 has left; whoever told of the mission is gone, too."""
+    file = folder / "memory.json"
+    first = remembering(make_node, file)
+    first.mission("EXPLORING")
+    discover(first, 5)
+    first.until(lambda: file.exists() and '"5"' in file.read_text(), "it is kept")
+    first.node.close()
+    first.world.close()
+    return file
+
+
 def kept_in(file: Path) -> list[str]:
     return ["-p", f"memory_file:={file}", "-p", "tag_in_sight_s:=0.1"]
 
@@ -242,13 +254,7 @@ def test_who_remembers_a_mission_tells_nothing_else_before_it_has_heard_anything
     make_node: MakeNode, tmp_path: Path
 ) -> None:
     """On a busy machine that takes seconds, and meanwhile a tag comes into view."""
-    file = tmp_path / "memory.json"
-    first = remembering(make_node, file)
-    first.mission("EXPLORING")
-    discover(first, 5)
-    first.until(lambda: file.exists() and '"5"' in file.read_text(), "it is kept")
-    first.node.close()
-    first.world.close()
+    file = left_behind(make_node, tmp_path)
     second = Unheard(make_node, *kept_in(file))
     second.wait(RECALL_S - 1.0)
     second.discover(6)
@@ -261,13 +267,7 @@ def test_in_simulated_time_too_a_new_process_never_tells_an_empty_list(
     make_node: MakeNode, tmp_path: Path
 ) -> None:
     """The clock is heard of a moment after the start, and is then a thousand seconds on."""
-    file = tmp_path / "memory.json"
-    first = remembering(make_node, file)
-    first.mission("EXPLORING")
-    discover(first, 5)
-    first.until(lambda: file.exists() and '"5"' in file.read_text(), "it is kept")
-    first.node.close()
-    first.world.close()
+    file = left_behind(make_node, tmp_path)
     second = Simulated(make_node, 1000.0, "-p", f"memory_file:={file}")
     assert second.lists == []
     second.go_on_until(lambda: second.lists, "the first list")
