@@ -43,7 +43,7 @@ from lupin_engine.chart.declare import SEVERITIES, Declarer
 from lupin_engine.chart.documents import Node
 from lupin_engine.chart.expressions import WORDS, Usage
 from lupin_engine.chart.findings import Findings
-from lupin_engine.chart.quantities import measured_in
+from lupin_engine.chart.quantities import measured_in, one
 from lupin_engine.chart.values import read_constant
 from lupin_engine.errors import Place
 from lupin_engine.plugin.contract import (
@@ -525,7 +525,7 @@ class _Reader:
         """Tell whether a thing can be called that; a finding otherwise."""
         if form.fullmatch(name) and name not in taken:
             return True
-        problem = f"{name!r} cannot be used as the name of {'an' if what[0] in 'aeiou' else 'a'} {what}"
+        problem = f"{name!r} cannot be used as the name of {one(what)}"
         hint = "it is a word of expressions" if name in taken else f"use {LETTERS[form]}"
         self._findings.add(place, "bad-name", path, problem, hint)
         return False

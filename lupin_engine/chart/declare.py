@@ -24,7 +24,7 @@ from lupin_engine.chart.evaluation import Constant
 from lupin_engine.chart.expressions import BUILTIN_CALLS, ROOTS, WORDS, Scope, Usage
 from lupin_engine.chart.findings import Findings
 from lupin_engine.chart.model import CARRIED, REQUESTS, Field, Hold, Input, Level, Variable
-from lupin_engine.chart.quantities import describe, in_lists, is_number, with_article
+from lupin_engine.chart.quantities import describe, in_lists, is_number, one, with_article
 from lupin_engine.chart.values import read_constant, read_guard, read_key, read_value
 from lupin_engine.errors import Place, Severity, nearest
 from lupin_engine.plugin.contract import Code, Parameter
@@ -112,7 +112,7 @@ class Declarer:
         formed = NAME.fullmatch(name) is not None
         if formed and name not in _TAKEN.get(what, ()):
             return True
-        problem = f"{name!r} cannot be used as the name of {'an' if what[0] in 'aeiou' else 'a'} {what}"
+        problem = f"{name!r} cannot be used as the name of {one(what)}"
         hint = "it is a word of expressions" if formed else "use letters, digits and underscores"
         self._findings.add(place, "bad-name", path, problem, hint)
         return False
