@@ -2,8 +2,17 @@
 
 from __future__ import annotations
 
-#: The published lifecycle states in which a mission is under way.
-UNDER_WAY = frozenset({"PREPARE", "EXPLORING", "INSPECTING", "MONITORING", "RETURNING"})
+#: The lifecycle's own published states in which no mission is under way; '' before anything was heard.
+#: RETURNING is the lifecycle's own too, but there the robot still drives for its mission.
+_WITHOUT_MISSION = frozenset({"", "BOOT", "READY", "DONE", "FAULT"})
 
 #: Seconds after which an orchestrator that says nothing counts as gone; it speaks five times a second.
 SILENCE_S = 3.0
+
+
+def is_under_way(lifecycle_state: str) -> bool:
+    """Return whether a mission is under way in a published lifecycle state.
+
+    The missions' own states are never listed: a mission that nobody here has seen must count as one.
+    """
+    return lifecycle_state not in _WITHOUT_MISSION

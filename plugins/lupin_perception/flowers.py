@@ -14,12 +14,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from lupin_engine.world.mission import is_under_way
 from lupin_engine.world.poses import Array
 from lupin_perception.boxes import View, column_of, is_inside
 from lupin_perception.detections import Detection
 
-#: Lifecycle states in which targets are scanned.
-SCANNING = frozenset({"INSPECTING", "MONITORING"})
+#: The lifecycle state of a search: by the interface document nothing is attributed in it, whatever its phase.
+SEARCHING = "EXPLORING"
 
 Indices = NDArray[np.intp]
 
@@ -35,7 +36,8 @@ def scanned_tag(lifecycle: str, phase: str, target: str) -> str:
     Also in a phase that is named after the lifecycle (`MONITORING_SCANNING`), but not while the tag is only
     being confirmed.
     """
-    return target if lifecycle in SCANNING and "SCANNING" in phase else ""
+    scans = is_under_way(lifecycle) and lifecycle != SEARCHING and "SCANNING" in phase
+    return target if scans else ""
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lupin_engine.world.mission import UNDER_WAY
+from lupin_engine.world.mission import is_under_way
 from lupin_engine.world.poses import Array
 from lupin_perception import anomalies
 from lupin_perception.anomalies import Pest, Watch
@@ -252,6 +252,7 @@ def test_what_has_changed_is_news(now: Summary, news: bool) -> None:
     [
         ("INSPECTING", "SCANNING", "5"),
         ("MONITORING", "SCANNING", "5"),
+        ("PRUNING_BY_NIGHT", "SCANNING", "5"),
         ("MONITORING", "MONITORING_SCANNING", "5"),
         ("INSPECTING", "CONFIRMING", ""),
         ("INSPECTING", "NAVIGATING", ""),
@@ -266,12 +267,20 @@ def test_flowers_belong_to_the_target_that_is_scanned_and_to_no_other(
     assert scanned_tag(lifecycle, phase, "5") == tag
 
 
-def test_a_mission_is_under_way_in_these_states_only() -> None:
+def test_no_mission_is_under_way_in_these_states_only() -> None:
     """War story 64: an idle READY is not a mission. In all others that shipped missions publish, one is."""
     charts = [shipped.mission("inspection"), shipped.mission("exploration")]
     published = {state.label for chart in charts for state in chart.states.values() if state.label.isupper()}
-    assert published - UNDER_WAY == {"BOOT", "READY", "DONE", "FAULT"}
-    assert published > UNDER_WAY
+    assert {state for state in published if not is_under_way(state)} == {"BOOT", "READY", "DONE", "FAULT"}
+
+
+@pytest.mark.parametrize("state", ["PATROLLING", "SPRAYING", "PRUNING_BY_NIGHT"])
+def test_a_mission_that_nobody_has_seen_before_is_under_way(state: str) -> None:
+    assert is_under_way(state)
+
+
+def test_nothing_was_heard_of_a_mission_yet() -> None:
+    assert not is_under_way("")
 
 
 # --- pests at no tag

@@ -441,12 +441,16 @@ def test_the_emergency_stop_does_not_end_a_recording_by_hand(bench: Bench, path:
     assert not path.with_name("arm_library.limp").exists()
 
 
-def test_the_library_does_not_fight_a_mission(bench: Bench, path: Path) -> None:
-    """War story A30: while a mission runs nothing is begun, and one that begins ends what is under way."""
+@pytest.mark.parametrize("state", ["PREPARE", "SPRAYING", "PRUNING_BY_NIGHT", "RETURNING"])
+def test_the_library_does_not_fight_a_mission(bench: Bench, path: Path, state: str) -> None:
+    """War story A30: while a mission runs nothing is begun, and one that begins ends what is under way.
+
+    Also a mission whose states nobody here has seen before.
+    """
     play_long_one(bench, path)
-    bench.mission_is("PREPARE")
+    bench.mission_is(state)
     assert bench.state(playing=False)["name"] == ""
-    reason = "a mission is running (PREPARE); abort it or wait for its end"
+    reason = f"a mission is running ({state}); abort it or wait for its end"
     assert play(bench, "long").message == reason
     assert bench.record("start", mode="kinesthetic").message == reason
     bench.mission_is("DONE")

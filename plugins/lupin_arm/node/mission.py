@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from lupin_engine.middleware.node import Qos, RosNode
-from lupin_engine.world.mission import SILENCE_S, UNDER_WAY
+from lupin_engine.world.mission import SILENCE_S, is_under_way
 from lupin_msgs.msg import MissionState
 
 
@@ -26,7 +26,7 @@ class Mission:
     def refusal(self) -> str | None:
         """Say why the arm is not to be moved by hand now; None while no mission runs."""
         fresh = self._ros.elapsed() - self._heard <= SILENCE_S
-        if fresh and self._state in UNDER_WAY:
+        if fresh and is_under_way(self._state):
             return f"a mission is running ({self._state}); abort it or wait for its end"
         return None
 

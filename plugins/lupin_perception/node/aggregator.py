@@ -17,7 +17,7 @@ from tf2_msgs.msg import TFMessage
 from lupin_engine.errors import LupinError
 from lupin_engine.middleware.logs import WarnOnce
 from lupin_engine.middleware.node import Qos, RosNode
-from lupin_engine.world.mission import UNDER_WAY
+from lupin_engine.world.mission import is_under_way
 from lupin_engine.world.poses import Array
 from lupin_msgs.msg import DiscoveredTags, MissionState, Observation
 from lupin_msgs.srv import ConfirmTag
@@ -191,7 +191,7 @@ class Aggregator:
     def _is_under_way(self) -> bool:
         """Say whether a mission is under way, as far as was heard lately."""
         heard = self._ros.elapsed() - self._mission_heard <= self._values["mission_freshness_s"]
-        return heard and self._mission.lifecycle_state in UNDER_WAY
+        return heard and is_under_way(self._mission.lifecycle_state)
 
     def _is_idle(self) -> bool:
         """Say whether no mission is under way; one that is may not have been heard of yet."""
