@@ -28,7 +28,7 @@ run: environment
 
 # Through the environment module, which completes the library path where ROS 2 came from apt.
 test: environment
-	@$(VENV_PYTHON) -m lupin_engine.middleware.environment $(VENV_PYTHON) -m pytest $(ARGS)
+	@$(VENV_PYTHON) -m lupin_engine.ros.adapter.environment $(VENV_PYTHON) -m pytest $(ARGS)
 
 # The pages for authors are brought up to date first: what they show is what the commands print.
 docs: environment

@@ -28,7 +28,7 @@ from geometry_msgs.msg import TransformStamped
 from std_msgs.msg import String
 from tf2_msgs.msg import TFMessage
 
-from lupin_engine.middleware.node import Qos, RosNode
+from lupin_engine.ros.adapter.node import Qos, RosNode
 from lupin_msgs.msg import MissionState, Observation
 
 LUPIN = str(Path(sys.executable).with_name("lupin"))

@@ -12,7 +12,7 @@ import statistics
 import time
 from collections.abc import Callable
 
-from lupin_engine.chart.load import LIFECYCLE, default_missions_folder, forget, load_chart
+from lupin_engine.missions.load import LIFECYCLE, default_missions_folder, forget, load_chart
 from lupin_engine.plugin.registry import load_catalog
 from lupin_engine.sim.simulation import Script, simulate
 

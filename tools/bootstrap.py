@@ -674,7 +674,7 @@ def check(mode: str, runner: Runner) -> None:
     """Load everything once, in a process of its own."""
     environment = clean_environment(mode)
     python = str(VENV / "bin" / "python")
-    command = [python, "-m", "lupin_engine.middleware.environment", python, "-c", CHECK]
+    command = [python, "-m", "lupin_engine.ros.adapter.environment", python, "-c", CHECK]
     runner.run(command, environment, VENV, "Trying the new environment")
 
 

@@ -62,32 +62,32 @@ PARTS: Sequence[Part] = (
     Part(
         "The node",
         "What a driver gets as `ros`, and a node of a plugin can be made with.",
-        "middleware/node.py",
+        "ros/adapter/node.py",
         ("RosNode", "Timer"),
     ),
-    Part("Quality of service", "A topic is created with one of these.", "middleware/qos.py", ("Qos",)),
+    Part("Quality of service", "A topic is created with one of these.", "ros/adapter/qos.py", ("Qos",)),
     Part(
         "Services",
         "What `ros.service` gives. A call that is cancelled calls back no more.",
-        "middleware/calls.py",
+        "ros/adapter/calls.py",
         ("ServiceCaller", "Failure"),
     ),
     Part(
         "Drivers over services",
         "A driver whose operations are one call each is this one.",
-        "middleware/service_driver.py",
+        "ros/adapter/service_driver.py",
         ("ServiceDriver", "ServiceOperation", "Done", "Failed"),
     ),
     Part(
         "Drivers over actions",
         "`ros.action` is below these, for what they do not cover.",
-        "middleware/action_driver.py",
+        "ros/adapter/action_driver.py",
         ("ActionServer", "ActionOperation", "ActionAttempts"),
     ),
     Part(
         "Actions that a node serves",
         "What `ros.serve_action` makes.",
-        "middleware/actions.py",
+        "ros/adapter/actions.py",
         ("ActionHost", "ServedGoal"),
     ),
 )

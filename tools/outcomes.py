@@ -16,13 +16,13 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-from lupin_engine.chart.load import LIFECYCLE, default_missions_folder, load_chart
 from lupin_engine.chart.model import Chart
 from lupin_engine.machine.environment import World
 from lupin_engine.machine.event import Act, Cancel, Command, Publish, Report, Start
 from lupin_engine.machine.machine import Machine
 from lupin_engine.machine.step import Step
 from lupin_engine.machine.view import View
+from lupin_engine.missions.load import LIFECYCLE, default_missions_folder, load_chart
 from lupin_engine.plugin.builtin import MISSING, READY
 from lupin_engine.plugin.registry import load_catalog
 from lupin_engine.runtime.setup import make_world

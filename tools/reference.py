@@ -23,9 +23,9 @@ from pydantic import WithJsonSchema
 from pydantic.fields import FieldInfo
 
 from lupin_engine.chart import binding_file
-from lupin_engine.chart.actions import BUILTIN_ACTIONS
 from lupin_engine.chart.binding_file import BindingNode
-from lupin_engine.chart.declare import REQUESTS
+from lupin_engine.chart.compose.actions import BUILTIN_ACTIONS
+from lupin_engine.chart.compose.declare import REQUESTS
 from lupin_engine.chart.documents import (
     KINDS,
     ActionNode,
@@ -36,7 +36,7 @@ from lupin_engine.chart.documents import (
     TransitionNode,
     Written,
 )
-from lupin_engine.chart.expressions import BUILTIN_CALLS, ROOTS
+from lupin_engine.chart.expressions.checker import BUILTIN_CALLS, ROOTS
 from lupin_engine.chart.findings import SUBJECTS
 from lupin_engine.plugin.describe import Entry, Section, sections
 from lupin_engine.plugin.discovery import entry_points

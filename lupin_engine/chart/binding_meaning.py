@@ -12,12 +12,12 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
-from lupin_engine.chart import quantities as q
 from lupin_engine.chart.binding_file import BoundValueNode, ResultNode
 from lupin_engine.chart.bindings import Fields, Kinds, Taken
 from lupin_engine.chart.documents import Node
-from lupin_engine.chart.evaluation import Expression, Value
-from lupin_engine.chart.expressions import BUILTIN_CALLS, ROOTS, WORDS, Scope, Usage
+from lupin_engine.chart.expressions import units as q
+from lupin_engine.chart.expressions.checker import BUILTIN_CALLS, ROOTS, WORDS, Scope, Usage
+from lupin_engine.chart.expressions.evaluation import Expression, Value
 from lupin_engine.chart.findings import Findings
 from lupin_engine.chart.source import Map, Seq
 from lupin_engine.chart.values import is_expression, read_constant, read_guard, read_value

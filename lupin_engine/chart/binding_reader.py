@@ -39,11 +39,11 @@ from lupin_engine.chart.bindings import (
     Sending,
     Taken,
 )
-from lupin_engine.chart.declare import SEVERITIES, Declarer
+from lupin_engine.chart.compose.declare import SEVERITIES, Declarer
 from lupin_engine.chart.documents import Node
-from lupin_engine.chart.expressions import WORDS, Usage
+from lupin_engine.chart.expressions.checker import WORDS, Usage
+from lupin_engine.chart.expressions.units import measured_in, one
 from lupin_engine.chart.findings import Findings
-from lupin_engine.chart.quantities import measured_in, one
 from lupin_engine.chart.values import read_constant
 from lupin_engine.errors import Place
 from lupin_engine.plugin.contract import (

@@ -16,7 +16,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from lupin_engine.chart.evaluation import Environment, Expression, Value
+from lupin_engine.chart.expressions.evaluation import Environment, Expression, Value
 from lupin_engine.errors import Place
 from lupin_engine.plugin.contract import Plugin
 from lupin_engine.plugin.types import Type, convert, in_base, innermost

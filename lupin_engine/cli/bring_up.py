@@ -10,17 +10,17 @@ from typing import TYPE_CHECKING, Any
 
 from lupin_engine.cli.settings import of_nodes, of_the_mission, settings_in
 from lupin_engine.errors import LupinError, Problems, UsageError, nearest
-from lupin_engine.launch.environment import close_the_doors, for_children
-from lupin_engine.launch.folders import new_run_folder, writable
-from lupin_engine.launch.mission import Loaded
-from lupin_engine.launch.nodes import ORCHESTRATOR, nodes_of
-from lupin_engine.launch.plan import Present, Values, make_plan, simulators
-from lupin_engine.launch.requirements import prepare_ros
 from lupin_engine.plugin.contract import Parameter
 from lupin_engine.plugin.registry import Catalog
+from lupin_engine.ros.launch.environment import close_the_doors, for_children
+from lupin_engine.ros.launch.folders import new_run_folder, writable
+from lupin_engine.ros.launch.mission import Loaded
+from lupin_engine.ros.launch.nodes import ORCHESTRATOR, nodes_of
+from lupin_engine.ros.launch.plan import Present, Values, make_plan, simulators
+from lupin_engine.ros.launch.requirements import prepare_ros
 
 if TYPE_CHECKING:
-    from lupin_engine.launch.session import Settings
+    from lupin_engine.ros.launch.session import Settings
 
 
 @dataclass(frozen=True)
@@ -66,7 +66,7 @@ class Options:
             parameters = self._parameters(given)
             self._check_nodes(parameters, given)
         self.problems.tell()
-        from lupin_engine.launch.session import Settings  # needs rclpy
+        from lupin_engine.ros.launch.session import Settings  # needs rclpy
 
         folder = new_run_folder(self._wanted.log_dir)
         return Settings(

@@ -6,7 +6,7 @@ import contextlib
 from collections.abc import Iterator
 
 from lupin_engine.errors import LupinError
-from lupin_engine.launch.story import NOT_DONE
+from lupin_engine.ros.launch.story import NOT_DONE
 
 
 @contextlib.contextmanager

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import click
 
-from lupin_engine.launch.nodes import find_node, nodes_of
-from lupin_engine.launch.requirements import prepare_ros
-from lupin_engine.middleware.lifeline import hold_on
 from lupin_engine.plugin.registry import Catalog, load_catalog
+from lupin_engine.ros.adapter.lifeline import hold_on
+from lupin_engine.ros.launch.nodes import find_node, nodes_of
+from lupin_engine.ros.launch.requirements import prepare_ros
 
 
 @click.command(

@@ -20,7 +20,7 @@ from lupin_engine.chart.model import Chart
 from lupin_engine.cli import view
 from lupin_engine.cli.terminal import hang_up
 from lupin_engine.errors import Severity
-from lupin_engine.launch.story import STATUSES, TAG_READING, Happening, Reading, Story
+from lupin_engine.ros.launch.story import STATUSES, TAG_READING, Happening, Reading, Story
 
 #: Pictures a second in the terminal.
 PICTURES_HZ = 8.0

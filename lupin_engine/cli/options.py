@@ -8,7 +8,7 @@ from typing import Any, TypeVar
 
 import click
 
-from lupin_engine.launch.environment import HIGHEST_DOMAIN
+from lupin_engine.ros.launch.environment import HIGHEST_DOMAIN
 
 _F = TypeVar("_F", bound=Callable[..., Any])
 

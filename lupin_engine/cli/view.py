@@ -19,7 +19,7 @@ from rich.text import Text
 
 from lupin_engine.chart.model import Chart, Kind
 from lupin_engine.errors import Severity
-from lupin_engine.launch.story import (
+from lupin_engine.ros.launch.story import (
     ALL_VISITED,
     COUNTERS,
     NOT_DONE,

@@ -11,7 +11,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Iterator, Mapping
 
-from lupin_engine.chart.evaluation import Constant, UnknownInput, Value
+from lupin_engine.chart.expressions.evaluation import Constant, UnknownInput, Value
 from lupin_engine.chart.model import ActionCall, Chart, Invoke, Kind, State, Timer, Transition
 from lupin_engine.diagram.markup import escape, quoted
 from lupin_engine.diagram.outline import find_state

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 
-from lupin_engine.chart.evaluation import Constant, UnknownInput, Value
+from lupin_engine.chart.expressions.evaluation import Constant, UnknownInput, Value
 from lupin_engine.chart.model import ActionCall, Chart, ForEach, Hold, Invoke, Itinerary, State, Transition
 from lupin_engine.diagram.picture import Cause, Label, Line, Role
 

@@ -11,8 +11,8 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from lupin_engine.chart.actions import BUILTIN_ACTIONS, STATUSES
-from lupin_engine.chart.declare import REQUESTS, level_events
+from lupin_engine.chart.compose.actions import BUILTIN_ACTIONS, STATUSES
+from lupin_engine.chart.compose.declare import REQUESTS, level_events
 from lupin_engine.chart.documents import (
     ActionNode,
     InvokeNode,
@@ -21,14 +21,14 @@ from lupin_engine.chart.documents import (
     RetryNode,
     StateNode,
 )
-from lupin_engine.chart.expressions import BUILTIN_CALLS, Scope
-from lupin_engine.chart.load import PARTS
+from lupin_engine.chart.expressions.checker import BUILTIN_CALLS, Scope
 from lupin_engine.editor import docs
 from lupin_engine.editor.folder import Folder
 from lupin_engine.editor.grammar import FILES, Meaning, Shape, Spot, fields_of, shapes_of, spot_at
 from lupin_engine.editor.mentions import Piece, expression_in, owner_of, pieces, value_meaning
 from lupin_engine.editor.model import Model, states_of, type_of
 from lupin_engine.editor.scan import Cursor, Role, Scan, Steps
+from lupin_engine.missions.load import PARTS
 from lupin_engine.plugin.contract import Argument
 from lupin_engine.plugin.registry import Catalog
 from lupin_engine.plugin.types import UNITS

@@ -12,7 +12,7 @@ from typing import Any
 
 from pydantic.fields import FieldInfo
 
-from lupin_engine.chart.actions import BUILTIN_ACTIONS
+from lupin_engine.chart.compose.actions import BUILTIN_ACTIONS
 from lupin_engine.chart.model import Hold, Input, Kind, State, Variable
 from lupin_engine.errors import Severity
 from lupin_engine.plugin.contract import (

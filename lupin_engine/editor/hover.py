@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from lupin_engine.chart.actions import BUILTIN_ACTIONS
+from lupin_engine.chart.compose.actions import BUILTIN_ACTIONS
 from lupin_engine.chart.documents import MissionNode, Node
 from lupin_engine.editor import docs
 from lupin_engine.editor.folder import Folder

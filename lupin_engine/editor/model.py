@@ -8,17 +8,17 @@ from __future__ import annotations
 from collections.abc import Iterable
 from pathlib import Path
 
-from lupin_engine.chart.compose import Composed
+from lupin_engine.chart.compose.compose import Composed
+from lupin_engine.chart.compose.invoke import names_when_done, names_when_failed
+from lupin_engine.chart.compose.tree import Draft, Forest
 from lupin_engine.chart.documents import FileNode, PartNode
-from lupin_engine.chart.expressions import Scope
+from lupin_engine.chart.expressions.checker import Scope
 from lupin_engine.chart.findings import Findings
-from lupin_engine.chart.invoke import names_when_done, names_when_failed
-from lupin_engine.chart.load import Inspection
 from lupin_engine.chart.model import Kind
-from lupin_engine.chart.tree import Draft, Forest
 from lupin_engine.editor.grammar import Meaning
 from lupin_engine.editor.mentions import Mention
 from lupin_engine.editor.scan import Scan, Steps
+from lupin_engine.missions.load import Inspection
 from lupin_engine.plugin.registry import Catalog
 from lupin_engine.plugin.types import ANY, TEXT, Type
 

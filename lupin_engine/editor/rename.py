@@ -11,12 +11,12 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from lupin_engine.chart.compose import Composed
-from lupin_engine.chart.declare import NAME
+from lupin_engine.chart.compose.compose import Composed
+from lupin_engine.chart.compose.declare import NAME
+from lupin_engine.chart.compose.tree import Draft
 from lupin_engine.chart.documents import Node
 from lupin_engine.chart.model import Kind
 from lupin_engine.chart.rules.index import FAULT
-from lupin_engine.chart.tree import Draft
 from lupin_engine.editor.folder import Folder
 from lupin_engine.editor.grammar import Meaning
 from lupin_engine.editor.mentions import STATES, Mention, mentions_in

@@ -16,8 +16,8 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from lupin_engine.chart.actions import BUILTIN_ACTIONS, STATUSES
-from lupin_engine.chart.declare import REQUESTS
+from lupin_engine.chart.compose.actions import BUILTIN_ACTIONS, STATUSES
+from lupin_engine.chart.compose.declare import REQUESTS
 from lupin_engine.editor import docs
 from lupin_engine.editor.grammar import FILES
 from lupin_engine.editor.snippets import EXAMPLES, SNIPPETS, Snippet

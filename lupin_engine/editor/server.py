@@ -19,7 +19,6 @@ from pygls.exceptions import JsonRpcException
 from pygls.lsp.server import LanguageServer
 
 from lupin_engine import __version__
-from lupin_engine.chart.load import forget
 from lupin_engine.editor import completion, navigation
 from lupin_engine.editor.completion import Sort
 from lupin_engine.editor.folder import Folder, Found, folder_of
@@ -30,6 +29,7 @@ from lupin_engine.editor.problems import Problem, corrected, problem, spelling
 from lupin_engine.editor.rename import Refused, renamable, rename
 from lupin_engine.editor.scan import Scan, scan
 from lupin_engine.errors import Severity
+from lupin_engine.missions.load import forget
 from lupin_engine.plugin.registry import Catalog
 
 NAME = "lupin"

@@ -20,14 +20,14 @@ from lupin_engine.harness.domains import claimed_domain
 from lupin_engine.harness.examples import arguments_for, defaults_of
 from lupin_engine.harness.referee import Attempt, ContractBroken, Referee, Untried
 from lupin_engine.harness.rules import Given, as_told, changes
-from lupin_engine.middleware.environment import child_environment
-from lupin_engine.middleware.lifeline import SUPERVISED
-from lupin_engine.middleware.network import interfaces
-from lupin_engine.middleware.node import RosNode
 from lupin_engine.plugin.clients import make_client
 from lupin_engine.plugin.contract import Argument, Driver, Plugin
 from lupin_engine.plugin.discovery import told
 from lupin_engine.plugin.types import convert
+from lupin_engine.ros.adapter.environment import child_environment
+from lupin_engine.ros.adapter.lifeline import SUPERVISED
+from lupin_engine.ros.adapter.network import interfaces
+from lupin_engine.ros.adapter.node import RosNode
 
 #: Seconds in which everything that must happen has happened, on a busy machine.
 PATIENCE_S = 30.0
@@ -46,8 +46,8 @@ LEAVING_S = 5.0
 _STEP = re.compile(r'\s+File "(.+)", line (\d+)')
 #: Runs `module:function` with the ROS arguments that follow.
 _RUN = (
-    "import importlib, sys; from lupin_engine.middleware.environment import prepare; prepare(); "
-    "from lupin_engine.middleware.lifeline import hold_on; hold_on(); "
+    "import importlib, sys; from lupin_engine.ros.adapter.environment import prepare; prepare(); "
+    "from lupin_engine.ros.adapter.lifeline import hold_on; hold_on(); "
     "module, _, name = sys.argv[1].partition(':'); "
     "sys.exit(getattr(importlib.import_module(module), name)(sys.argv[2:]))"
 )

@@ -28,7 +28,7 @@ from lupin_engine.plugin.registry import load_catalog
 
 if TYPE_CHECKING:
     from lupin_engine.harness.bench import Lab
-    from lupin_engine.middleware.node import RosNode
+    from lupin_engine.ros.adapter.node import RosNode
 
 
 def _subject(plugin: str, arguments: Given = MappingProxyType({})) -> Subject:

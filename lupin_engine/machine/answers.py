@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
-from lupin_engine.chart.evaluation import Expression, UnknownInput
+from lupin_engine.chart.expressions.evaluation import Expression, UnknownInput
 from lupin_engine.chart.model import Transition
 from lupin_engine.errors import reason
 from lupin_engine.machine.core import Core, passes

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from lupin_engine.chart.evaluation import Environment, Expression, Value
+from lupin_engine.chart.expressions.evaluation import Environment, Expression, Value
 from lupin_engine.plugin.contract import Argument
 from lupin_engine.plugin.types import misfit, placed
 

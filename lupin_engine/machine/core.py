@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any
 
-from lupin_engine.chart.evaluation import Environment, Expression, UnknownInput
+from lupin_engine.chart.expressions.evaluation import Environment, Expression, UnknownInput
 from lupin_engine.chart.model import Chart, Transition
 from lupin_engine.errors import Severity, reason
 from lupin_engine.machine.environment import NO_CAUSE, Cause, Surroundings, World

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any
 
-from lupin_engine.chart.evaluation import Environment, UnknownInput
+from lupin_engine.chart.expressions.evaluation import Environment, UnknownInput
 from lupin_engine.chart.model import Chart
 from lupin_engine.machine.event import NOTHING
 from lupin_engine.machine.memory import Memory, Walk

@@ -21,7 +21,7 @@ from itertools import takewhile
 from types import MappingProxyType
 from typing import Any
 
-from lupin_engine.chart.evaluation import UnknownInput
+from lupin_engine.chart.expressions.evaluation import UnknownInput
 from lupin_engine.chart.model import ForEach, Invoke, Retry, State
 from lupin_engine.errors import reason
 from lupin_engine.machine.arguments import evaluated

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from lupin_engine.chart.evaluation import Environment
+from lupin_engine.chart.expressions.evaluation import Environment
 from lupin_engine.chart.model import Field
 from lupin_engine.errors import nearest, reason, shortened
 from lupin_engine.machine.environment import World

@@ -25,7 +25,7 @@ from bisect import insort
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from lupin_engine.chart.evaluation import Compiled, Constant, Environment
+from lupin_engine.chart.expressions.evaluation import Compiled, Constant, Environment
 from lupin_engine.chart.model import Chart, Kind, State, Timer, Transition
 from lupin_engine.machine.environment import Surroundings
 from lupin_engine.machine.event import Event

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from lupin_engine.chart.evaluation import UnknownInput
+from lupin_engine.chart.expressions.evaluation import UnknownInput
 from lupin_engine.chart.model import Itinerary, State
 from lupin_engine.errors import reason
 from lupin_engine.machine.core import Core

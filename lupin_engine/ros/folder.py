@@ -12,17 +12,17 @@ from typing import Any
 
 from lupin_engine.chart.binding_reader import check_definition
 from lupin_engine.chart.findings import Findings
-from lupin_engine.chart.load import (
+from lupin_engine.chart.model import Chart
+from lupin_engine.errors import ChartError, LupinError
+from lupin_engine.missions.load import (
     default_missions_folder,
     find_mission,
     lifecycle_in,
     load_chart,
     mission_files,
 )
-from lupin_engine.chart.model import Chart
-from lupin_engine.errors import ChartError, LupinError
-from lupin_engine.middleware.definitions import interface_types
 from lupin_engine.plugin.registry import Catalog
+from lupin_engine.ros.bindings.definitions import interface_types
 
 #: How often the folder is looked at while no mission runs, in seconds.
 LOOK_PERIOD_S = 1.0

@@ -18,8 +18,8 @@ from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
 from lupin_engine.chart.model import OPERATOR_REQUESTS
-from lupin_engine.middleware.network import Kind, interfaces
-from lupin_engine.middleware.node import Failure, Qos, RosNode, ServiceCaller
+from lupin_engine.ros.adapter.network import Kind, interfaces
+from lupin_engine.ros.adapter.node import Failure, Qos, RosNode, ServiceCaller
 from lupin_engine.ros.names import (
     OBSERVATIONS_TOPIC,
     START_SERVICE,

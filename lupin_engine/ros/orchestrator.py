@@ -23,14 +23,14 @@ from lupin_engine.machine.event import Event, Publish, Report
 from lupin_engine.machine.step import Step
 from lupin_engine.machine.succession import is_idle, successor
 from lupin_engine.machine.view import Moment, View
-from lupin_engine.middleware.bound_client import BoundClient
-from lupin_engine.middleware.node import Qos, RosNode, Timer
 from lupin_engine.plugin.builtin import BUILTIN
 from lupin_engine.plugin.clients import make_client
 from lupin_engine.plugin.contract import Driver, Parameter
 from lupin_engine.plugin.registry import load_catalog
 from lupin_engine.plugin.types import NUMBER, TEXT, list_of
 from lupin_engine.ros import messages
+from lupin_engine.ros.adapter.node import Qos, RosNode, Timer
+from lupin_engine.ros.bindings.client import BoundClient
 from lupin_engine.ros.folder import LOOK_PERIOD_S, MissionsFolder
 from lupin_engine.ros.names import NODE, OBSERVATIONS_TOPIC, START_SERVICE, STATE_TOPIC, request_service
 from lupin_engine.ros.readiness import Readiness

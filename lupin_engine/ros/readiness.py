@@ -7,9 +7,9 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from lupin_engine.middleware.host import Timer
 from lupin_engine.plugin.builtin import MISSING
 from lupin_engine.plugin.contract import Driver, Outlet
+from lupin_engine.ros.adapter.host import Timer
 
 #: How often the drivers are asked, in seconds.
 POLL_PERIOD_S = 0.2

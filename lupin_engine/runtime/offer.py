@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from lupin_engine.chart.evaluation import Constant
+from lupin_engine.chart.expressions.evaluation import Constant
 from lupin_engine.chart.model import Field
 from lupin_engine.machine.machine import Machine
 from lupin_engine.plugin.types import Type

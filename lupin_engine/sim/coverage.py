@@ -16,7 +16,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from lupin_engine.chart.evaluation import Environment, Expression
+from lupin_engine.chart.expressions.evaluation import Environment, Expression
 from lupin_engine.chart.model import Chart, Hold, Invoke, Kind, State, Transition
 from lupin_engine.errors import Place
 from lupin_engine.machine.event import Cancel, Start

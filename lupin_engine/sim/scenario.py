@@ -14,7 +14,11 @@ from typing import Any
 
 from lupin_engine.chart.documents import validate
 from lupin_engine.chart.findings import Findings
-from lupin_engine.chart.load import (
+from lupin_engine.chart.model import Chart
+from lupin_engine.chart.source import Map, parse, read
+from lupin_engine.errors import ChartError, UsageError
+from lupin_engine.machine.environment import World
+from lupin_engine.missions.load import (
     MISSIONS,
     default_missions_folder,
     find_mission,
@@ -22,10 +26,6 @@ from lupin_engine.chart.load import (
     lifecycle_of,
     load_chart,
 )
-from lupin_engine.chart.model import Chart
-from lupin_engine.chart.source import Map, parse, read
-from lupin_engine.errors import ChartError, UsageError
-from lupin_engine.machine.environment import World
 from lupin_engine.plugin.registry import Catalog
 from lupin_engine.runtime.setup import make_world
 from lupin_engine.sim import SUFFIX

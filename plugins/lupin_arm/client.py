@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from functools import partial
 from typing import Any
 
-from lupin_engine.middleware.node import Failure, RosNode
 from lupin_engine.plugin.contract import Outlet
+from lupin_engine.ros.adapter.node import Failure, RosNode
 from lupin_msgs.srv import SetArmPreset
 
 #: When a preset that nobody answered is given up, in seconds. The server answers when it has sent the arm

@@ -9,7 +9,7 @@ from lupin_bridge import greenhouse, mqtt, recorded
 from lupin_bridge.backend import REAL_CLOCKS, Backend, Clocks, Sensors, Tell
 from lupin_bridge.recording import load_recording
 from lupin_engine.errors import Problems, Severity
-from lupin_engine.world import layout
+from lupin_greenhouse import layout
 
 Parameters = Mapping[str, Any]
 

@@ -7,10 +7,10 @@ from collections.abc import Mapping
 from typing import Any
 
 from lupin_bridge.catalog import SCAN_FAILED, UNKNOWN_TAG
-from lupin_engine.middleware.node import Failure, RosNode
-from lupin_engine.middleware.service_driver import Done, Failed, ServiceDriver, ServiceOperation
 from lupin_engine.plugin.contract import Outlet
 from lupin_engine.plugin.wire import seconds_of
+from lupin_engine.ros.adapter.node import Failure, RosNode
+from lupin_engine.ros.adapter.service_driver import Done, Failed, ServiceDriver, ServiceOperation
 from lupin_msgs.msg import TagReading
 from lupin_msgs.srv import GetTagReading
 

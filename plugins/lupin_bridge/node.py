@@ -9,7 +9,7 @@ from lupin_bridge.backend import Clocks, ReadingFailed, UnknownTag
 from lupin_bridge.catalog import NODE_PARAMETERS as PARAMETERS
 from lupin_bridge.choice import check, make_backend
 from lupin_engine.errors import Severity
-from lupin_engine.middleware.node import RosNode
+from lupin_engine.ros.adapter.node import RosNode
 from lupin_msgs.msg import SensorReading, TagReading
 from lupin_msgs.srv import GetTagReading
 

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lupin_engine.world.layout import Table
+from lupin_greenhouse.layout import Table
 from lupin_nav.overrides import Override
 
 MIN_STANDOFF_M = 0.2

@@ -16,20 +16,20 @@ from nav_msgs.msg import OccupancyGrid
 from sensor_msgs.msg import BatteryState
 from tf2_msgs.msg import TFMessage
 
-from lupin_engine.middleware.action_driver import (
+from lupin_engine.plugin.contract import Outlet
+from lupin_engine.plugin.wire import pose_fields
+from lupin_engine.ros.adapter.action_driver import (
     WATCH_PERIOD_S,
     ActionAttempts,
     ActionOperation,
     ActionServer,
 )
-from lupin_engine.middleware.estop import RELEASED, SILENT, EmergencyStop
-from lupin_engine.middleware.logs import WarnOnce
-from lupin_engine.middleware.node import Qos, RosNode
-from lupin_engine.middleware.repeater import Repeater
-from lupin_engine.middleware.service_driver import Done, Failed
-from lupin_engine.plugin.contract import Outlet
-from lupin_engine.plugin.wire import pose_fields
-from lupin_engine.world.frames import frame_name
+from lupin_engine.ros.adapter.estop import RELEASED, SILENT, EmergencyStop
+from lupin_engine.ros.adapter.logs import WarnOnce
+from lupin_engine.ros.adapter.node import Qos, RosNode
+from lupin_engine.ros.adapter.repeater import Repeater
+from lupin_engine.ros.adapter.service_driver import Done, Failed
+from lupin_greenhouse.frames import frame_name
 from lupin_nav import goal_status, localization
 from lupin_nav.battery import charge
 from lupin_nav.exploration import Explorer

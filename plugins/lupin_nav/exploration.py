@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from lupin_engine.plugin.contract import Outlet
-from lupin_engine.world.frames import Frames
-from lupin_engine.world.poses import heading
+from lupin_greenhouse.frames import Frames
+from lupin_greenhouse.poses import heading
 from lupin_nav.frontier import Frontier, Grid, Point, Survey, Thresholds, make_grid, survey
 
 #: Where the robot is, or None while nobody knows.

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import Any
 
 from lupin_engine.plugin.contract import Parameters
-from lupin_engine.world import layout
+from lupin_greenhouse import layout
 from lupin_nav import overrides
 
 #: Records of the types `pose` and `tag`, as plain data.

@@ -6,12 +6,12 @@ from collections.abc import Mapping
 from typing import Any
 
 from lupin_engine.errors import shortened
-from lupin_engine.middleware.logs import WarnOnce
-from lupin_engine.middleware.node import Failure, Qos, RosNode
-from lupin_engine.middleware.service_driver import Done, Failed, ServiceDriver, ServiceOperation
 from lupin_engine.plugin.contract import Outlet
 from lupin_engine.plugin.wire import seconds_of
-from lupin_engine.world.frames import frame_name
+from lupin_engine.ros.adapter.logs import WarnOnce
+from lupin_engine.ros.adapter.node import Failure, Qos, RosNode
+from lupin_engine.ros.adapter.service_driver import Done, Failed, ServiceDriver, ServiceOperation
+from lupin_greenhouse.frames import frame_name
 from lupin_msgs.msg import DiscoveredTags
 from lupin_msgs.srv import ConfirmTag
 from lupin_perception.discovered import records

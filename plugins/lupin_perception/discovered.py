@@ -10,7 +10,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from lupin_engine.world.layout import numeric_key
+from lupin_greenhouse.layout import numeric_key
 
 Record = Mapping[str, Any]
 

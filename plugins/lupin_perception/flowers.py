@@ -14,8 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from lupin_engine.world.mission import is_under_way
-from lupin_engine.world.poses import Array
+from lupin_greenhouse.mission import is_under_way
+from lupin_greenhouse.poses import Array
 from lupin_perception.boxes import View, column_of, is_inside
 from lupin_perception.detections import Detection
 

@@ -16,7 +16,7 @@ from typing import Any
 
 from lupin_engine.errors import LupinError
 from lupin_engine.plugin.files import ros_domain, user_folder, write_atomically
-from lupin_engine.world.poses import pose_of
+from lupin_greenhouse.poses import pose_of
 from lupin_perception.anomalies import Point
 from lupin_perception.flowers import Bloom, Summary
 from lupin_perception.registry import Known

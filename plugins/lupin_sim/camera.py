@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lupin_engine.world.layout import Table, Tag
+from lupin_greenhouse.layout import Table, Tag
 from lupin_sim.floor import Point
 from lupin_sim.layout import LENGTH, WIDTH, Layout
 from lupin_sim.robot import Pose

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from lupin_engine.world.layout import Table
+from lupin_greenhouse.layout import Table
 from lupin_sim.layout import LENGTH, WIDTH
 
 Point = tuple[float, float]

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from lupin_engine.world import layout
-from lupin_engine.world.layout import Table, Tag
+from lupin_greenhouse import layout
+from lupin_greenhouse.layout import Table, Tag
 
 #: Inner measures of the greenhouse in metres, x and y; it has a wall around.
 WIDTH, LENGTH = 4.0, 8.0

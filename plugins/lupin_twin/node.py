@@ -12,10 +12,10 @@ from geometry_msgs.msg import Point, Point32, Polygon, Pose, Quaternion
 from nav_msgs.msg import OccupancyGrid
 from std_msgs.msg import Header, String
 
-from lupin_engine.middleware.node import Qos, RosNode
 from lupin_engine.plugin.contract import Parameter
 from lupin_engine.plugin.types import COUNT, NUMBER, ROS_NAME, TEXT, number_in
 from lupin_engine.plugin.wire import filled_in, time_fields
+from lupin_engine.ros.adapter.node import Qos, RosNode
 from lupin_msgs.msg import DiscoveredTags, FlowerPoint, Observation, SensorReading, TwinState, TwinTagState
 from lupin_msgs.srv import GetField
 from lupin_twin import wire

@@ -17,7 +17,7 @@ import numpy as np
 
 from lupin_engine.errors import LupinError, shortened
 from lupin_engine.plugin.wire import seconds_of
-from lupin_engine.world.frames import frame_name
+from lupin_greenhouse.frames import frame_name
 from lupin_twin.field import OccupancyMap
 from lupin_twin.records import Anomaly, Bloom, Box, Corners, Discovery, Flowers, Observed, Pin, Reading
 

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from lupin_engine.chart.actions import BUILTIN_ACTIONS, STATUSES
-from lupin_engine.chart.load import LIFECYCLE, check_chart
+from lupin_engine.chart.compose.actions import BUILTIN_ACTIONS, STATUSES
+from lupin_engine.missions.load import LIFECYCLE, check_chart
 from lupin_engine.plugin.registry import Catalog
 
 MINI = Path(__file__).parents[1] / "charts" / "mini" / LIFECYCLE

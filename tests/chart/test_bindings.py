@@ -18,9 +18,9 @@ from lupin_engine.chart.binding_reader import check_definition
 from lupin_engine.chart.bindings import Binding, Outcome
 from lupin_engine.chart.documents import Node, validate
 from lupin_engine.chart.findings import Findings
-from lupin_engine.chart.load import LIFECYCLE, check_chart, forget, inspect_chart, load_chart
 from lupin_engine.chart.source import read
 from lupin_engine.errors import Severity
+from lupin_engine.missions.load import LIFECYCLE, check_chart, forget, inspect_chart, load_chart
 from lupin_engine.plugin.contract import OnHold
 from lupin_engine.plugin.registry import Catalog
 from lupin_engine.plugin.types import BOOL, COUNT, LENGTH, NUMBER, POSE, TEXT, Type, list_of

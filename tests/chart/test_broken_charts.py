@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 
 from lupin_engine.chart.findings import RULES
-from lupin_engine.chart.load import LIFECYCLE, check_chart, mission_files
 from lupin_engine.chart.source import head
 from lupin_engine.errors import Severity
+from lupin_engine.missions.load import LIFECYCLE, check_chart, mission_files
 from lupin_engine.plugin.registry import Catalog
 
 CHARTS = Path(__file__).parents[1] / "charts"

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from lupin_engine.chart import load
-from lupin_engine.chart.load import check_chart, default_missions_folder, forget, lifecycle_in
+from lupin_engine.missions import load
+from lupin_engine.missions.load import check_chart, default_missions_folder, forget, lifecycle_in
 from lupin_engine.plugin.registry import Catalog
 
 MISSION = default_missions_folder() / "inspection.yaml"

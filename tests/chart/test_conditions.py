@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
-from lupin_engine.chart import guards
-from lupin_engine.chart.guards import (
+from lupin_engine.chart.expressions import guards
+from lupin_engine.chart.expressions.guards import (
     Fact,
     Values,
     condition_of,
@@ -20,7 +20,7 @@ from lupin_engine.chart.guards import (
     possible,
     total,
 )
-from lupin_engine.chart.names import inputs_read, names_read, tree_of
+from lupin_engine.chart.expressions.names import inputs_read, names_read, tree_of
 
 # -- which exclude each other, which follow ------------------------------------------------------------
 

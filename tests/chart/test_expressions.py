@@ -9,9 +9,8 @@ from typing import Any
 
 import pytest
 
-from lupin_engine.chart.compose import ITINERARY
-from lupin_engine.chart.evaluation import Compiled, Expression, UnknownInput
-from lupin_engine.chart.expressions import (
+from lupin_engine.chart.compose.compose import ITINERARY
+from lupin_engine.chart.expressions.checker import (
     MAX_CHARACTERS,
     Fragment,
     Scope,
@@ -22,6 +21,7 @@ from lupin_engine.chart.expressions import (
     fragment_of,
     literal,
 )
+from lupin_engine.chart.expressions.evaluation import Compiled, Expression, UnknownInput
 from lupin_engine.chart.findings import Findings
 from lupin_engine.chart.source import text_at
 from lupin_engine.errors import Place

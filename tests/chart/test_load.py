@@ -13,9 +13,11 @@ from pathlib import Path
 import pytest
 
 import lupin_engine
-from lupin_engine.chart import load
-from lupin_engine.chart.evaluation import Constant, Expression
-from lupin_engine.chart.load import (
+from lupin_engine.chart.expressions.evaluation import Constant, Expression
+from lupin_engine.chart.model import Chart, Kind
+from lupin_engine.errors import ChartError, Severity, UsageError
+from lupin_engine.missions import load
+from lupin_engine.missions.load import (
     LIFECYCLE,
     MAX_CHARTS,
     MAX_FINDINGS,
@@ -29,8 +31,6 @@ from lupin_engine.chart.load import (
     load_chart,
     mission_files,
 )
-from lupin_engine.chart.model import Chart, Kind
-from lupin_engine.errors import ChartError, Severity, UsageError
 from lupin_engine.plugin.registry import Catalog
 
 CHARTS = Path(__file__).parents[1] / "charts"

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from lupin_engine.chart.load import LIFECYCLE, check_chart
+from lupin_engine.missions.load import LIFECYCLE, check_chart
 from lupin_engine.plugin.registry import Catalog
 
 CHARTS = Path(__file__).parents[1] / "charts"

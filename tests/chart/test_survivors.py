@@ -6,12 +6,12 @@ from pathlib import Path
 
 import pytest
 
-from lupin_engine.chart import checks
-from lupin_engine.chart import quantities as q
+from lupin_engine.chart.expressions import units as q
 from lupin_engine.chart.findings import RULES, SUBJECTS, Findings, warning
-from lupin_engine.chart.load import LIFECYCLE, check_chart
+from lupin_engine.chart.rules import checks
 from lupin_engine.chart.rules.graph import components, cycles
 from lupin_engine.errors import Place
+from lupin_engine.missions.load import LIFECYCLE, check_chart
 from lupin_engine.plugin.registry import Catalog
 from lupin_engine.plugin.types import (
     ANGLE,

@@ -6,8 +6,8 @@ from typing import Any
 
 import pytest
 
-from lupin_engine.chart.evaluation import Constant, Expression
-from lupin_engine.chart.expressions import Scope
+from lupin_engine.chart.expressions.checker import Scope
+from lupin_engine.chart.expressions.evaluation import Constant, Expression
 from lupin_engine.chart.findings import Findings
 from lupin_engine.chart.source import Map, parse
 from lupin_engine.chart.values import read_arguments, read_constant, read_guard, read_value

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from lupin_engine.chart.load import default_missions_folder
 from lupin_engine.cli.main import main
+from lupin_engine.missions.load import default_missions_folder
 
 SHIPPED = default_missions_folder()
 
@@ -142,10 +142,10 @@ def test_without_ros_the_way_to_get_it_is_told(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Everything else works without; a run does not."""
-    from lupin_engine.launch.requirements import prepare_ros
+    from lupin_engine.ros.launch.requirements import prepare_ros
 
     monkeypatch.setattr("lupin_engine.cli.bring_up.prepare_ros", prepare_ros)
-    monkeypatch.setattr("lupin_engine.middleware.environment.rclpy_source", lambda: None)
+    monkeypatch.setattr("lupin_engine.ros.adapter.environment.rclpy_source", lambda: None)
     assert main(["run", "inspection"]) == 2
     told = capsys.readouterr().err
     assert told.startswith("lupin: ROS 2 is not installed for this Python; install it with `pip install ")

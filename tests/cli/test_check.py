@@ -16,8 +16,6 @@ import yaml
 from click.testing import CliRunner, Result
 
 from lupin_engine.chart.findings import RULES
-from lupin_engine.chart.load import LIFECYCLE as LIFECYCLE_FILE
-from lupin_engine.chart.load import check_chart, default_missions_folder
 from lupin_engine.cli.check import check
 from lupin_engine.cli.excerpt import excerpt
 from lupin_engine.cli.findings import Checked, as_text
@@ -26,6 +24,8 @@ from lupin_engine.cli.sarif import sarif
 from lupin_engine.cli.tasks.check import check_paths, watch_paths
 from lupin_engine.cli.watch import changes
 from lupin_engine.errors import Diagnostic, Place, Severity
+from lupin_engine.missions.load import LIFECYCLE as LIFECYCLE_FILE
+from lupin_engine.missions.load import check_chart, default_missions_folder
 from lupin_engine.plugin.registry import load_catalog
 
 ROOT = Path(__file__).parents[2]
@@ -441,7 +441,7 @@ def test_a_file_that_goes_away_meanwhile_is_no_failure(tmp_path: Path) -> None:
 NEEDLESS = ("numpy", "rich", "structlog", "transitions", "rclpy", "asyncio", "matplotlib", "readline")
 NEEDLESS_ROOMS = ("machine", "runtime", "diagram", "ros", "editor", "verify")
 #: It knows where missions are looked for, and imports nothing else.
-ALLOWED_OF_LAUNCH = {"lupin_engine.launch", "lupin_engine.launch.mission"}
+ALLOWED_OF_LAUNCH = {"lupin_engine.ros.launch", "lupin_engine.ros.launch.mission"}
 
 
 def test_a_check_imports_what_it_needs() -> None:
@@ -453,7 +453,7 @@ def test_a_check_imports_what_it_needs() -> None:
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     loaded = set(done.stdout.splitlines()[-1].split())
     assert loaded & {*NEEDLESS, *(f"lupin_engine.{room}" for room in NEEDLESS_ROOMS)} == set()
-    assert {name for name in loaded if name.startswith("lupin_engine.launch")} <= ALLOWED_OF_LAUNCH
+    assert {name for name in loaded if name.startswith("lupin_engine.ros.launch")} <= ALLOWED_OF_LAUNCH
     # Nor does pydantic go through all packages for plugins of its own.
     assert "lupin_engine.cli.excerpt" in loaded
     assert "lupin_engine.cli.sarif" not in loaded

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from lupin_engine.chart.load import default_missions_folder, head
 from lupin_engine.cli.main import main
+from lupin_engine.missions.load import default_missions_folder, head
 
 #: What every author's folder begins with.
 BEGINNING = ["missions/inspection.yaml", "missions/lifecycle.yaml", "scenarios/inspection.scenario.yaml"]

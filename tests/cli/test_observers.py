@@ -12,7 +12,7 @@ import pytest
 from lupin_engine.chart.model import Chart
 from lupin_engine.cli.observers import Heard, JsonObserver, SavingPicture
 from lupin_engine.errors import Severity
-from lupin_engine.launch.story import Story
+from lupin_engine.ros.launch.story import Story
 from tests import shipped
 from tests.launch.messages import MISSION_ID, observation, state
 

@@ -9,7 +9,7 @@ from rich.console import Console
 
 from lupin_engine.chart.model import Chart
 from lupin_engine.cli import view
-from lupin_engine.launch.story import Reading, Story
+from lupin_engine.ros.launch.story import Reading, Story
 from tests import shipped
 from tests.launch.messages import MISSION_ID, observation, state, step
 

@@ -9,11 +9,11 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner, Result
 
-from lupin_engine.chart.load import default_missions_folder
 from lupin_engine.cli.diagram import diagram
 from lupin_engine.cli.main import main
 from lupin_engine.cli.simulate import simulate
 from lupin_engine.diagram.formats import FORMATS
+from lupin_engine.missions.load import default_missions_folder
 
 ROOT = Path(__file__).parents[2]
 KEPT = ROOT / "docs" / "diagrams"

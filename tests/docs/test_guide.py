@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 import yaml
 
-from lupin_engine.chart.load import default_missions_folder
 from lupin_engine.cli.tasks.new import MISSION, SCENARIO
+from lupin_engine.missions.load import default_missions_folder
 from tests.tools import load_tool
 
 #: The first page of a book does what all of them say.

@@ -10,8 +10,8 @@ import click
 import pytest
 
 from lupin_engine.cli.main import VERBS, lupin
-from lupin_engine.launch.mission import load_missions
 from lupin_engine.plugin.registry import load_catalog
+from lupin_engine.ros.launch.mission import load_missions
 
 PAGE = Path(__file__).parents[2] / "docs" / "operating.md"
 ROW = re.compile(r"\| `(?P<code>\w+)` \| (?P<label>.+?) \| (?P<severity>\w+) \| (?P<advice>.+?) \|")
@@ -44,7 +44,7 @@ def test_every_command_is_one(command: str) -> None:
 def test_the_figures_of_starting_again_are_those_of_the_run() -> None:
     """Seconds until a node that died is started again."""
     pytest.importorskip("rclpy", reason="ROS 2 is not installed here")
-    from lupin_engine.launch.session import RESPAWN_AFTER_S
+    from lupin_engine.ros.launch.session import RESPAWN_AFTER_S
 
     *first, last = (f"{seconds:g}" for seconds in RESPAWN_AFTER_S)
     assert f"again, after {', '.join(first)} and {last} seconds" in PAGE.read_text(encoding="utf-8")

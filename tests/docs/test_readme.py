@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 
 from lupin_engine.cli.main import main
-from lupin_engine.launch.nodes import nodes_of
 from lupin_engine.plugin.registry import load_catalog
+from lupin_engine.ros.launch.nodes import nodes_of
 
 ROOT = Path(__file__).parents[2]
 README, HOME = (file.read_text(encoding="utf-8") for file in (ROOT / "README.md", ROOT / "docs" / "index.md"))

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from lupin_engine.chart.load import lifecycle_in, load_chart
 from lupin_engine.diagram.outline import outline
 from lupin_engine.diagram.svg import svg
+from lupin_engine.missions.load import lifecycle_in, load_chart
 from lupin_engine.plugin.registry import load_catalog
 from lupin_engine.sim.coverage import GUARD, STATE, TRANSITION, Coverage
 from tests.docs.reader import assert_all_reached, run_scenarios

@@ -7,12 +7,12 @@ from pathlib import Path
 
 import pytest
 
-from lupin_engine.chart.load import default_missions_folder
 from lupin_engine.editor.completion import complete
 from lupin_engine.editor.folder import Folder, folder_of
 from lupin_engine.editor.hover import hover
 from lupin_engine.editor.navigation import mention_under
 from lupin_engine.editor.places import definition
+from lupin_engine.missions.load import default_missions_folder
 from lupin_engine.plugin.registry import load_catalog
 
 TUTORIAL = Path(__file__).parents[2] / "docs" / "tutorial"

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from lupin_engine.chart.load import check_chart
 from lupin_engine.editor.folder import Folder
 from lupin_engine.editor.problems import corrected, problem, spelling
 from lupin_engine.editor.scan import scan
 from lupin_engine.errors import Diagnostic, Place
+from lupin_engine.missions.load import check_chart
 from lupin_engine.plugin.registry import Catalog
 
 CHARTS = Path(__file__).parents[1] / "charts"

@@ -10,11 +10,11 @@ from pathlib import Path
 import pytest
 
 from lupin_engine.errors import UsageError
-from lupin_engine.launch import folders, shared_memory
-from lupin_engine.launch.environment import close_the_doors, current_domain, is_local_only
-from lupin_engine.launch.health import running_nodes
-from lupin_engine.launch.interrupts import Interrupts
-from lupin_engine.launch.neighbours import participants
+from lupin_engine.ros.launch import folders, shared_memory
+from lupin_engine.ros.launch.environment import close_the_doors, current_domain, is_local_only
+from lupin_engine.ros.launch.health import running_nodes
+from lupin_engine.ros.launch.interrupts import Interrupts
+from lupin_engine.ros.launch.neighbours import participants
 
 #: A process that there cannot be.
 NOBODY = 2**31 - 1

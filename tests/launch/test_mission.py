@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from lupin_engine.chart.load import default_missions_folder
 from lupin_engine.errors import ChartError, UsageError
-from lupin_engine.launch.mission import check_request, load_missions
+from lupin_engine.missions.load import default_missions_folder
 from lupin_engine.plugin.registry import load_catalog
+from lupin_engine.ros.launch.mission import check_request, load_missions
 
 CATALOG = load_catalog()
 SHIPPED = default_missions_folder()

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from lupin_engine.launch import neighbours
-from lupin_engine.launch.neighbours import LIMIT_S, QUIET_S, settled
+from lupin_engine.ros.launch import neighbours
+from lupin_engine.ros.launch.neighbours import LIMIT_S, QUIET_S, settled
 
 TICK_S = 0.05
 

@@ -17,7 +17,7 @@ pytest.importorskip("greenhouse_sim", reason="mdp-greenhouse is not installed he
 
 from rcl_interfaces.srv import GetParameters
 
-from lupin_engine.middleware.node import Failure
+from lupin_engine.ros.adapter.node import Failure
 from tests.launch.processes import PATIENCE, Lupin
 from tests.ros.world import Operator
 

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from lupin_engine.errors import Severity
-from lupin_engine.launch.story import Story
+from lupin_engine.ros.launch.story import Story
 from tests.launch.messages import anomaly, flowers, observation, state, step
 
 ID = "lupin-1"

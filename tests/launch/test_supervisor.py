@@ -11,8 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from lupin_engine.launch.supervisor import Patience, Supervisor, group_lives, last_lines
-from lupin_engine.middleware import lifeline
+from lupin_engine.ros.adapter import lifeline
+from lupin_engine.ros.launch.supervisor import Patience, Supervisor, group_lives, last_lines
 from tests.launch.processes import until
 
 #: A child that tells when it is there, and lives until it is told to end.
@@ -130,11 +130,11 @@ def test_children_get_the_environment_and_the_lifeline(tmp_path: Path) -> None:
 def test_a_child_ends_when_its_supervisor_is_killed(tmp_path: Path) -> None:
     """`kill -9` of the supervisor closes the lifeline, however that happens."""
     child = (
-        "import signal; from lupin_engine.middleware.lifeline import hold_on; hold_on(); "
+        "import signal; from lupin_engine.ros.adapter.lifeline import hold_on; hold_on(); "
         "print('up', flush=True); signal.pause()"
     )
     parent = (
-        "import os, sys, signal, pathlib; from lupin_engine.launch.supervisor import Supervisor; "
+        "import os, sys, signal, pathlib; from lupin_engine.ros.launch.supervisor import Supervisor; "
         f"s = Supervisor(pathlib.Path({str(tmp_path)!r}), dict(os.environ)); "
         f"print(s.start('child', [sys.executable, '-c', {child!r}]), flush=True); signal.pause()"
     )

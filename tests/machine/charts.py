@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
-from lupin_engine.chart.evaluation import Constant, Expression, Value
+from lupin_engine.chart.expressions.evaluation import Constant, Expression, Value
 from lupin_engine.chart.model import (
     ActionCall,
     Chart,

@@ -12,9 +12,9 @@ import pytest
 from transitions import MachineError
 from transitions.extensions.nesting import HierarchicalMachine
 
-from lupin_engine.chart.load import default_missions_folder, load_chart
 from lupin_engine.errors import ChartError
 from lupin_engine.machine.structure import build_machine
+from lupin_engine.missions.load import default_missions_folder, load_chart
 from tests import shipped
 from tests.machine.charts import Bench, chart, fails
 

@@ -16,7 +16,7 @@ from typing import Any
 import pytest
 
 from lupin_engine.errors import UsageError
-from lupin_engine.middleware.type_hashes import local_fields, local_hash
+from lupin_engine.ros.bindings.type_hashes import local_fields, local_hash
 
 pytest.importorskip("rclpy")
 pytestmark = pytest.mark.ros

@@ -11,7 +11,7 @@ pytest.importorskip("rclpy", reason="ROS 2 is not installed here")
 
 from lupin_arm.catalog import PLUGIN
 from lupin_arm.client import WARNING_PERIOD_S, ArmClient
-from lupin_engine.middleware.node import Failure, RosNode
+from lupin_engine.ros.adapter.node import Failure, RosNode
 from lupin_msgs.srv import SetArmPreset
 from tests.plugins.fakes import FakeOutlet, FakeRos, defaults
 from tests.ros.helpers import spin_until

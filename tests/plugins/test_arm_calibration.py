@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 
 import lupin_arm.calibration
 from lupin_arm.calibration.offsets import HIGHEST, HOMES, SMALL, corrections, refusals, to_write
-from lupin_engine.chart.load import check_chart
 from lupin_engine.cli.diagram import diagram
+from lupin_engine.missions.load import check_chart
 from lupin_engine.sim.coverage import GUARD, OUTCOME, STATE, TRANSITION, Coverage
 from lupin_engine.sim.scenario import scenario_files
 from lupin_engine.sim.suite import Suite, add_up

@@ -11,7 +11,7 @@ pytest.importorskip("rclpy", reason="ROS 2 is not installed here")
 
 from lupin_bridge.catalog import PLUGIN
 from lupin_bridge.client import BridgeClient
-from lupin_engine.middleware.node import Failure
+from lupin_engine.ros.adapter.node import Failure
 from lupin_msgs.msg import SensorReading, TagReading
 from lupin_msgs.srv import GetTagReading
 from tests.plugins.fakes import FakeOutlet, FakeRos, defaults

@@ -10,9 +10,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lupin_engine.world import layout
-from lupin_engine.world.layout import Table
-from lupin_engine.world.poses import pose_of
+from lupin_greenhouse import layout
+from lupin_greenhouse.layout import Table
+from lupin_greenhouse.poses import pose_of
 from lupin_nav.approach import Approach, Source, Tables, approach, approach_discovered, clamp_standoff
 from lupin_nav.overrides import Override
 from lupin_sim.camera import facing

@@ -15,8 +15,8 @@ from geometry_msgs.msg import PoseWithCovarianceStamped
 from sensor_msgs.msg import BatteryState
 from std_msgs.msg import Bool
 
-from lupin_engine.middleware.action_driver import SERVER_GRACE_S
-from lupin_engine.middleware.estop import LOOKS, STEADY
+from lupin_engine.ros.adapter.action_driver import SERVER_GRACE_S
+from lupin_engine.ros.adapter.estop import LOOKS, STEADY
 from lupin_nav.goal_status import failure
 from tests.plugins.fakes import FakeGoal
 from tests.plugins.nav_bench import NavBench

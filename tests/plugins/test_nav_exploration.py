@@ -14,7 +14,7 @@ from geometry_msgs.msg import PoseWithCovarianceStamped, TransformStamped
 from nav_msgs.msg import OccupancyGrid
 from tf2_msgs.msg import TFMessage
 
-from lupin_engine.middleware.node import Qos
+from lupin_engine.ros.adapter.node import Qos
 from lupin_nav.client import SEARCH_PERIOD_S
 from lupin_nav.exploration import SILENCE_S
 from tests.plugins.nav_bench import NavBench

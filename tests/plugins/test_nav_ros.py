@@ -18,8 +18,8 @@ from sensor_msgs.msg import BatteryState
 from std_msgs.msg import Bool
 from tf2_msgs.msg import TFMessage
 
-from lupin_engine.middleware.action_driver import SERVER_GRACE_S
-from lupin_engine.middleware.node import Qos, RosNode, ServedGoal
+from lupin_engine.ros.adapter.action_driver import SERVER_GRACE_S
+from lupin_engine.ros.adapter.node import Qos, RosNode, ServedGoal
 from lupin_nav.catalog import PLUGIN
 from lupin_nav.client import NavClient
 from tests.plugins.fakes import FakeOutlet, defaults

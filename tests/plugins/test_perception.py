@@ -12,7 +12,7 @@ pytest.importorskip("rclpy", reason="ROS 2 is not installed here")
 
 from geometry_msgs.msg import Pose
 
-from lupin_engine.middleware.node import Failure, Qos, RosNode
+from lupin_engine.ros.adapter.node import Failure, Qos, RosNode
 from lupin_msgs.msg import DiscoveredTag, DiscoveredTags
 from lupin_msgs.srv import ConfirmTag
 from lupin_perception.catalog import DISCOVERED_TAG, PLUGIN

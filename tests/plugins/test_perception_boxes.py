@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lupin_engine.world.poses import Pose, pose_of
+from lupin_greenhouse.poses import Pose, pose_of
 from lupin_perception.boxes import (
     Box,
     Size,

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lupin_engine.world.mission import is_under_way
-from lupin_engine.world.poses import Array
+from lupin_greenhouse.mission import is_under_way
+from lupin_greenhouse.poses import Array
 from lupin_perception import anomalies
 from lupin_perception.anomalies import Pest, Watch
 from lupin_perception.boxes import View

@@ -12,9 +12,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lupin_engine.world import layout as layouts
-from lupin_engine.world.layout import Layout, Table, Tag
-from lupin_engine.world.poses import Array, Pose, pose_of
+from lupin_greenhouse import layout as layouts
+from lupin_greenhouse.layout import Layout, Table, Tag
+from lupin_greenhouse.poses import Array, Pose, pose_of
 from lupin_perception.boxes import Box
 from lupin_perception.detections import read_boxes
 from lupin_perception.layout import Motion, Quality, box_of, entries, fit, nearest_table, register, spread

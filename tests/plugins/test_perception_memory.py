@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from lupin_engine.errors import LupinError
-from lupin_engine.world.poses import pose_of
+from lupin_greenhouse.poses import pose_of
 from lupin_perception.flowers import Bloom, Summary
 from lupin_perception.memory import Memory, Past, memory_path
 from lupin_perception.registry import Known

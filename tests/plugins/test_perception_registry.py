@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lupin_engine.world.poses import Pose
+from lupin_greenhouse.poses import Pose
 from lupin_perception import registry
 from lupin_perception.flowers import Summary
 from lupin_perception.registry import Confirmation, Known, Registry

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from lupin_engine.world.poses import Pose
+from lupin_greenhouse.poses import Pose
 from lupin_perception.detections import MAX_ENTRIES, TagSeen
 from lupin_perception.registry import Known, Registry
 from lupin_perception.sightings import LATE_S, UNPLACED_FRAMES, Sightings

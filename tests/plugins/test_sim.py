@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lupin_engine.errors import LupinError
-from lupin_engine.world.layout import Table, Tag
+from lupin_greenhouse.layout import Table, Tag
 from lupin_sim.faults import Fault, Faults
 from lupin_sim.floor import ROBOT_RADIUS, Floor, Point
 from lupin_sim.layout import LENGTH, WIDTH, Layout, load_layout

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lupin_engine.world.layout import Table, Tag
+from lupin_greenhouse.layout import Table, Tag
 from lupin_nav.approach import Quaternion, approach_discovered
 from lupin_nav.frontier import Grid, survey
 from lupin_sim.camera import Camera, Plate, facing, plates_of

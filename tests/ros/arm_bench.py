@@ -23,7 +23,7 @@ from lupin_arm.joints import ARM, JAW
 from lupin_arm.node.arm import Arm
 from lupin_arm.node.services import serve_all
 from lupin_arm.node.settings import PARAMETERS
-from lupin_engine.middleware.node import Failure, Qos, RosNode
+from lupin_engine.ros.adapter.node import Failure, Qos, RosNode
 from lupin_msgs.msg import MissionState
 from lupin_msgs.srv import ArmRecord, GetArmLibrary
 from tests.ros.arm import near

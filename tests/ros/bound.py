@@ -18,9 +18,9 @@ from lupin_engine.chart.bindings import Binding
 from lupin_engine.chart.documents import validate
 from lupin_engine.chart.findings import Findings
 from lupin_engine.chart.source import parse_bytes
-from lupin_engine.middleware.definitions import interface_types
-from lupin_engine.middleware.node import Qos, RosNode, ServedGoal
 from lupin_engine.plugin.registry import build_catalog
+from lupin_engine.ros.adapter.node import Qos, RosNode, ServedGoal
+from lupin_engine.ros.bindings.definitions import interface_types
 
 SPRAYER = Path(__file__).parents[2] / "docs" / "sprayer"
 

@@ -13,7 +13,7 @@ from typing import Any
 from nav2_msgs.action import NavigateToPose
 from std_msgs.msg import String
 
-from lupin_engine.middleware.node import Qos, RosNode, ServedGoal
+from lupin_engine.ros.adapter.node import Qos, RosNode, ServedGoal
 from lupin_msgs.srv import GetTagReading
 
 TOLD, HOLD = "/wire/told", "/wire/hold"

@@ -14,8 +14,8 @@ pytest.importorskip("rclpy", reason="ROS 2 is not installed here")
 from builtin_interfaces.msg import Time
 from rosgraph_msgs.msg import Clock
 
-from lupin_engine.middleware.node import Qos, RosNode
 from lupin_engine.plugin.wire import time_fields
+from lupin_engine.ros.adapter.node import Qos, RosNode
 from lupin_msgs.msg import Observation, SensorReading
 from lupin_msgs.srv import GetTagReading
 from lupin_perception.node.aggregator import HEAR_S, RECALL_S

@@ -14,7 +14,7 @@ pytest.importorskip("rclpy", reason="ROS 2 is not installed here")
 
 from std_msgs.msg import String
 
-from lupin_engine.middleware.node import Qos, RosNode
+from lupin_engine.ros.adapter.node import Qos, RosNode
 from lupin_msgs.msg import Observation, TwinState
 from lupin_twin.node import PARAMETERS as TWIN_PARAMETERS
 from lupin_twin.node import TwinNode

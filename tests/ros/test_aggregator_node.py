@@ -18,8 +18,8 @@ from std_msgs.msg import String
 from tf2_msgs.msg import TFMessage
 
 from lupin_engine.errors import LupinError, shortened
-from lupin_engine.middleware.node import Qos, RosNode
-from lupin_engine.world.frames import Frames
+from lupin_engine.ros.adapter.node import Qos, RosNode
+from lupin_greenhouse.frames import Frames
 from lupin_msgs.msg import DiscoveredTags, MissionState, Observation
 from lupin_msgs.srv import ConfirmTag
 from lupin_perception import sightings

@@ -12,7 +12,7 @@ pytest.importorskip("rclpy", reason="ROS 2 is not installed here")
 
 from nav2_msgs.action import NavigateToPose
 
-from lupin_engine.middleware.node import Qos, RosNode
+from lupin_engine.ros.adapter.node import Qos, RosNode
 from lupin_msgs.msg import DiscoveredTags, Observation
 from lupin_perception.node import NAME, Aggregator
 from lupin_perception.node import PARAMETERS as AGGREGATOR_PARAMETERS

@@ -16,7 +16,7 @@ from lupin_arm.calibration.offsets import HOMES
 from lupin_arm.node import calibration_servos as servos_module
 from lupin_arm.node import torque as torque_module
 from lupin_arm.node.calibration_servos import CUT_OFF, LIMP
-from lupin_engine.middleware.node import RosNode
+from lupin_engine.ros.adapter.node import RosNode
 from lupin_msgs.srv import CalibrateArm, SetArmPreset
 from tests.ros.arm_bench import CALIBRATE, GATE, POWER, Bench, refuse
 from tests.ros.helpers import PATIENCE, spin_for, work_off

@@ -21,7 +21,7 @@ from lupin_arm.node import feedback as feedback_module
 from lupin_arm.node import library as library_module
 from lupin_arm.node import torque as torque_module
 from lupin_arm.presets import PRESETS
-from lupin_engine.middleware.node import RosNode
+from lupin_engine.ros.adapter.node import RosNode
 from lupin_msgs.srv import (
     ArmLibraryEdit,
     ArmRecord,

@@ -11,7 +11,7 @@ import pytest
 pytest.importorskip("rclpy", reason="ROS 2 is not installed here")
 
 from lupin_arm.presets import PRESETS
-from lupin_engine.middleware.node import RosNode
+from lupin_engine.ros.adapter.node import RosNode
 from tests.ros.arm import Bystander
 from tests.ros.world import PATIENCE, World
 

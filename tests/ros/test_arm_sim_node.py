@@ -25,8 +25,8 @@ from lupin_arm.node import sim as sim_module
 from lupin_arm.node.sim import PARAMETERS, ArmSimNode
 from lupin_arm.presets import PRESETS
 from lupin_engine.errors import LupinError
-from lupin_engine.middleware.node import Qos
 from lupin_engine.plugin.wire import time_fields
+from lupin_engine.ros.adapter.node import Qos
 from tests.ros.arm import TRAJECTORIES, Bystander, MakeNode
 from tests.ros.helpers import work_off
 

@@ -16,8 +16,8 @@ pytest.importorskip("rclpy", reason="ROS 2 is not installed here")
 from rcl_interfaces.srv import DescribeParameters
 from std_msgs.msg import String
 
-from lupin_engine.chart.load import default_missions_folder
-from lupin_engine.middleware.node import Qos, RosNode
+from lupin_engine.missions.load import default_missions_folder
+from lupin_engine.ros.adapter.node import Qos, RosNode
 from tests.ros import bound
 from tests.ros.bound import SPRAYER, Cart, abort, succeed
 from tests.ros.world import PATIENCE, Operator, World

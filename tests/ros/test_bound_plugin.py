@@ -18,16 +18,16 @@ from nav2_msgs.action import NavigateToPose
 from std_msgs.msg import Byte, ColorRGBA, Float32, String
 
 from lupin_engine.errors import LupinError
-from lupin_engine.middleware import definitions
-from lupin_engine.middleware.bound_client import BoundClient
-from lupin_engine.middleware.definitions import (
+from lupin_engine.ros.adapter.node import Qos, RosNode
+from lupin_engine.ros.bindings import definitions
+from lupin_engine.ros.bindings.client import BoundClient
+from lupin_engine.ros.bindings.definitions import (
     fill,
     interface_class,
     interface_constants,
     interface_types,
     plain,
 )
-from lupin_engine.middleware.node import Qos, RosNode
 from tests.plugins.fakes import FakeOutlet
 from tests.ros import bound
 from tests.ros.bound import Cart, abort, binding_of, sprayer, succeed

@@ -14,7 +14,7 @@ pytest.importorskip("rclpy", reason="ROS 2 is not installed here")
 pytest.importorskip("paho.mqtt.client", reason="paho-mqtt is not installed here")
 
 from lupin_bridge.node import STATUS_READING_FAILED
-from lupin_engine.middleware.node import Failure
+from lupin_engine.ros.adapter.node import Failure
 from lupin_msgs.msg import Observation, TagReading
 from lupin_msgs.srv import GetTagReading
 from tests.broker import Broker, Sensors, sockets_of

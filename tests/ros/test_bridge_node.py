@@ -17,8 +17,8 @@ pytest.importorskip("greenhouse_sim", reason="mdp-greenhouse is not installed he
 from lupin_bridge.catalog import PLUGIN, READING
 from lupin_bridge.client import BridgeClient
 from lupin_bridge.node import PARAMETERS, STATUS_READING_FAILED, BridgeNode
-from lupin_engine.middleware.node import RosNode
 from lupin_engine.plugin.types import convert
+from lupin_engine.ros.adapter.node import RosNode
 from lupin_msgs.srv import GetTagReading
 from tests.plugins.fakes import FakeOutlet, defaults
 from tests.ros.helpers import PATIENCE, spin_for, spin_until

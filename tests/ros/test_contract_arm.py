@@ -9,7 +9,7 @@ import pytest
 pytest.importorskip("rclpy", reason="ROS 2 is not installed here")
 
 from lupin_engine.harness.cases import CatalogContract, DriverContract
-from lupin_engine.middleware.node import RosNode
+from lupin_engine.ros.adapter.node import RosNode
 from lupin_msgs.srv import SetArmPreset
 
 pytestmark = [pytest.mark.ros, pytest.mark.timeout(120)]

@@ -25,8 +25,6 @@ from lupin_engine.harness import bench as benches
 from lupin_engine.harness.bench import Lab, Setting
 from lupin_engine.harness.live import apply, cases
 from lupin_engine.harness.referee import ContractBroken, Untried
-from lupin_engine.middleware.node import Qos, RosNode
-from lupin_engine.middleware.service_driver import Done, Failed, ServiceDriver, ServiceOperation
 from lupin_engine.plugin.contract import (
     Action,
     Argument,
@@ -38,6 +36,8 @@ from lupin_engine.plugin.contract import (
     Plugin,
 )
 from lupin_engine.plugin.types import BOOL, COUNT, DURATION
+from lupin_engine.ros.adapter.node import Qos, RosNode
+from lupin_engine.ros.adapter.service_driver import Done, Failed, ServiceDriver, ServiceOperation
 from tests.launch.processes import until
 
 pytestmark = [pytest.mark.ros, pytest.mark.timeout(120)]

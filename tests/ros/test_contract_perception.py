@@ -11,7 +11,7 @@ pytest.importorskip("rclpy", reason="ROS 2 is not installed here")
 from geometry_msgs.msg import Pose, Quaternion
 
 from lupin_engine.harness.cases import CatalogContract, DriverContract
-from lupin_engine.middleware.node import Qos, RosNode
+from lupin_engine.ros.adapter.node import Qos, RosNode
 from lupin_msgs.msg import DiscoveredTag, DiscoveredTags
 from lupin_msgs.srv import ConfirmTag
 

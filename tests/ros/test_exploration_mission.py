@@ -14,8 +14,8 @@ pytest.importorskip("greenhouse_sim", reason="mdp-greenhouse is not installed he
 
 from geometry_msgs.msg import PoseWithCovarianceStamped
 
-from lupin_engine.middleware.node import Qos
 from lupin_engine.plugin.wire import seconds_of
+from lupin_engine.ros.adapter.node import Qos
 from lupin_msgs.msg import DiscoveredTag, DiscoveredTags, Observation
 from lupin_msgs.srv import StartMission
 from lupin_sim.camera import Plate, plates_of

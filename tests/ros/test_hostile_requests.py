@@ -27,7 +27,7 @@ from std_srvs.srv import SetBool, Trigger
 
 from lupin_arm.joints import ARM
 from lupin_arm.library import ROUNDING, Library, Pose, Sequence, Waypoint
-from lupin_engine.middleware.node import Qos
+from lupin_engine.ros.adapter.node import Qos
 from lupin_msgs.msg import TwinState
 from lupin_msgs.srv import (
     ArmLibraryEdit,

@@ -27,10 +27,10 @@ from std_msgs.msg import Bool, String
 from std_srvs.srv import Trigger
 
 from lupin_engine.errors import LupinError, UsageError
-from lupin_engine.middleware.node import ActionCaller, Failure, Qos, RosNode, ServedGoal, peer_mismatches
-from lupin_engine.middleware.peers import rival_servers
 from lupin_engine.plugin.contract import Parameter
 from lupin_engine.plugin.types import DURATION, INTEGER, POSE, TEXT, list_of
+from lupin_engine.ros.adapter.node import ActionCaller, Failure, Qos, RosNode, ServedGoal, peer_mismatches
+from lupin_engine.ros.adapter.peers import rival_servers
 from tests.ros.helpers import PATIENCE, spin_for, spin_until, work_off
 
 pytestmark = pytest.mark.ros
@@ -344,7 +344,7 @@ def test_a_signal_ends_the_spin_cleanly(make_node: MakeNode, number: signal.Sign
 def test_a_node_that_cannot_be_released_does_not_keep_the_process() -> None:
     program = (
         "import threading\n"
-        "from lupin_engine.middleware import node as middleware\n"
+        "from lupin_engine.ros.adapter import node as middleware\n"
         "middleware.TEARDOWN_LIMIT_S = 0.2\n"
         "ros = middleware.RosNode('stuck')\n"
         "ros.node.destroy_node = threading.Event().wait\n"

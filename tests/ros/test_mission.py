@@ -11,7 +11,7 @@ pytest.importorskip("rclpy", reason="ROS 2 is not installed here")
 
 from action_msgs.msg import GoalStatus, GoalStatusArray
 
-from lupin_engine.middleware.node import Qos
+from lupin_engine.ros.adapter.node import Qos
 from lupin_msgs.msg import MissionState, Observation
 from tests.ros.world import Operator, World
 

@@ -14,7 +14,7 @@ from geometry_msgs.msg import PoseWithCovarianceStamped
 from nav2_msgs.action import NavigateToPose
 from rosgraph_msgs.msg import Clock
 
-from lupin_engine.middleware.node import Qos, ServedGoal
+from lupin_engine.ros.adapter.node import Qos, ServedGoal
 from lupin_engine.ros.messages import to_time
 from tests.ros.world import Operator, World
 

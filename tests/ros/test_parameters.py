@@ -12,9 +12,9 @@ pytest.importorskip("rclpy", reason="ROS 2 is not installed here")
 from rclpy.parameter import Parameter as RosParameter
 
 from lupin_engine.errors import PluginError
-from lupin_engine.middleware.parameters import descriptor, read, ros_type, to_ros
 from lupin_engine.plugin.contract import Parameter
 from lupin_engine.plugin.types import ANY, BOOL, DURATION, INTEGER, LENGTH, POSE, TEXT, Type, list_of, one_of
+from lupin_engine.ros.adapter.parameters import descriptor, read, ros_type, to_ros
 
 ORIGIN = {"x": 0.0, "y": 0.0, "yaw": 0.0}
 

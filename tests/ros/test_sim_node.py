@@ -23,7 +23,7 @@ from std_msgs.msg import Bool, String
 from tf2_msgs.msg import TFMessage
 
 from lupin_engine.errors import LupinError
-from lupin_engine.middleware.node import Goal, Qos, RosNode
+from lupin_engine.ros.adapter.node import Goal, Qos, RosNode
 from lupin_msgs.msg import MissionState
 from lupin_sim.detector import CLASSES, blooms_of
 from lupin_sim.node import PARAMETERS, SimNode

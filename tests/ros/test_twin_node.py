@@ -24,8 +24,8 @@ from rosgraph_msgs.msg import Clock
 from std_msgs.msg import Header, String
 
 from lupin_engine.errors import LupinError
-from lupin_engine.middleware.node import Qos, RosNode
 from lupin_engine.plugin.wire import seconds_of
+from lupin_engine.ros.adapter.node import Qos, RosNode
 from lupin_msgs.msg import (
     AnomalyReport,
     DiscoveredTag,
@@ -164,7 +164,7 @@ def warnings(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     said: list[str] = []
     for severity in ("warning", "error"):
         monkeypatch.setattr(
-            f"lupin_engine.middleware.logs._RosSink.{severity}", lambda _, line: said.append(line)
+            f"lupin_engine.ros.adapter.logs._RosSink.{severity}", lambda _, line: said.append(line)
         )
     return said
 

@@ -14,7 +14,7 @@ from std_msgs.msg import Bool
 from std_srvs.srv import Trigger
 
 from lupin_engine.cli.main import main
-from lupin_engine.middleware.node import Qos, RosNode
+from lupin_engine.ros.adapter.node import Qos, RosNode
 from lupin_msgs.srv import PlayArmSequence
 from tests.ros.arm_bench import LIBRARY, Bench
 from tests.ros.world import Operator, World

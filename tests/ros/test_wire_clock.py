@@ -10,7 +10,7 @@ pytest.importorskip("rclpy", reason="ROS 2 is not installed here")
 
 from rosgraph_msgs.msg import Clock
 
-from lupin_engine.middleware.node import Qos
+from lupin_engine.ros.adapter.node import Qos
 from lupin_engine.ros.messages import to_time
 from tests.ros.wire import OK, UNREACHABLE, Drive, Wire, leave_open
 

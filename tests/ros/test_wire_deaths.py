@@ -14,7 +14,7 @@ pytest.importorskip("rclpy", reason="ROS 2 is not installed here")
 
 from std_msgs.msg import String
 
-from lupin_engine.middleware.node import Qos
+from lupin_engine.ros.adapter.node import Qos
 from tests.ros.peer import HOLD, SPARE, TOLD
 from tests.ros.wire import OK, SCAN_FAILED, UNREACHABLE, Wire
 

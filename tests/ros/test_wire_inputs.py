@@ -9,8 +9,8 @@ import pytest
 
 pytest.importorskip("rclpy", reason="ROS 2 is not installed here")
 
-from lupin_engine.middleware.estop import LOOKS, STEADY
-from lupin_engine.middleware.node import Qos
+from lupin_engine.ros.adapter.estop import LOOKS, STEADY
+from lupin_engine.ros.adapter.node import Qos
 from lupin_engine.ros.messages import to_time
 from lupin_msgs.msg import DiscoveredTag, DiscoveredTags
 from lupin_msgs.srv import StartMission

@@ -23,7 +23,7 @@ from std_msgs.msg import Bool
 from std_srvs.srv import Trigger
 from unique_identifier_msgs.msg import UUID
 
-from lupin_engine.middleware.node import Qos, RosNode
+from lupin_engine.ros.adapter.node import Qos, RosNode
 from lupin_msgs.msg import MissionState, SensorReading
 from lupin_msgs.srv import GetTagReading
 from tests.ros.world import Operator, World

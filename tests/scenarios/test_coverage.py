@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from lupin_engine.chart.load import default_missions_folder, mission_files
+from lupin_engine.missions.load import default_missions_folder, mission_files
 from lupin_engine.sim.coverage import GUARD, OUTCOME, STATE, TRANSITION, Coverage, Part
 from lupin_engine.sim.scenario import scenario_files
 from lupin_engine.sim.suite import Suite, add_up

@@ -5,7 +5,7 @@ from __future__ import annotations
 import shutil
 from pathlib import Path
 
-from lupin_engine.chart.load import default_missions_folder
+from lupin_engine.missions.load import default_missions_folder
 from lupin_engine.sim.coverage import GUARD, OUTCOME, STATE, TRANSITION, Coverage, Key, pieces, reached
 from lupin_engine.sim.coverage_text import coverage_lines
 from lupin_engine.sim.scenario import load_scenario

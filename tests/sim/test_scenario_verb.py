@@ -11,10 +11,10 @@ from xml.etree import ElementTree
 import pytest
 from click.testing import CliRunner, Result
 
-from lupin_engine.chart.load import default_missions_folder
 from lupin_engine.cli.main import main
 from lupin_engine.cli.simulate import simulate
 from lupin_engine.cli.test import test as run_scenarios
+from lupin_engine.missions.load import default_missions_folder
 
 SCENARIOS = Path(__file__).parents[1] / "scenarios" / "inspection"
 HEAD = 'scenario: a promise\nmission: inspection\nrequest: {tag_sequence: ["1"]}\n'

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from lupin_engine.world.poses import Pose, matrix, pose_of
+from lupin_greenhouse.poses import Pose, matrix, pose_of
 
 
 def at(x: float = 0.0, y: float = 0.0, z: float = 0.0, yaw: float = 0.0) -> Pose:

@@ -8,8 +8,8 @@ from typing import Any
 
 import pytest
 
-from lupin_engine.world import frames as module
-from lupin_engine.world.frames import HISTORY_S, Frames
+from lupin_greenhouse import frames as module
+from lupin_greenhouse.frames import HISTORY_S, Frames
 from tests.world.places import at, is_same
 
 

@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lupin_engine.errors import LupinError
-from lupin_engine.world import layout
+from lupin_greenhouse import layout
 
 
 def package_layout() -> Any:

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from lupin_engine.world.numbers import finite
+from lupin_greenhouse.numbers import finite
 
 
 @pytest.mark.parametrize(("value", "number"), [(2, 2.0), (-0.5, -0.5), (0, 0.0)])

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from lupin_engine.world.poses import Pose, between, heading, matrix, pose_of, product
+from lupin_greenhouse.poses import Pose, between, heading, matrix, pose_of, product
 from tests.world.places import at, is_same
 
 numbers = st.floats(-100.0, 100.0)

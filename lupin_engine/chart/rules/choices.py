@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
-from lupin_engine.chart.evaluation import Constant, Expression
-from lupin_engine.chart.findings import warning
-from lupin_engine.chart.guards import (
+from lupin_engine.chart.expressions.evaluation import Constant, Expression
+from lupin_engine.chart.expressions.guards import (
     Condition,
     condition_of,
     constant,
@@ -17,6 +16,7 @@ from lupin_engine.chart.guards import (
     possible,
     total,
 )
+from lupin_engine.chart.findings import warning
 from lupin_engine.chart.model import Invoke, Kind, State, Transition
 from lupin_engine.chart.rules.index import (
     OF_ONE_STATE,

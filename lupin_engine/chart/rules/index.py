@@ -10,11 +10,11 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
-from lupin_engine.chart.compose import Composed
-from lupin_engine.chart.evaluation import Expression
-from lupin_engine.chart.guards import TRUE, Condition, Every, condition_of, constant, fact
+from lupin_engine.chart.compose.compose import Composed
+from lupin_engine.chart.expressions.evaluation import Expression
+from lupin_engine.chart.expressions.guards import TRUE, Condition, Every, condition_of, constant, fact
+from lupin_engine.chart.expressions.names import inputs_read
 from lupin_engine.chart.model import Invoke, Kind, State, Transition
-from lupin_engine.chart.names import inputs_read
 from lupin_engine.chart.rules.written import Call, Read, Texts, calls_of, reads_of
 from lupin_engine.errors import Diagnostic, Place
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from lupin_engine.chart.expressions.names import inputs_read
 from lupin_engine.chart.findings import warning
 from lupin_engine.chart.model import Input
-from lupin_engine.chart.names import inputs_read
 from lupin_engine.chart.rules.index import Index
 from lupin_engine.chart.rules.written import Read
 from lupin_engine.errors import Diagnostic

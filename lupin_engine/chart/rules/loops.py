@@ -10,9 +10,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
 
-from lupin_engine.chart.guards import TRUE, Condition, constant, negate, possible
+from lupin_engine.chart.expressions.guards import TRUE, Condition, constant, negate, possible
+from lupin_engine.chart.expressions.names import names_read
 from lupin_engine.chart.model import ActionCall, Kind, Transition
-from lupin_engine.chart.names import names_read
 from lupin_engine.chart.rules.graph import components, cycles
 from lupin_engine.chart.rules.index import Index, always_taken, condition, local
 from lupin_engine.errors import Diagnostic

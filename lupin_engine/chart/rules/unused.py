@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from lupin_engine.chart.evaluation import Constant
+from lupin_engine.chart.expressions.evaluation import Constant
 from lupin_engine.chart.findings import warning
 from lupin_engine.chart.rules.index import Index, covers
 from lupin_engine.errors import Diagnostic, Place

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import takewhile
 
-from lupin_engine.chart.guards import Condition, fact, negate, possible
+from lupin_engine.chart.expressions.guards import Condition, fact, negate, possible
 from lupin_engine.chart.model import ActionCall, Kind, State, Transition
 from lupin_engine.chart.rules.index import OF_ONE_STATE, Index, always_taken, condition, covers, local
 from lupin_engine.errors import Diagnostic

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 
-from lupin_engine.chart.evaluation import Constant
+from lupin_engine.chart.expressions.evaluation import Constant
 from lupin_engine.chart.model import Chart, Kind, State
 from lupin_engine.chart.rules.graph import components
 from lupin_engine.chart.rules.index import FAULT, Index

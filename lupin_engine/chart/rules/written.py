@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
-from lupin_engine.chart.evaluation import Constant, Expression, Value
+from lupin_engine.chart.expressions.evaluation import Constant, Expression, Value
 from lupin_engine.chart.model import ActionCall, Chart, Invoke, State
 
 

@@ -10,7 +10,10 @@ import click
 
 from lupin_engine.chart.bound_catalog import BINDINGS, BoundCatalog, bound_catalog
 from lupin_engine.chart.findings import Findings
-from lupin_engine.chart.load import (
+from lupin_engine.chart.source import head
+from lupin_engine.cli.findings import FORMS, Checked, as_text, counted, wants_colour
+from lupin_engine.errors import Diagnostic, LupinError, Problems, Severity, UsageError
+from lupin_engine.missions.load import (
     LIFECYCLE,
     PARTS,
     SAVED,
@@ -20,11 +23,8 @@ from lupin_engine.chart.load import (
     lifecycle_of,
     mission_files,
 )
-from lupin_engine.chart.source import head
-from lupin_engine.cli.findings import FORMS, Checked, as_text, counted, wants_colour
-from lupin_engine.errors import Diagnostic, LupinError, Problems, Severity, UsageError
-from lupin_engine.launch.mission import LOCAL, folders
 from lupin_engine.plugin.registry import Catalog, load_catalog
+from lupin_engine.ros.launch.mission import LOCAL, folders
 from lupin_engine.sim import SUFFIX
 
 #: Kinds of files that stand in a folder beside the missions, with its name.
@@ -137,7 +137,7 @@ def _misfits(bound: BoundCatalog | None) -> tuple[Diagnostic, ...]:
     if not bindings:
         return ()
     from lupin_engine.chart.binding_reader import check_definition
-    from lupin_engine.middleware.definitions import installed_types, knows_interfaces
+    from lupin_engine.ros.bindings.definitions import installed_types, knows_interfaces
 
     findings = Findings()
     for binding in bindings if knows_interfaces() else ():

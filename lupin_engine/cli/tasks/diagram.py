@@ -14,8 +14,8 @@ from lupin_engine.diagram.outline import find_state, outline, readable_depth
 from lupin_engine.diagram.picture import Picture
 from lupin_engine.diagram.trace import Counts, check_fits, coloured, read_trace
 from lupin_engine.errors import Problems, UsageError
-from lupin_engine.launch.mission import Loaded, load_missions
 from lupin_engine.plugin.registry import Catalog, load_catalog
+from lupin_engine.ros.launch.mission import Loaded, load_missions
 from lupin_engine.sim import SUFFIX
 
 #: What else the name of an output file may end in.
@@ -131,7 +131,7 @@ def _write(content: bytes, output: Path | None) -> None:
 
 
 def _draw_all(folder: Path, formats: tuple[str, ...], depth: int | None, output: Path) -> None:
-    from lupin_engine.chart.load import mission_files
+    from lupin_engine.missions.load import mission_files
 
     files = mission_files(folder)
     if not files:

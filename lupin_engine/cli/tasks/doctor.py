@@ -11,7 +11,7 @@ from rich.console import Console, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from lupin_engine.launch.health import Finding, examine, usable
+from lupin_engine.ros.launch.health import Finding, examine, usable
 
 _STYLES = {"ok": "green", "note": "yellow", "problem": "bold red"}
 

@@ -14,11 +14,11 @@ from rich.table import Table
 from rich.text import Text
 
 from lupin_engine.errors import Problems, UsageError, meant
-from lupin_engine.launch.environment import close_the_doors, current_domain
-from lupin_engine.launch.requirements import prepare_ros
+from lupin_engine.ros.launch.environment import close_the_doors, current_domain
+from lupin_engine.ros.launch.requirements import prepare_ros
 
 if TYPE_CHECKING:
-    from lupin_engine.middleware.network import Interface, Kind
+    from lupin_engine.ros.adapter.network import Interface, Kind
 
 #: Kind -> title of its table, what its two ends are called.
 _TABLES: dict[Kind, tuple[str, str, str]] = {
@@ -38,7 +38,7 @@ def work(words: Sequence[str], domain: int | None, everything: bool, mermaid: bo
     with problems.collecting():
         prepare_ros()
     problems.tell()
-    from lupin_engine.launch.graph import network  # needs rclpy
+    from lupin_engine.ros.launch.graph import network  # needs rclpy
 
     seen = network()
     if not seen:

@@ -8,7 +8,9 @@ from pathlib import Path
 
 import click
 
-from lupin_engine.chart.load import (
+from lupin_engine.cli.files import nearest_name, title_of, write_text
+from lupin_engine.errors import Problems, UsageError
+from lupin_engine.missions.load import (
     LIFECYCLE,
     PARTS,
     default_missions_folder,
@@ -17,10 +19,8 @@ from lupin_engine.chart.load import (
     is_missions_folder,
     lifecycle_of,
 )
-from lupin_engine.cli.files import nearest_name, title_of, write_text
-from lupin_engine.errors import Problems, UsageError
-from lupin_engine.launch.mission import LOCAL
 from lupin_engine.plugin.registry import NAME, load_catalog
+from lupin_engine.ros.launch.mission import LOCAL
 from lupin_engine.sim import SUFFIX
 
 #: What a file's name may be: it is also how the mission is called on the command line.

@@ -91,7 +91,7 @@ def _tried_live(subject: Subject) -> Iterator[Verdict]:
             f"plugin {plugin.name!r} brings no node to try its driver with; "
             "derive a test from lupin_engine.harness.cases.DriverContract, with servers of yours"
         )
-    from lupin_engine.launch.requirements import prepare_ros
+    from lupin_engine.ros.launch.requirements import prepare_ros
 
     prepare_ros()
     from lupin_engine.harness.bench import Lab, Setting

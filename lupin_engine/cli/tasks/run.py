@@ -14,14 +14,14 @@ from lupin_engine.cli.observers import Heard, JsonObserver, LiveObserver, PlainO
 from lupin_engine.cli.options import PATIENCE_S
 from lupin_engine.cli.terminal import quiet_terminal
 from lupin_engine.errors import LupinError, Severity
-from lupin_engine.launch.folders import writable
-from lupin_engine.launch.interrupts import Interrupted, Interrupts
-from lupin_engine.launch.mission import Loaded, check_request, load_missions
-from lupin_engine.launch.story import INTERRUPTED, NOT_DONE
 from lupin_engine.plugin.registry import Catalog, load_catalog
+from lupin_engine.ros.launch.folders import writable
+from lupin_engine.ros.launch.interrupts import Interrupted, Interrupts
+from lupin_engine.ros.launch.mission import Loaded, check_request, load_missions
+from lupin_engine.ros.launch.story import INTERRUPTED, NOT_DONE
 
 if TYPE_CHECKING:
-    from lupin_engine.launch.session import Session
+    from lupin_engine.ros.launch.session import Session
 
 
 @not_done()
@@ -50,7 +50,7 @@ def work(
     if patience is None and (as_json or not sys.stdout.isatty()):
         patience = PATIENCE_S
     settings = given.settings(patience)
-    from lupin_engine.launch.session import Session  # needs rclpy
+    from lupin_engine.ros.launch.session import Session  # needs rclpy
 
     with quiet_terminal(), Interrupts() as interrupts:
         observer = _observer(as_json, save_svg, loaded, interrupts)

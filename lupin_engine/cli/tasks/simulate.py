@@ -21,13 +21,13 @@ from lupin_engine.cli.options import PNG, SVG, TERMINAL
 from lupin_engine.cli.settings import read_value, settings_in
 from lupin_engine.cli.view import readings_table
 from lupin_engine.errors import Problems, UsageError, nearest
-from lupin_engine.launch.folders import writable
-from lupin_engine.launch.mission import check_fields, load_missions
-from lupin_engine.launch.story import ALL_VISITED, INTERRUPTED, NOT_DONE, SOME_MISSED, STATUSES, Reading
 from lupin_engine.machine.environment import World
 from lupin_engine.machine.memory import Visit
 from lupin_engine.plugin.registry import load_catalog
 from lupin_engine.plugin.types import DURATION, convert
+from lupin_engine.ros.launch.folders import writable
+from lupin_engine.ros.launch.mission import check_fields, load_missions
+from lupin_engine.ros.launch.story import ALL_VISITED, INTERRUPTED, NOT_DONE, SOME_MISSED, STATUSES, Reading
 from lupin_engine.runtime.record import command_record, step_record, view_record
 from lupin_engine.runtime.setup import make_world
 from lupin_engine.sim.scenario import is_scenario, load_scenario

@@ -10,15 +10,15 @@ from lupin_engine.cli.bring_up import Options, Wanted
 from lupin_engine.cli.exit_codes import not_done
 from lupin_engine.cli.observers import Heard, PlainObserver
 from lupin_engine.errors import LupinError, Severity
-from lupin_engine.launch.environment import current_domain
-from lupin_engine.launch.interrupts import Interrupted, Interrupts
-from lupin_engine.launch.mission import Loaded, load_missions
-from lupin_engine.launch.story import NOT_DONE
 from lupin_engine.plugin.registry import Catalog, load_catalog
+from lupin_engine.ros.launch.environment import current_domain
+from lupin_engine.ros.launch.interrupts import Interrupted, Interrupts
+from lupin_engine.ros.launch.mission import Loaded, load_missions
+from lupin_engine.ros.launch.story import NOT_DONE
 from lupin_engine.runtime.setup import make_world
 
 if TYPE_CHECKING:
-    from lupin_engine.launch.session import Observer, Session
+    from lupin_engine.ros.launch.session import Observer, Session
 
 
 @not_done()
@@ -34,7 +34,7 @@ def work(missions: tuple[str, ...], **wanted: Any) -> int:
     with given.problems.collecting():
         make_world(loaded.chart, given.values)
     settings = given.settings()
-    from lupin_engine.launch.session import Session  # needs rclpy
+    from lupin_engine.ros.launch.session import Session  # needs rclpy
 
     with Interrupts() as interrupts:
         observer = Heard(PlainObserver(), interrupts.stop)

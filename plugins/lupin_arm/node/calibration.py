@@ -23,8 +23,8 @@ from lupin_arm.node.serving import STALE_AFTER_S, refuse
 from lupin_engine.errors import nearest, shortened
 from lupin_engine.machine.event import Event
 from lupin_engine.machine.step import Step
-from lupin_engine.middleware.node import RosNode, Timer
 from lupin_engine.plugin.contract import Driver
+from lupin_engine.ros.adapter.node import RosNode, Timer
 from lupin_engine.runtime.engine import Engine, EngineOutlet
 from lupin_engine.runtime.setup import make_machine
 from lupin_msgs.srv import CalibrateArm

@@ -21,8 +21,8 @@ from lupin_arm.node.hardware import SERVOS
 from lupin_arm.node.mark import Mark
 from lupin_arm.node.refused import Refused
 from lupin_arm.node.waiting import when_ready
-from lupin_engine.middleware.node import Failure, Qos, RosNode, ServiceCaller
 from lupin_engine.plugin.contract import Outlet
+from lupin_engine.ros.adapter.node import Failure, Qos, RosNode, ServiceCaller
 
 #: The name under which the arm is calibrated.
 OWNER = "calibration"

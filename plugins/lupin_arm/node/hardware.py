@@ -5,7 +5,7 @@ from __future__ import annotations
 from mirte_msgs.srv import SetServoOffset
 
 from lupin_arm.node.refused import Refused
-from lupin_engine.middleware.node import RosNode
+from lupin_engine.ros.adapter.node import RosNode
 
 #: Where the vendor's servos have their services and topics.
 SERVOS = "/io/servo/hiwonder"

@@ -22,8 +22,8 @@ from lupin_arm.node.refused import Refused
 from lupin_arm.node.serving import STALE_AFTER_S, refuse
 from lupin_arm.trajectory import clamp_speed, move
 from lupin_engine.errors import nearest, shortened
-from lupin_engine.middleware.node import Qos, RosNode
 from lupin_engine.plugin.files import user_folder
+from lupin_engine.ros.adapter.node import Qos, RosNode
 from lupin_msgs.srv import (
     ArmLibraryEdit,
     ArmRecord,

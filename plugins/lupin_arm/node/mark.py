@@ -6,8 +6,8 @@ from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
-from lupin_engine.middleware.node import RosNode
 from lupin_engine.plugin.files import write_atomically
+from lupin_engine.ros.adapter.node import RosNode
 
 
 class Mark:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from lupin_engine.middleware.node import Qos, RosNode
-from lupin_engine.world.mission import SILENCE_S, is_under_way
+from lupin_engine.ros.adapter.node import Qos, RosNode
+from lupin_greenhouse.mission import SILENCE_S, is_under_way
 from lupin_msgs.msg import MissionState
 
 

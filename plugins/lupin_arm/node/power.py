@@ -10,7 +10,7 @@ from std_srvs.srv import SetBool
 from lupin_arm.node.arm import Arm
 from lupin_arm.node.refused import Refused
 from lupin_arm.node.serving import STALE_AFTER_S, refuse
-from lupin_engine.middleware.node import RosNode
+from lupin_engine.ros.adapter.node import RosNode
 
 #: The name under which operators switch the servos.
 OWNER = "operator"

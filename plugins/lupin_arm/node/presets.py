@@ -7,7 +7,7 @@ from lupin_arm.node.refused import Refused
 from lupin_arm.node.serving import STALE_AFTER_S, refuse
 from lupin_arm.presets import UnknownPreset, find_preset
 from lupin_arm.trajectory import move
-from lupin_engine.middleware.node import RosNode
+from lupin_engine.ros.adapter.node import RosNode
 from lupin_msgs.srv import SetArmPreset
 
 #: The name under which presets move the arm.

@@ -12,7 +12,7 @@ from lupin_arm.node.arm import Arm
 from lupin_arm.node.hardware import Hardware
 from lupin_arm.node.mission import Mission
 from lupin_arm.node.settings import PARAMETERS
-from lupin_engine.middleware.node import RosNode
+from lupin_engine.ros.adapter.node import RosNode
 
 
 def main(arguments: Sequence[str]) -> int:

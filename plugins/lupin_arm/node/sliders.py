@@ -19,7 +19,7 @@ from lupin_arm.node.arm import Arm
 from lupin_arm.node.refused import Refused
 from lupin_arm.node.serving import STALE_AFTER_S, refuse
 from lupin_arm.trajectory import move, time_for
-from lupin_engine.middleware.node import RosNode
+from lupin_engine.ros.adapter.node import RosNode
 
 #: The name under which sliders move the arm.
 OWNER = "slider"

@@ -15,10 +15,10 @@ from std_msgs.msg import String
 from tf2_msgs.msg import TFMessage
 
 from lupin_engine.errors import LupinError
-from lupin_engine.middleware.logs import WarnOnce
-from lupin_engine.middleware.node import Qos, RosNode
-from lupin_engine.world.mission import is_under_way
-from lupin_engine.world.poses import Array
+from lupin_engine.ros.adapter.logs import WarnOnce
+from lupin_engine.ros.adapter.node import Qos, RosNode
+from lupin_greenhouse.mission import is_under_way
+from lupin_greenhouse.poses import Array
 from lupin_msgs.msg import DiscoveredTags, MissionState, Observation
 from lupin_msgs.srv import ConfirmTag
 from lupin_perception.anomalies import Watch

@@ -11,8 +11,8 @@ from typing import Any
 
 from std_msgs.msg import String
 
-from lupin_engine.middleware.node import Qos, RosNode
-from lupin_engine.world import layout
+from lupin_engine.ros.adapter.node import Qos, RosNode
+from lupin_greenhouse import layout
 from lupin_perception.boxes import Box
 from lupin_perception.detections import read_boxes
 from lupin_perception.layout import Quality, entries, register

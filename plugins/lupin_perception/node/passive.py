@@ -8,7 +8,7 @@ from typing import Any
 
 from rclpy.publisher import Publisher
 
-from lupin_engine.middleware.node import Failure, RosNode
+from lupin_engine.ros.adapter.node import Failure, RosNode
 from lupin_msgs.srv import GetTagReading
 from lupin_perception.idle import Schedule
 from lupin_perception.node import messages

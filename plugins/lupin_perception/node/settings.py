@@ -19,8 +19,8 @@ from lupin_engine.plugin.types import (
     list_of,
     number_in,
 )
-from lupin_engine.world import layout
-from lupin_engine.world.mission import SILENCE_S
+from lupin_greenhouse import layout
+from lupin_greenhouse.mission import SILENCE_S
 from lupin_perception.boxes import View
 from lupin_perception.flowers import Rules
 

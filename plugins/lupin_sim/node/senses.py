@@ -13,9 +13,9 @@ from geometry_msgs.msg import TransformStamped
 from nav_msgs.msg import OccupancyGrid
 
 from lupin_engine.errors import LupinError
-from lupin_engine.middleware.node import Qos, RosNode
 from lupin_engine.plugin.contract import Parameter
 from lupin_engine.plugin.types import ANGLE, BOOL, LENGTH, NUMBER, list_of
+from lupin_engine.ros.adapter.node import Qos, RosNode
 from lupin_msgs.msg import MissionState
 from lupin_sim.camera import Camera
 from lupin_sim.floor import Point

@@ -1,0 +1,1 @@
+"""Composition: documents with positions become one chart, every name resolved and every expression typed."""

@@ -1,0 +1,142 @@
+"""Actions: the engine's own and the plugins', read with typed arguments."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from types import MappingProxyType
+from typing import Any
+
+from lupin_engine.chart.compose.declare import NAME
+from lupin_engine.chart.documents import ActionNode
+from lupin_engine.chart.expressions.checker import Scope
+from lupin_engine.chart.expressions.evaluation import Constant, Value
+from lupin_engine.chart.findings import Findings
+from lupin_engine.chart.model import ActionCall, Variable
+from lupin_engine.chart.source import Map, Text
+from lupin_engine.chart.values import read_arguments, read_under
+from lupin_engine.errors import nearest
+from lupin_engine.plugin.contract import Argument
+from lupin_engine.plugin.registry import RESERVED_EVENTS, Catalog
+from lupin_engine.plugin.types import ANY, TEXT
+
+#: How a visit can end.
+STATUSES = ("OK", "UNREACHABLE", "SCAN_FAILED", "SKIPPED")
+
+_STATUS = Argument(TEXT, f"how the visit ended: {', '.join(STATUSES)}")
+_CODE = Argument(TEXT, "the reason, a declared code", optional=True)
+_DETAIL = Argument(TEXT, "free text for people", optional=True)
+_READING = Argument(ANY, "what was read there", optional=True)
+
+#: The engine's own actions besides `set` and `raise`, whose arguments depend on the chart.
+BUILTIN_ACTIONS: Mapping[str, Mapping[str, Argument]] = MappingProxyType(
+    {
+        "itinerary.advance": {},
+        "itinerary.close": {"status": _STATUS, "code": _CODE, "detail": _DETAIL, "reading": _READING},
+        "itinerary.close_rest": {"status": _STATUS, "code": _CODE, "detail": _DETAIL},
+        "report.clear": {},
+        "report.summary": {},
+        "publish.reading": {
+            "tag": Argument(TEXT, "id of the tag"),
+            "reading": Argument(ANY, "what was read"),
+        },
+    }
+)
+
+
+class ActionReader:
+    """Reads actions of one chart."""
+
+    def __init__(
+        self, catalog: Catalog, variables: Mapping[str, Variable], codes: Iterable[str], findings: Findings
+    ) -> None:
+        self._catalog = catalog
+        self._variables = variables
+        self._codes = set(codes)
+        self._findings = findings
+        #: Names of all actions that were read.
+        self.used: set[str] = set()
+
+    def read(self, nodes: Sequence[ActionNode], scope: Scope, path: str) -> tuple[ActionCall, ...]:
+        """Read a list of actions; those with findings are left out."""
+        found = [self._action(node, scope, f"{path}.{node.name}") for node in nodes]
+        return tuple([action for action in found if action is not None])
+
+    def _action(self, node: ActionNode, scope: Scope, path: str) -> ActionCall | None:
+        given = node.arguments if isinstance(node.arguments, Map) else None
+        if node.name == "set":
+            return self._set(node, given, scope, path)
+        if node.name == "raise":
+            return self._raise(node, given, path)
+        action = self._catalog.actions.get(node.name)
+        wanted = action.arguments if action else BUILTIN_ACTIONS.get(node.name)
+        if wanted is None:
+            known = [*BUILTIN_ACTIONS, "set", "raise", *self._catalog.actions]
+            self._findings.unknown(node.place, "unknown-action", path, "action", node.name, known)
+            return None
+        if node.name in ("itinerary.advance", "itinerary.close") and "itinerary" in scope.absent:
+            problem = f"{node.name} needs an itinerary, and no state around this one has one"
+            self._findings.add(
+                node.place, "missing-itinerary", path, problem, "add 'itinerary: {items: ...}'"
+            )
+            return None
+        arguments = read_arguments(node.name, wanted, given, node.place, scope, self._findings, path)
+        if node.name.startswith("itinerary."):
+            self._check_close(arguments, path)
+        self.used.add(node.name)
+        return ActionCall(node.name, arguments, node.place, action.moves if action else False)
+
+    def _set(self, node: ActionNode, given: Map | None, scope: Scope, path: str) -> ActionCall | None:
+        if not given:
+            hint = "write 'set: {NAME: VALUE}'"
+            self._findings.add(node.place, "missing-argument", path, "set names no variable", hint)
+            return None
+        found: dict[str, Value] = {}
+        for name in given:
+            if name not in self._variables:
+                at, known = given.key_place(name), self._variables
+                self._findings.unknown(at, "unknown-argument", path, "variable", str(name), known)
+                continue
+            wanted = self._variables[name].type
+            value = read_under(given, name, wanted, scope, self._findings, f"{path}.{name}")
+            if value is not None:
+                found[str(name)] = value
+        return ActionCall("set", found, node.place)
+
+    def _raise(self, node: ActionNode, given: Map | None, path: str) -> ActionCall | None:
+        name = given.get("event") if given else None
+        hint = "write 'raise: {event: NAME}'"
+        if given is None or not isinstance(name, Text) or len(given) != 1:
+            self._findings.add(
+                node.place, "missing-argument", path, "raise takes one argument, the event", hint
+            )
+            return None
+        words = name.split(".")
+        if not all(map(NAME.fullmatch, words)):
+            hint = "use words of letters, digits and underscores, with dots between"
+            self._findings.add(name.place, "bad-name", path, f"{str(name)!r} cannot be an event", hint)
+            return None
+        if words[0] in RESERVED_EVENTS or name in self._catalog.events:
+            whose = "the engine itself" if words[0] in RESERVED_EVENTS else "the plugin itself"
+            problem = f"{str(name)!r} cannot be raised: events of {words[0]!r} come from {whose}"
+            self._findings.add(name.place, "bad-name", path, problem, "begin it with another word")
+            return None
+        return ActionCall("raise", {"event": Constant(str(name), name.place, TEXT)}, node.place)
+
+    def _check_close(self, arguments: Mapping[str, Value], path: str) -> None:
+        for key, allowed, rule in (
+            ("status", STATUSES, "wrong-type"),
+            ("code", self._codes, "undeclared-code"),
+        ):
+            value = arguments.get(key)
+            if isinstance(value, Constant) and value.value not in allowed:
+                problem, hint = f"unknown {key} {value.value!r}", nearest(value.value, allowed)
+                self._findings.add(value.place, rule, f"{path}.{key}", problem, hint)
+
+
+def raised_events(nodes: Iterable[ActionNode]) -> Iterator[str]:
+    """Yield the names that these actions raise."""
+    for node in nodes:
+        if node.name == "raise" and isinstance(node.arguments, Map):
+            name: Any = node.arguments.get("event")
+            if isinstance(name, str):
+                yield str(name)

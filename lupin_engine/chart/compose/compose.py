@@ -1,0 +1,776 @@
+"""From documents to one composed chart: states filled, targets resolved, expressions typed and compiled.
+
+The order is: declarations of all files; the tree, so that every full name exists; then the states from the
+root down, each seeing its file's declarations, its mission's request and the itineraries around it. A part
+is composed once for every use, because what its expressions see differs; its mistakes are told once.
+
+Every step goes on after a finding. What comes out is a chart only when there are no errors.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import chain
+from typing import Any
+
+from lupin_engine.chart.bound_catalog import BoundCatalog
+from lupin_engine.chart.compose.actions import ActionReader, raised_events
+from lupin_engine.chart.compose.declare import REQUESTS, Declared, Declarer, level_events
+from lupin_engine.chart.compose.invoke import InvokeReader, check_code, names_when_done, names_when_failed
+from lupin_engine.chart.compose.tree import Draft, Forest
+from lupin_engine.chart.documents import (
+    ActionNode,
+    BudgetNode,
+    FileNode,
+    InvariantNode,
+    ItineraryNode,
+    LifecycleNode,
+    MissionNode,
+    PartNode,
+    StateNode,
+    TransitionNode,
+)
+from lupin_engine.chart.expressions.checker import Scope, Typed, Usage, check_expression, fragment_of, literal
+from lupin_engine.chart.expressions.evaluation import Expression
+from lupin_engine.chart.findings import Findings
+from lupin_engine.chart.model import (
+    ActionCall,
+    Chart,
+    Field,
+    Invariant,
+    Invoke,
+    Itinerary,
+    Kind,
+    Mission,
+    State,
+    Timer,
+    Transition,
+)
+from lupin_engine.chart.source import Text
+from lupin_engine.chart.values import (
+    is_expression,
+    read_constant,
+    read_guard,
+    read_key,
+    read_per_element,
+    read_value,
+)
+from lupin_engine.errors import Place, nearest
+from lupin_engine.plugin.builtin import BUILTIN
+from lupin_engine.plugin.contract import Code, Parameter
+from lupin_engine.plugin.types import ANY, BOOL, COUNT, DURATION, TEXT, Type, list_of
+
+#: What expressions see of the itinerary around them.
+ITINERARY = Type(
+    "record",
+    "itinerary",
+    fields={"open": BOOL, "remaining": COUNT, "total": COUNT, "closed": COUNT, "sweep": COUNT},
+)
+_START = Type("record", "event", fields={"mission_type": TEXT, "mission_id": TEXT})
+_NOTHING = Type("record", "event")
+_NO_HOLDS: frozenset[str] = frozenset()
+
+_Names = Callable[[Invoke | None], Mapping[str, Type]]
+
+#: What an invariant does not see, because it is told of every moment.
+_MOMENTARY = ("event", "error", "request", "target", "itinerary")
+_AT_ALL_TIMES = "an invariant holds at every moment, with and without a mission"
+
+
+@dataclass
+class Composed:
+    """A chart with what the checks need to know beside it."""
+
+    chart: Chart
+    drafts: Mapping[str, Draft]
+    usage: Usage
+    declared: Declared
+
+
+def compose(
+    lifecycle: LifecycleNode,
+    missions: Sequence[MissionNode],
+    parts: Mapping[str, PartNode],
+    bound: BoundCatalog,
+    findings: Findings,
+) -> Composed:
+    """Compose the chart of these documents; after errors it has holes, but may be checked further."""
+    return _Composer(lifecycle, missions, parts, bound, findings).compose()
+
+
+class _Composer:
+    def __init__(
+        self,
+        lifecycle: LifecycleNode,
+        missions: Sequence[MissionNode],
+        parts: Mapping[str, PartNode],
+        bound: BoundCatalog,
+        findings: Findings,
+    ) -> None:
+        self._lifecycle = lifecycle
+        self._missions = list(missions)
+        self._parts = parts
+        self._catalog = catalog = bound.catalog
+        self._bindings = bound.bindings
+        self._findings = findings
+        self._usage = Usage()
+        self._declarer = Declarer(catalog, findings, self._usage)
+        self._forest = Forest(parts, findings)
+        self._requests: dict[str, dict[str, Field]] = {}
+        self._bases: dict[tuple[str, str], Scope] = {}
+        self._bound: dict[str, list[set[str]]] = {}
+        self._codes: dict[str, Code] = {}
+        self._events: dict[str, None] = {}
+        self._event_types: dict[str, Type] = {}
+        self._heard: set[str] = set()
+        self._after_work: dict[tuple[Scope, _Names, str, str | None], Scope] = {}
+
+    @property
+    def _declared(self) -> Declared:
+        return self._declarer.declared
+
+    def compose(self) -> Composed:
+        """Run all steps."""
+        files: list[FileNode] = [self._lifecycle, *self._missions, *self._parts.values()]
+        self._declarer.name_holds(self._lifecycle)
+        self._declarer.read(files)
+        self._forest.grow(self._lifecycle, self._missions)
+        self._codes = self._all_codes()
+        self._events = self._all_events()
+        self._actions = ActionReader(self._catalog, self._declared.context, self._codes, self._findings)
+        self._invokes = InvokeReader(
+            self._catalog, self._declarer, self._codes, self._actions, self._findings
+        )
+        self._read_requests()
+        states = {draft.name: self._state(draft) for draft in self._forest.drafts.values()}
+        holds_scope = self._base(self._lifecycle, "")
+        holds = self._declarer.holds(self._lifecycle, holds_scope, self._codes)
+        chart = Chart(
+            name=self._lifecycle.lifecycle,
+            files=tuple(dict.fromkeys(file.place.file for file in files)),
+            states=states,
+            missions=self._mission_records(),
+            holds=holds,
+            context=self._declared.context,
+            inputs=self._declared.inputs,
+            parameters={},
+            codes=self._codes,
+            invariants=self._invariants(files),
+            summary=self._lifecycle.summary,
+            catalog=self._catalog,
+        )
+        plugins = self._plugins()
+        bindings = {name: self._bindings[name] for name in plugins if name in self._bindings}
+        chart = replace(chart, plugins=plugins, parameters=self._parameters(plugins), bindings=bindings)
+        return Composed(chart, self._forest.drafts, self._usage, self._declared)
+
+    # -- what the whole chart knows ------------------------------------------------------------------------
+
+    def _all_codes(self) -> dict[str, Code]:
+        """Join declared codes with those of the operations and request types that the chart uses."""
+        codes = dict(self._declared.codes)
+        for name in dict.fromkeys(chain.from_iterable(map(_invoked, self._forest.drafts.values()))):
+            operation = self._catalog.operations.get(name)
+            for code in operation.codes if operation else ():
+                codes.setdefault(code.name, code)
+        for mission in self._missions:
+            for node in mission.request.values():
+                reader = self._catalog.readers.get(node.type.split()[-1] if node.type else "")
+                if reader is not None:
+                    codes.setdefault(reader.code.name, reader.code)
+        return codes
+
+    def _all_events(self) -> dict[str, None]:
+        """Return the events that can arrive, as the keys of a mapping: they are looked up for every `on`."""
+        raised = set(raised_events([a for draft in self._forest.drafts.values() for a in _actions(draft)]))
+        levels = level_events(self._declared.inputs)
+        return dict.fromkeys([*REQUESTS, *levels, *self._catalog.events, *sorted(raised)])
+
+    def _plugins(self) -> tuple[str, ...]:
+        """Return the plugins that anything of theirs is used from, sorted, without the built-in one."""
+        names = self._invokes.used | (self._actions.used & self._catalog.actions.keys())
+        for event in self._heard:
+            names.update(self._plugin_events(event))
+        found = {name.partition(".")[0] for name in names}
+        owners = self._catalog.owners
+        used: list[tuple[str, Iterable[str]]] = [
+            ("function", self._usage.functions),
+            ("parameter", self._usage.parameters),
+            ("type", self._declared.types),
+            ("value", [found.value for found in self._declared.inputs.values()]),
+        ]
+        found.update(
+            owners[family, name] for family, some in used for name in some if (family, name) in owners
+        )
+        return tuple(sorted(found - {BUILTIN}))
+
+    def _plugin_events(self, event: str) -> list[str]:
+        """Return the plugins' events that a transition names, by a prefix or in full; `*` names none."""
+        if event.endswith(".*"):
+            return [name for name in self._catalog.events if name.startswith(event[:-1])]
+        return [event] if event in self._catalog.events else []
+
+    def _parameters(self, plugins: Iterable[str]) -> dict[str, Parameter]:
+        """Return the settings of the chart, sorted by where they come from: plugins, then files.
+
+        A part's parameter that every use gives a value cannot be set from outside.
+        """
+        found: dict[str, Parameter] = {}
+        for plugin in plugins:
+            found.update(self._catalog.plugins[plugin].parameters)
+        for part in self._parts.values():
+            uses = self._bound.get(part.title, [])
+            for name in set.intersection(*uses) if uses else ():
+                elsewhere = any(
+                    name in own for title, own in self._declared.by_file.items() if title != part.title
+                )
+                if not elsewhere:
+                    self._declared.parameters.pop(name, None)
+        found.update(self._declared.parameters)
+        return found
+
+    # -- missions ------------------------------------------------------------------------------------------
+
+    def _read_requests(self) -> None:
+        for mission in self._missions:
+            scope = self._scope_of(mission, "")
+            fields: dict[str, Field] = {}
+            for name, node in mission.request.items():
+                place = mission.key_at("request", name)
+                found = self._declarer.field(name, node, place, scope, set(self._codes))
+                if found is not None:
+                    fields[name] = found
+            self._requests[mission.name] = fields
+
+    def _mission_records(self) -> dict[str, Mission]:
+        found = {}
+        for mission in self._missions:
+            wrapper = next(
+                (
+                    d
+                    for d in self._forest.drafts.values()
+                    if d.file is mission and d.node is None and d.parent
+                ),
+                None,
+            )
+            if wrapper is not None:
+                place = mission.at("mission")
+                request = self._requests[mission.name]
+                found[mission.name] = Mission(
+                    mission.name, wrapper.name, place.file, mission.summary, request, place
+                )
+        return found
+
+    # -- invariants ----------------------------------------------------------------------------------------
+
+    def _invariants(self, files: Iterable[FileNode]) -> dict[str, Invariant]:
+        """Read the invariants of all files; each has a name of its own in the whole chart."""
+        found: dict[str, Invariant] = {}
+        for file in files:
+            for name, node in file.invariants.items():
+                place, path = file.key_at("invariants", name), f"invariants.{name}"
+                if not self._declarer.good_name("invariant", name, place, path):
+                    continue
+                if name in found:
+                    problem = f"a second invariant is called {name!r}, after {found[name].place}"
+                    self._findings.add(place, "conflicting-definition", path, problem, "rename one")
+                    continue
+                that = self._always_true(file, node, file.value_at("invariants", name), path)
+                if that is not None:
+                    found[name] = Invariant(name, that, place, node.summary)
+        return found
+
+    def _always_true(self, file: FileNode, node: InvariantNode, place: Place, path: str) -> Expression | None:
+        """Read the condition of an invariant; it may not read what every use of its part sets otherwise."""
+        scope, usage = self._scope_of(file, ""), Usage()
+        for name in _MOMENTARY:
+            scope = scope.without(name, _AT_ALL_TIMES)
+        place = node.at("that") if node.written else place
+        that = read_guard(node.that, place, replace(scope, usage=usage), self._findings, path)
+        for family in ("parameters", "functions", "inputs"):
+            getattr(self._usage, family).update(getattr(usage, family))
+        given = set().union(*self._bound.get(file.title, []))
+        for name in sorted(given & usage.parameters):
+            problem = f"param.{name} is given by a use of the part, so it has no value outside of it"
+            hint = "write the invariant without it, or let no use of the part set it"
+            self._findings.add(place, "unknown-parameter", path, problem, hint)
+        return that
+
+    # -- scopes --------------------------------------------------------------------------------------------
+
+    def _scope_of(self, file: FileNode, mission: str) -> Scope:
+        base = self._declarer.base_scope(file)
+        states = tuple(name for name in self._forest.drafts if name)
+        scope = replace(base, states=states, open_states=file is self._lifecycle)
+        if not mission or mission not in self._requests:
+            return scope
+        fields = {name: found.type for name, found in self._requests[mission].items()}
+        return scope.with_names({"request": Type("record", "request", fields=fields)})
+
+    def _base(self, file: FileNode, mission: str) -> Scope:
+        """Return what every expression of a file sees within a mission."""
+        key = (file.title, mission)
+        if key not in self._bases:
+            self._bases[key] = self._scope_of(file, mission)
+        return self._bases[key]
+
+    def _outer(self, draft: Draft) -> Scope:
+        """Return what stands around a state: its parent's inner scope, or its file's where a file begins."""
+        parent = draft.parent
+        if parent is None or parent.inner is None or (draft.node is None and draft.kind is not Kind.HISTORY):
+            return self._base(draft.file, draft.mission)
+        return parent.inner
+
+    # -- states --------------------------------------------------------------------------------------------
+
+    def _state(self, draft: Draft) -> State:
+        outer = self._outer(draft)
+        node = draft.node
+        draft.scope = draft.inner = outer
+        itinerary = None
+        if node is not None and node.itinerary is not None:
+            itinerary, draft.scope = self._itinerary(draft, node.itinerary, outer)
+            draft.inner = draft.scope
+        if node is not None and node.use is not None:
+            draft.inner = self._part_scope(draft, node, draft.scope)
+        initial = self._initial(draft)
+        return State(
+            draft.name,
+            draft.kind,
+            draft.place,
+            draft.parent.name if draft.parent else None,
+            tuple([child.name for child in draft.children.values()]),
+            initial,
+            draft.label,
+            draft.mission,
+            draft.slot,
+            depth=draft.depth,
+            itinerary=itinerary,
+            **self._written(draft),
+        )
+
+    def _written(self, draft: Draft) -> dict[str, Any]:
+        """Return the fields of a state that come from what is written in it."""
+        if draft.node is not None:
+            return self._of_state(draft, draft.node)
+        return self._of_file(draft) if draft.kind is not Kind.HISTORY else {}
+
+    def _of_file(self, draft: Draft) -> dict[str, Any]:
+        """Return what the file says of the root, or of the wrapper of a mission."""
+        file, scope = draft.file, self._any_event(draft)
+        entry = file.entry if isinstance(file, MissionNode) else []
+        leave = file.exit if isinstance(file, MissionNode) else []
+        handlers = file.on if isinstance(file, (LifecycleNode, MissionNode)) else {}
+        return {
+            "summary": file.summary,
+            "entry": self._read_actions(entry, scope, draft, "entry"),
+            "exit": self._read_actions(leave, scope, draft, "exit"),
+            "transitions": tuple(self._handlers(draft, file, handlers)),
+        }
+
+    def _of_state(self, draft: Draft, node: StateNode) -> dict[str, Any]:
+        scope = self._any_event(draft)
+        works = draft.kind is not Kind.FINAL and draft.kind is not Kind.HISTORY
+        assert draft.scope is not None
+        invoke = None
+        found: dict[str, Any] = {"summary": node.summary, "phase": node.phase, "paused": node.paused}
+        if node.invoke and works:
+            invoke = self._invokes.read(node.invoke, scope, _path(draft.name, "invoke"))
+            found["invoke"] = invoke
+        if node.for_each and works:
+            path = _path(draft.name, "for_each")
+            found["for_each"] = self._invokes.for_each(node.for_each, draft.scope, path)
+        if node.budget and works:
+            found["budget"] = self._budget(draft, node.budget)
+        if node.entry:
+            found["entry"] = self._read_actions(node.entry, scope, draft, "entry")
+        if node.exit:
+            found["exit"] = self._read_actions(node.exit, scope, draft, "exit")
+        found["transitions"] = self._transitions(draft, node, invoke, scope)
+        if node.after:
+            found["timers"] = tuple(self._timers(draft, node, scope))
+        found["resume_at"] = self._resume_at(draft, node)
+        return found
+
+    def _read_actions(
+        self, nodes: Sequence[ActionNode], scope: Scope, draft: Draft, key: str
+    ) -> tuple[ActionCall, ...]:
+        return self._actions.read(nodes, scope, _path(draft.name, key))
+
+    def _initial(self, draft: Draft) -> str | None:
+        written = draft.initial
+        if draft.kind is Kind.HISTORY:
+            siblings = draft.parent
+            if written is None or siblings is None:
+                return None
+            return self._forest.resolve_child(written[0], siblings, written[1], _path(draft.name, "initial"))
+        if draft.kind is Kind.PARALLEL and written is not None:
+            problem = "every child of a parallel state is entered, none of them first"
+            self._findings.add(written[1], "wrong-shape", draft.name, problem, "leave 'initial' out")
+            return None
+        if written is not None:
+            return self._forest.resolve_child(written[0], draft, written[1], _path(draft.name, "initial"))
+        if draft.kind is not Kind.COMPOUND:
+            return None
+        return self._only_child(draft)
+
+    def _only_child(self, draft: Draft) -> str | None:
+        """Choose the child to enter where none is written: the only one that is a beginning."""
+        proper = [child for child in draft.children.values() if child.kind not in (Kind.FINAL, Kind.HISTORY)]
+        proper = proper or [child for child in draft.children.values() if child.kind is not Kind.HISTORY]
+        if len(proper) == 1:
+            return proper[0].name
+        if not proper and not draft.slot and draft.part is None:
+            problem = "nothing inside this state can be entered"
+            self._findings.add(draft.place, "no-initial", draft.name, problem, "add a state inside")
+        if proper and not draft.slot:
+            names = ", ".join(repr(child.local) for child in proper)
+            problem = f"it is not said which of {names} is entered first"
+            self._findings.add(
+                draft.place, "no-initial", draft.name, problem, f"write 'initial: {proper[0].local}'"
+            )
+        return None
+
+    def _itinerary(self, draft: Draft, node: ItineraryNode, outer: Scope) -> tuple[Itinerary | None, Scope]:
+        path = _path(draft.name, "itinerary")
+        items = read_key(node, "items", list_of(ANY), outer, self._findings, path)
+        item = (items.type.item if items is not None else None) or ANY
+        sweeps = read_key(node, "sweeps", COUNT, outer, self._findings, path)
+        order = None
+        if node.order is not None:
+            each = outer.without("itinerary", "it is not decided yet which target is next")
+            each = each.with_names({"target": item})
+            order = read_per_element(node, "order", "target", item, ("number",), each, self._findings, path)
+        inner = outer.with_names({"target": item, "itinerary": ITINERARY})
+        if items is None:
+            return None, inner
+        walk = Itinerary(items, node.place, order, sweeps, node.on_abort == "leave_open", node.source)
+        return walk, inner
+
+    def _part_scope(self, draft: Draft, node: StateNode, scope: Scope) -> Scope:
+        """Return what the states of a part see: the part's declarations, and what its user hands on."""
+        part = draft.part
+        if part is None:
+            return scope
+        if part.needs == "itinerary" and "itinerary" in scope.absent:
+            problem = f"the part {part.part!r} needs an itinerary"
+            hint = "add 'itinerary: {items: ...}' to the state that uses it"
+            self._findings.add(node.at("use"), "missing-itinerary", draft.name, problem, hint)
+            scope = scope.with_names({"target": ANY, "itinerary": ITINERARY})
+        base = self._base(part, draft.mission)
+        handed = {name: scope.names[name] for name in ("target", "itinerary") if name in scope.names}
+        bound = self._bind(draft, node, part, scope)
+        return replace(base.with_names(handed), bound=bound)
+
+    def _bind(self, draft: Draft, node: StateNode, part: PartNode, scope: Scope) -> dict[str, Typed]:
+        """Read the values that a use gives to parameters of its part."""
+        own = self._declared.by_file.get(part.title, {})
+        found: dict[str, Typed] = {}
+        for name, raw in node.with_.items():
+            path, place = _path(draft.name, f"with.{name}"), node.value_at("with", name)
+            if name not in own:
+                at = node.key_at("with", name)
+                self._findings.unknown(at, "unknown-parameter", path, "parameter of the part", name, own)
+                continue
+            value = self._bound_value(raw, place, own[name].type, scope, path)
+            if value is not None:
+                found[name] = value._replace(type=own[name].type)
+        for name, parameter in own.items():
+            if parameter.default is None and name not in node.with_:
+                path, problem = f"{draft.name}.with", f"the part {part.part!r} needs the parameter {name!r}"
+                hint = f"add 'with: {{{name}: ...}}'"
+                self._findings.add(node.at("use"), "missing-argument", path, problem, hint)
+        self._bound.setdefault(part.title, []).append(set(found))
+        return found
+
+    def _bound_value(self, raw: Any, place: Place, wanted: Type, scope: Scope, path: str) -> Typed | None:
+        fragment = fragment_of(raw) if isinstance(raw, Text) and is_expression(raw) else None
+        if fragment is not None:
+            return check_expression(fragment, scope, wanted, self._findings, path)
+        constant = read_constant(raw, place, wanted, self._findings, path)
+        return literal(constant.value, wanted) if constant else None
+
+    def _any_event(self, draft: Draft) -> Scope:
+        """Return a state's scope with the event that led there, of which nothing is known beforehand."""
+        assert draft.scope is not None
+        return draft.scope.with_event(ANY)
+
+    # -- transitions ---------------------------------------------------------------------------------------
+
+    def _transitions(
+        self, draft: Draft, node: StateNode, invoke: Invoke | None, any_event: Scope
+    ) -> tuple[Transition, ...]:
+        """Compose what a state does about endings, events and time, in the order of the language."""
+        assert draft.scope is not None
+        scope = draft.scope
+        found: list[Transition] = []
+        if node.on_done:
+            ended = self._after(scope, names_when_done, invoke)
+            found += self._list(draft, draft, node.on_done, "on_done", "done", ended)
+        if node.on_error:
+            failed = self._after(scope, names_when_failed, invoke)
+            found += self._list(draft, draft, node.on_error, "on_error", "error", failed)
+        if node.on:
+            found += self._handlers(draft, node, node.on)
+        if node.always:
+            found += self._list(draft, draft, node.always, "always", "", any_event)
+        for index, nodes in enumerate(node.after.values()):
+            found += self._list(draft, draft, nodes, f"after.{index}", f"after.{index}", any_event)
+        if node.budget is not None:
+            found.append(self._when_used_up(draft, node.budget))
+        return tuple(found)
+
+    def _after(self, scope: Scope, names: _Names, invoke: Invoke | None) -> Scope:
+        """Return what is seen after an operation, worked out once for all states that invoke it."""
+        key = (scope, names, invoke.name if invoke else "", invoke.timeout_code if invoke else None)
+        found = self._after_work.get(key)
+        if found is None:
+            found = self._after_work[key] = scope.with_names(names(invoke))
+        return found
+
+    def _handlers(
+        self, draft: Draft, holder: StateNode | FileNode, handlers: Mapping[str, list[TransitionNode]]
+    ) -> list[Transition]:
+        found: list[Transition] = []
+        for event, nodes in handlers.items():
+            # What an unknown event leads to is read all the same: a slip in its name hides no other.
+            known = self._is_event(event, holder, draft) or event.startswith("operator.")
+            found += self._handler(draft, event, nodes, event if known else f"unknown.{event}")
+        return found
+
+    def _handler(self, draft: Draft, event: str, nodes: list[TransitionNode], heard: str) -> list[Transition]:
+        copies = [node for node in nodes if node.use is not None]
+        if not copies:
+            scope = self._event_scope(draft, event)
+            return self._list(draft, draft, nodes, f"on.{event}", heard, scope)
+        node, path = copies[0], _path(draft.name, f"on.{event}")
+        if len(nodes) > 1 or node.model_fields_set != {"use"}:
+            problem, hint = "'use' copies all that the other state answers", "let it stand alone"
+            self._findings.add(node.key_at("use"), "wrong-shape", path, problem, hint)
+            return []
+        return self._copy(draft, event, node, path)
+
+    def _copy(self, draft: Draft, event: str, node: TransitionNode, path: str) -> list[Transition]:
+        """Compose another state's transitions for an event again, with this state as their source."""
+        name = self._forest.resolve(node.use or "", draft, node, "use", path)
+        other = self._forest.drafts[name] if name is not None else None
+        if other is None:
+            return []
+        answers = other.node.on.get(event, []) if other.node else []
+        if not answers or any(answer.use for answer in answers):
+            problem = f"{other.name!r} has no answer of its own to {event!r}"
+            self._findings.add(node.at("use"), "unknown-state", path, problem, "name a state that answers it")
+            return []
+        if other.scope is None:
+            other.scope = self._outer(other)
+        return self._list(draft, other, answers, f"on.{event}", event, self._event_scope(other, event))
+
+    def _when_used_up(self, draft: Draft, node: BudgetNode) -> Transition:
+        """Compose what happens when the time of a state is used up."""
+        path = _path(draft.name, "budget")
+        check_code(node.code, node.at("code"), f"{path}.code", self._codes, self._findings)
+        return Transition(
+            id=path,
+            event="budget",
+            source=draft.name,
+            place=node.place,
+            target=self._forest.resolve(node.target, draft, node, "target", path),
+            actions=self._actions.read(node.do, self._any_event(draft), f"{path}.do"),
+            code=node.code,
+        )
+
+    def _is_event(self, event: str, holder: StateNode | FileNode, draft: Draft) -> bool:
+        """Tell whether an event that `holder` listens to can arrive."""
+        if event in self._events or event == "*":
+            return True
+        return self._check_event(event, holder.key_at("on", event), _path(draft.name, f"on.{event}"))
+
+    def _check_event(self, event: str, place: Place, path: str) -> bool:
+        if event.endswith(".*") and any(known.startswith(event[:-1]) for known in self._events):
+            if event.startswith("input."):
+                problem = "levels cannot be listened to all at once"
+                self._findings.add(place, "unknown-event", path, problem, "name each of them")
+                return False
+            return True
+        allowed = self._events
+        named = event.removeprefix("input.").partition(".")[0]
+        if event == f"input.{named}" and named in self._declared.inputs:
+            levels = [name for name in allowed if name.startswith(f"{event}.")]
+            problem = f"{event!r} is a {self._declared.inputs[named].type}, which is no event"
+            hint = nearest(event, levels) if levels else "only a yes or no, or a level, can be listened to"
+            self._findings.add(place, "unknown-event", path, problem, hint)
+            return False
+        self._findings.unknown(place, "unknown-event", path, "event", event, allowed)
+        return False
+
+    def _event_scope(self, draft: Draft, event: str) -> Scope:
+        assert draft.scope is not None
+        if event == "mission.start":
+            return draft.scope.with_event(_START)
+        if event in self._catalog.events:
+            return draft.scope.with_event(self._type_of(event))
+        return draft.scope.with_event(_NOTHING if event.startswith("operator.") else ANY)
+
+    def _type_of(self, event: str) -> Type:
+        """Return what is known of an event of a plugin, the same object every time."""
+        if event not in self._event_types:
+            self._event_types[event] = Type("record", "event", fields=self._catalog.events[event].fields)
+        return self._event_types[event]
+
+    def _list(
+        self, source: Draft, owner: Draft, nodes: Sequence[TransitionNode], key: str, event: str, scope: Scope
+    ) -> list[Transition]:
+        """Compose transitions that `owner` writes and `source` takes (they differ for copies only)."""
+        self._heard.add(event)
+        prefix, path, found = _path(source.name, key), _path(owner.name, key), []
+        for index, node in enumerate(nodes):
+            id = prefix if index == 0 and key.startswith("after.") else f"{prefix}.{index}"
+            found.append(self._transition(node, id, event, source, owner, scope, path))
+        return found
+
+    def _transition(
+        self, node: TransitionNode, id: str, event: str, source: Draft, owner: Draft, scope: Scope, path: str
+    ) -> Transition:
+        if node.use is not None:
+            problem = "only the answer to an event can be copied"
+            self._findings.add(node.key_at("use"), "wrong-shape", path, problem)
+        target, refuse, code = node.target, node.refuse, node.code
+        resolved = None
+        if target is not None:
+            resolved = self._forest.resolve(target, owner, node, "target", path)
+        if refuse is not None or code is not None:
+            self._check_codes(node, path)
+        if refuse is not None or target is None:
+            self._check_sense(node, event, path)
+        return Transition(
+            id,
+            event,
+            source.name,
+            node.place,
+            resolved,
+            self._guard(node, scope, path) if node.guard is not None else None,
+            self._actions.read(node.do, scope, f"{path}.do") if node.do else (),
+            refuse,
+            self._hold_names(node, "during", path) if node.during else _NO_HOLDS,
+            self._hold_names(node, "releases", path) if node.releases else _NO_HOLDS,
+            code,
+            node.internal,
+        )
+
+    def _guard(self, node: TransitionNode, scope: Scope, path: str) -> Expression | None:
+        """Read a guard; one with mistakes still counts as a guard for the rules that follow."""
+        if node.guard is None:
+            return None
+        place = node.at("guard")
+        found = read_guard(node.guard, place, scope, self._findings, f"{path}.guard")
+        return found or Expression(str(node.guard), place, BOOL, lambda _: False)
+
+    def _check_codes(self, node: TransitionNode, path: str) -> None:
+        for word in ("refuse", "code"):
+            code = getattr(node, word)
+            if code is not None:
+                check_code(code, node.at(word), path, self._codes, self._findings)
+
+    def _check_sense(self, node: TransitionNode, event: str, path: str) -> None:
+        """Refuse combinations that contradict themselves."""
+        if node.refuse is not None and event not in REQUESTS and not event.startswith("operator."):
+            problem = "only a request can be refused"
+            self._findings.add(node.key_at("refuse"), "wrong-shape", path, problem, "leave 'refuse' out")
+        elif node.refuse is not None and (node.target is not None or node.do):
+            problem = "a refusal changes nothing, so it has no target and no actions"
+            self._findings.add(node.key_at("refuse"), "wrong-shape", path, problem, "write two transitions")
+        elif event.startswith("input.") and node.target is None:
+            problem = f"while {event} is true this would be taken for ever"
+            self._findings.add(node.place, "level-without-target", path, problem, "add 'target: STATE'")
+
+    def _hold_names(self, node: TransitionNode, key: str, path: str) -> frozenset[str]:
+        found = set()
+        for index, name in enumerate(getattr(node, key)):
+            place = node.at(key, index)
+            hold = self._declared.holds.get(name)
+            if hold is None:
+                self._findings.unknown(place, "unknown-hold", path, "hold", name, self._declared.holds)
+            elif key == "releases" and hold.engage.startswith("input."):
+                problem = f"the hold {name!r} follows {hold.engage} and can only be released by a person"
+                self._findings.add(place, "releases-level-hold", path, problem, f"write 'during: {name}'")
+            else:
+                found.add(name)
+        return frozenset(found)
+
+    def _resume_at(self, draft: Draft, node: StateNode) -> tuple[Transition, ...]:
+        """Compose which child is entered on coming back; a use may decide otherwise than its part."""
+        own = node.resume_at or (draft.part.resume_at if draft.part else [])
+        if not own:
+            return ()
+        inner = draft.scope if node.resume_at else draft.inner
+        assert inner is not None
+        scope = inner.with_names({"event": ANY})
+        path = _path(draft.name, "resume_at")
+        found = []
+        for index, written in enumerate(own):
+            if written.target is None:
+                hint = "add 'target: CHILD'"
+                self._findings.add(written.place, "missing-key", path, "'resume_at' names a child", hint)
+                continue
+            target = self._forest.resolve_child(written.target, draft, written.at("target"), path)
+            guard = self._guard(written, scope, path)
+            found.append(
+                Transition(f"{path}.{index}", "resume", draft.name, written.place, target=target, guard=guard)
+            )
+        return tuple(found)
+
+    def _timers(self, draft: Draft, node: StateNode, scope: Scope) -> Iterator[Timer]:
+        for index, key in enumerate(node.after):
+            text, event = node.text_of_key("after", key), f"after.{index}"
+            place = text.place
+            value = read_value(text, place, DURATION, scope, self._findings, _path(draft.name, event))
+            if value is not None:
+                yield Timer(event, value, place)
+
+    def _budget(self, draft: Draft, node: BudgetNode) -> Timer | None:
+        assert draft.scope is not None
+        scope = draft.scope.without("event", "the time is counted over all visits")
+        value = read_key(node, "after", DURATION, scope, self._findings, _path(draft.name, "budget"))
+        return None if value is None else Timer("budget", value, node.place)
+
+
+def _path(state: str, word: str) -> str:
+    return f"{state}.{word}" if state else word
+
+
+def _invoked(draft: Draft) -> Iterator[str]:
+    """Yield the names of the operations that a state's text begins."""
+    node = draft.node
+    if node is not None and node.invoke is not None:
+        yield node.invoke.do
+    if node is not None and node.for_each is not None:
+        yield node.for_each.invoke.do
+
+
+def _actions(draft: Draft) -> list[ActionNode]:
+    """Return every action that a state's text writes."""
+    node, file = draft.node, draft.file
+    found: list[ActionNode] = []
+    if node is None:
+        if isinstance(file, MissionNode):
+            found += (*file.entry, *file.exit)
+        if isinstance(file, (LifecycleNode, MissionNode)):
+            _add_done(found, file.on.values())
+        return found
+    found += (*node.entry, *node.exit)
+    answers = [node.on_done, node.on_error, node.always, *node.on.values(), *node.after.values()]
+    _add_done(found, answers)
+    if node.budget is not None:
+        found += node.budget.do
+    if node.for_each is not None:
+        for ending in (node.for_each.on_done, node.for_each.on_error):
+            found += ending.do if ending is not None else ()
+    return found
+
+
+def _add_done(found: list[ActionNode], lists: Iterable[Sequence[TransitionNode]]) -> None:
+    """Add what transitions do."""
+    for nodes in lists:
+        for node in nodes:
+            found += node.do

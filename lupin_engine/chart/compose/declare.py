@@ -1,0 +1,487 @@
+"""What the files of a chart declare before any state is looked at: parameters, inputs, codes, holds, ...
+
+Every name is one for the whole chart, whichever file declares it: parameters become ROS parameters, codes
+reach one `last_error`. Two files may declare the same name, but then with the same meaning.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from lupin_engine.chart.documents import (
+    FileNode,
+    HoldNode,
+    InputNode,
+    LevelNode,
+    LifecycleNode,
+    ParameterNode,
+    RequestFieldNode,
+)
+from lupin_engine.chart.expressions.checker import BUILTIN_CALLS, ROOTS, WORDS, Scope, Usage
+from lupin_engine.chart.expressions.evaluation import Constant
+from lupin_engine.chart.expressions.units import describe, in_lists, is_number, one, with_article
+from lupin_engine.chart.findings import Findings
+from lupin_engine.chart.model import CARRIED, REQUESTS, Field, Hold, Input, Level, Variable
+from lupin_engine.chart.values import read_constant, read_guard, read_key, read_value
+from lupin_engine.errors import Place, Severity, nearest
+from lupin_engine.plugin.contract import Code, Parameter
+from lupin_engine.plugin.registry import Catalog
+from lupin_engine.plugin.types import (
+    BOOL,
+    DURATION,
+    NUMBER,
+    UNITS,
+    Type,
+    innermost,
+    number_in,
+    parse_type,
+    units_of,
+)
+
+if TYPE_CHECKING:
+    from lupin_engine.chart.binding_file import ArgumentNode, BoundValueNode, ResultNode
+
+NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
+
+#: How bad a code is, by the word that files have for it.
+SEVERITIES: Mapping[str, Severity] = {"info": Severity.INFO, "warn": Severity.WARN, "error": Severity.ERROR}
+
+#: What a thing that expressions read cannot be called: those read by their bare name, and those after a dot.
+_TAKEN: Mapping[str, frozenset[str]] = {
+    **dict.fromkeys(("variable", "element"), ROOTS.union(BUILTIN_CALLS, WORDS)),
+    **dict.fromkeys(("parameter", "input", "level", "field", "hold"), WORDS),
+}
+
+_T = TypeVar("_T")
+
+
+@dataclass
+class Declared:
+    """The declarations of all files, joined; `places` say where each was first declared, for what follows."""
+
+    parameters: dict[str, Parameter] = field(default_factory=dict)
+    inputs: dict[str, Input] = field(default_factory=dict)
+    codes: dict[str, Code] = field(default_factory=dict)
+    context: dict[str, Variable] = field(default_factory=dict)
+    holds: dict[str, Hold] = field(default_factory=dict)
+    by_file: dict[str, dict[str, Parameter]] = field(default_factory=dict)
+    places: dict[tuple[str, str], Place] = field(default_factory=dict)
+    types: set[str] = field(default_factory=set)
+
+
+class Declarer:
+    """Reads the declarations of one file after the other into one `Declared`."""
+
+    def __init__(self, catalog: Catalog, findings: Findings, usage: Usage) -> None:
+        self._catalog = catalog
+        self._findings = findings
+        self._types = catalog.known_types
+        self._usage = usage
+        self.declared = Declared()
+
+    def read(self, files: Iterable[FileNode]) -> Declared:
+        """Read the declarations of `files`, the lifecycle first."""
+        nodes = list(files)
+        for node in nodes:
+            self._parameters(node)
+        for node in nodes:
+            self._codes(node)
+            self._inputs(node)
+            self._context(node)
+        return self.declared
+
+    # -- shared --------------------------------------------------------------------------------------------
+
+    def _put(self, family: str, known: dict[str, _T], name: str, thing: _T, place: Place, same: Any) -> None:
+        """Enter a declaration; `same` tells whether it means what an earlier one of that name does."""
+        if name in known and not same(known[name], thing):
+            first = self.declared.places[family, name]
+            problem = f"{family} {name!r} is declared differently in {first}"
+            self._findings.add(
+                place, "conflicting-definition", "", problem, "make both the same, or rename one"
+            )
+        if name not in known:
+            known[name] = thing
+            self.declared.places[family, name] = place
+
+    def good_name(self, what: str, name: str, place: Place, path: str) -> bool:
+        """Tell whether a thing can be called that; a finding otherwise."""
+        formed = NAME.fullmatch(name) is not None
+        if formed and name not in _TAKEN.get(what, ()):
+            return True
+        problem = f"{name!r} cannot be used as the name of {one(what)}"
+        hint = "it is a word of expressions" if formed else "use letters, digits and underscores"
+        self._findings.add(place, "bad-name", path, problem, hint)
+        return False
+
+    def _type(self, text: str, place: Place, path: str) -> Type | None:
+        try:
+            kind = parse_type(text, self._types)
+        except ValueError as error:
+            problem, _, hint = str(error).partition("; ")
+            self._findings.add(place, "unknown-type", path, problem, hint)
+            return None
+        self.declared.types.add(innermost(kind).name)
+        return kind
+
+    def base_scope(self, file: FileNode | None, functions: bool = True) -> Scope:
+        """Return what an expression of a file sees anywhere: parameters, inputs, variables, functions."""
+        known = dict(self._catalog.parameters)
+        for name in [next(iter(self.declared.by_file), ""), file.title if file else ""]:
+            known.update(self.declared.by_file.get(name, {}))
+        names = {
+            "param": Type("record", "param", fields={name: known[name].type for name in known}),
+            "input": Type(
+                "record", "input", fields={n: input_type(i) for n, i in self.declared.inputs.items()}
+            ),
+            **{name: variable.type for name, variable in self.declared.context.items()},
+        }
+        absent = {
+            "error": ("unknown-name", "only an on_error has one"),
+            "request": ("unknown-name", "only the states of a mission have one"),
+            "event": ("unknown-name", "nothing has happened yet where this is read"),
+            "target": ("missing-itinerary", "no state around this one has an itinerary"),
+            "itinerary": ("missing-itinerary", "no state around this one has an itinerary"),
+        }
+        known_functions = self._catalog.functions if functions else {}
+        return Scope(names, known_functions, (), tuple(self.declared.holds), absent, {}, self._usage)
+
+    # -- parameters ----------------------------------------------------------------------------------------
+
+    def _parameters(self, file: FileNode) -> None:
+        own = self.declared.by_file.setdefault(file.title, {})
+        for name, node in file.params.items():
+            place, path = file.key_at("params", name), f"params.{name}"
+            if not self.good_name("parameter", name, place, path):
+                continue
+            parameter = self.parameter(node, path)
+            if parameter is None:
+                continue
+            own[name] = parameter
+            plugin = self._catalog.parameters.get(name)
+            if plugin is not None and not _same_parameter(plugin, parameter):
+                owner = self._catalog.owners["parameter", name]
+                problem = f"parameter {name!r} is declared differently by plugin {owner!r}"
+                self._findings.add(
+                    place, "conflicting-definition", path, problem, "use that one, or rename yours"
+                )
+            self._put("parameter", self.declared.parameters, name, parameter, place, _same_parameter)
+
+    def parameter(self, node: ParameterNode, path: str) -> Parameter | None:
+        """Read a setting; None after findings that leave no type."""
+        kind = self.measured(node, path)
+        if kind is None:
+            return None
+        default = None
+        if "default" in node.model_fields_set:
+            default = read_constant(node.default, node.at("default"), kind, self._findings, f"{path}.default")
+        low, high = (self.limit(node, key, kind, path) for key in ("min", "max"))
+        value = default.value if default is not None else None
+        if isinstance(value, (int, float)):
+            self.check_range(node, "default", value, low, high, path)
+        return Parameter(kind, value, node.summary, low, high)
+
+    def measured(
+        self, node: ParameterNode | ArgumentNode | ResultNode | BoundValueNode, path: str
+    ) -> Type | None:
+        """Read a type and the unit beside it; a plain number with a unit is one of that dimension."""
+        kind, unit = self._type(node.type, node.at("type"), path), node.unit
+        if kind is None or unit is None:
+            return kind
+        of = innermost(kind)
+        if of is NUMBER and unit in UNITS:
+            return in_lists(kind, number_in(UNITS[unit][0]))
+        units = units_of(of.unit) if of.kind == "number" else []
+        if unit not in units:
+            problem, hint = f"{describe(kind)} is not measured in {unit!r}", "leave 'unit' out"
+            if units and unit not in UNITS:
+                problem, hint = f"unknown unit {unit!r}", nearest(unit, units if of.unit else UNITS)
+            elif units:
+                hint = f"its units are {', '.join(map(repr, units))}"
+            elif of.kind == "integer":
+                hint = f"write 'type: {in_lists(kind, NUMBER)}'"
+            self._findings.add(node.at("unit"), "wrong-unit", path, problem, hint)
+        return kind
+
+    def limit(
+        self,
+        node: ParameterNode | RequestFieldNode | InputNode | ArgumentNode,
+        key: str,
+        kind: Type,
+        path: str,
+    ) -> float | None:
+        """Read a minimum or maximum of a number; None when there is none, or after findings."""
+        raw = getattr(node, key)
+        if raw is None:
+            return None
+        if kind.kind not in ("integer", "number"):
+            problem = f"{with_article(kind)} has no {key}"
+            self._findings.add(node.key_at(key), "wrong-type", path, problem, f"leave {key!r} out")
+            return None
+        found = read_constant(raw, node.at(key), kind, self._findings, f"{path}.{key}")
+        return None if found is None else float(found.value)
+
+    def check_range(
+        self,
+        node: ParameterNode | InputNode | ArgumentNode,
+        key: str,
+        value: float | None,
+        low: float | None,
+        high: float | None,
+        path: str,
+    ) -> bool:
+        """Tell whether a range holds something, and the value under `key`; a finding otherwise."""
+        what, wrong = f"the {key} value" if key == "initial" else f"the {key}", ""
+        if low is not None and value is not None and value < low:
+            wrong = f"{what} is below the minimum of {node.min}"
+        elif high is not None and value is not None and value > high:
+            wrong = f"{what} is above the maximum of {node.max}"
+        if low is not None and high is not None and low > high:
+            key, wrong = "min", f"the minimum of {node.min} is above the maximum of {node.max}"
+        if wrong:
+            self._findings.add(node.at(key), "out-of-range", path, wrong)
+        return not wrong
+
+    # -- codes, inputs, variables --------------------------------------------------------------------------
+
+    def _codes(self, file: FileNode) -> None:
+        for name, node in file.codes.items():
+            place = file.key_at("codes", name)
+            if self.good_name("code", name, place, f"codes.{name}"):
+                code = Code(name, node.label, SEVERITIES[node.severity])
+                self._put("code", self.declared.codes, name, code, place, _equal)
+
+    def _inputs(self, file: FileNode) -> None:
+        scope = self.base_scope(file, functions=False)
+        for name, node in file.inputs.items():
+            place, path = file.key_at("inputs", name), f"inputs.{name}"
+            found = (
+                self._input(name, node, place, scope, path)
+                if self.good_name("input", name, place, path)
+                else None
+            )
+            if found is not None:
+                self._put("input", self.declared.inputs, name, found, place, _same_input)
+
+    def _input(self, name: str, node: InputNode, place: Place, scope: Scope, path: str) -> Input | None:
+        value = self._catalog.values.get(node.value)
+        if value is None:
+            at = node.at("value")
+            self._findings.unknown(at, "unknown-value", path, "live value", node.value, self._catalog.values)
+            return None
+        initial = self._constant(node, "initial", value.type, value.initial, path)
+        freshness = self._constant(node, "freshness", DURATION, value.freshness, path)
+        low, high = (self.limit(node, key, value.type, path) for key in ("min", "max"))
+        known = initial if isinstance(initial, (int, float)) else None
+        self.check_range(node, "initial", known, low, high, path)
+        self._check_unit(node, value.type, path)
+        levels = [
+            self._level(node, key, level, value.type, scope, path) for key, level in node.levels.items()
+        ]
+        kept = tuple(level for level in levels if level is not None)
+        low = value.type.minimum if low is None else low
+        high = value.type.maximum if high is None else high
+        of_mission = node.since is not None
+        return Input(name, node.value, value.type, place, freshness, initial, kept, low, high, of_mission)
+
+    def _constant(self, node: InputNode, key: str, kind: Type, otherwise: Any, path: str) -> Any:
+        """Return what is written under `key`, else what the plugin says."""
+        raw = getattr(node, key)
+        if raw is None:
+            return otherwise
+        read = read_constant(raw, node.at(key), kind, self._findings, f"{path}.{key}")
+        return read.value if read else None
+
+    def _check_unit(self, node: InputNode, kind: Type, path: str) -> None:
+        """Refuse a unit that the value does not have; it is written for people, so it must be right."""
+        of_value = [unit for unit, (base, _) in UNITS.items() if is_number(kind) and base == kind.unit]
+        if node.unit is None or node.unit in of_value:
+            return
+        hint = "leave 'unit' out"
+        if of_value:
+            hint = f"write {' or '.join(map(repr, of_value))}, or {hint}"
+        problem = f"{node.value} is {with_article(kind)}, which is not measured in {node.unit!r}"
+        self._findings.add(node.at("unit"), "wrong-unit", path, problem, hint)
+
+    def _level(
+        self, node: InputNode, name: str, level: LevelNode, kind: Type, scope: Scope, path: str
+    ) -> Level | None:
+        place, path = node.key_at("levels", name), f"{path}.levels.{name}"
+        if not self.good_name("level", name, place, path):
+            return None
+        if kind.kind not in ("number", "integer"):
+            problem = f"a level is drawn from a number, {node.value} is {with_article(kind)}"
+            self._findings.add(place, "wrong-type", path, problem)
+            return None
+        if name == "value":
+            self._findings.add(
+                place, "bad-name", path, "a level cannot be called 'value', the number itself is"
+            )
+            return None
+        found = {
+            key: read_key(level, key, kind, scope, self._findings, path)
+            for key in ("below", "above", "hysteresis")
+        }
+        written = [key for key in ("below", "above") if getattr(level, key) is not None]
+        if len(written) == 1:
+            begins = found[written[0]] is not None
+            return Level(name, found["hysteresis"], place, found["below"], found["above"]) if begins else None
+        if not written:
+            problem, hint = "it is not said where the level begins", "write 'below: ...' or 'above: ...'"
+            self._findings.add(place, "missing-key", path, problem, hint)
+        else:
+            problem, hint = "a level has either 'below' or 'above'", "make two levels of it"
+            self._findings.add(level.key_at("above"), "wrong-shape", path, problem, hint)
+        return None
+
+    def _context(self, file: FileNode) -> None:
+        scope = self.base_scope(file)
+        for name, node in file.context.items():
+            place, path = file.key_at("context", name), f"context.{name}"
+            if not self.good_name("variable", name, place, path):
+                continue
+            kind = self._type(node.type, node.at("type"), path)
+            if kind is None:
+                continue
+            at = node.at("default")
+            default = read_value(node.default, at, kind, scope, self._findings, f"{path}.default")
+            # One with a mistaken default is declared all the same, or each use would be told as well.
+            variable = Variable(name, kind, default or Constant(None, at, kind), place)
+            self._put("variable", self.declared.context, name, variable, place, _same_variable)
+
+    # -- holds and requests --------------------------------------------------------------------------------
+
+    def name_holds(self, file: LifecycleNode) -> None:
+        """Make the names of the holds known, so that expressions can ask for them."""
+        for name, node in file.holds.items():
+            place = file.key_at("holds", name)
+            if self.good_name("hold", name, place, f"holds.{name}"):
+                self.declared.holds[name] = Hold(name, node.engage, tuple(node.release), node.code, place)
+
+    def holds(self, file: LifecycleNode, scope: Scope, codes: Iterable[str]) -> dict[str, Hold]:
+        """Read the holds of the lifecycle, whose guards see `scope`."""
+        known = set(codes)
+        return {
+            name: self._hold(name, file.holds[name], hold.place, scope, known)
+            for name, hold in self.declared.holds.items()
+        }
+
+    def _hold(self, name: str, node: HoldNode, place: Place, scope: Scope, codes: set[str]) -> Hold:
+        path, findings = f"holds.{name}", self._findings
+        allowed = [*REQUESTS, *level_events(self.declared.inputs)]
+        if node.engage not in allowed:
+            findings.unknown(node.at("engage"), "unknown-event", path, "event", node.engage, allowed)
+        for index, event in enumerate(node.release):
+            if event not in REQUESTS:
+                findings.unknown(node.at("release", index), "unknown-event", path, "request", event, REQUESTS)
+        for key in ("code", "engage_code"):
+            code = getattr(node, key)
+            if code is not None and code not in codes:
+                findings.unknown(node.at(key), "undeclared-code", path, "code", code, codes)
+        guards = {
+            key: read_guard(getattr(node, key), node.at(key), scope, findings, f"{path}.{key}")
+            for key in ("engage_guard", "release_guard")
+        }
+        if (
+            node.engage_guard is not None
+            and node.engage_code is None
+            and not node.engage.startswith("input.")
+        ):
+            problem = "a request that the guard refuses needs a reason"
+            findings.add(node.place, "missing-key", path, problem, "write 'engage_code: ...'")
+        return Hold(
+            name,
+            node.engage,
+            tuple(node.release),
+            node.code,
+            place,
+            guards["engage_guard"],
+            node.engage_code,
+            guards["release_guard"],
+        )
+
+    def field(
+        self, name: str, node: RequestFieldNode, place: Place, scope: Scope, codes: set[str]
+    ) -> Field | None:
+        """Read one field of a mission's request."""
+        path, findings = f"request.{name}", self._findings
+        if not self.good_name("field", name, place, path):
+            return None
+        kind = self._type(node.type, node.at("type"), path)
+        if kind is None:
+            return None
+        default = None
+        if node.default is not None:
+            default = read_value(node.default, node.at("default"), kind, scope, findings, f"{path}.default")
+        self._can_be_given(name, node, kind, place, path)
+        if node.not_empty is not None:
+            at = node.at("not_empty")
+            if kind.kind != "list":
+                problem = f"only a list can be empty, this is {with_article(kind)}"
+                findings.add(at, "wrong-type", path, problem)
+            elif node.not_empty not in codes:
+                findings.unknown(at, "undeclared-code", path, "code", node.not_empty, codes)
+        return Field(name, kind, place, default, node.not_empty, self.limit(node, "min", kind, path))
+
+    def _can_be_given(self, name: str, node: RequestFieldNode, kind: Type, place: Place, path: str) -> None:
+        """Refuse a field that no start can fill: a mission with it could never begin."""
+        carried = CARRIED.get(name)
+        if carried is None and node.default is None:
+            problem = f"no start carries {name!r} ({' and '.join(CARRIED)} are all), so it needs a default"
+            self._findings.add(place, "missing-key", path, problem, "write 'default: ...'")
+        elif carried is not None and kind.kind != carried:
+            article = "a list" if carried == "list" else "a whole number"
+            problem = f"a start carries {name!r} as {article}, this is {describe(kind)}"
+            self._findings.add(node.at("type"), "wrong-type", path, problem, "choose another name")
+
+
+def input_type(found: Input) -> Type:
+    """Return what an expression sees of an input: the value, or a record of the value and its levels."""
+    if not found.levels:
+        return found.type
+    fields = {"value": found.type, **{level.name: BOOL for level in found.levels}}
+    return Type("record", f"input.{found.name}", fields=fields)
+
+
+def level_events(inputs: Mapping[str, Input]) -> list[str]:
+    """Return the events that stand for a level: yes-or-no inputs, and the levels drawn from numbers."""
+    plain = [f"input.{name}" for name, found in inputs.items() if found.type.kind == "bool"]
+    return plain + [f"input.{name}.{level.name}" for name, found in inputs.items() for level in found.levels]
+
+
+def _equal(first: Any, second: Any) -> bool:
+    return bool(first == second)
+
+
+def _same_parameter(first: Parameter, second: Parameter) -> bool:
+    return (first.type, first.default, first.minimum, first.maximum) == (
+        second.type,
+        second.default,
+        second.minimum,
+        second.maximum,
+    )
+
+
+def _same_input(first: Input, second: Input) -> bool:
+    plain = [
+        (
+            *(i.value, i.freshness, i.initial, i.minimum, i.maximum, i.of_mission),
+            [(level.name, _text(level.below), _text(level.above)) for level in i.levels],
+        )
+        for i in (first, second)
+    ]
+    return plain[0] == plain[1]
+
+
+def _same_variable(first: Variable, second: Variable) -> bool:
+    return first.type == second.type and _text(first.default) == _text(second.default)
+
+
+def _text(value: Any) -> Any:
+    return getattr(value, "source", None) or getattr(value, "value", None)
+
+
+__all__ = ["NAME", "REQUESTS", "SEVERITIES", "Declared", "Declarer", "input_type", "level_events"]

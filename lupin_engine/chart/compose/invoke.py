@@ -1,0 +1,153 @@
+"""Operations that a state begins: its own, or one for every element of a list."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+
+from lupin_engine.chart.compose.actions import ActionReader
+from lupin_engine.chart.compose.declare import Declarer
+from lupin_engine.chart.documents import ElementEndNode, ForEachNode, InvokeNode, LimitNode, RetryNode
+from lupin_engine.chart.expressions.checker import Scope
+from lupin_engine.chart.expressions.evaluation import Value
+from lupin_engine.chart.findings import Findings
+from lupin_engine.chart.model import ActionCall, ForEach, Invoke, Retry
+from lupin_engine.chart.values import read_arguments, read_guard, read_key, read_per_element, read_value
+from lupin_engine.errors import Place, meant
+from lupin_engine.plugin.contract import Operation
+from lupin_engine.plugin.registry import Catalog
+from lupin_engine.plugin.types import ANY, COUNT, DURATION, TEXT, Type, list_of
+
+#: Codes that any operation may end in: they are the engine's, whatever the operation declares.
+ENGINE_CODES = ("driver_error", "execution_error", "operation_cancelled")
+
+_SOME = Type("integer", "count", minimum=1)
+_FACTOR = Type("number", "number", minimum=1)
+_SHARE = Type("number", "share", minimum=0, maximum=1)
+
+
+class InvokeReader:
+    """Reads the operations of one chart."""
+
+    def __init__(
+        self,
+        catalog: Catalog,
+        declarer: Declarer,
+        codes: Iterable[str],
+        actions: ActionReader,
+        findings: Findings,
+    ) -> None:
+        self._catalog = catalog
+        self._declarer = declarer
+        self._codes = set(codes)
+        self._actions = actions
+        self._findings = findings
+        #: Names of all operations that were read.
+        self.used: set[str] = set()
+
+    def read(self, node: InvokeNode, scope: Scope, path: str) -> Invoke | None:
+        """Read an operation with its limits; None when there is none of that name."""
+        operation = self._catalog.operations.get(node.do)
+        if operation is None:
+            known = self._catalog.operations
+            self._findings.unknown(node.at("do"), "unknown-operation", path, "operation", node.do, known)
+            return None
+        self.used.add(node.do)
+        given = node.mapping("with")
+        arguments = read_arguments(
+            node.do, operation.arguments, given, node.at("do"), scope, self._findings, f"{path}.with"
+        )
+        timeout, code = self._timeout(node, scope, path)
+        retry = self._retry(node.retry, operation, code, scope, f"{path}.retry") if node.retry else None
+        return Invoke(node.do, operation, arguments, node.place, timeout, code, retry)
+
+    def _timeout(self, node: InvokeNode, scope: Scope, path: str) -> tuple[Value | None, str | None]:
+        limit = node.timeout
+        if limit is None:
+            problem, hint = f"nothing ends the wait for {node.do}", "add 'timeout: {after: 30 s, code: CODE}'"
+            self._findings.add(node.place, "no-deadline", path, problem, hint + " or 'timeout: never'")
+        if not isinstance(limit, LimitNode):
+            return None, None
+        path = f"{path}.timeout"
+        check_code(limit.code, limit.at("code"), f"{path}.code", self._codes, self._findings)
+        return read_key(limit, "after", DURATION, scope, self._findings, path), limit.code
+
+    def _retry(
+        self, node: RetryNode, operation: Operation, timeout_code: str | None, scope: Scope, path: str
+    ) -> Retry | None:
+        findings = self._findings
+        attempts = read_key(node, "attempts", COUNT, scope, findings, path)
+        backoff = read_key(node, "backoff", DURATION, scope, findings, path)
+        factor = read_key(node, "factor", _FACTOR, scope, findings, path)
+        jitter = read_key(node, "jitter", _SHARE, scope, findings, path)
+        if node.unless:
+            self._check_unless(node, operation, timeout_code, path)
+        for key in ("factor", "jitter") if node.backoff is None else ():
+            if getattr(node, key) is not None:
+                problem = f"{key!r} changes the pauses between attempts, and there are none"
+                findings.add(node.key_at(key), "missing-key", path, problem, "add 'backoff: 1 s'")
+        if attempts is None:
+            return None
+        return Retry(attempts, backoff, frozenset(node.unless), factor, jitter)
+
+    def _check_unless(
+        self, node: RetryNode, operation: Operation, timeout_code: str | None, path: str
+    ) -> None:
+        """Refuse a code that the operation cannot end in."""
+        possible = {code.name for code in operation.codes} | ({timeout_code} if timeout_code else set())
+        for index, code in enumerate(node.unless):
+            if code not in possible:
+                at = node.at("unless", index)
+                self._findings.unknown(at, "undeclared-code", path, "code of this operation", code, possible)
+
+    # -- one for every element -----------------------------------------------------------------------------
+
+    def for_each(self, node: ForEachNode, scope: Scope, path: str) -> ForEach | None:
+        """Read what is done for the elements of a list; None after findings that leave nothing to do."""
+        findings = self._findings
+        around = scope.without("event", "an element comes without an event")
+        items = read_value(node.in_, node.at("in"), list_of(ANY), around, findings, f"{path}.in")
+        kind = (items.type.item if items is not None else None) or ANY
+        self._check_item(node, around, path)
+        inner = around.with_item(node.item, kind)
+        key = read_per_element(node, "key", node.item, kind, ("text", "number"), inner, findings, path)
+        limit = read_key(node, "limit", _SOME, around, findings, path)
+        when = read_guard(node.when, node.at("when"), inner, findings, f"{path}.when")
+        invoke = self.read(node.invoke, inner, f"{path}.invoke")
+        done = self._end(node.on_done, inner.with_names(names_when_done(invoke)), f"{path}.on_done")
+        error = self._end(node.on_error, inner.with_names(names_when_failed(invoke)), f"{path}.on_error")
+        if items is None or key is None or invoke is None:
+            return None
+        return ForEach(node.item, items, key, invoke, node.place, limit, when, done, error)
+
+    def _check_item(self, node: ForEachNode, scope: Scope, path: str) -> None:
+        """Refuse a name of the element that means something else already, or cannot be read."""
+        place, path = node.at("item"), f"{path}.item"
+        if self._declarer.good_name("element", node.item, place, path) and node.item in scope.names:
+            problem = f"{node.item!r} is a variable of the chart, the element would hide it"
+            self._findings.add(place, "bad-name", path, problem, "choose another name")
+
+    def _end(self, node: ElementEndNode | None, scope: Scope, path: str) -> tuple[ActionCall, ...]:
+        return self._actions.read(node.do, scope, f"{path}.do") if node else ()
+
+
+def names_when_done(invoke: Invoke | None) -> Mapping[str, Type]:
+    """Return what is seen of an operation that has succeeded, or of a state that has ended."""
+    return {"event": Type("record", "event", fields=invoke.operation.result) if invoke else ANY}
+
+
+def names_when_failed(invoke: Invoke | None) -> Mapping[str, Type]:
+    """Return what is seen of an operation that has failed: its code is one of those that it can end in."""
+    code = TEXT
+    if invoke is not None:
+        known = {code.name for code in invoke.operation.codes} | {*ENGINE_CODES}
+        known |= {invoke.timeout_code} if invoke.timeout_code else set()
+        code = Type("text", "text", values=tuple(sorted(known)))
+    return {"error": Type("record", "error", fields={"code": code, "detail": TEXT}), "event": ANY}
+
+
+def check_code(code: str, place: Place, path: str, declared: Iterable[str], findings: Findings) -> None:
+    """Refuse a code that has no label."""
+    if code in declared:
+        return
+    hint = meant(code, declared) or f"add 'codes: {{{code}: {{label: ..., severity: warn}}}}'"
+    findings.add(place, "undeclared-code", path, f"the code {code!r} is not declared", hint)

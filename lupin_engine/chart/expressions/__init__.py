@@ -1,0 +1,1 @@
+"""Expressions of the language: a typed, side-effect-free subset of Python, checked at load."""

@@ -1,0 +1,91 @@
+"""What checked expressions read, found in their text: names, and inputs that may be unknown."""
+
+from __future__ import annotations
+
+import ast
+import re
+from collections.abc import Iterator
+from functools import lru_cache
+
+from lupin_engine.chart.expressions.checker import MAX_NODES
+
+_CACHED = 4096
+
+
+@lru_cache(_CACHED)
+def tree_of(source: str) -> ast.expr | None:
+    """Parse an expression that was checked before; None for one that was refused as no expression."""
+    try:
+        tree = ast.parse(re.sub(r"\s", " ", source), mode="eval").body
+    except (SyntaxError, ValueError, MemoryError, RecursionError):
+        return None
+    # What was refused as too large may be deeper than Python can follow.
+    return None if 2 * len(source) > MAX_NODES and sum(1 for _ in ast.walk(tree)) > MAX_NODES else tree
+
+
+@lru_cache(_CACHED)
+def names_read(source: str) -> frozenset[str]:
+    """Return the first words of all that an expression reads or calls: `input`, `reason`, `in_state`."""
+    tree = tree_of(source)
+    return (
+        frozenset(node.id for node in ast.walk(tree) if isinstance(node, ast.Name)) if tree else frozenset()
+    )
+
+
+@lru_cache(_CACHED)
+def inputs_read(source: str) -> tuple[str, ...]:
+    """Return the inputs that an expression reads where it has not asked whether they are known."""
+    tree = tree_of(source)
+    return tuple(dict.fromkeys(_unasked(tree, frozenset()))) if tree is not None else ()
+
+
+def _unasked(node: ast.AST, known: frozenset[str]) -> Iterator[str]:
+    """Yield the inputs that are read below a node, given those that are known there."""
+    name = _input(node)
+    if name is not None:
+        if name not in known:
+            yield name
+    elif isinstance(node, ast.BoolOp):
+        for value in node.values:
+            yield from _unasked(value, known)
+            known |= _asked(value, isinstance(node.op, ast.And))
+    elif isinstance(node, ast.IfExp):
+        yield from _unasked(node.test, known)
+        yield from _unasked(node.body, known | _asked(node.test, True))
+        yield from _unasked(node.orelse, known | _asked(node.test, False))
+    elif _question(node) is None:
+        for child in ast.iter_child_nodes(node):
+            yield from _unasked(child, known)
+
+
+def _asked(node: ast.expr, outcome: bool) -> frozenset[str]:
+    """Return the inputs that are known where a condition came out as `outcome`."""
+    name = _question(node)
+    if name is not None:
+        return frozenset([name]) if outcome else frozenset()
+    if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.Not):
+        return _asked(node.operand, not outcome)
+    if isinstance(node, ast.BoolOp):
+        found = [_asked(value, outcome) for value in node.values]
+        if isinstance(node.op, ast.And) is outcome:
+            return frozenset().union(*found)
+        return frozenset.intersection(*found)
+    return frozenset()
+
+
+def _question(node: ast.AST) -> str | None:
+    """Return the input that `known(input.NAME)` asks about."""
+    if (
+        isinstance(node, ast.Call)
+        and isinstance(node.func, ast.Name)
+        and node.func.id == "known"
+        and node.args
+    ):
+        return _input(node.args[0])
+    return None
+
+
+def _input(node: ast.AST) -> str | None:
+    if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and node.value.id == "input":
+        return node.attr
+    return None

@@ -1,0 +1,96 @@
+"""Running the rules about a composed chart: what must hold beyond each piece being right by itself.
+
+A rule is a small function in `chart.rules`, by subject. It looks at the composed states, so it sees parts
+expanded and targets resolved. Rules that follow transitions through the whole chart run only when all of
+them could be resolved: after a misspelt target, half the chart would seem unreachable. So do rules about what
+is never used only when everything that could use it was understood.
+"""
+
+from __future__ import annotations
+
+from lupin_engine.chart.compose.compose import Composed
+from lupin_engine.chart.findings import Findings
+from lupin_engine.chart.rules.choices import both_can_win, never_wins, regions_clash, unhandled_outcome
+from lupin_engine.chart.rules.index import Index, Rule
+from lupin_engine.chart.rules.inputs import unknown_input_read
+from lupin_engine.chart.rules.loops import always_loop
+from lupin_engine.chart.rules.regions import region_leak, shared_resource
+from lupin_engine.chart.rules.unused import (
+    unheard_event,
+    unused_code,
+    unused_field,
+    unused_input,
+    unused_parameter,
+    unused_variable,
+)
+from lupin_engine.chart.rules.visits import visits
+from lupin_engine.chart.rules.ways import (
+    dead_end,
+    never_happens,
+    unreachable_state,
+    waits_for_ever,
+    waits_for_the_world,
+)
+
+#: After one of these the ways through the chart are not known.
+_BROKEN_WAYS = (
+    "unknown-state",
+    "unknown-operation",
+    "no-initial",
+    "part-loop",
+    "wrong-shape",
+    "too-large",
+    "bad-name",
+    "unknown-key",
+)
+#: After one of these it is not known what is read.
+_BROKEN_READS = ("bad-expression", "partial-expression", "unknown-parameter", *_BROKEN_WAYS)
+#: After one of these it is not known what is used: a misspelt name looks like one that nobody uses.
+_BROKEN_USES = (
+    "unknown-name",
+    "unknown-event",
+    "unknown-function",
+    "unknown-action",
+    "unknown-argument",
+    "unknown-value",
+    "unknown-hold",
+    "unknown-type",
+    "undeclared-code",
+    "missing-argument",
+    "missing-itinerary",
+    "wrong-type",
+    "wrong-unit",
+    "no-unit",
+    *_BROKEN_READS,
+)
+
+#: Rules that look at what stands side by side.
+LOCAL: tuple[Rule, ...] = (never_wins, both_can_win, unhandled_outcome, unknown_input_read, shared_resource)
+#: Rules that follow transitions through the chart, or ask what a state contains.
+GLOBAL: tuple[Rule, ...] = (
+    never_happens,
+    waits_for_ever,
+    waits_for_the_world,
+    unreachable_state,
+    dead_end,
+    always_loop,
+    regions_clash,
+    region_leak,
+    visits,
+)
+#: Rules about what is declared and not used.
+UNUSED: tuple[Rule, ...] = (unheard_event, unused_code, unused_input, unused_variable, unused_field)
+
+
+def check_composed(composed: Composed, findings: Findings) -> None:
+    """Run every rule that still makes sense after what has been found so far."""
+    rules = [*LOCAL]
+    if not findings.has(*_BROKEN_WAYS):
+        rules += GLOBAL
+    if not findings.has(*_BROKEN_READS):
+        rules.append(unused_parameter)
+    if not findings.has(*_BROKEN_USES):
+        rules += UNUSED
+    index = Index(composed, [found.place for found in findings.errors])
+    for rule in rules:
+        findings.extend(rule(index))

@@ -1,0 +1,1 @@
+"""Folders of mission files: from their names to one checked chart."""

@@ -1,0 +1,215 @@
+"""Attempts at action servers: from a goal to the one report that ends it, whatever becomes of the server.
+
+A driver says what goal to send and what its end means. That a goal which nobody waits for any more is
+cancelled as soon as it can be, and that a server which is out of sight for a moment has not lost it, is here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+from action_msgs.msg import GoalStatus
+from action_msgs.srv import CancelGoal
+
+from lupin_engine.plugin.contract import Outlet
+from lupin_engine.ros.adapter.node import Goal, RosNode
+from lupin_engine.ros.adapter.repeater import Repeater
+from lupin_engine.ros.adapter.service_driver import Done, Failed
+
+#: How often the servers of goals under way are looked at, in seconds.
+WATCH_PERIOD_S = 0.2
+#: How long an action server may be out of sight before its goals count as lost, in seconds of real time:
+#: discovery that stumbles is back sooner, and the clock of a simulation stops when the simulation dies.
+SERVER_GRACE_S = 2.0
+#: How long the answer to a request to cancel everything is waited for, in seconds. Nothing depends on it.
+_CLEARING_DEADLINE_S = 3.0
+
+
+class ActionServer:
+    """A server of an action. One that is `ours` works for us alone: what it did before is cancelled."""
+
+    def __init__(self, ros: RosNode, kind: Any, name: str, *, ours: bool) -> None:
+        self.name = name
+        self._caller = ros.action(kind, name)
+        self._cancel_all = ros.service(CancelGoal, f"{name}/_action/cancel_goal") if ours else None
+        self._clears = False
+        self._is_cleared = not ours
+
+    @property
+    def ready(self) -> bool:
+        """Whether it is there."""
+        return self._caller.ready()
+
+    def missing(self) -> list[str]:
+        """Name it while it cannot be reached, or the goals that it had are not yet cancelled.
+
+        A goal of an orchestrator that crashed would otherwise go on, with nobody who knows of it.
+        """
+        reached = self._cancel_all is None or self._cancel_all.ready()
+        if not (self.ready and reached):
+            return [f"action server {self.name}"]
+        if self._is_cleared:
+            return []
+        if not self._clears:
+            self._clears = True
+            self.clear()
+        return [f"action server {self.name} to cancel the goals it had"]
+
+    def clear(self) -> None:
+        """Ask a server of ours to cancel every goal: to it, no id and no time mean all."""
+        if self._cancel_all is not None:
+            self._cancel_all.call(CancelGoal.Request(), _CLEARING_DEADLINE_S, self._cleared)
+
+    def _cleared(self, _: Any) -> None:
+        # Also when there was no answer: a server that cannot say so is no reason not to boot.
+        self._is_cleared = True
+
+    def send(self, goal: Any, **callbacks: Callable[..., None]) -> Goal:
+        """Send a goal; see `ActionCaller.send`."""
+        return self._caller.send(goal, **callbacks)
+
+    def close(self) -> None:
+        """Let go of it; no callback follows."""
+        self._caller.close()
+        if self._cancel_all is not None:
+            self._cancel_all.close()
+
+
+@dataclass(frozen=True)
+class ActionOperation:
+    """How an operation fares at its server.
+
+    `outcome` says what the end of a goal means (an `action_msgs/GoalStatus` and the result; also 0, of a
+    server that no longer knows it), `told` what its feedback tells people.
+    """
+
+    server: ActionServer
+    outcome: Callable[[int, Any], Done | Failed]
+    told: Callable[[Any], str]
+    rejected: str
+    unavailable: str
+
+    def failed(self, code: str, state: str) -> Failed:
+        """Return that the server is in some state."""
+        return Failed(code, f"action server {self.server.name} is {state}")
+
+
+@dataclass
+class _Attempt:
+    """One attempt at a server."""
+
+    operation: ActionOperation
+    goal: Goal | None = None
+    cancelling: bool = False
+    out_of_sight: float = 0.0  # seconds since the server was last seen
+    told: str = ""
+
+
+class ActionAttempts:
+    """The attempts of one driver; see `plugin.contract.Driver` for what `start` and `cancel` promise."""
+
+    def __init__(self, ros: RosNode, outlet: Outlet) -> None:
+        self._outlet = outlet
+        self._running: dict[str, _Attempt] = {}
+        #: Nobody waits for these, and yet a server may still work on them.
+        self._lost: dict[str, _Attempt] = {}
+        self._watching = Repeater(ros.steady_timer, WATCH_PERIOD_S, self._watch)
+
+    def start(self, attempt: str, operation: ActionOperation, goal: Any) -> None:
+        """Send a goal; to nobody it would be lost without a word."""
+        if not operation.server.ready:
+            self._fail(attempt, operation.failed(operation.unavailable, "not there"))
+            return
+        made = self._running[attempt] = _Attempt(operation)
+        self._watching.start()
+        made.goal = operation.server.send(
+            goal,
+            accepted=partial(self._on_accepted, attempt),
+            feedback=partial(self._on_feedback, attempt),
+            ended=partial(self._on_ended, attempt),
+            rejected=partial(self._on_rejected, attempt),
+        )
+
+    def cancel(self, attempt: str) -> None:
+        """Ask that an attempt ends; a goal not yet accepted is left to be cancelled when it is."""
+        running = self._running.get(attempt)
+        if running is not None and running.goal is not None:
+            running.cancelling = True
+            running.goal.cancel()
+
+    def close(self) -> None:
+        """Have every goal cancelled as far as that can still be said, and report no more."""
+        self._watching.stop()
+        for attempt in list(self._running):
+            self._abandon(attempt)
+        # Also what a server has taken and not yet said so.
+        for server in dict.fromkeys(lost.operation.server for lost in self._lost.values()):
+            server.clear()
+
+    def _on_accepted(self, attempt: str) -> None:
+        lost = self._lost.get(attempt)
+        if lost is not None and lost.goal is not None:
+            lost.goal.cancel()
+        elif attempt in self._running:
+            self._outlet.accepted(attempt)
+
+    def _on_rejected(self, attempt: str) -> None:
+        self._lost.pop(attempt, None)
+        running = self._running.pop(attempt, None)
+        if running is not None:
+            operation = running.operation
+            self._fail(attempt, operation.failed(operation.rejected, "not willing to take the goal"))
+
+    def _on_feedback(self, attempt: str, feedback: Any) -> None:
+        running = self._running.get(attempt)
+        if running is None:
+            return
+        told = running.operation.told(feedback)
+        if told and told != running.told:
+            running.told = told
+            self._outlet.progress(attempt, told)
+
+    def _on_ended(self, attempt: str, status: int, result: Any) -> None:
+        self._lost.pop(attempt, None)
+        running = self._running.pop(attempt, None)
+        if running is None:
+            return
+        if status == GoalStatus.STATUS_CANCELED and running.cancelling:
+            self._outlet.cancelled(attempt)
+            return
+        outcome = running.operation.outcome(status, result)
+        if isinstance(outcome, Done):
+            self._outlet.done(attempt, outcome.result)
+        else:
+            self._fail(attempt, outcome)
+
+    def _fail(self, attempt: str, failed: Failed) -> None:
+        self._outlet.failed(attempt, failed.code, failed.detail)
+
+    # --- the servers' life
+
+    def _watch(self) -> None:
+        """Look at the servers from time to time; only while an attempt runs, for the sake of idling."""
+        if not self._running:
+            self._watching.stop()
+            return
+        for attempt, running in list(self._running.items()):
+            operation = running.operation
+            away = 0.0 if operation.server.ready else running.out_of_sight + WATCH_PERIOD_S
+            running.out_of_sight = away
+            if away >= SERVER_GRACE_S:
+                self._abandon(attempt)
+                self._fail(attempt, operation.failed(operation.unavailable, "gone"))
+
+    def _abandon(self, attempt: str) -> None:
+        """Wait for an attempt no more, but have its goal cancelled.
+
+        The server may only be out of reach and still working: the middleware repeats the request until it is
+        answered. A goal whose acceptance never came is cancelled when it comes.
+        """
+        abandoned = self._lost[attempt] = self._running.pop(attempt)
+        if abandoned.goal is not None:
+            abandoned.goal.cancel()

@@ -1,0 +1,352 @@
+"""Actions, both sides, over rclpy: goals that are not forgotten when the peers lose each other for a while.
+
+rclpy leaves the future of a result pending for ever when the result was sent while the link was down. A
+`Goal` therefore asks again when a server (re-)appears, and repeats a cancel request until it is answered.
+"""
+
+from __future__ import annotations
+
+import uuid
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+from action_msgs.msg import GoalStatus
+from action_msgs.srv import CancelGoal
+from rclpy.action import ActionClient, ActionServer, CancelResponse, GoalResponse
+from rclpy.action.client import ClientGoalHandle
+from rclpy.action.server import ServerGoalHandle
+from rclpy.task import Future
+from unique_identifier_msgs.msg import UUID
+
+from lupin_engine.ros.adapter.host import Host
+from lupin_engine.ros.adapter.qos import Qos
+from lupin_engine.ros.adapter.repeater import Repeater
+
+#: Seconds between two looks at the servers while a goal is under way; none otherwise.
+WATCH_PERIOD_S = 1.0
+
+_TERMINAL = frozenset((GoalStatus.STATUS_SUCCEEDED, GoalStatus.STATUS_CANCELED, GoalStatus.STATUS_ABORTED))
+
+
+class ActionCaller:
+    """The client of one action."""
+
+    def __init__(self, ros: Host, kind: Any, name: str) -> None:
+        self.ros = ros
+        self.kind = kind
+        self.name = name
+        services = Qos.SERVICES.profile()  # the default depth of 10 loses requests silently
+        self.client = ActionClient(
+            ros.node,
+            kind,
+            name,
+            goal_service_qos_profile=services,
+            result_service_qos_profile=services,
+            cancel_service_qos_profile=services,
+        )
+        self._goals: list[Goal] = []
+        self._servers: frozenset[bytes] = frozenset()
+        self._watch = Repeater(ros.steady_timer, WATCH_PERIOD_S, self._look)
+        self.closed = False
+
+    def ready(self) -> bool:
+        """Say whether a server is matched; a dead one counts for up to 3 s (the discovery lease)."""
+        return bool(self.client.server_is_ready())
+
+    def send(
+        self,
+        goal: Any,
+        *,
+        accepted: Callable[[], None],
+        feedback: Callable[[Any], None],
+        ended: Callable[[int, Any], None],
+        rejected: Callable[[], None],
+    ) -> Goal:
+        """Send `goal`; all callbacks come on the node's thread.
+
+        `accepted` comes at most once, then `feedback` any number of times, then `ended(status, result)`
+        with an `action_msgs/GoalStatus` (4 succeeded, 5 canceled, 6 aborted, 0 when a restarted server
+        does not know the goal). `rejected` comes instead when the goal was never taken. While no server
+        answers, nothing comes: deadlines are the caller's.
+        """
+        sent = Goal(self, accepted, feedback, ended, rejected)
+        self._goals.append(sent)
+        if not self._watch.running:
+            self._servers = self._matched_servers()
+            self._watch.start()
+        sent.send(goal)
+        return sent
+
+    def forget(self, goal: Goal) -> None:
+        """Stop watching `goal`, which has ended."""
+        if goal in self._goals:
+            self._goals.remove(goal)
+        if not self._goals:
+            self._watch.stop()
+
+    def close(self) -> None:
+        """Release the client; no callback follows. Closing twice does no harm."""
+        if self.closed:
+            return
+        self.closed = True
+        for goal in list(self._goals):
+            goal.drop()
+        self.client.destroy()
+
+    def _look(self) -> None:
+        before, self._servers = self._servers, self._matched_servers()
+        appeared = bool(self._servers - before)
+        for goal in list(self._goals):
+            goal.look(appeared)
+
+    def _matched_servers(self) -> frozenset[bytes]:
+        # The identity of the status publisher tells a restarted server from the one that took the goal.
+        if not self.ready():
+            return frozenset()
+        infos = self.ros.node.get_publishers_info_by_topic(f"{self.name}/_action/status")
+        return frozenset(bytes(info.endpoint_gid) for info in infos)
+
+
+class Goal:
+    """One goal under way; ends in exactly one of rejected and ended."""
+
+    def __init__(
+        self,
+        caller: ActionCaller,
+        accepted: Callable[[], None],
+        feedback: Callable[[Any], None],
+        ended: Callable[[int, Any], None],
+        rejected: Callable[[], None],
+    ) -> None:
+        self._caller = caller
+        self._client = caller.client
+        self._tell_accepted = accepted
+        self._tell_feedback = feedback
+        self._tell_ended = ended
+        self._tell_rejected = rejected
+        self._id = UUID(uuid=list(uuid.uuid4().bytes))
+        self._handle = self._own_handle()
+        self._accepted = False
+        self._over = False
+        self._result_overdue = False
+        self._cancelling: Future | None = None
+        self._cancel_unanswered = False
+
+    def cancel(self) -> None:
+        """Ask the server to end the goal, again and again until it answers.
+
+        Nothing happens before the goal is accepted: the caller cancels when `accepted` comes.
+        """
+        if self._accepted and not self._over:
+            self._cancel_unanswered = True
+            self._send_cancel()
+
+    def send(self, goal: Any) -> None:
+        """Send the goal request (called once, by the caller object)."""
+        guard = self._caller.ros.guarded
+        future = self._client.send_goal_async(goal, guard(self._on_feedback), self._id)
+        future.add_done_callback(guard(self._on_answer))
+
+    def look(self, server_appeared: bool) -> None:
+        """Repair what an outage may have lost; called while the goal is under way."""
+        finished = self._handle.status in _TERMINAL
+        if server_appeared or (finished and self._result_overdue):
+            self._ask_result()
+        self._result_overdue = finished
+        if self._cancel_unanswered and self._caller.ready():
+            self._send_cancel()
+
+    def drop(self) -> None:
+        """Forget the goal without telling anybody."""
+        self._over = True
+        self._caller.forget(self)
+
+    def _own_handle(self) -> ClientGoalHandle:
+        # The answer to the goal request may be lost: with a handle of our own the result can be asked for.
+        response = self._caller.kind.Impl.SendGoalService.Response(accepted=True)
+        return ClientGoalHandle(self._client, self._id, response)
+
+    def _on_answer(self, future: Future) -> None:
+        handle = future.result()
+        if self._over:
+            if handle.accepted:
+                handle.cancel_goal_async()  # taken after it was reported as rejected: must not run on
+        elif handle.accepted:
+            self._handle = handle  # this one is kept up to date by the status topic
+            self._accept()
+        else:
+            self._end(self._tell_rejected)
+
+    def _accept(self) -> None:
+        if self._accepted:
+            return
+        self._accepted = True
+        self._ask_result()
+        self._tell_accepted()
+
+    def _on_feedback(self, message: Any) -> None:
+        if self._over:
+            return
+        self._accept()  # feedback may overtake the answer to the goal request
+        self._tell_feedback(message.feedback)
+
+    def _ask_result(self) -> None:
+        future = self._client._get_result_async(self._handle)
+        future.add_done_callback(self._caller.ros.guarded(self._on_result))
+
+    def _on_result(self, future: Future) -> None:
+        response = future.result()
+        if self._over:
+            return
+        if not self._accepted and response.status == GoalStatus.STATUS_UNKNOWN:
+            self._end(self._tell_rejected)
+            return
+        if not self._accepted:
+            self._accepted = True
+            self._tell_accepted()
+        self._end(lambda: self._tell_ended(int(response.status), response.result))
+
+    def _end(self, tell: Callable[[], None]) -> None:
+        self._over = True
+        self._caller.forget(self)
+        # rclpy forgets the feedback callback only with the result, so a rejected goal would leave it behind.
+        self._client._feedback_callbacks.pop(bytes(self._id.uuid), None)
+        tell()
+
+    def _send_cancel(self) -> None:
+        if self._cancelling is not None:
+            self._client._remove_pending_cancel_request(self._cancelling)
+        self._cancelling = self._handle.cancel_goal_async()
+        self._cancelling.add_done_callback(self._caller.ros.guarded(self._on_cancel_answer))
+
+    def _on_cancel_answer(self, future: Future) -> None:
+        self._cancelling = None
+        self._cancel_unanswered = False
+        code = future.result().return_code
+        if self._over or code == CancelGoal.Response.ERROR_NONE:
+            return
+        if code == CancelGoal.Response.ERROR_REJECTED:
+            self._caller.ros.log.warning("the server refuses to cancel the goal", action=self._caller.name)
+        else:
+            self._ask_result()  # the goal is unknown or has ended: the result says which
+
+
+class ActionHost:
+    """The server of one action whose goals are worked on by timers, never inside a callback.
+
+    `admit(goal)` says whether a goal is taken; `started(served)` hands it over; `cancelled(served)` tells
+    that a client wants its end, which the owner then brings about with one of the endings of `served`.
+    """
+
+    def __init__(
+        self,
+        ros: Host,
+        kind: Any,
+        name: str,
+        *,
+        admit: Callable[[Any], bool],
+        started: Callable[[ServedGoal], None],
+        cancelled: Callable[[ServedGoal], None],
+    ) -> None:
+        self._ros = ros
+        self._kind = kind
+        self._admit = admit
+        self._started = started
+        self._cancelled = ros.guarded(cancelled)
+        self._served: dict[bytes, ServedGoal] = {}
+        self.closed = False
+        services = Qos.SERVICES.profile()
+        self._server = ActionServer(
+            ros.node,
+            kind,
+            name,
+            self._until_finished,
+            goal_callback=self._on_request,
+            handle_accepted_callback=self._on_accepted,
+            cancel_callback=self._on_cancel,
+            goal_service_qos_profile=services,
+            result_service_qos_profile=services,
+            cancel_service_qos_profile=services,
+        )
+
+    def close(self) -> None:
+        """Release the server. Closing twice does no harm."""
+        if not self.closed:
+            self.closed = True
+            self._server.destroy()
+
+    def _on_request(self, request: Any) -> GoalResponse:
+        try:
+            taken = self._admit(request)
+        except Exception:
+            self._ros.log.exception("admitting a goal failed; it is rejected")
+            taken = False
+        return GoalResponse.ACCEPT if taken else GoalResponse.REJECT
+
+    def _on_accepted(self, handle: ServerGoalHandle) -> None:
+        served = ServedGoal(self._ros, handle, self._forget)
+        self._served[served.key] = served
+        handle.execute()
+        try:
+            self._started(served)
+        except Exception:
+            self._ros.log.exception("beginning with a goal failed; it is aborted")
+            served.abort(self._kind.Result())
+
+    def _on_cancel(self, handle: ServerGoalHandle) -> CancelResponse:
+        served = self._served.get(bytes(handle.goal_id.uuid))
+        if served is None:
+            return CancelResponse.REJECT
+        # rclpy marks the goal as cancelling only after this callback: tell the owner afterwards.
+        self._ros.post(lambda: self._cancelled(served))
+        return CancelResponse.ACCEPT
+
+    async def _until_finished(self, handle: ServerGoalHandle) -> Any:
+        # rclpy sends the result when this coroutine returns; it rests here without a thread.
+        return await self._served[bytes(handle.goal_id.uuid)].result
+
+    def _forget(self, served: ServedGoal) -> None:
+        # After the coroutine has read the result.
+        self._ros.post(partial(self._served.pop, served.key, None))
+
+
+class ServedGoal:
+    """A goal that this node works on; ends once, by succeed, abort or cancel."""
+
+    def __init__(self, ros: Host, handle: ServerGoalHandle, forget: Callable[[ServedGoal], None]) -> None:
+        self._ros = ros
+        self._handle = handle
+        self._forget = forget
+        self.key = bytes(handle.goal_id.uuid)
+        self.request = handle.request
+        self.result: Future = Future()
+
+    @property
+    def active(self) -> bool:
+        """Whether the goal has not ended yet."""
+        return not self.result.done()
+
+    def feedback(self, message: Any) -> None:
+        """Publish feedback."""
+        if self.active:
+            self._handle.publish_feedback(message)
+
+    def succeed(self, result: Any) -> None:
+        """End the goal: reached."""
+        self._end(self._handle.succeed, result)
+
+    def abort(self, result: Any) -> None:
+        """End the goal: given up."""
+        self._end(self._handle.abort, result)
+
+    def cancel(self, result: Any) -> None:
+        """End the goal on its client's request; an error before the client asked."""
+        self._end(self._handle.canceled, result)
+
+    def _end(self, transition: Callable[[], None], result: Any) -> None:
+        if not self.active:
+            return
+        transition()
+        self.result.set_result(result)
+        self._forget(self)  # posting wakes the executor, which then resumes the waiting coroutine

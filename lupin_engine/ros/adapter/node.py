@@ -1,0 +1,431 @@
+"""The one adapter over rclpy: every node and every plugin client talks to ROS through a `RosNode`.
+
+Each work-around lives in this package, for this reason:
+
+* single-threaded executor: the multi-threaded one drops reliable messages, the events executor deadlocks;
+* guarded callbacks (`logs`): an exception in a callback ends the spin, while the services stay advertised;
+* depth 1000 on services (`qos`): the default queue of 10 over all clients loses requests silently;
+* a deadline on every call (`calls`), then `remove_pending_request`: an answer may never come;
+* results asked for again (`actions`): rclpy leaves the future pending when a result was lost in an outage;
+* requests refused by the middleware's timestamp (`executor`): those sent in an outage arrive after it;
+* own signal handlers (`process`): rclpy's shut the context down before anybody can say good-bye;
+* `ExternalShutdownException` ends a spin quietly: the context may be shut down from elsewhere;
+* the end of the spin closes executor, node and context: a leaking server steals the requests of the next;
+* a limit on that (`process`): Fast DDS deadlocks in about 1 of 700 ends when several nodes leave at once;
+* discovery profile (`process`): finding a peer takes up to 2.4 s and noticing its death 20 s without;
+* no second wake-up after each callback (`executor`): rclpy's costs a third of an idle node's processor time;
+* posting wakes the executor: nothing else makes it look for work of other threads;
+* timers run on the monotonic clock (on ROS time with `use_sim_time`): a stepped wall clock moves no deadline;
+* types of parameters said, integers taken for doubles (`declared`): rclpy refuses `60` for a double;
+* type hashes compared with the peers' (`peers`): a mismatch is otherwise silent;
+* servers counted (`peers`): two of one name are otherwise both obeyed.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import time
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
+from types import MappingProxyType
+from typing import Any
+
+import rclpy
+from builtin_interfaces.msg import Time
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
+from rclpy.context import Context
+from rclpy.exceptions import InvalidHandle, NameValidationException
+from rclpy.executors import ExternalShutdownException
+from rclpy.node import Node
+from rclpy.publisher import Publisher
+from rclpy.signals import SignalHandlerOptions
+from rclpy.subscription import Subscription
+
+from lupin_engine.errors import UsageError
+from lupin_engine.ros.adapter.actions import ActionCaller, ActionHost, Goal, ServedGoal
+from lupin_engine.ros.adapter.calls import Call, Failure, ServiceCaller
+from lupin_engine.ros.adapter.declared import Declared, DeclaredParameters
+from lupin_engine.ros.adapter.executor import Executor, Serving
+from lupin_engine.ros.adapter.logs import guarded, ros_log
+from lupin_engine.ros.adapter.peers import (
+    action_channels,
+    peer_mismatches,
+    rival_servers,
+    service_channels,
+)
+from lupin_engine.ros.adapter.process import ends_the_process_after, signals_call, use_discovery_profile
+from lupin_engine.ros.adapter.qos import Qos
+
+__all__ = [
+    "ActionCaller",
+    "ActionHost",
+    "Call",
+    "Failure",
+    "Goal",
+    "Qos",
+    "RosNode",
+    "ServedGoal",
+    "ServiceCaller",
+    "Timer",
+    "guarded",
+    "peer_mismatches",
+]
+
+#: Seconds after the start, and between, two looks at the peers.
+FIRST_PEER_CHECK_S = 1.0
+PEER_CHECK_PERIOD_S = 5.0
+
+#: This many exceptions outside callbacks within one second are a broken node, not a bad message.
+MAX_FAILURES_PER_SECOND = 20
+
+#: Seconds that releasing a node at the end of its spin may take before the process is ended by force.
+TEARDOWN_LIMIT_S = 3.0
+
+
+class Timer:
+    """A running timer of the node; ends with `cancel`."""
+
+    def __init__(self, node: Node, period: float, callback: Callable[[], None], clock: Clock) -> None:
+        self._node = node
+        self._timer = node.create_timer(period, callback, clock=clock)
+
+    def cancel(self) -> None:
+        """End the timer; its callback is not called any more. Cancelling twice does no harm."""
+        timer, self._timer = self._timer, None
+        if timer is not None:
+            self._node.destroy_timer(timer)
+
+
+class RosNode:
+    """A node with its own context and executor, all ROS arguments honoured; a context that closes it.
+
+    Everything is called on the thread that spins, except `post` and `stop`. Parameters are declared with
+    type, range and documentation; values given on the command line are checked before anything else.
+    Where they depend on what is given (a mission brings its own), `parameters` is a function of that.
+
+    Raises:
+        UsageError: ROS cannot read the arguments.
+        LupinError: a parameter has a value that it may not have.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        arguments: Sequence[str] = (),
+        parameters: Declared | Callable[[Mapping[str, Any]], Declared] = MappingProxyType({}),
+    ) -> None:
+        use_discovery_profile()
+        self._context = Context()
+        self.node = self._make_node(name, arguments)
+        self.name: str = self.node.get_name()
+        self.log = ros_log(self.node)
+        self._executor = Executor(self._context, self.log)
+        self._executor.add_node(self.node)
+        self._steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self._simulated = 0.0  # simulated time when it was read last; 0 is what ROS says before it knows
+        self._behind = 0.0  # what has to be added to it
+        self._posted: deque[Callable[[], object]] = deque()
+        self._wakeup = self.node.create_guard_condition(self._run_posted)
+        self._closed = self._stopping = False
+        self._stop_callbacks: list[Callable[[], None]] = []
+        self._closables: list[ActionCaller | ActionHost] = []
+        self._channels: dict[str, None] = {}
+        self._failures: deque[float] = deque(maxlen=MAX_FAILURES_PER_SECOND)
+        self._told_findings: frozenset[str] = frozenset()
+        self._seen_rivals: frozenset[str] = frozenset()
+        try:
+            self._declared = DeclaredParameters(self.node, self.log, arguments, parameters)
+            self._one_shot(FIRST_PEER_CHECK_S, self._check_peers, self._steady)
+            self.steady_timer(PEER_CHECK_PERIOD_S, self._check_peers)
+        except BaseException:
+            self.close()
+            raise
+
+    def _make_node(self, name: str, arguments: Sequence[str]) -> Node:
+        try:
+            rclpy.init(
+                args=list(arguments),
+                context=self._context,
+                signal_handler_options=SignalHandlerOptions.NO,
+            )
+            return Node(name, context=self._context)
+        except (RuntimeError, ValueError, NameValidationException) as error:
+            # rcl has half a dozen exceptions for bad arguments and names, all derived from these.
+            self._context.try_shutdown()
+            reason = str(error).split(", at /")[0]  # the rest is places in rcl's sources
+            raise UsageError(f"ROS does not start with the arguments {list(arguments)}: {reason}") from error
+
+    # --- parameters -------------------------------------------------------------------------------------
+
+    def parameters(self) -> dict[str, Any]:
+        """Return the current values of the declared parameters as plain data in base units."""
+        return self._declared.values()
+
+    def on_parameter(self, callback: Callable[[Mapping[str, Any]], str | None]) -> None:
+        """Allow changes at run time: `callback` gets the new values (checked, base units) by name.
+
+        It returns None to take them or a text that says why not. Without any callback every change is
+        refused, because a value that is only read at the start would seem to have been set.
+        """
+        self._declared.on_change(callback)
+
+    def set_parameter(self, name: str, value: Any) -> None:
+        """Correct a declared parameter from inside the node; the `on_parameter` callbacks hear of it."""
+        self._declared.set(name, value)
+
+    def starting_values(self, specs: Declared) -> dict[str, Any]:
+        """Return what parameters would be if the node was started with them; nothing changes.
+
+        Raises:
+            LupinError: a value was given that one of them may not have, or ROS has no such type.
+        """
+        return self._declared.starting_values(specs)
+
+    def declare_anew(self, specs: Declared) -> None:
+        """Have exactly these parameters: new and changed ones as at a start, the others as they are."""
+        self._declared.declare_anew(specs)
+
+    # --- time -------------------------------------------------------------------------------------------
+
+    def now(self) -> float:
+        """Return the time of the node's clock in seconds (wall clock, or ROS time with `use_sim_time`)."""
+        return float(self.node.get_clock().now().nanoseconds) * 1e-9
+
+    def stamp(self) -> Time:
+        """Return the time of the node's clock as a message."""
+        return self.node.get_clock().now().to_msg()
+
+    def elapsed(self) -> float:
+        """Return seconds on the clock of the timers: for durations, not to be shown or sent.
+
+        It never goes back. Simulated time that does goes on from here: what was a second ago is still a
+        second ago. So does time that is heard of for the first time: nobody has waited since 1970.
+        """
+        clock = self._timer_clock()
+        if clock is self._steady:
+            return float(clock.now().nanoseconds) * 1e-9
+        return self._continued(float(clock.now().nanoseconds) * 1e-9)
+
+    def _continued(self, simulated: float) -> float:
+        if simulated < self._simulated or not self._simulated:
+            self._behind += self._simulated - simulated
+        self._simulated = simulated
+        return simulated + self._behind
+
+    def timer(self, period: float, callback: Callable[[], None]) -> Timer:
+        """Call `callback` every `period` seconds (of ROS time with `use_sim_time`, else of real time)."""
+        return Timer(self.node, period, self.guarded(callback), self._timer_clock())
+
+    def call_later(self, delay: float, callback: Callable[[], None]) -> Timer:
+        """Call `callback` once after `delay` seconds (of ROS time with `use_sim_time`, else real time)."""
+        return self._one_shot(delay, callback, self._timer_clock())
+
+    def steady_timer(self, period: float, callback: Callable[[], None]) -> Timer:
+        """Call `callback` every `period` seconds of real time, also when simulated time stands still."""
+        return Timer(self.node, period, self.guarded(callback), self._steady)
+
+    def _one_shot(self, delay: float, callback: Callable[[], None], clock: Clock) -> Timer:
+        def fire() -> None:
+            timer.cancel()
+            callback()
+
+        timer = Timer(self.node, max(0.0, delay), self.guarded(fire), clock)
+        return timer
+
+    def _timer_clock(self) -> Clock:
+        # The ROS clock without simulated time is the wall clock, and that one is stepped now and then.
+        clock = self.node.get_clock()
+        return clock if clock.ros_time_is_active else self._steady
+
+    # --- topics, services, actions ----------------------------------------------------------------------
+
+    def publisher(self, kind: Any, topic: str, qos: Qos) -> Publisher:
+        """Return an object whose `publish(message)` sends to `topic`."""
+        publisher = self.node.create_publisher(kind, topic, qos.profile())
+        self._watch_channels([f"rt{publisher.topic_name}"])
+        return publisher
+
+    def subscribe(self, kind: Any, topic: str, qos: Qos, callback: Callable[[Any], None]) -> Subscription:
+        """Call `callback` with every message of `topic`, until the node's `destroy_subscription`."""
+        subscription = self.node.create_subscription(kind, topic, self.guarded(callback), qos.profile())
+        self._watch_channels([f"rt{subscription.topic_name}"])
+        return subscription
+
+    def serve(
+        self,
+        kind: Any,
+        name: str,
+        callback: Callable[[Any, Any], Any],
+        *,
+        stale_after: float | None = None,
+        refuse: Callable[[Any, str], Any] | None = None,
+    ) -> None:
+        """Answer requests with `callback(request, response)`, which returns the response.
+
+        A request that was sent more than `stale_after` seconds ago is not carried out: its caller has
+        given up. It is answered with `refuse(response, reason)`, in case the caller waits all the same and
+        only the hosts' wall clocks disagree; without `refuse` not at all. When the callback fails nothing
+        is answered, because an empty response may mean success; the caller's deadline tells it.
+        """
+        self._serve(kind, name, callback, Serving(stale_after, refuse, later=False))
+
+    def serve_later(
+        self,
+        kind: Any,
+        name: str,
+        callback: Callable[[Any, Any, Callable[[Any], None]], None],
+        *,
+        stale_after: float | None = None,
+        refuse: Callable[[Any, str], Any] | None = None,
+    ) -> None:
+        """Answer requests whenever it suits: `callback(request, response, answer)`, then `answer(response)`.
+
+        For answers that depend on others. `answer` is called once, now or later; see `serve` for the rest.
+        """
+        self._serve(kind, name, callback, Serving(stale_after, refuse, later=True))
+
+    def _serve(self, kind: Any, name: str, callback: Callable[..., Any], how: Serving) -> None:
+        profile = Qos.SERVICES.profile()
+        service = self.node.create_service(kind, name, self.guarded(callback), qos_profile=profile)
+        self._executor.serve(service, how)
+        self._watch_channels(service_channels(service.service_name))
+
+    def service(self, kind: Any, name: str) -> ServiceCaller:
+        """Return a client of the service `name`."""
+        self._watch_channels(service_channels(self.node.resolve_service_name(name)))
+        return ServiceCaller(self, kind, name)
+
+    def action(self, kind: Any, name: str) -> ActionCaller:
+        """Return a client of the action `name`."""
+        self._watch_channels(action_channels(self.node.resolve_topic_name(name)))
+        caller = ActionCaller(self, kind, name)
+        self._release_at_the_end(caller)
+        return caller
+
+    def serve_action(
+        self,
+        kind: Any,
+        name: str,
+        *,
+        admit: Callable[[Any], bool],
+        started: Callable[[ServedGoal], None],
+        cancelled: Callable[[ServedGoal], None],
+    ) -> ActionHost:
+        """Offer the action `name`; see `ActionHost` for the callbacks."""
+        self._watch_channels(action_channels(self.node.resolve_topic_name(name)))
+        host = ActionHost(self, kind, name, admit=admit, started=started, cancelled=cancelled)
+        self._release_at_the_end(host)
+        return host
+
+    def _release_at_the_end(self, closable: ActionCaller | ActionHost) -> None:
+        # Missions that are loaded anew make new clients: those that are closed are not kept.
+        self._closables = [*(other for other in self._closables if not other.closed), closable]
+
+    def channels(self) -> list[str]:
+        """Return the DDS topics that this node uses (see `peers`)."""
+        return list(self._channels)
+
+    def _watch_channels(self, channels: Sequence[str]) -> None:
+        self._channels.update(dict.fromkeys(channels))
+
+    def _check_peers(self) -> None:
+        rivals = frozenset(rival_servers(self))
+        found = frozenset(peer_mismatches(self)) | (rivals & self._seen_rivals)
+        for finding in sorted(found - self._told_findings):
+            self.log.error(finding)
+        self._told_findings, self._seen_rivals = found, rivals
+
+    # --- running ----------------------------------------------------------------------------------------
+
+    def guarded(self, callback: Callable[..., Any]) -> Callable[..., Any]:
+        """Return `callback` with its exceptions logged on this node; see `guarded`."""
+        return guarded(callback, self.log)
+
+    def post(self, callback: Callable[[], object]) -> None:
+        """Run `callback` on the node's thread, in the order of posting; safe from every thread."""
+        self._posted.append(callback)
+        with contextlib.suppress(InvalidHandle):  # the node has been closed meanwhile: nobody will run it
+            self._wakeup.trigger()
+
+    def _run_posted(self) -> None:
+        # Only what is there now: a callback that posts again must not keep messages waiting.
+        for _ in range(len(self._posted)):
+            self.guarded(self._posted.popleft())()
+
+    def spin(self) -> None:
+        """Work until SIGINT, SIGTERM or `stop`, then run the `on_stop` callbacks and close the node.
+
+        Returns cleanly in all these cases.
+
+        Raises:
+            Exception: the node keeps failing outside its callbacks (see MAX_FAILURES_PER_SECOND).
+        """
+        with signals_call(self.stop), contextlib.ExitStack() as end:
+            end.callback(self.leave)
+            end.callback(self._say_goodbye)
+            while self.spin_once():
+                pass
+
+    def _say_goodbye(self) -> None:
+        for callback in self._stop_callbacks:
+            self.guarded(callback)()
+
+    def spin_once(self, timeout: float | None = None) -> bool:
+        """Do one piece of work, waiting at most `timeout` seconds for it; False when it is time to end."""
+        if self._stopping or self._closed:
+            return False
+        self._work_once(timeout)
+        return not self._stopping and bool(self._context.ok())
+
+    def _work_once(self, timeout: float | None) -> None:
+        try:
+            self._executor.spin_once(timeout)
+        except ExternalShutdownException:
+            self._stopping = True
+        except Exception:
+            self.log.exception("rclpy failed outside a callback")
+            if self._fails_all_the_time():
+                raise
+
+    def _fails_all_the_time(self) -> bool:
+        self._failures.append(time.monotonic())
+        full = len(self._failures) == MAX_FAILURES_PER_SECOND
+        return full and self._failures[-1] - self._failures[0] < 1.0
+
+    def on_stop(self, callback: Callable[[], None]) -> None:
+        """Run `callback` when the spin ends, while publishers and services still work."""
+        self._stop_callbacks.append(callback)
+
+    def work_until(self, done: Callable[[], bool], seconds: float) -> None:
+        """Work on until `done()`, at most for so long: for `on_stop` callbacks that wait for an answer."""
+        end = time.monotonic() + seconds
+        while not done() and (left := end - time.monotonic()) > 0 and self._context.ok():
+            self._work_once(left)
+
+    def stop(self) -> None:
+        """End the spin; safe from every thread."""
+        self._stopping = True
+        self.post(lambda: None)
+
+    def leave(self) -> None:
+        """Close, as the last thing that this process does with ROS: a hanging teardown ends the process."""
+        with ends_the_process_after(TEARDOWN_LIMIT_S):
+            self.close()
+
+    def __enter__(self) -> RosNode:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Release executor, node and context. Closing twice does no harm."""
+        if self._closed:
+            return
+        self._closed = True
+        for closable in self._closables:
+            closable.close()
+        self._executor.shutdown()
+        self.node.destroy_node()
+        self._context.try_shutdown()

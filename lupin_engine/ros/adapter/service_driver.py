@@ -1,0 +1,96 @@
+"""A driver whose operations are one service call each; a plugin adds what to ask and what an answer means."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import partial
+from typing import Any
+
+from lupin_engine.plugin.contract import Outlet
+from lupin_engine.ros.adapter.node import Call, Failure, ServiceCaller
+
+#: When a call counts as lost, in seconds. The mission's own timeout is shorter and cancels the attempt; this
+#: one is for a mission that says `timeout: never`.
+CALL_DEADLINE_S = 60.0
+
+
+@dataclass(frozen=True)
+class Done:
+    """The attempt succeeded."""
+
+    result: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Failed:
+    """The attempt ended in one of its operation's codes."""
+
+    code: str
+    detail: str = ""
+
+
+@dataclass(frozen=True)
+class ServiceOperation:
+    """How an operation becomes a call: its request from the arguments, its outcome from them and the answer.
+
+    `deadline` is when the call counts as lost, in seconds.
+    """
+
+    service: ServiceCaller
+    request: Callable[[Mapping[str, Any]], Any]
+    outcome: Callable[[Mapping[str, Any], Any | Failure], Done | Failed]
+    deadline: float = CALL_DEADLINE_S
+
+
+class ServiceDriver:
+    """See `plugin.contract.Driver` for what every call promises."""
+
+    def __init__(self, plugin: str, outlet: Outlet, operations: Mapping[str, ServiceOperation]) -> None:
+        """Make the driver of `plugin` with its operations by local name."""
+        self._plugin = plugin
+        self._outlet = outlet
+        self._operations = operations
+        self._calls: dict[str, Call] = {}
+
+    def missing(self) -> list[str]:
+        """Name the services that cannot be reached."""
+        services = {operation.service.name: operation.service for operation in self._operations.values()}
+        return [f"service {name}" for name, service in services.items() if not service.ready()]
+
+    def start(self, attempt: str, operation: str, arguments: Mapping[str, Any]) -> None:
+        """Call the operation's service."""
+        if operation not in self._operations:
+            raise ValueError(f"{self._plugin} has no operation {operation!r}")
+        wanted = self._operations[operation]
+        request = wanted.request(arguments)
+        self._outlet.accepted(attempt)  # a service has no word for it: what was sent is taken
+        answered = partial(self._answered, attempt, wanted, arguments)
+        self._calls[attempt] = wanted.service.call(request, wanted.deadline, answered)
+
+    def _answered(
+        self, attempt: str, operation: ServiceOperation, arguments: Mapping[str, Any], answer: Any | Failure
+    ) -> None:
+        del self._calls[attempt]
+        outcome = operation.outcome(arguments, answer)
+        if isinstance(outcome, Done):
+            self._outlet.done(attempt, outcome.result)
+        else:
+            self._outlet.failed(attempt, outcome.code, outcome.detail)
+
+    def cancel(self, attempt: str) -> None:
+        """End the attempt here; a service call cannot be recalled, its answer is dropped."""
+        call = self._calls.pop(attempt, None)
+        if call is not None:
+            call.cancel()
+            self._outlet.cancelled(attempt)
+
+    def act(self, action: str, arguments: Mapping[str, Any]) -> None:
+        """Refuse: such a plugin has no actions."""
+        raise ValueError(f"{self._plugin} has no action {action!r}")
+
+    def close(self) -> None:
+        """Drop every answer that is still to come."""
+        for call in self._calls.values():
+            call.cancel()
+        self._calls.clear()

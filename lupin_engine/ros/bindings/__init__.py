@@ -1,0 +1,1 @@
+"""The ROS side of bindings: operations of plain services, actions and topics."""

@@ -1,0 +1,277 @@
+"""A client for services, actions and topics that are known by name only: all about them is told as data.
+
+This is the whole driver of a plugin that is written down in a file. The adapter knows nothing of such files;
+it sees what `bound` says.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from functools import partial
+from typing import Any
+
+from action_msgs.msg import GoalStatus
+from rclpy.publisher import Publisher
+
+from lupin_engine.plugin.contract import Outlet
+from lupin_engine.ros.adapter.action_driver import ActionAttempts, ActionOperation, ActionServer
+from lupin_engine.ros.adapter.node import Failure, Qos, RosNode, Timer, peer_mismatches
+from lupin_engine.ros.adapter.service_driver import (
+    CALL_DEADLINE_S,
+    Done,
+    Failed,
+    ServiceDriver,
+    ServiceOperation,
+)
+from lupin_engine.ros.bindings.definitions import (
+    fill,
+    interface_class,
+    interface_constants,
+    interface_types,
+    plain,
+)
+from lupin_engine.ros.bindings.values import Bound, Call, Endpoint, Heard, Sending, Sent
+
+#: How long after it was made a client waits for a server that it does not see, in seconds of real time:
+#: discovery takes its time, also where a simulation stands still.
+DISCOVERY_S = 3.0
+_LOOK_PERIOD_S = 0.05
+
+#: What `status` is for how a goal ended. A server that was started anew knows nothing of the goal.
+_STATUS = {
+    GoalStatus.STATUS_SUCCEEDED: "succeeded",
+    GoalStatus.STATUS_ABORTED: "aborted",
+    GoalStatus.STATUS_CANCELED: "canceled",
+}
+_QOS = {"reliable": Qos.EVENT, "latched": Qos.LATCHED, "sensor": Qos.SENSOR}
+#: What expressions and values raise that do not come out as their author meant.
+_COMPUTING = (ValueError, ArithmeticError, LookupError, TypeError)
+
+
+class _World:
+    """What all parts of a client share."""
+
+    def __init__(self, ros: RosNode, outlet: Outlet, parameters: Mapping[str, Any]) -> None:
+        self.ros = ros
+        self.outlet = outlet
+        self._parameters = parameters
+
+    def around(self, endpoint: Endpoint) -> dict[str, Any]:
+        """Return what every expression about an endpoint may read."""
+        constants = interface_constants(endpoint.type)
+        return {"param": self._parameters, "constant": constants, "now": self.ros.now()}
+
+    def filled(
+        self, kind: Any, part: str, endpoint: Endpoint, sending: Sending, arguments: Mapping[str, Any]
+    ) -> Any:
+        """Return a request, goal or message with what is sent; raises what computing it raises."""
+        data = sending.sent(arguments, self.around(endpoint))
+        return fill(kind(), data, interface_types(endpoint.type)[part])
+
+    def missing_server(self, endpoint: Endpoint, said: str) -> str:
+        """Return why a server is not there, with what its peers use instead where that can be seen."""
+        name = self.ros.node.resolve_service_name(endpoint.name)
+        others = (found for found in peer_mismatches(self.ros) if f"{name}:" in found or f"{name}/" in found)
+        return "; ".join([said, *sorted(others)[:1]])
+
+
+class BoundClient:
+    """The driver of a plugin that is a file; see `plugin.contract.Driver` for what every call promises."""
+
+    def __init__(self, ros: RosNode, bound: Bound, outlet: Outlet, parameters: Mapping[str, Any]) -> None:
+        self._ros = ros
+        self._bound = bound
+        self._outlet = outlet
+        self._patient_until = time.monotonic() + DISCOVERY_S
+        self._waiting: dict[str, Timer] = {}
+        world = _World(ros, outlet, parameters)
+        self._world = world
+        self._called = {n: _called(world, c) for n, c in bound.calls.items() if c.endpoint.kind == "srv"}
+        self._services = ServiceDriver(bound.name, outlet, self._called)
+        self._servers: dict[str, ActionServer] = {}
+        self._goals = {n: self._goal(c) for n, c in bound.calls.items() if c.endpoint.kind == "action"}
+        self._attempts = ActionAttempts(ros, outlet)
+        self._publishers = {name: _publisher(ros, sent.endpoint) for name, sent in bound.sends.items()}
+        self._listeners = [
+            *(_Listener(world, heard, partial(self._value, name)) for name, heard in bound.values.items()),
+            *(_Listener(world, heard, partial(self._event, name)) for name, heard in bound.events.items()),
+        ]
+
+    def _goal(self, call: Call) -> ActionOperation:
+        endpoint = call.endpoint
+        server = self._servers.get(endpoint.name)
+        if server is None:
+            of_it = [c for c in self._bound.calls.values() if c.endpoint.name == endpoint.name]
+            ours = any(each.moves for each in of_it)
+            server = ActionServer(self._ros, interface_class(endpoint.type), endpoint.name, ours=ours)
+            self._servers[endpoint.name] = server
+        outcome = partial(_ended, self._world, call)
+        told = partial(_told, self._world, call)
+        return ActionOperation(server, outcome, told, call.rejected, call.unavailable)
+
+    def missing(self) -> list[str]:
+        """Name the services and action servers that cannot be reached."""
+        return [*self._services.missing(), *(m for s in self._servers.values() for m in s.missing())]
+
+    def start(self, attempt: str, operation: str, arguments: Mapping[str, Any]) -> None:
+        """Call the operation's service or send its goal, or wait a little for a server not found yet."""
+        if operation not in self._bound.calls:
+            raise ValueError(f"{self._bound.name} has no operation {operation!r}")
+        if self._may_be_found(operation):
+            look = partial(self._look, attempt, operation, arguments)
+            self._waiting[attempt] = self._ros.steady_timer(_LOOK_PERIOD_S, look)
+            return
+        call = self._bound.calls[operation]
+        try:
+            if operation in self._goals:
+                kind = interface_class(call.endpoint.type).Goal
+                goal = self._world.filled(kind, "goal", call.endpoint, call.sending, arguments)
+                self._attempts.start(attempt, self._goals[operation], goal)
+            else:
+                self._services.start(attempt, operation, arguments)
+        except _COMPUTING as problem:
+            self._outlet.failed(attempt, call.code, f"{call.endpoint.place}: {problem}")
+
+    def _may_be_found(self, operation: str) -> bool:
+        goal = self._goals.get(operation)
+        ready = goal.server.ready if goal is not None else self._called[operation].service.ready()
+        return not ready and time.monotonic() < self._patient_until
+
+    def _look(self, attempt: str, operation: str, arguments: Mapping[str, Any]) -> None:
+        if not self._may_be_found(operation):
+            self._waiting.pop(attempt).cancel()
+            self.start(attempt, operation, arguments)
+
+    def cancel(self, attempt: str) -> None:
+        """End a call here, for it cannot be recalled; have a goal ended by its server."""
+        waiting = self._waiting.pop(attempt, None)
+        if waiting is not None:
+            waiting.cancel()
+            self._outlet.cancelled(attempt)
+            return
+        self._services.cancel(attempt)
+        self._attempts.cancel(attempt)
+
+    def act(self, action: str, arguments: Mapping[str, Any]) -> None:
+        """Publish the message of an action."""
+        if action not in self._publishers:
+            raise ValueError(f"{self._bound.name} has no action {action!r}")
+        sent: Sent = self._bound.sends[action]
+        endpoint = sent.endpoint
+        try:
+            kind = interface_class(endpoint.type)
+            message = self._world.filled(kind, "message", endpoint, sent.sending, arguments)
+        except _COMPUTING as problem:
+            text = f"{endpoint.place}: {problem}"
+            self._ros.log.warning("nothing was sent", action=f"{self._bound.name}.{action}", problem=text)
+            return
+        self._publishers[action].publish(message)
+
+    def _value(self, name: str, read: Mapping[str, Any]) -> None:
+        self._outlet.value(name, read["value"], self._ros.now())
+
+    def _event(self, name: str, read: Mapping[str, Any]) -> None:
+        self._outlet.event(f"{self._bound.name}.{name}", read)
+
+    def close(self) -> None:
+        """Have goals cancelled, drop every answer that is still to come, and let go of everything."""
+        for timer in self._waiting.values():
+            timer.cancel()
+        self._waiting.clear()
+        self._services.close()
+        self._attempts.close()
+        for operation in self._called.values():
+            operation.service.close()
+        for server in self._servers.values():
+            server.close()
+        for publisher in self._publishers.values():
+            self._ros.node.destroy_publisher(publisher)
+        for listener in self._listeners:
+            listener.close()
+
+
+class _Listener:
+    """Listens to a topic, and tells what its messages mean."""
+
+    def __init__(self, world: _World, heard: Heard, tell: Callable[[Mapping[str, Any]], None]) -> None:
+        self._world = world
+        self._heard = heard
+        self._tell = tell
+        self._is_told = False
+        endpoint = heard.endpoint
+        kind = interface_class(endpoint.type)
+        self._subscription = world.ros.subscribe(kind, endpoint.name, _QOS[endpoint.qos], self._take)
+
+    def _take(self, message: Any) -> None:
+        endpoint = self._heard.endpoint
+        try:
+            read = self._heard.heard(plain(message), self._world.around(endpoint))
+        except _COMPUTING as problem:
+            self._pass_over(endpoint, problem)
+            return
+        self._is_told = False
+        if read is not None:
+            self._tell(read)
+
+    def _pass_over(self, endpoint: Endpoint, problem: Exception) -> None:
+        """Say it once: a topic that speaks ten times a second would fill the log."""
+        if not self._is_told:
+            self._is_told = True
+            text = f"{endpoint.place}: {problem}"
+            self._world.ros.log.warning("message passed over", topic=endpoint.name, problem=text)
+
+    def close(self) -> None:
+        """Listen no more."""
+        self._world.ros.node.destroy_subscription(self._subscription)
+
+
+def _publisher(ros: RosNode, endpoint: Endpoint) -> Publisher:
+    return ros.publisher(interface_class(endpoint.type), endpoint.name, _QOS[endpoint.qos])
+
+
+# -- services ----------------------------------------------------------------------------------------------
+
+
+def _called(world: _World, call: Call) -> ServiceOperation:
+    endpoint = call.endpoint
+    kind = interface_class(endpoint.type)
+    return ServiceOperation(
+        world.ros.service(kind, endpoint.name),
+        partial(world.filled, kind.Request, "request", endpoint, call.sending),
+        partial(_answered, world, call),
+        CALL_DEADLINE_S if endpoint.deadline is None else endpoint.deadline,
+    )
+
+
+def _answered(world: _World, call: Call, _: Mapping[str, Any], answer: Any | Failure) -> Done | Failed:
+    if not isinstance(answer, Failure):
+        return _outcome(world, call, {"response": plain(answer)})
+    if answer.code == "unavailable":
+        return Failed(call.unavailable, world.missing_server(call.endpoint, answer.detail))
+    return Failed(call.code, answer.detail)
+
+
+def _outcome(world: _World, call: Call, answer: Mapping[str, Any]) -> Done | Failed:
+    try:
+        meaning = call.outcome(answer, world.around(call.endpoint))
+    except Exception as problem:  # whatever a file computes from an answer that nobody foresaw
+        return Failed(call.code, f"{call.endpoint.place}: {problem}")
+    return Failed(meaning.code, meaning.detail) if meaning.result is None else Done(meaning.result)
+
+
+# -- actions -----------------------------------------------------------------------------------------------
+
+
+def _ended(world: _World, call: Call, status: int, result: Any) -> Done | Failed:
+    word = _STATUS.get(status)
+    if word is None:
+        return Failed(call.unavailable, f"action server {call.endpoint.name} no longer knows the goal")
+    return _outcome(world, call, {"status": word, "result": plain(result)})
+
+
+def _told(world: _World, call: Call, feedback: Any) -> str:
+    try:
+        return call.progress(plain(feedback), world.around(call.endpoint))
+    except _COMPUTING as problem:
+        return f"{call.endpoint.place}: {problem}"

@@ -1,0 +1,41 @@
+"""The live map of a ROS domain, looked at once by somebody who then leaves."""
+
+from __future__ import annotations
+
+import os
+from contextlib import closing
+
+from lupin_engine.ros.adapter.network import UNKNOWN, Interface, interfaces
+from lupin_engine.ros.adapter.node import RosNode
+from lupin_engine.ros.launch.neighbours import settled
+
+#: Seconds between two looks.
+TICK_S = 0.05
+
+
+class _Onlooker:
+    """A node of no purpose but to see the others."""
+
+    def __init__(self) -> None:
+        self._ros = RosNode(f"lupin_graph_{os.getpid()}")
+
+    def spin(self) -> None:
+        self._ros.spin_once(TICK_S)
+
+    def look(self) -> tuple[Interface, ...]:
+        node = self._ros.node
+        return tuple(interfaces(node, without=[node.get_fully_qualified_name()]))
+
+    def close(self) -> None:
+        self._ros.leave()
+
+
+def network() -> tuple[Interface, ...]:
+    """Return what is on the network once everybody on this machine has been seen; takes a second or two."""
+    with closing(_Onlooker()) as onlooker:
+        return settled(onlooker.spin, onlooker.look, _nodes)
+
+
+def _nodes(seen: tuple[Interface, ...]) -> int:
+    names = {name for interface in seen for name in (*interface.producers, *interface.consumers)}
+    return len(names - {UNKNOWN})

@@ -1,0 +1,268 @@
+"""What `lupin doctor` looks at: one small function for each matter, none of which needs ROS to be there.
+
+Each yields `Finding`s: what was looked at, what was found, and for a problem what to do about it.
+"""
+
+from __future__ import annotations
+
+import os
+import platform
+import shutil
+import sys
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from importlib import metadata
+from pathlib import Path
+from typing import Literal
+
+from lupin_engine import __version__
+from lupin_engine.errors import LupinError, Severity
+from lupin_engine.missions.load import check_chart, lifecycle_in, mission_files
+from lupin_engine.plugin.discovery import entry_points
+from lupin_engine.plugin.registry import load_catalog, verified_plugin
+from lupin_engine.ros.adapter import environment
+from lupin_engine.ros.bindings.type_hashes import local_hash
+from lupin_engine.ros.launch.environment import DOMAIN, RANGE, domain_advice, range_advice
+from lupin_engine.ros.launch.mission import folders
+from lupin_engine.ros.launch.requirements import INSTALL_ROS, SOURCE_ROS
+from lupin_engine.ros.launch.shared_memory import stale_segments
+
+State = Literal["ok", "note", "problem"]
+
+#: Python versions that there are ROS wheels for.
+OLDEST_PYTHON, FIRST_TOO_NEW = (3, 10), (3, 14)
+
+#: The types that every run uses, and the hash that the other end of the wire has for each.
+WIRE: Mapping[str, str] = {
+    "lupin_msgs/srv/StartMission": "59ff907d315644687e47037362f4c73841fdbdd594d97c6fd357ab1bb5394485",
+    "lupin_msgs/msg/MissionState": "502295af37b7d3b1b27d22ebdaa3c2e05294201b5e8039e26499b719b2fe51d0",
+    "lupin_msgs/msg/Observation": "34d7b6947cec3ae85a04251102711bcf38e2f21cfa1fb583c3dbe6544137ffd9",
+    "lupin_msgs/srv/GetTagReading": "c907cf6b8204d5687fc9499bd2f7233af5ca609e16b2df0291a3c66964c1a49b",
+    "nav2_msgs/action/NavigateToPose": "a56dba8a3234a1215e610180dc703ae25bbf406dded8b54887891c9732857eab",
+    "tf2_msgs/msg/TFMessage": "e369d0f05a23ae52508854b66f6aa0437f3449d652e8cbf22d5abe85d020f087",
+}
+RIHS = "RIHS01_"
+
+_PROFILES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One thing that was looked at. `advice` says what to do about a problem."""
+
+    topic: str
+    found: str
+    state: State = "ok"
+    advice: str = ""
+
+
+def examine() -> list[Finding]:
+    """Look at everything; a look that fails itself is told as a problem, and the others go on."""
+    return [finding for look in LOOKS for finding in _findings(look)]
+
+
+def _findings(look: Callable[[], Iterator[Finding]]) -> Iterator[Finding]:
+    topic = look.__name__.removeprefix("look_at_").replace("_", " ")
+    try:
+        yield from look()
+    except Exception as broken:  # of an installation that is broken anything can be expected
+        reason = str(broken) if isinstance(broken, LupinError) else f"{type(broken).__name__}: {broken}"
+        yield Finding(topic, "cannot be looked at", "problem", f"{reason}; install the packages anew")
+
+
+def usable(findings: Sequence[Finding]) -> bool:
+    """Say whether missions can be run here."""
+    return not any(finding.state == "problem" for finding in findings)
+
+
+def look_at_python() -> Iterator[Finding]:
+    """The interpreter, the machine, and this package."""
+    fits = OLDEST_PYTHON <= sys.version_info[:2] < FIRST_TOO_NEW
+    advice = "" if fits else "use Python 3.10 to 3.13 (`make PYTHON=/path/to/python3.12 ...`)"
+    found = f"{platform.python_version()} in {sys.prefix}"
+    yield Finding("Python", found, "ok" if fits else "problem", advice)
+    machine = f"{platform.system()} {platform.machine()}"
+    has_wheels = machine == "Linux x86_64"
+    advice = "" if has_wheels else "there are no ROS wheels for this platform: use an apt ROS 2 Jazzy"
+    yield Finding("platform", machine, "ok" if has_wheels else "note", advice)
+    yield Finding("lupin-engine", __version__)
+
+
+def look_at_ros() -> Iterator[Finding]:
+    """Where ROS 2 comes from, and whether it is one only."""
+    source = environment.rclpy_source()
+    if source is None:
+        yield Finding("rclpy", "not found", "problem", INSTALL_ROS)
+        return
+    try:
+        environment.refuse_mixture(os.environ)
+    except LupinError as problem:
+        yield Finding("rclpy", "two installations", "problem", str(problem))
+        return
+    unusable = environment.rclpy_problem()
+    if unusable:
+        yield Finding("rclpy", unusable, "problem", SOURCE_ROS)
+        return
+    if source == "apt":
+        yield Finding(
+            "rclpy", f"{_version('rclpy')} from apt, ROS_DISTRO={os.environ.get('ROS_DISTRO', '?')}"
+        )
+        yield Finding("middleware", os.environ.get("RMW_IMPLEMENTATION", "rmw_fastrtps_cpp, the default"))
+        return
+    yield Finding("rclpy", f"{_version('ros-rclpy')} from wheels")
+    yield from _wheels_middleware()
+
+
+def _wheels_middleware() -> Iterator[Finding]:
+    found = f"Fast DDS {_version('ros-fastrtps')}, rmw_fastrtps_cpp {_version('ros-rmw-fastrtps-cpp')}"
+    wanted = os.environ.get("RMW_IMPLEMENTATION", "")
+    if wanted and wanted != "rmw_fastrtps_cpp":
+        advice = f"RMW_IMPLEMENTATION={wanted} has no effect: the wheels know Fast DDS only; unset it"
+        yield Finding("middleware", found, "note", advice)
+    else:
+        yield Finding("middleware", found)
+
+
+def look_at_interfaces() -> Iterator[Finding]:
+    """The message types, compared with those that the rest of the system speaks."""
+    for name, expected in WIRE.items():
+        try:
+            found = local_hash(name).removeprefix(RIHS)
+        except LupinError as problem:
+            advice = "build the interfaces: `make run` does it, or `colcon build` with a sourced ROS 2"
+            yield Finding(name, str(problem).partition(":")[0], "problem", advice)
+            continue
+        if found == expected:
+            yield Finding(name, f"{RIHS}{found[:12]}…")
+        else:
+            advice = (
+                f"expected {RIHS}{expected[:12]}…: another version of the package is in the way; rebuild it"
+            )
+            yield Finding(name, f"{RIHS}{found[:12]}…", "problem", advice)
+
+
+def look_at_network() -> Iterator[Finding]:
+    """The domain, who can be discovered, and how."""
+    domain, advice = os.environ.get(DOMAIN, "").strip(), domain_advice()
+    yield Finding(DOMAIN, domain or "not set: 0", "problem" if advice else "ok", advice)
+    doors, advice = os.environ.get(RANGE, ""), range_advice()
+    if advice:
+        yield Finding(RANGE, doors, "problem", advice)
+    elif doors in ("", "LOCALHOST"):
+        yield Finding(RANGE, doors or "not set: `lupin run` takes LOCALHOST")
+    else:
+        yield Finding(RANGE, doors, "note", "other machines can command the robot")
+    yield _profile()
+
+
+def _profile() -> Finding:
+    given = next((os.environ[name] for name in _PROFILES if os.environ.get(name)), "")
+    if not given:
+        return Finding("discovery profile", "the engine's own: peers within 1 s, deaths within 3 s")
+    if Path(given).is_file():
+        return Finding("discovery profile", given, "note", "yours is used instead of the engine's")
+    return Finding("discovery profile", given, "problem", "there is no such file: unset the variable")
+
+
+def look_at_left_overs() -> Iterator[Finding]:
+    """Shared memory that nobody uses, and nodes of runs that are over."""
+    stale = stale_segments()
+    size = sum(_size(file) for file in stale) / 1e6
+    if stale:
+        advice = f"`{_fastdds()} shm clean` removes them while no ROS node is starting"
+        yield Finding("shared memory", f"{len(stale)} stale files, {size:.1f} MB", "note", advice)
+    else:
+        yield Finding("shared memory", "nothing stale")
+    nodes = list(running_nodes())
+    if nodes:
+        told = ", ".join(f"{name} ({pid})" for pid, name in nodes)
+        advice = "a run uses them, or they were started by hand; `kill PID` stops one"
+        yield Finding("nodes running", told, "note", advice)
+    else:
+        yield Finding("nodes running", "none")
+
+
+def _fastdds() -> str:
+    beside = Path(sys.prefix, "bin", "fastdds")
+    return str(beside) if beside.is_file() else shutil.which("fastdds") or "fastdds"
+
+
+def _size(file: Path) -> int:
+    try:
+        return file.stat().st_size
+    except OSError:
+        return 0
+
+
+def running_nodes(processes: Path = Path("/proc")) -> Iterator[tuple[int, str]]:
+    """Yield process id and name of every `lupin node` of this machine."""
+    for entry in sorted(processes.glob("[0-9]*"), key=lambda e: int(e.name)):
+        try:
+            words = (entry / "cmdline").read_bytes().decode(errors="replace").split("\0")
+        except OSError:
+            continue
+        name = _node_in(words)
+        if name:
+            yield int(entry.name), name
+
+
+def _node_in(words: Sequence[str]) -> str:
+    for before, word, name in zip(words, words[1:], words[2:], strict=False):
+        if word == "node" and (before == "lupin_engine.cli.main" or Path(before).name == "lupin"):
+            return name
+    return ""
+
+
+def look_at_plugins() -> Iterator[Finding]:
+    """Every plugin that is installed: what it offers, or why it is refused."""
+    for point in entry_points():
+        try:
+            plugin = verified_plugin(point)
+        except LupinError as problem:
+            yield Finding(f"plugin {point.name}", "refused", "problem", str(problem))
+            continue
+        parts = {
+            "operation": plugin.operations,
+            "action": plugin.actions,
+            "function": plugin.functions,
+            "value": plugin.values,
+            "node": plugin.nodes,
+        }
+        counts = (f"{len(v)} {word}{'s' * (len(v) > 1)}" for word, v in parts.items() if v)
+        yield Finding(f"plugin {plugin.name}", ", ".join(counts))
+
+
+def look_at_missions() -> Iterator[Finding]:
+    """The missions of the nearest folder, checked."""
+    try:
+        catalog = load_catalog()
+        folder = folders()[0]
+    except LupinError as problem:
+        yield Finding("missions", "cannot be checked", "problem", str(problem))
+        return
+    for file in mission_files(folder):
+        _, diagnostics = check_chart(lifecycle_in(folder), [file], catalog)
+        errors = [d for d in diagnostics if d.severity is Severity.ERROR]
+        if errors:
+            advice = f"`lupin check {file}` tells them all; the first: {errors[0]}"
+            yield Finding(f"mission {file.stem}", f"{len(errors)} errors", "problem", advice)
+        else:
+            yield Finding(f"mission {file.stem}", f"no errors, in {folder}")
+
+
+def _version(distribution: str) -> str:
+    try:
+        return metadata.version(distribution)
+    except metadata.PackageNotFoundError:
+        return "of unknown version"
+
+
+LOOKS: tuple[Callable[[], Iterator[Finding]], ...] = (
+    look_at_python,
+    look_at_ros,
+    look_at_interfaces,
+    look_at_network,
+    look_at_left_overs,
+    look_at_plugins,
+    look_at_missions,
+)

@@ -1,0 +1,133 @@
+"""What is to be run, looked at before any process is started and without ROS."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from lupin_engine.chart.model import Chart
+from lupin_engine.errors import Problems, UsageError
+from lupin_engine.missions.load import (
+    MISSIONS,
+    default_missions_folder,
+    find_mission,
+    is_missions_folder,
+    lifecycle_in,
+    lifecycle_of,
+    load_chart,
+    mission_files,
+)
+from lupin_engine.plugin.registry import Catalog
+
+#: Where missions are looked for before the shipped ones: the folder `missions` of the current folder.
+LOCAL = Path(MISSIONS)
+
+
+@dataclass(frozen=True)
+class Loaded:
+    """Checked missions of one folder with their lifecycle; `names` are as requests call them."""
+
+    chart: Chart
+    files: tuple[Path, ...]
+    lifecycle: Path
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The missions, as requests call them."""
+        return tuple(self.chart.missions)
+
+    @property
+    def plugins(self) -> tuple[str, ...]:
+        """The plugins that the missions use, and those whose nodes serve what their bindings call."""
+        bound = [each for binding in self.chart.bindings.values() for each in binding.calls.values()]
+        called = {call.endpoint.name.strip("/") for call in bound}
+        serving = (
+            name
+            for name, plugin in self.chart.catalog.plugins.items()
+            if any(served.strip("/") in called for served in plugin.serves)
+        )
+        return tuple(dict.fromkeys((*self.chart.plugins, *serving)))
+
+    def parameters(self) -> dict[str, Any]:
+        """Return what the orchestrator needs to load the same."""
+        return {
+            "missions": [str(file.resolve()) for file in self.files],
+            "missions_path": str(self.lifecycle.resolve().parent),
+        }
+
+
+def folders() -> list[Path]:
+    """Return where missions are looked for, nearest first."""
+    found = [LOCAL] if is_missions_folder(LOCAL) else []
+    shipped = default_missions_folder()
+    return found if found and LOCAL.resolve() == shipped.resolve() else [*found, shipped]
+
+
+def load_missions(names: Sequence[str], catalog: Catalog) -> Loaded:
+    """Find, load and check missions; without names all of the nearest folder.
+
+    Raises:
+        UsageError: missions do not exist, or do not share a lifecycle.
+        ChartError: with every error of every file.
+    """
+    files = _files(names) if names else mission_files(folders()[0])
+    lifecycles = {lifecycle_of(file).resolve(): None for file in files}
+    if len(lifecycles) > 1:
+        raise UsageError(f"these missions have different lifecycles: {', '.join(map(str, lifecycles))}")
+    lifecycle = next(iter(lifecycles), lifecycle_in(folders()[0]))
+    return Loaded(load_chart(lifecycle, files, catalog), tuple(files), lifecycle)
+
+
+def _files(names: Sequence[str]) -> list[Path]:
+    files: list[Path] = []
+    problems = Problems(UsageError)
+    for name in names:
+        with problems.collecting():
+            files.append(find_mission(name, folders()))
+    problems.tell()
+    return files
+
+
+def check_fields(loaded: Loaded, tags: Sequence[str], goal: int) -> None:
+    """Look whether a request of the first mission has a field for what is given.
+
+    Raises:
+        UsageError: it has none, and would ignore it.
+    """
+    problems = Problems(UsageError)
+    fields = loaded.chart.missions[loaded.names[0]].request
+    for option, field, value in (("--tags", "tag_sequence", tags), ("--goal", "discovery_goal", goal)):
+        if value and field not in fields:
+            problems.add(
+                f"{loaded.names[0]} has no use for {option}: its request has no {field}; "
+                f"it has {', '.join(fields) or 'no fields'}"
+            )
+    problems.tell()
+
+
+def check_request(loaded: Loaded, given: Mapping[str, Any], tags: Sequence[str], goal: int) -> None:
+    """Ask the first mission whether it would take a request, as far as that needs no robot.
+
+    Raises:
+        UsageError: it would not, and the text is the one that the service would answer; it has no field
+            for what is given (see `check_fields`); or a parameter leads nowhere (for example: a layout file
+            that is absent). The text has everything that is wrong.
+    """
+    # Drawing and checking need no machine, and it takes longer to import than they take.
+    from lupin_engine.machine.environment import Surroundings
+    from lupin_engine.machine.memory import Memory
+    from lupin_engine.machine.request import read_request
+    from lupin_engine.runtime.setup import make_world
+
+    problems = Problems(UsageError)
+    with problems.collecting():
+        check_fields(loaded, tags, goal)
+    with problems.collecting():
+        world = make_world(loaded.chart, given)
+        data = {"mission_type": loaded.names[0], "tag_sequence": list(tags), "discovery_goal": goal}
+        _, refusal = read_request(world, data, Surroundings(world, Memory()).at("", 0.0))
+        if refusal is not None:
+            problems.add(refusal.text)
+    problems.tell()

@@ -1,0 +1,76 @@
+"""When everybody on the network has been seen: as many as hold ports of the domain on this machine.
+
+Discovery gives no sign of being complete: on a busy machine the first nodes appear at once and the last a
+second later, and whoever looks too early starts a second robot. The ports of a domain are computed from its
+number (DDSI-RTPS 9.6.1.1), so the kernel's table says how many participants are still to be discovered.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable, Iterator
+from pathlib import Path
+from typing import TypeVar
+
+from lupin_engine.ros.launch.environment import current_domain, is_local_only
+
+_T = TypeVar("_T")
+
+TABLES = (Path("/proc/net/udp"), Path("/proc/net/udp6"))
+
+#: Ports of domain 0 begin here; each domain has as many; participant n listens for others at offset 10 + 2n.
+PORT_BASE, PORTS_PER_DOMAIN, FIRST_OFFSET = 7400, 250, 10
+
+#: The network is looked at until nothing new has appeared for this long; other machines get this long to
+#: appear; and no look takes longer than this. In seconds.
+QUIET_S, LOOK_S, LIMIT_S = 0.3, 2.0, 6.0
+#: So many looks in a row without anything new are quiet as well: a process that was not let work for a while
+#: sees at its first look what it saw before, however long that was.
+QUIET_LOOKS = 6
+
+
+def settled(spin: Callable[[], None], look: Callable[[], _T], strangers: Callable[[_T], int]) -> _T:
+    """Look until everybody on this machine is known and nothing new has appeared for a moment.
+
+    Args:
+        spin: lets the node that looks work for a moment.
+        look: returns what is seen now.
+        strangers: how many nodes are seen, besides the one that looks.
+    """
+    begin = changed = time.monotonic()
+    seen, looks = look(), 0
+    while (now := time.monotonic()) - begin < LIMIT_S:
+        quiet = now - changed >= QUIET_S and looks >= QUIET_LOOKS
+        if quiet and _all_known(strangers(seen), now - begin):
+            break
+        spin()
+        found, looks = look(), looks + 1
+        if found != seen:
+            seen, changed, looks = found, now, 0
+    return seen
+
+
+def _all_known(strangers: int, looked: float) -> bool:
+    """Say whether discovery has had its time, and found as many as there are on this machine."""
+    there = participants(current_domain())
+    if there is None:
+        return looked >= LOOK_S
+    # Our own participant is among them.
+    return strangers >= there - 1 and (is_local_only() or looked >= LOOK_S)
+
+
+def participants(domain: int, tables: Iterable[Path] = TABLES) -> int | None:
+    """Return how many participants of `domain` this machine has; None when that cannot be seen."""
+    base = PORT_BASE + PORTS_PER_DOMAIN * domain
+    offsets = {port - base for table in tables for port in _bound_ports(table)}
+    found = sum(1 for o in offsets if FIRST_OFFSET <= o < PORTS_PER_DOMAIN and (o - FIRST_OFFSET) % 2 == 0)
+    return found or None
+
+
+def _bound_ports(table: Path) -> Iterator[int]:
+    try:
+        lines = table.read_text().splitlines()[1:]
+    except OSError:
+        return
+    for line in lines:
+        yield int(line.split()[1].rpartition(":")[2], 16)

@@ -1,0 +1,117 @@
+"""The nodes that can be started: the orchestrator, and those that the plugins bring."""
+
+from __future__ import annotations
+
+import ast
+import importlib
+import importlib.util
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from types import ModuleType
+from typing import Any
+
+from lupin_engine.errors import LupinError, PluginError, UsageError, nearest
+from lupin_engine.plugin.contract import Parameter
+from lupin_engine.plugin.registry import Catalog
+from lupin_engine.ros import names
+from lupin_engine.ros.adapter.process import is_rclpys_end
+
+ORCHESTRATOR = names.NODE
+_ORCHESTRATOR_ENTRY = "lupin_engine.ros.orchestrator:main"
+
+
+@dataclass(frozen=True)
+class Node:
+    """A node: its name, `module:function`, and the plugin that brings it ('' for the engine's own)."""
+
+    name: str
+    entry: str
+    plugin: str = ""
+
+    @property
+    def doc(self) -> str:
+        """The first line of the module's docstring, read without importing it: modules of nodes need ROS."""
+        try:
+            spec = importlib.util.find_spec(self.entry.partition(":")[0])
+            source = spec.loader.get_source(spec.name) if spec and spec.loader else ""  # type: ignore[attr-defined]
+            text = ast.get_docstring(ast.parse(source or "")) or ""
+        except (ImportError, SyntaxError, AttributeError, ValueError):
+            return ""
+        return text.partition("\n")[0]
+
+    def parameters(self) -> Mapping[str, Parameter]:
+        """Return what the node's module declares as PARAMETERS; importing it needs ROS."""
+        found: Mapping[str, Parameter] = getattr(self._module(), "PARAMETERS", {})
+        return found
+
+    def check(self, values: Mapping[str, Any]) -> None:
+        """Check parameters together: whether files are there, whether one fits the other; starts nothing.
+
+        What the node's module has as `check`, if it has any, is called with the value of every parameter.
+
+        Raises:
+            LupinError: the node would not start with them; the text has everything that is wrong.
+            PluginError: the function itself failed.
+        """
+        check: Callable[[Mapping[str, Any]], None] | None = getattr(self._module(), "check", None)
+        try:
+            if check is not None:
+                check(values)
+        except LupinError:
+            raise
+        except Exception as defect:
+            reason = f"{type(defect).__name__}: {defect}"
+            raise PluginError(f"node {self.name!r} of {self._owner}: its check failed: {reason}") from defect
+
+    def load(self) -> Callable[[Sequence[str]], int]:
+        """Import the function that runs the node."""
+        attribute = self.entry.partition(":")[2]
+        found: Callable[[Sequence[str]], int] | None = getattr(self._module(), attribute, None)
+        if found is None:
+            raise self._broken(f"there is no {attribute!r}")
+        return found
+
+    def run(self, arguments: Sequence[str]) -> int:
+        """Run the node until it is told to stop, and return its exit code."""
+        try:
+            return self.load()(arguments)
+        except (Exception, KeyboardInterrupt) as problem:
+            if not is_rclpys_end(problem):
+                raise
+            return 0
+
+    @property
+    def _owner(self) -> str:
+        return f"plugin {self.plugin!r}" if self.plugin else "the engine"
+
+    def _module(self) -> ModuleType:
+        try:
+            return importlib.import_module(self.entry.partition(":")[0])
+        except ImportError as problem:
+            raise self._broken(str(problem)) from problem
+
+    def _broken(self, reason: str) -> PluginError:
+        return PluginError(
+            f"node {self.name!r} of {self._owner} cannot be loaded from {self.entry}: {reason}"
+        )
+
+
+def nodes_of(catalog: Catalog) -> Mapping[str, Node]:
+    """Return every node by name, the orchestrator first."""
+    found = {ORCHESTRATOR: Node(ORCHESTRATOR, _ORCHESTRATOR_ENTRY)}
+    for plugin in catalog.plugins.values():
+        for name, entry in plugin.nodes.items():
+            found.setdefault(name, Node(name, entry, plugin.name))
+    return found
+
+
+def find_node(name: str, catalog: Catalog) -> Node:
+    """Return the node `name`.
+
+    Raises:
+        UsageError: there is none; the text has the nearest name.
+    """
+    known = nodes_of(catalog)
+    if name not in known:
+        raise UsageError(f"unknown node {name!r}; {nearest(name, known)}")
+    return known[name]

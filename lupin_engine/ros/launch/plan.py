@@ -1,0 +1,150 @@
+"""Which nodes a mission needs, which of them are there already, and what each is started with.
+
+Pure: what is on the network comes in as data. A node that is there is used and left alone. A simulation is
+started only where nobody serves what it stands in for, and only if a mission may have to do with it.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Container, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from lupin_engine.plugin.registry import Catalog
+from lupin_engine.ros.launch.nodes import ORCHESTRATOR, Node, nodes_of
+
+#: Values of ROS parameters by name.
+Values = Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class Present:
+    """What is on the network: node names without namespace, full names of services and actions."""
+
+    nodes: frozenset[str] = frozenset()
+    services: frozenset[str] = frozenset()
+    actions: frozenset[str] = frozenset()
+
+    def offers(self, name: str) -> bool:
+        """Say whether somebody serves the action or service `name`."""
+        full = name if name.startswith("/") else f"/{name}"
+        return full in self.actions or full in self.services
+
+
+@dataclass(frozen=True)
+class Launch:
+    """A node to start, with its parameters."""
+
+    node: Node
+    parameters: Values = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What to start, and what is there already: nodes, or servers that a simulation would replace."""
+
+    launches: tuple[Launch, ...]
+    joined: tuple[str, ...] = ()
+
+    @property
+    def starts(self) -> tuple[str, ...]:
+        """Names of the nodes to start."""
+        return tuple(launch.node.name for launch in self.launches)
+
+
+def simulators(catalog: Catalog) -> Mapping[str, Node]:
+    """Return the nodes that stand in for something real."""
+    nodes = nodes_of(catalog)
+    return {name: nodes[name] for plugin in catalog.plugins.values() for name in plugin.stands_in}
+
+
+def make_plan(
+    plugins: Iterable[str],
+    catalog: Catalog,
+    present: Present,
+    parameters: Mapping[str, Values],
+    *,
+    simulate: bool = True,
+    known: Container[str] = (),
+) -> Plan:
+    """Decide what to start for missions that use `plugins`.
+
+    Args:
+        plugins: names of the plugins that the missions use.
+        catalog: all plugins.
+        present: what is on the network.
+        parameters: by node name; nodes not named get none.
+        simulate: whether simulated robots may be started.
+        known: names of the parameters that the missions have.
+    """
+    starting, joined = [], []
+    for node in _needed(set(plugins), catalog, simulate):
+        there = _already(node, catalog, present)
+        if there:
+            joined.append(there)
+        else:
+            starting.append(node)
+    given = {
+        **parameters,
+        ORCHESTRATOR: {**_assumed(starting, catalog, known), **parameters.get(ORCHESTRATOR, {})},
+    }
+    return Plan(tuple(Launch(node, given.get(node.name, {})) for node in starting), tuple(joined))
+
+
+def _assumed(starting: Iterable[Node], catalog: Catalog, known: Container[str]) -> Values:
+    """Return what parameters of the missions are where these simulations run."""
+    simulated = simulators(catalog)
+    plugins = [catalog.plugins[node.plugin] for node in starting if node.name in simulated]
+    return {name: v for plugin in plugins for name, v in plugin.simulated_defaults.items() if name in known}
+
+
+def _needed(plugins: set[str], catalog: Catalog, simulate: bool) -> Iterator[Node]:
+    """Yield simulations first and the orchestrator last, so that it is also the first to be stopped.
+
+    One whose plugin no mission can use directly, such as the robot itself, is there for all of them.
+    """
+    nodes = nodes_of(catalog)
+    stand_ins = simulators(catalog)
+    if simulate:
+        yield from (
+            n for n in stand_ins.values() if n.plugin in plugins or not catalog.plugins[n.plugin].client
+        )
+    companions = {name for plugin in catalog.plugins.values() for name in plugin.companions}
+    wanted = (n for n in nodes.values() if n.plugin in plugins or n.name in companions)
+    yield from (n for n in wanted if n.name not in stand_ins)
+    yield nodes[ORCHESTRATOR]
+
+
+def _already(node: Node, catalog: Catalog, present: Present) -> str:
+    """Name what makes starting this node unnecessary; '' when it is needed."""
+    if node.name in present.nodes:
+        return node.name
+    replaced = catalog.plugins[node.plugin].stands_in.get(node.name, ()) if node.plugin else ()
+    return ", ".join(replaced) if replaced and all(present.offers(name) for name in replaced) else ""
+
+
+def command(launch: Launch, folder: Path) -> list[str]:
+    """Return the command line that starts a node; its parameters are written to a file in `folder`."""
+    line = [sys.executable, "-m", "lupin_engine.cli.main", "node", launch.node.name]
+    if not launch.parameters:
+        return line
+    file = folder / f"{launch.node.name}.yaml"
+    file.write_text(parameter_file(launch.node.name, launch.parameters), encoding="utf-8")
+    return [*line, "--ros-args", "--params-file", str(file)]
+
+
+def parameter_file(node: str, values: Values) -> str:
+    """Return a ROS parameter file. A file, because arguments cannot carry lists or say what is text."""
+    lines = [f"{node}:", "  ros__parameters:"]
+    lines += [f"    {name}: {_ros_value(value)}" for name, value in sorted(values.items())]
+    return "\n".join(lines) + "\n"
+
+
+def _ros_value(value: Any) -> str:
+    """Write a value so that ROS' own reader of YAML takes it for the same: JSON is YAML, and quotes texts."""
+    if isinstance(value, Mapping):  # a pose travels as the list of its fields
+        value = list(value.values())
+    return json.dumps(value, ensure_ascii=False)

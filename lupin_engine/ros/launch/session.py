@@ -1,0 +1,411 @@
+"""One run: nodes brought up, the mission started and followed, everything stopped.
+
+A single loop on the caller's thread: it lets the operator's node work, looks at the processes and at the
+interrupts, and tells the observer. Every wait in here has a deadline.
+"""
+
+from __future__ import annotations
+
+import time
+from collections import Counter
+from collections.abc import Callable, Container, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Protocol
+
+from lupin_engine.errors import LupinError, Severity
+from lupin_engine.plugin.registry import Catalog
+from lupin_engine.ros.launch.interrupts import Interrupted, Interrupts
+from lupin_engine.ros.launch.neighbours import settled
+from lupin_engine.ros.launch.nodes import ORCHESTRATOR
+from lupin_engine.ros.launch.plan import Launch, Plan, Present, Values, command, make_plan
+from lupin_engine.ros.launch.story import Story
+from lupin_engine.ros.launch.supervisor import IMPATIENT, Patience, Supervisor
+from lupin_engine.ros.operator import Answer, Operator
+
+#: Seconds between two looks at everything.
+TICK_S = 0.05
+#: A node that has died is started again after so many seconds: the first time, the second, ...; then no more.
+RESPAWN_AFTER_S = (1.0, 4.0, 10.0)
+#: How long nodes may take to appear and serve, in seconds: small computers, and busy ones, take their time,
+#: and one that has died is told at once.
+APPEAR_LIMIT_S = 90.0
+#: A wait as short as this is not worth telling, in seconds.
+UNTOLD_S = 4.0
+#: How long the orchestrator may wait in BOOT. It has a limit of its own, a parameter, and ends in FAULT.
+BOOT_LIMIT_S = 600.0
+#: What an operator may have set (e-stop, battery) reaches the orchestrator within this time, in seconds.
+SETTLE_S = 1.5
+#: On a busy machine seconds pass in which nobody speaks: so many states must have come meanwhile, or all of
+#: this time has passed, in seconds.
+SETTLE_STATES = 8
+SETTLE_LIMIT_S = 20.0
+#: How long the orchestrator may take to answer a request, in seconds.
+ANSWER_S = 5.0
+#: `/mission/state` comes five times a second: this long without it and the orchestrator is gone.
+SILENCE_S = 6.0
+#: How long an abort may take until nothing moves, in seconds.
+ABORT_LIMIT_S = 5.0
+#: How long the robot may take to come home after an abort, in seconds; the missions' own limits are shorter.
+HOME_LIMIT_S = 300.0
+#: How long the last observations may come after the last state, in seconds.
+STRAGGLER_S = 2.0
+
+
+class RunFailed(LupinError):
+    """The run could not be done, or not be started; the text says why."""
+
+    exit_code = 2
+
+
+class Observer(Protocol):
+    """Who shows a run to people or machines."""
+
+    def note(self, text: str, severity: Severity = Severity.INFO) -> None:
+        """Tell something about the run itself: what is started, waited for, stopped."""
+
+    def arrived(self, kind: str, data: Mapping[str, Any], story: Story) -> None:
+        """Take notice of a message that the story has just taken in: `state`, `observation` or `step`."""
+
+    def show(self, story: Story) -> None:
+        """Show where the mission stands; called on every look at the world."""
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How the nodes are to be started.
+
+    `parameters` are by node name, `known` the names of those that the missions have. `insisted` names nodes
+    that must be started here, with the option that wants it: using one that runs already would ignore the
+    option. `patience` is how long a mission may wait for an operator, in seconds; None is for ever.
+    `respawn` says whether a node that dies is started again.
+    """
+
+    folder: Path
+    environment: Mapping[str, str]
+    parameters: Mapping[str, Values] = field(default_factory=dict)
+    known: Container[str] = ()
+    insisted: Mapping[str, str] = field(default_factory=dict)
+    simulate: bool = True
+    settle: bool = False
+    patience: float | None = None
+    respawn: bool = True
+
+
+class Session:
+    """The nodes and the mission of one run; a context, so that nothing survives an exception."""
+
+    def __init__(self, settings: Settings, observer: Observer, interrupts: Interrupts) -> None:
+        self.supervisor = Supervisor(settings.folder, settings.environment)
+        self.plan = Plan(())
+        self._settings = settings
+        self._observer = observer
+        self._interrupts = interrupts
+        self._operator = Operator()
+        self._state: dict[str, Any] = {}
+        self._states = 0
+        self._view: dict[str, Any] = {}
+        #: The mission, once it was started.
+        self.story: Story | None = None
+        self._is_up = False
+        self._respawns: Counter[str] = Counter()
+        self._due: dict[str, float] = {}
+        self._pending: list[tuple[str, dict[str, Any], float]] = []
+
+    # -- bringing up ------------------------------------------------------------------------------------
+
+    def bring_up(self, plugins: Iterable[str], catalog: Catalog) -> None:
+        """Start what is missing for missions that use `plugins`, and wait until the orchestrator is ready.
+
+        Raises:
+            RunFailed: a process died, or something is still missing after its time.
+            Interrupted: the user lost patience.
+        """
+        self._observer.note("looking for nodes that run already")
+        self.plan = self._planned(list(plugins), catalog, self._look_around())
+        if self.plan.joined:
+            self._observer.note(f"using what is there: {', '.join(self.plan.joined)}")
+        folder = self._settings.folder
+        if self.plan.starts:
+            self._observer.note(f"starting {', '.join(self.plan.starts)}; logs in {folder}")
+        for launch in self.plan.launches:
+            self._start(launch)
+        self._wait_for(self._missing_nodes, APPEAR_LIMIT_S)
+        self._wait_for(self._missing_servers, BOOT_LIMIT_S)
+        self.supervisor.note_segments()
+        if self._settings.settle or self.plan.joined:
+            self._settle()
+        self._is_up = True
+
+    def _settle(self) -> None:
+        began, enough = time.monotonic(), self._states + SETTLE_STATES
+        self._tick_until(
+            lambda: time.monotonic() - began >= SETTLE_S and self._states >= enough, SETTLE_LIMIT_S
+        )
+
+    def _start(self, launch: Launch) -> None:
+        folder = self._settings.folder
+        try:
+            self.supervisor.start(launch.node.name, command(launch, folder))
+        except OSError as problem:  # a disk that is full, or no process more
+            name, reason = launch.node.name, problem.strerror
+            raise RunFailed(f"{name} cannot be started with its files in {folder}: {reason}") from None
+
+    def _planned(self, plugins: Sequence[str], catalog: Catalog, present: Present) -> Plan:
+        """Decide what to start; a node that an option is about must be among it."""
+        settings = self._settings
+        wanted = make_plan(
+            plugins, catalog, present, settings.parameters, simulate=settings.simulate, known=settings.known
+        )
+        taken = [
+            f"{option} is for {name}, which runs already; stop it or choose another --domain"
+            for name, option in settings.insisted.items()
+            if name not in wanted.starts
+        ]
+        if taken:
+            raise RunFailed("\n".join(taken))
+        return wanted
+
+    @property
+    def owns_orchestrator(self) -> bool:
+        """Whether this session started the orchestrator."""
+        return ORCHESTRATOR in self.plan.starts
+
+    def _look_around(self) -> Present:
+        def look() -> Present:
+            return Present(self._operator.nodes(), self._operator.services(), self._operator.actions())
+
+        return settled(self._spin, look, lambda seen: len(seen.nodes))
+
+    def _spin(self) -> None:
+        self._operator.spin(TICK_S)
+        self._interrupts.check()
+
+    def _wait_for(self, missing: Callable[[], Sequence[str]], limit: float) -> None:
+        """Wait until nothing is missing, telling what is whenever that changes."""
+        begin = time.monotonic()
+        told: Sequence[str] = ()
+        while waiting := missing():
+            if time.monotonic() - begin > limit:
+                logs = self._settings.folder
+                raise RunFailed(f"still missing after {limit:g} s: {', '.join(waiting)}; logs in {logs}")
+            if waiting != told and time.monotonic() - begin > UNTOLD_S:
+                self._observer.note(f"waiting for {', '.join(waiting)}")
+                told = waiting
+            self._tick()
+            self._interrupts.check()
+
+    def _missing_nodes(self) -> list[str]:
+        for name in self.plan.starts:
+            if self._operator.count(name) > 1:
+                text = f"a second {name} has appeared in this ROS domain; stop it or choose another --domain"
+                raise RunFailed(text)
+        there = self._operator.nodes()
+        missing = [f"node {name}" for name in self.plan.starts if name not in there]
+        if missing:
+            return missing
+        if not self._operator.ready():
+            return ["the services of /mission"]
+        return [] if self._state else ["topic /mission/state"]
+
+    def _missing_servers(self) -> list[str]:
+        """Name what the orchestrator waits for; a fault of our own orchestrator ends the run."""
+        lifecycle = self._state.get("lifecycle_state")
+        if lifecycle == "FAULT" and self.owns_orchestrator:
+            raise RunFailed(f"the orchestrator is in FAULT: {_last_event(self._state)}")
+        if lifecycle != "BOOT":
+            return []
+        details = [str(attempt["detail"]) for attempt in self._view.get("attempts", ()) if attempt["detail"]]
+        return details or ["the orchestrator, which is in BOOT"]
+
+    # -- the mission ------------------------------------------------------------------------------------
+
+    def start(self, mission: str, tags: Sequence[str], goal: int) -> Story:
+        """Start a mission.
+
+        Raises:
+            RunFailed: it was refused, or nobody answered.
+        """
+        began = time.monotonic()
+        answer = self._operator.start(mission, tags, goal, ANSWER_S)
+        if not answer.reached:
+            raise RunFailed(f"the mission could not be started: {answer.text}")
+        if not answer.accepted:
+            raise RunFailed(f"{mission} was not started: {answer.text}")
+        story = Story(answer.mission_id, began, heard=time.monotonic())
+        self.story = story
+        self._observer.note(f"{mission} {answer.mission_id} started")
+        for arrival in self._pending:
+            self._tell(*arrival)
+        self._pending.clear()
+        return story
+
+    def follow(self, story: Story) -> None:
+        """Follow a mission until it has ended.
+
+        Raises:
+            RunFailed: the orchestrator is gone, or the mission waits for an operator who does not come.
+            Interrupted: the user wants to stop.
+        """
+        waiting_since: float | None = None
+        while not story.ended:
+            self._tick()
+            self._interrupts.check()
+            now = time.monotonic()
+            if now - story.heard > SILENCE_S:
+                raise RunFailed(f"no /mission/state for {SILENCE_S:g} s: the orchestrator is gone")
+            waiting_since = (waiting_since or now) if story.waits else None
+            self._check_patience(story, now - (waiting_since or now))
+        self._wait_until(lambda: story.all_told, STRAGGLER_S)
+
+    def _check_patience(self, story: Story, waited: float) -> None:
+        patience = self._settings.patience
+        if patience is not None and waited > patience:
+            why = _last_event(story.state)
+            raise RunFailed(f"the mission waits for an operator ({why}); nobody came within {patience:g} s")
+
+    def abort(self, story: Story) -> None:
+        """Abort the mission, which sends the robot home; stop it on the way if there is no time for that.
+
+        There is time after Ctrl-C, until it is pressed again or the robot cannot go on without help.
+        """
+        if self.owns_orchestrator and ORCHESTRATOR not in self.supervisor.names:
+            return  # nobody is left to ask
+        home = self._interrupts.at_leisure
+        text = "aborting the mission: the robot drives home; once more to stop it on the way"
+        self._observer.note(text if home else "aborting the mission", Severity.WARN)
+        # Who is on the way home already is not stopped by the wish to come home.
+        if not (home and story.returning) and not self._request_abort():
+            return
+        if home:
+            self._wait_until(lambda: story.ended or story.waits or self._interrupts.insisted, HOME_LIMIT_S)
+        if not story.ended and not self._request_abort():
+            return
+
+        def enough() -> bool:
+            return self._interrupts.insisted_twice if home else self._interrupts.insisted
+
+        if not self._wait_until(lambda: (story.ended and not story.busy) or enough(), ABORT_LIMIT_S):
+            self._observer.note(f"the mission still runs after {ABORT_LIMIT_S:g} s", Severity.ERROR)
+        self._wait_until(lambda: story.all_told or enough(), STRAGGLER_S)
+
+    def _request_abort(self) -> bool:
+        """Ask for an abort, and say whether there was an answer; a refusal is one."""
+        answer = self._ask("abort")
+        if not answer.reached:
+            self._observer.note(f"the mission could not be aborted: {answer.text}", Severity.ERROR)
+        elif not answer.accepted:
+            self._observer.note(answer.text, Severity.WARN)
+        return answer.reached
+
+    def _ask(self, name: str) -> Answer:
+        answer = self._operator.ask(name, ANSWER_S)
+        self._take()
+        return answer
+
+    # -- the loop ---------------------------------------------------------------------------------------
+
+    def watch(self, told: Callable[[Mapping[str, Any]], None]) -> None:
+        """Keep the nodes running, telling the published state again and again.
+
+        Raises:
+            RunFailed: the orchestrator died.
+            Interrupted: the user wants to stop.
+        """
+        while True:
+            told(self._state)
+            self._tick()
+            self._interrupts.check()
+
+    def _wait_until(self, condition: Callable[[], bool], limit: float) -> bool:
+        until = time.monotonic() + limit
+        while not condition():
+            if time.monotonic() > until:
+                return False
+            self._tick()
+        return True
+
+    def _tick_until(self, enough: Callable[[], bool], limit: float) -> None:
+        until = time.monotonic() + limit
+        while time.monotonic() < until and not enough():
+            self._tick()
+            self._interrupts.check()
+
+    def _tick(self) -> None:
+        self._operator.spin(TICK_S)
+        self._take()
+        self._look_at_processes()
+        if self.story is not None:
+            self._observer.show(self.story)
+
+    def _take(self) -> None:
+        for arrival in self._operator.take():
+            if arrival.kind == "state":
+                self._state = arrival.data
+                self._states += 1
+            elif arrival.kind == "step":
+                self._view = arrival.data.get("view", {})
+            if self.story is None:  # what comes before the answer to the start may belong to the mission
+                self._pending = [*self._pending[-200:], (arrival.kind, arrival.data, arrival.at)]
+            else:
+                self._tell(arrival.kind, arrival.data, arrival.at)
+
+    def _tell(self, kind: str, data: dict[str, Any], at: float) -> None:
+        assert self.story is not None
+        if self.story.take(kind, data, at):
+            self._observer.arrived(kind, data, self.story)
+
+    def _look_at_processes(self) -> None:
+        deaths = self.supervisor.deaths()
+        # At the start everything is needed. Later the mission has its own answer to a dead plugin: a declared
+        # error. Only without the orchestrator there is no mission.
+        if deaths and (not self._is_up or any(death.name == ORCHESTRATOR for death in deaths)):
+            raise RunFailed("\n".join(death.told for death in deaths))
+        for death in deaths:
+            self._observer.note(death.told, Severity.ERROR)
+            if self.story is not None:
+                self.story.note(time.monotonic(), Severity.ERROR, f"{death.name} {death.how}")
+            self._plan_respawn(death.name)
+        self._respawn()
+
+    def _plan_respawn(self, name: str) -> None:
+        before = self._respawns[name]
+        if not self._settings.respawn or before >= len(RESPAWN_AFTER_S):
+            return
+        delay = RESPAWN_AFTER_S[before]
+        self._respawns[name] += 1
+        self._due[name] = time.monotonic() + delay
+        count = f"{before + 1} of {len(RESPAWN_AFTER_S)}"
+        self._observer.note(f"{name} is started again in {delay:g} s ({count})", Severity.WARN)
+
+    def _respawn(self) -> None:
+        now = time.monotonic()
+        for name in [name for name, due in self._due.items() if due <= now]:
+            del self._due[name]
+            self.supervisor.start_again(name)
+
+    # -- the end ----------------------------------------------------------------------------------------
+
+    def close(self) -> None:
+        """Stop every process that this session started; a second interrupt shortens the patience."""
+        # First ourselves: Fast DDS can deadlock in a node that leaves while others do.
+        self._operator.close()
+        names = self.supervisor.names
+        if names:
+            self._observer.note(f"stopping {', '.join(names)}")
+        killed = self.supervisor.stop(lambda: IMPATIENT if self._interrupts.insisted else Patience())
+        if killed:
+            self._observer.note(f"had to be killed: {', '.join(killed)}", Severity.WARN)
+
+    def __enter__(self) -> Session:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+
+def _last_event(state: Mapping[str, Any]) -> str:
+    return str(state.get("last_error") or state.get("last_event") or "no reason was published")
+
+
+__all__ = ["Interrupted", "Observer", "RunFailed", "Session", "Settings"]

@@ -1,0 +1,219 @@
+"""Child processes: started in their own groups, watched, and stopped so that none survives.
+
+Each child leads a session of its own, so Ctrl-C in the terminal reaches the supervisor only, which then stops
+them in order. A child ends with its supervisor however that ends (see `ros.adapter.lifeline`). Nothing here
+knows ROS.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import signal
+import subprocess
+import time
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from lupin_engine.ros.adapter.lifeline import SUPERVISED
+from lupin_engine.ros.launch import shared_memory
+
+#: Lines of its log that are shown when a process has died.
+SHOWN_LINES = 12
+#: How often a stopping process is looked at, in seconds.
+POLL_S = 0.02
+
+
+@dataclass(frozen=True)
+class Death:
+    """A process that ended without having been told to."""
+
+    name: str
+    code: int
+    log: Path
+    last_lines: tuple[str, ...]
+
+    @property
+    def how(self) -> str:
+        """What happened to it."""
+        killed = self.code < 0
+        return f"was killed by {_signal_name(-self.code)}" if killed else f"ended with exit code {self.code}"
+
+    def __str__(self) -> str:
+        return f"{self.name} {self.how}; its log is {self.log}"
+
+    @property
+    def told(self) -> str:
+        """The sentence, and under it the last lines of the log."""
+        return "\n".join([str(self), *(f"  | {line}" for line in self.last_lines)])
+
+
+@dataclass(frozen=True)
+class Patience:
+    """Seconds that a process gets after each signal: SIGINT, SIGTERM, SIGKILL."""
+
+    interrupt: float = 5.0
+    terminate: float = 3.0
+    kill: float = 3.0
+
+
+#: What a second Ctrl-C leaves of the patience.
+IMPATIENT = Patience(interrupt=0.5, terminate=0.5, kill=3.0)
+
+
+@dataclass
+class _Child:
+    name: str
+    command: Sequence[str]
+    process: subprocess.Popen[bytes]
+    log: Path
+    told: bool = False
+    segments: frozenset[str] = field(default_factory=frozenset)
+
+
+class Supervisor:
+    """Starts, watches and stops processes; one log file each in `folder`."""
+
+    def __init__(self, folder: Path, environment: Mapping[str, str]) -> None:
+        """Make a supervisor without processes; `environment` is what they all start with."""
+        self.folder = folder
+        self._environment = {**environment, SUPERVISED: "1"}
+        self._children: list[_Child] = []
+
+    @property
+    def names(self) -> list[str]:
+        """The processes that are running, in the order of their start."""
+        return [child.name for child in self._children if child.process.poll() is None]
+
+    def start(self, name: str, command: Sequence[str]) -> int:
+        """Start a process and return its id; its output goes to `NAME.log`."""
+        log = self.folder / f"{name}.log"
+        with log.open("ab") as output:
+            process = subprocess.Popen(
+                list(command),
+                stdin=subprocess.PIPE,  # the lifeline: never written to
+                stdout=output,
+                stderr=subprocess.STDOUT,
+                env=self._environment,
+                start_new_session=True,
+            )
+        self._children.append(_Child(name, command, process, log))
+        return process.pid
+
+    def start_again(self, name: str) -> int:
+        """Start a process that has ended as it was started before; its log goes on."""
+        child = next(c for c in self._children if c.name == name and c.process.poll() is not None)
+        self._children.remove(child)
+        _close_lifeline(child)
+        return self.start(name, child.command)
+
+    def deaths(self) -> list[Death]:
+        """Return the processes that have ended by themselves since the last call."""
+        found = []
+        for child in self._children:
+            code = child.process.poll()
+            if code is None or child.told:
+                continue
+            child.told = True
+            shared_memory.remove(child.segments)
+            found.append(Death(child.name, code, child.log, last_lines(child.log)))
+        return found
+
+    def note_segments(self) -> None:
+        """Remember which shared memory each process uses, to remove it should the process be killed."""
+        for child in self._children:
+            if child.process.poll() is None:
+                child.segments = shared_memory.segments_of(child.process.pid) or child.segments
+
+    def stop(self, patience: Patience | Callable[[], Patience] = Patience()) -> list[str]:
+        """Stop everything, last started first; return the names of what had to be killed.
+
+        `patience` may be a function: it is asked again while waiting, so that it can run out.
+        """
+        ask = patience if callable(patience) else lambda: patience
+        killed = [child.name for child in reversed(self._children) if _stop(child, ask)]
+        self._children.clear()
+        return killed
+
+    def __enter__(self) -> Supervisor:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.stop(IMPATIENT)
+
+
+def _stop(child: _Child, patience: Callable[[], Patience]) -> bool:
+    """End a child and its whole group; say whether it took a SIGKILL."""
+    child.segments = shared_memory.segments_of(child.process.pid) or child.segments
+    killed = False
+    for number, allowed in (
+        (signal.SIGINT, lambda: patience().interrupt),
+        (signal.SIGTERM, lambda: patience().terminate),
+        (signal.SIGKILL, lambda: patience().kill),
+    ):
+        if _is_over(child):
+            break
+        killed = number is signal.SIGKILL
+        _signal_group(child, number)
+        _wait(lambda: _is_over(child), allowed)
+    _close_lifeline(child)
+    if killed:
+        shared_memory.remove(child.segments)
+    return killed
+
+
+def _close_lifeline(child: _Child) -> None:
+    if child.process.stdin is not None:
+        child.process.stdin.close()
+
+
+def _is_over(child: _Child) -> bool:
+    """Say whether the child and all that it started in its group have ended."""
+    ended = child.process.poll() is not None
+    return ended and not group_lives(child.process.pid)
+
+
+def group_lives(group: int) -> bool:
+    """Say whether a process group still has a process (one that is a zombie of ours does not count)."""
+    try:
+        os.killpg(group, 0)
+    except (ProcessLookupError, PermissionError):
+        return False
+    return True
+
+
+def _signal_group(child: _Child, number: signal.Signals) -> None:
+    with contextlib.suppress(ProcessLookupError, PermissionError):
+        os.killpg(child.process.pid, number)
+
+
+def _wait(condition: Callable[[], bool], allowed: Callable[[], float]) -> bool:
+    begin = time.monotonic()
+    while not condition():
+        if time.monotonic() - begin >= allowed():
+            return False
+        time.sleep(POLL_S)
+    return True
+
+
+def last_lines(log: Path, count: int = SHOWN_LINES) -> tuple[str, ...]:
+    """Return the last lines of a log that say something."""
+    try:
+        with log.open("rb") as file:
+            file.seek(max(0, file.seek(0, os.SEEK_END) - 16_384))
+            text = file.read().decode(errors="replace")
+    except OSError:
+        return ()
+    return tuple(_told(text.splitlines())[-count:])
+
+
+def _told(lines: Iterable[str]) -> list[str]:
+    return [line.rstrip() for line in lines if line.strip()]
+
+
+def _signal_name(number: int) -> str:
+    try:
+        return signal.Signals(number).name
+    except ValueError:
+        return f"signal {number}"

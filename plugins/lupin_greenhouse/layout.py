@@ -1,0 +1,164 @@
+"""The known layout of a greenhouse: where its tags and its tables are.
+
+Metres in frame `map`. The file is the one that the greenhouse simulator, the bridge and the world also
+read: `{"units": "m", "tags": {id: {"x", "y", "sensors"}}, "tables": {name: {"x0", "x1", "y0", "y1"}}}`.
+A file without `tags` is taken as the tag map itself. The bundled `greenhouse.json` is the layout of
+mdp-greenhouse 1.0.8 (29 tags, 10 tables, no tag 8).
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+from lupin_engine.errors import LupinError, shortened
+from lupin_greenhouse.numbers import finite
+
+BUNDLED = Path(__file__).with_name("greenhouse.json")
+
+
+@dataclass(frozen=True)
+class Tag:
+    """A tag of the layout: position of its plate in metres, and the sensors that it answers for, in order."""
+
+    id: str
+    x: float
+    y: float
+    sensors: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Table:
+    """A planter table: its axis-parallel footprint in metres, `x0 <= x1` and `y0 <= y1`."""
+
+    id: str
+    x0: float
+    x1: float
+    y0: float
+    y1: float
+
+    def distance(self, x: float, y: float) -> float:
+        """Return how far a place is from this table; 0 on it."""
+        return math.hypot(max(self.x0 - x, 0.0, x - self.x1), max(self.y0 - y, 0.0, y - self.y1))
+
+
+@dataclass(frozen=True)
+class Layout:
+    """All tags by id, and the usable tables in lexicographic order of their ids."""
+
+    tags: Mapping[str, Tag]
+    tables: tuple[Table, ...]
+
+    def tag(self, tag_id: Any) -> Tag:
+        """Return the tag with that id.
+
+        Raises:
+            ValueError: the layout has no such tag; the text lists those it has.
+        """
+        found = self.tags.get(tag_id) if isinstance(tag_id, str) else None
+        if found is None:
+            raise ValueError(self._unknown([tag_id]))
+        return found
+
+    def named(self, names: list[str]) -> list[Tag]:
+        """Return the tags with these ids, in this order.
+
+        Raises:
+            ValueError: some ids are unknown; the text names every one of them.
+        """
+        unknown = [name for name in names if name not in self.tags]
+        if unknown:
+            raise ValueError(self._unknown(unknown))
+        return [self.tags[name] for name in names]
+
+    def numeric_order(self) -> list[Tag]:
+        """Return all tags: numeric ids first and by number (2 before 10), then the others by name."""
+        return [self.tags[tag_id] for tag_id in sorted(self.tags, key=numeric_key)]
+
+    def _unknown(self, ids: list[Any]) -> str:
+        known = ", ".join(tag.id for tag in self.numeric_order())
+        wanted = ", ".join(repr(shortened(tag_id) if isinstance(tag_id, str) else tag_id) for tag_id in ids)
+        return f"unknown tag {wanted}; the layout has {len(self.tags)} tags: {known}"
+
+
+def numeric_key(tag_id: str) -> tuple[bool, int, str, str]:
+    """Return the sort key of a tag id: numbers by value before names by letter."""
+    if not (tag_id.isascii() and tag_id.isdecimal()):
+        return True, 0, "", tag_id
+    # Compared as text, longer ones last: Python reads no number of more than 4,300 digits.
+    digits = tag_id.lstrip("0")
+    return False, len(digits), digits, tag_id
+
+
+def load(path: str = "", parameter: str = "tag_locations_file") -> Layout:
+    """Read a layout file; an empty path means the bundled greenhouse.
+
+    Raises:
+        LupinError: the file cannot be read, is no JSON, has a name twice, or `parse` refuses it; the text
+            names it, and the `parameter` that it was given by.
+    """
+    # Unlike Path.expanduser, this leaves the home of a user that does not exist as it is written.
+    file = Path(os.path.expanduser(path)) if path else BUNDLED
+    try:
+        return parse(json.loads(file.read_text(encoding="utf-8"), object_pairs_hook=_once))
+    except OSError as error:
+        reason = error.strerror or str(error)
+    except (ValueError, RecursionError) as error:
+        reason = str(error)
+    raise LupinError(f"{parameter} {str(file)!r} cannot be used: {reason}")
+
+
+def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """Refuse names that are there twice: JSON would take the last of them, and lose a tag without a word."""
+    found = dict(pairs)
+    if len(found) == len(pairs):
+        return found
+    twice = (repr(shortened(name)) for name, count in Counter(name for name, _ in pairs).items() if count > 1)
+    raise ValueError(f"{', '.join(twice)} more than once in one object")
+
+
+def parse(data: Any) -> Layout:
+    """Build a layout from parsed JSON; tables that are not four finite numbers are left out.
+
+    Raises:
+        ValueError: `data` holds no tags, or one of them has no position or no list of sensors.
+    """
+    if not isinstance(data, Mapping):
+        raise ValueError(f"expected a JSON object, got {type(data).__name__}")
+    raw_tags = data.get("tags", data)
+    raw_tables = data.get("tables", {}) if "tags" in data else {}
+    if not isinstance(raw_tags, Mapping) or not isinstance(raw_tables, Mapping):
+        raise ValueError("'tags' and 'tables' must be JSON objects")
+    if not raw_tags:
+        raise ValueError("it has no tags")
+    tags = {str(tag_id): _tag(str(tag_id), raw) for tag_id, raw in raw_tags.items()}
+    tables = [_table(str(name), raw) for name, raw in sorted(raw_tables.items())]
+    return Layout(MappingProxyType(tags), tuple(table for table in tables if table is not None))
+
+
+def _tag(tag_id: str, raw: Any) -> Tag:
+    x, y = (_metres(raw, key) for key in ("x", "y"))
+    if x is None or y is None:
+        raise ValueError(f"tag {tag_id!r} has no position: expected numbers x and y in metres, got {raw!r}")
+    sensors = raw.get("sensors", [])
+    if not isinstance(sensors, list) or not all(isinstance(name, str) for name in sensors):
+        raise ValueError(f"the sensors of tag {tag_id!r} are no list of names, but {sensors!r}")
+    return Tag(tag_id, x, y, tuple(sensors))
+
+
+def _table(name: str, raw: Any) -> Table | None:
+    x0, x1, y0, y1 = (_metres(raw, key) for key in ("x0", "x1", "y0", "y1"))
+    if x0 is None or x1 is None or y0 is None or y1 is None:
+        return None
+    return Table(name, min(x0, x1), max(x0, x1), min(y0, y1), max(y0, y1))
+
+
+def _metres(raw: Any, key: str) -> float | None:
+    return finite(raw.get(key)) if isinstance(raw, Mapping) else None
