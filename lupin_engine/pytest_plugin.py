@@ -23,8 +23,7 @@ import pytest
 from lupin_engine.sim import SUFFIX
 
 if TYPE_CHECKING:
-    from lupin_engine.sim.coverage import Counts
-    from lupin_engine.sim.suite import Crew, Result, Suite
+    from lupin_engine.sim.suite import Counts, Crew, MakeObserver, Result, Suite
 
 #: What is kept between scenarios: the suite, the processes that help, and what was reached of each mission.
 _SUITE: pytest.StashKey[Suite] = pytest.StashKey()
@@ -115,7 +114,7 @@ def _crew(session: pytest.Session) -> Crew | None:
         files = dict.fromkeys(item.path for item in session.items if isinstance(item, ScenarioItem))
         workers = useful_workers(len(files), len(seeds), option.lupin_jobs)
         is_shared = workers > 1 and not hasattr(config, "workerinput")  # that is, not by pytest-xdist already
-        config.stash[_CREW] = Crew(files, seeds, workers, option.lupin_coverage) if is_shared else None
+        config.stash[_CREW] = Crew(files, seeds, workers, _observe(config)) if is_shared else None
     return config.stash[_CREW]
 
 
@@ -125,8 +124,17 @@ def _suite(config: pytest.Config) -> Suite:
         from lupin_engine.plugin.registry import load_catalog
         from lupin_engine.sim.suite import Suite
 
-        config.stash[_SUITE] = Suite(load_catalog(), counts=config.option.lupin_coverage)
+        config.stash[_SUITE] = Suite(load_catalog(), _observe(config))
     return config.stash[_SUITE]
+
+
+def _observe(config: pytest.Config) -> MakeObserver | None:
+    """Return what makes the observer of the runs."""
+    if not config.option.lupin_coverage:
+        return None
+    from lupin_engine.replay.coverage import CoverageObserver
+
+    return CoverageObserver
 
 
 # -- what was reached, also in the processes of pytest-xdist ---------------------------------------------
@@ -161,8 +169,8 @@ def pytest_terminal_summary(terminalreporter: Any, config: pytest.Config) -> Non
     reached = config.stash[_REACHED]
     if not reached or not config.option.lupin_coverage:
         return
-    from lupin_engine.sim.coverage import Coverage
-    from lupin_engine.sim.coverage_text import coverage_lines
+    from lupin_engine.replay.coverage import Coverage
+    from lupin_engine.replay.coverage_text import coverage_lines
 
     coverage, missions = Coverage(), _suite(config).missions
     for mission, counts in reached.items():

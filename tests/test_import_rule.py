@@ -27,6 +27,7 @@ RULE = {
     "machine": ("chart",),
     "runtime": ("machine",),
     "sim": ("runtime", "missions"),
+    "replay": ("sim",),
     "ros.adapter": ("plugin",),
     "ros.bindings": ("ros.adapter", "chart"),
     "ros.launch": ("ros",),
@@ -34,9 +35,9 @@ RULE = {
     "diagram": ("chart",),
     "verify": ("machine",),
     "editor": ("missions",),
-    "pytest_plugin": ("sim",),
+    "pytest_plugin": ("replay",),
     "harness": ("ros.adapter",),
-    "cli": ("ros.launch", "diagram", "verify", "editor", "harness"),
+    "cli": ("ros.launch", "replay", "diagram", "verify", "editor", "harness"),
 }
 #: Outside packages that belong to certain rooms only.
 OWNED = {

@@ -8,9 +8,9 @@ from types import MappingProxyType
 from rich.text import Text
 
 from lupin_engine.cli.view import STATUS_STYLES
-from lupin_engine.sim import timeline
-from lupin_engine.sim.story import Piece
-from lupin_engine.sim.timeline_rows import CURVE, FLAG, HOLD, OPERATION, PHASE, STATE
+from lupin_engine.replay import timeline
+from lupin_engine.replay.story import TonedText
+from lupin_engine.replay.timeline_rows import CURVE, FLAG, HOLD, OPERATION, PHASE, STATE
 
 #: tone -> style of rich; what is not here is plain.
 STYLES: Mapping[str, str] = MappingProxyType(
@@ -37,7 +37,7 @@ STYLES: Mapping[str, str] = MappingProxyType(
 )
 
 
-def styled(pieces: Iterable[Piece]) -> Text:
+def styled(pieces: Iterable[TonedText]) -> Text:
     """Return pieces of a line in their colours."""
     text = Text(no_wrap=True)
     for piece, tone in pieces:

@@ -10,15 +10,15 @@ from rich.console import Console
 from rich.text import Text
 
 from lupin_engine.cli.colours import styled
-from lupin_engine.sim.looks import Row
-from lupin_engine.sim.session import Session
+from lupin_engine.replay.debugger import Debugger
+from lupin_engine.replay.story import TonedLine
 
 
-def interact(session: Session, console: Console) -> int:
+def interact(debugger: Debugger, console: Console) -> int:
     """Read commands until quit or the end of input; nothing else ends it. Returns the exit code 0."""
-    _show(session.greeting(), console)
-    ask = _terminal(session) if sys.stdin.isatty() else _pipe(session, console)
-    while not session.over:
+    _show(debugger.greeting(), console)
+    ask = _terminal(debugger) if sys.stdin.isatty() else _pipe(debugger, console)
+    while not debugger.over:
         try:
             line = ask()
         except EOFError:
@@ -28,45 +28,45 @@ def interact(session: Session, console: Console) -> int:
             console.print()
             continue
         try:
-            _show(session.do(line), console)
+            _show(debugger.do(line), console)
         except KeyboardInterrupt:
-            _show(session.interrupted(), console)
+            _show(debugger.interrupted(), console)
     return 0
 
 
-def _show(rows: Iterable[Row], console: Console) -> None:
+def _show(rows: Iterable[TonedLine], console: Console) -> None:
     for row in rows:
         console.print(styled(row), soft_wrap=True)
 
 
-def _pipe(session: Session, console: Console) -> Callable[[], str]:
-    """Return what reads lines that nobody types; they are shown, so that the output reads like a session."""
+def _pipe(debugger: Debugger, console: Console) -> Callable[[], str]:
+    """Return what reads lines that nobody types; they are shown, so that the output reads like a debugger."""
 
     def ask() -> str:
         line = sys.stdin.readline()
         if not line:
-            console.print(Text(session.prompt, "bold"), end="")
+            console.print(Text(debugger.prompt, "bold"), end="")
             raise EOFError
-        console.print(Text(session.prompt, "bold"), Text(line.rstrip("\n")), sep="", soft_wrap=True)
+        console.print(Text(debugger.prompt, "bold"), Text(line.rstrip("\n")), sep="", soft_wrap=True)
         return line
 
     return ask
 
 
-def _terminal(session: Session) -> Callable[[], str]:
+def _terminal(debugger: Debugger) -> Callable[[], str]:
     """Return what reads lines with editing, a history and completion, as far as this Python has them."""
     with contextlib.suppress(ImportError):
         import readline
 
         def complete(_: str, state: int) -> str | None:
-            found = session.complete(readline.get_line_buffer()[: readline.get_endidx()])
+            found = debugger.complete(readline.get_line_buffer()[: readline.get_endidx()])
             return found[state] + _after(found[state]) if state < len(found) else None
 
         readline.set_completer(complete)
         # Names have dots and operations are one word.
         readline.set_completer_delims(" ")
         readline.parse_and_bind("tab: complete")
-    return lambda: input(session.prompt)
+    return lambda: input(debugger.prompt)
 
 
 def _after(word: str) -> str:

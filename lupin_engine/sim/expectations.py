@@ -11,6 +11,7 @@ from lupin_engine.machine.memory import Visit
 from lupin_engine.machine.step import Step
 from lupin_engine.machine.view import View
 from lupin_engine.sim.failure import Failure
+from lupin_engine.sim.narration import shorten
 from lupin_engine.sim.order import ROUNDING, Order, seconds
 from lupin_engine.sim.reporter import Reporter
 from lupin_engine.sim.scenario_file import (
@@ -25,7 +26,6 @@ from lupin_engine.sim.scenario_file import (
 )
 from lupin_engine.sim.scripted import contains
 from lupin_engine.sim.simulation import End, Happening, Run, Seen, is_named
-from lupin_engine.sim.story import shorten
 
 #: A difference at a moment: the key and its index, what was expected, what there was, the states concerned.
 Difference = tuple[str, int | None, Any, Any, Sequence[str]]

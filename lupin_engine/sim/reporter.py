@@ -8,8 +8,8 @@ from typing import Any
 from lupin_engine.errors import Place
 from lupin_engine.machine.step import Step
 from lupin_engine.sim.failure import Failure
+from lupin_engine.sim.narration import tell
 from lupin_engine.sim.simulation import Run, is_named
-from lupin_engine.sim.story import tell
 
 #: How many lines of the story are shown before and after the step that a failure is about.
 AROUND = 5

@@ -6,22 +6,42 @@ import multiprocessing
 import os
 import threading
 import time
-from collections.abc import Iterable, Iterator, Sequence
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import closing
 from dataclasses import dataclass, field, replace
 from multiprocessing.context import BaseContext
 from pathlib import Path
+from typing import Protocol
 
+from lupin_engine.chart.model import Chart
 from lupin_engine.errors import LupinError
 from lupin_engine.plugin.registry import Catalog, load_catalog
 from lupin_engine.sim import SUFFIX
-from lupin_engine.sim.coverage import Counts, Coverage, Guards, reached
 from lupin_engine.sim.failure import Failure
 from lupin_engine.sim.scenario import Missions, Scenario, load_scenario
+from lupin_engine.sim.simulation import Run
 
 #: From so many runs on it pays to begin further processes.
 WORTH_SHARING = 400
+
+#: How often something was reached, by its kind, its name and which of several.
+Counts = Counter[tuple[str, str, str]]
+
+
+class RunObserver(Protocol):
+    """Counts what runs reach."""
+
+    def prepare(self, chart: Chart) -> Chart:
+        """Return the chart that the runs use in place of `chart`."""
+
+    def count(self, run: Run) -> Counts:
+        """Return what a run reached, as soon as it is over."""
+
+
+#: Makes the observer of a suite; importable by name, because a worker process makes its own.
+MakeObserver = Callable[[], RunObserver]
 
 
 @dataclass(frozen=True)
@@ -30,7 +50,8 @@ class Result:
 
     `problem` says why it could not be run at all. `runs` is how many seeds were tried, `seed` the one that
     the failures are of; None where chance plays no part. `seconds` is the virtual time of the last run,
-    `took` the real time of all. `mission` and `counts` are there when what was reached is counted.
+    `took` the real time of all. `mission` and `counts` are there when an
+    observer counts.
     """
 
     file: Path
@@ -60,12 +81,12 @@ class Suite:
 
     Args:
         catalog: what the plugins offer.
-        counts: whether what is reached is counted as well.
+        observe: makes the observer of the runs.
     """
 
-    def __init__(self, catalog: Catalog, counts: bool = False) -> None:
-        self._guards = Guards() if counts else None
-        self.missions = Missions(catalog, self._guards.counting) if self._guards else Missions(catalog)
+    def __init__(self, catalog: Catalog, observe: MakeObserver | None = None) -> None:
+        self._observer = observe() if observe else None
+        self.missions = Missions(catalog, self._observer.prepare) if self._observer else Missions(catalog)
 
     def run(self, file: Path, seeds: Sequence[int] = (0,)) -> Result:
         """Run a scenario with each seed until one fails; without anything random the first seed will do."""
@@ -84,9 +105,8 @@ class Suite:
         for seed in seeds if is_random else seeds[:1]:
             run = scenario.run(seed)
             runs, seconds, last = runs + 1, run.seconds, seed
-            if self._guards is not None:
-                counts.update(reached(run))
-                counts.update(self._guards.take(run.steps))
+            if self._observer is not None:
+                counts.update(self._observer.count(run))
             failures = scenario.failures(run)
             if failures:
                 break
@@ -108,8 +128,10 @@ class Crew:
     Close it in the end: what has not been begun then is dropped.
     """
 
-    def __init__(self, files: Iterable[Path], seeds: Sequence[int], workers: int, counts: bool) -> None:
-        self._pool = ProcessPoolExecutor(workers, _context(), _begin, (counts,))
+    def __init__(
+        self, files: Iterable[Path], seeds: Sequence[int], workers: int, observe: MakeObserver | None
+    ) -> None:
+        self._pool = ProcessPoolExecutor(workers, _context(), _begin, (observe,))
         self._coming = {file: self._pool.submit(_run, file, seeds) for file in files}
 
     def result(self, file: Path) -> Result:
@@ -122,7 +144,11 @@ class Crew:
 
 
 def run_all(
-    catalog: Catalog, files: Sequence[Path], seeds: Sequence[int] = (0,), jobs: int = 0, counts: bool = False
+    catalog: Catalog,
+    files: Sequence[Path],
+    seeds: Sequence[int] = (0,),
+    jobs: int = 0,
+    observe: MakeObserver | None = None,
 ) -> Iterator[Result]:
     """Yield how each scenario went, in the order of `files`, as soon as it is known.
 
@@ -131,10 +157,10 @@ def run_all(
     """
     workers = useful_workers(len(files), len(seeds), jobs)
     if workers <= 1:
-        suite = Suite(catalog, counts)
+        suite = Suite(catalog, observe)
         yield from (suite.run(file, seeds) for file in files)
         return
-    with closing(Crew(files, seeds, workers, counts)) as crew:
+    with closing(Crew(files, seeds, workers, observe)) as crew:
         yield from map(crew.result, files)
 
 
@@ -142,15 +168,6 @@ def useful_workers(files: int, seeds: int, jobs: int = 0) -> int:
     """Return how many processes should run so many scenarios with so many seeds; `jobs` when it is not 0."""
     cores = len(os.sched_getaffinity(0)) if files * seeds >= WORTH_SHARING else 1
     return min(jobs or cores, files)
-
-
-def add_up(results: Sequence[Result], missions: Missions) -> Coverage:
-    """Return what the scenarios reached together."""
-    coverage = Coverage()
-    for result in results:
-        if result.mission is not None:
-            coverage.add(result.mission, missions.chart(result.mission), result.counts)
-    return coverage
 
 
 def _context() -> BaseContext:
@@ -163,9 +180,9 @@ def _context() -> BaseContext:
 _suite: Suite | None = None
 
 
-def _begin(counts: bool) -> None:
+def _begin(observe: MakeObserver | None) -> None:
     global _suite
-    _suite = Suite(load_catalog(), counts)
+    _suite = Suite(load_catalog(), observe)
 
 
 def _run(file: Path, seeds: Sequence[int]) -> Result:

@@ -14,9 +14,11 @@ from lupin_engine.cli.main import main
 from lupin_engine.cli.simulate import simulate
 from lupin_engine.cli.tasks import simulate as verb
 from lupin_engine.errors import UsageError
+from lupin_engine.replay.debugger import Debugger
+from lupin_engine.replay.story import columns_for, laid_out
+from lupin_engine.sim.narration import Line, tell
 from lupin_engine.sim.simulation import Run, Script
 from lupin_engine.sim.simulation import simulate as run_script
-from lupin_engine.sim.story import Line, columns_for, laid_out, tell
 from tests import shipped
 
 SCENARIOS = Path(__file__).parents[1] / "scenarios" / "inspection"
@@ -364,16 +366,15 @@ def test_the_end_of_the_input_ends_a_session() -> None:
 
 def test_ctrl_c_does_not_end_a_session(monkeypatch: pytest.MonkeyPatch) -> None:
     """At the prompt it begins a new line, in a run it stops that."""
-    from lupin_engine.sim.session import Session
 
-    real, calls = Session.do, iter([True, False])
+    real, calls = Debugger.do, iter([True, False])
 
-    def do(self: Session, line: str) -> Any:
+    def do(self: Debugger, line: str) -> Any:
         if next(calls, False):
             raise KeyboardInterrupt
         return real(self, line)
 
-    monkeypatch.setattr(Session, "do", do)
+    monkeypatch.setattr(Debugger, "do", do)
     result = typed("inspection", "-i", typing="run\nwhere\nquit\n")
     assert result.output.splitlines()[-5:] == [
         "0.0 s READY> run",

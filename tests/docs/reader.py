@@ -7,9 +7,9 @@ from pathlib import Path
 
 from lupin_engine.missions.load import default_missions_folder
 from lupin_engine.plugin.registry import load_catalog
-from lupin_engine.sim.coverage import Coverage
+from lupin_engine.replay.coverage import Coverage, CoverageObserver, add_up
 from lupin_engine.sim.scenario import Missions
-from lupin_engine.sim.suite import add_up, run_all
+from lupin_engine.sim.suite import run_all
 
 
 def run_scenarios(page: Path, mission: str, folder: Path, count: int) -> Coverage:
@@ -20,7 +20,7 @@ def run_scenarios(page: Path, mission: str, folder: Path, count: int) -> Coverag
     shutil.copy(default_missions_folder() / "lifecycle.yaml", missions)
     files = [Path(shutil.copy(file, folder)) for file in sorted(page.glob("*.scenario.yaml"))]
     catalog = load_catalog()
-    results = list(run_all(catalog, files, jobs=1, counts=True))
+    results = list(run_all(catalog, files, jobs=1, observe=CoverageObserver))
     assert [str(result.failures) for result in results if result.failures] == []
     assert len(results) == count
     return add_up(results, Missions(catalog))

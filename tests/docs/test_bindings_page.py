@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from lupin_engine.sim.coverage import GUARD, STATE, TRANSITION, Coverage
+from lupin_engine.replay.coverage import GUARD, STATE, TRANSITION, Coverage
 from tests.docs.reader import assert_all_reached, run_scenarios
 
 SPRAYER = Path(__file__).parents[2] / "docs" / "sprayer"

@@ -11,7 +11,7 @@ from lupin_engine.diagram.outline import outline
 from lupin_engine.diagram.svg import svg
 from lupin_engine.missions.load import lifecycle_in, load_chart
 from lupin_engine.plugin.registry import load_catalog
-from lupin_engine.sim.coverage import GUARD, STATE, TRANSITION, Coverage
+from lupin_engine.replay.coverage import GUARD, STATE, TRANSITION, Coverage
 from tests.docs.reader import assert_all_reached, run_scenarios
 
 TUTORIAL = Path(__file__).parents[2] / "docs" / "tutorial"

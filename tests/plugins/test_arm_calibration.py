@@ -15,9 +15,9 @@ import lupin_arm.calibration
 from lupin_arm.calibration.offsets import HIGHEST, HOMES, SMALL, corrections, refusals, to_write
 from lupin_engine.cli.diagram import diagram
 from lupin_engine.missions.load import check_chart
-from lupin_engine.sim.coverage import GUARD, OUTCOME, STATE, TRANSITION, Coverage
+from lupin_engine.replay.coverage import GUARD, OUTCOME, STATE, TRANSITION, Coverage, CoverageObserver, add_up
 from lupin_engine.sim.scenario import scenario_files
-from lupin_engine.sim.suite import Suite, add_up
+from lupin_engine.sim.suite import Suite
 from tests import shipped
 
 ROOT = Path(__file__).parents[2]
@@ -36,7 +36,7 @@ NONE = dict.fromkeys(HOMES, 0)
 @cache
 def coverage() -> Coverage:
     """Run every scenario of the chart."""
-    suite = Suite(shipped.catalog(), counts=True)
+    suite = Suite(shipped.catalog(), CoverageObserver)
     return add_up([suite.run(file) for file in scenario_files([SCENARIOS])], suite.missions)
 
 

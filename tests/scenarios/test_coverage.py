@@ -12,9 +12,18 @@ from pathlib import Path
 import pytest
 
 from lupin_engine.missions.load import default_missions_folder, mission_files
-from lupin_engine.sim.coverage import GUARD, OUTCOME, STATE, TRANSITION, Coverage, Part
+from lupin_engine.replay.coverage import (
+    GUARD,
+    OUTCOME,
+    STATE,
+    TRANSITION,
+    Coverage,
+    CoverageObserver,
+    Part,
+    add_up,
+)
 from lupin_engine.sim.scenario import scenario_files
-from lupin_engine.sim.suite import Suite, add_up
+from lupin_engine.sim.suite import Suite
 from tests import shipped
 
 HERE = Path(__file__).parent
@@ -24,7 +33,7 @@ MISSIONS = [file.stem for file in mission_files(default_missions_folder())]
 @cache
 def coverage() -> Coverage:
     """Run every scenario of every mission."""
-    suite = Suite(shipped.catalog(), counts=True)
+    suite = Suite(shipped.catalog(), CoverageObserver)
     return add_up([suite.run(file) for file in scenario_files([HERE])], suite.missions)
 
 

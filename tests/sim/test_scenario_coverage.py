@@ -6,10 +6,21 @@ import shutil
 from pathlib import Path
 
 from lupin_engine.missions.load import default_missions_folder
-from lupin_engine.sim.coverage import GUARD, OUTCOME, STATE, TRANSITION, Coverage, Key, pieces, reached
-from lupin_engine.sim.coverage_text import coverage_lines
+from lupin_engine.replay.coverage import (
+    GUARD,
+    OUTCOME,
+    STATE,
+    TRANSITION,
+    Coverage,
+    CoverageObserver,
+    Key,
+    add_up,
+    items,
+    reached,
+)
+from lupin_engine.replay.coverage_text import coverage_lines
 from lupin_engine.sim.scenario import load_scenario
-from lupin_engine.sim.suite import Result, Suite, add_up
+from lupin_engine.sim.suite import Result, Suite
 from tests import shipped
 
 HEAD = 'scenario: a test\nmission: inspection\nrequest: {tag_sequence: ["1"]}\n'
@@ -21,7 +32,7 @@ def result(folder: Path, text: str) -> Result:
     """Run a scenario and count what it reaches."""
     file = folder / "x.scenario.yaml"
     file.write_text(HEAD + text, encoding="utf-8")
-    found = Suite(shipped.catalog(), counts=True).run(file)
+    found = Suite(shipped.catalog(), CoverageObserver).run(file)
     assert found.holds, found
     return found
 
@@ -77,14 +88,14 @@ def test_guards_are_counted_as_often_as_with_a_plain_chart(tmp_path: Path) -> No
     """Counting changes no step."""
     file = tmp_path / "x.scenario.yaml"
     file.write_text(HEAD + "when: [{at: 2 s, value: {battery: 5 %}}]\nexpect: {final: RETURNING}\n")
-    plain, counting = (Suite(shipped.catalog(), counts) for counts in (False, True))
+    plain, counting = (Suite(shipped.catalog(), observe) for observe in (None, CoverageObserver))
     assert plain.run(file).seconds == counting.run(file).seconds
     assert plain.run(file).counts == {}
 
 
 def test_every_piece_has_its_own_key() -> None:
     """Nothing that can be reached is counted as something else."""
-    keys: list[Key] = [piece.key for piece in pieces(shipped.mission("inspection"))]
+    keys: list[Key] = [item.key for item in items(shipped.mission("inspection"))]
     assert len(keys) == len(set(keys))
 
 
@@ -158,12 +169,12 @@ def test_operations_of_a_for_each_are_counted_under_their_state(tmp_path: Path) 
     """Their ends and their conditions, whichever element they are for."""
     file = tmp_path / "x.scenario.yaml"
     file.write_text(EXPLORATION, encoding="utf-8")
-    suite = Suite(shipped.catalog(), counts=True)
+    suite = Suite(shipped.catalog(), CoverageObserver)
     found = suite.run(file)
     assert found.holds, found
     state = "MISSION.ExplorationMission.EXPLORING.SEED_CLIMATE"
     assert found.counts[OUTCOME, state, "bridge.read_tag done"] == 1
     assert found.counts[GUARD, f"{state}.for_each", "true"] > 0
     assert found.counts[GUARD, f"{state}.for_each", "false"] == 0
-    keys = {piece.key for piece in pieces(shipped.mission("exploration"))}
+    keys = {item.key for item in items(shipped.mission("exploration"))}
     assert {key for key in found.counts if key[0] in (OUTCOME, GUARD)} <= keys

@@ -12,11 +12,11 @@ import pytest
 from lupin_engine.chart.findings import Findings
 from lupin_engine.chart.source import parse
 from lupin_engine.errors import UsageError
+from lupin_engine.replay.reconstruction import read_recording, scenario_text
+from lupin_engine.replay.yaml_text import WIDTH, yaml_text
 from lupin_engine.runtime.record import step_record
-from lupin_engine.sim.recorded import read_recording, scenario_text
 from lupin_engine.sim.scenario import Missions, Scenario, load_scenario, load_scenario_text, scenario_files
 from lupin_engine.sim.simulation import START
-from lupin_engine.sim.yaml_text import WIDTH, yaml_text
 from tests import shipped
 
 SCENARIOS = Path(__file__).parents[1] / "scenarios" / "inspection"

@@ -7,6 +7,7 @@ from xml.etree import ElementTree
 
 import pytest
 
+from lupin_engine.replay.coverage import CoverageObserver
 from lupin_engine.sim import suite
 from lupin_engine.sim.junit import junit
 from lupin_engine.sim.scenario import scenario_files
@@ -55,8 +56,8 @@ def test_processes_tell_the_same(threads: int, tmp_path: Path, monkeypatch: pyte
     monkeypatch.setattr(suite.threading, "active_count", lambda: threads)
     wrong = [written(tmp_path, "fails", "expect: {final: FAULT}\n"), written(tmp_path, "broken", "")]
     files = [*scenario_files([SCENARIOS])[:8], *wrong]
-    alone = list(run_all(shipped.catalog(), files, jobs=1, counts=True))
-    shared = list(run_all(shipped.catalog(), files, jobs=2, counts=True))
+    alone = list(run_all(shipped.catalog(), files, jobs=1, observe=CoverageObserver))
+    shared = list(run_all(shipped.catalog(), files, jobs=2, observe=CoverageObserver))
     assert told(alone) == told(shared)
     assert [result.counts for result in alone] == [result.counts for result in shared]
     assert [result.holds for result in alone] == [True] * 8 + [False] * 2

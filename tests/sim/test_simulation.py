@@ -9,9 +9,9 @@ import pytest
 from lupin_engine.errors import LupinError
 from lupin_engine.machine.event import Start
 from lupin_engine.sim import simulation
+from lupin_engine.sim.narration import short_name, shorten, tell
 from lupin_engine.sim.scripted import Outcome, Rule, contains
 from lupin_engine.sim.simulation import Ask, Happening, Run, Script, Tell, simulate
-from lupin_engine.sim.story import short_name, shorten, tell
 from tests import shipped
 
 

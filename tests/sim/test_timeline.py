@@ -7,13 +7,13 @@ from xml.etree import ElementTree
 
 import pytest
 
+from lupin_engine.replay.summary import summarise
+from lupin_engine.replay.timeline import Bar, Curve, Lane, Tick, Timeline, timeline
+from lupin_engine.replay.timeline_rows import axis_text, lasting, marks, placed
+from lupin_engine.replay.timeline_svg import svg
+from lupin_engine.replay.timeline_text import ASCII, UNICODE, text
 from lupin_engine.sim.scripted import Outcome, Rule
 from lupin_engine.sim.simulation import Ask, Happening, Run, Script, Tell, simulate
-from lupin_engine.sim.summary import summarise
-from lupin_engine.sim.timeline import Bar, Curve, Lane, Tick, Timeline, timeline
-from lupin_engine.sim.timeline_rows import axis_text, lasting, marks, placed
-from lupin_engine.sim.timeline_svg import svg
-from lupin_engine.sim.timeline_text import ASCII, UNICODE, text
 from tests import shipped
 
 

@@ -25,18 +25,19 @@ from lupin_engine.machine.environment import World
 from lupin_engine.machine.memory import Visit
 from lupin_engine.plugin.registry import load_catalog
 from lupin_engine.plugin.types import DURATION, convert
+from lupin_engine.replay.story import columns_for, laid_out
+from lupin_engine.replay.summary import Attempted, Summary, summarise
+from lupin_engine.replay.timeline import Timeline, timeline
+from lupin_engine.replay.timeline_rows import lasting
 from lupin_engine.ros.launch.folders import writable
 from lupin_engine.ros.launch.mission import check_fields, load_missions
 from lupin_engine.ros.launch.story import ALL_VISITED, INTERRUPTED, NOT_DONE, SOME_MISSED, STATUSES, Reading
 from lupin_engine.runtime.record import command_record, step_record, view_record
 from lupin_engine.runtime.setup import make_world
+from lupin_engine.sim.narration import tell
 from lupin_engine.sim.scenario import is_scenario, load_scenario
 from lupin_engine.sim.simulation import LIMIT, Run, Script, is_named
 from lupin_engine.sim.simulation import simulate as run_script
-from lupin_engine.sim.story import columns_for, laid_out, tell
-from lupin_engine.sim.summary import Attempted, Summary, summarise
-from lupin_engine.sim.timeline import Timeline, timeline
-from lupin_engine.sim.timeline_rows import lasting
 
 WORDS = dict(zip(STATUSES, ("visited", "unreachable", "failed", "skipped"), strict=True))
 #: How wide the output is where there is no terminal, in cells.
@@ -184,13 +185,13 @@ def _check_picture(name: str | None) -> None:
 
 def _interact(subject: Subject) -> int:
     from lupin_engine.cli.interactive import interact
-    from lupin_engine.sim.session import Session
+    from lupin_engine.replay.debugger import Debugger
 
     # Of a mission the start is the first thing that one does; a scenario does as it says.
     script = subject.script if subject.script.happenings else replace(subject.script, starts=False)
     console = make_console()
-    session = Session(subject.chart, script, subject.world, read_value, console.width)
-    return interact(session, console)
+    debugger = Debugger(subject.chart, script, subject.world, read_value, console.width)
+    return interact(debugger, console)
 
 
 # -- how it is told ---------------------------------------------------------------------------------------
@@ -222,7 +223,7 @@ def tell_story(run: Run, console: Console, wait: Callable[[float], None]) -> Non
 
 def show_timeline(lanes: Timeline, console: Console) -> None:
     """Draw the timeline in the terminal."""
-    from lupin_engine.sim.timeline_text import ASCII, UNICODE, text
+    from lupin_engine.replay.timeline_text import ASCII, UNICODE, text
 
     for row in text(lanes, console.width, ASCII if console.options.ascii_only else UNICODE):
         console.print(styled(row), soft_wrap=True)
@@ -343,7 +344,7 @@ def _lanes(lanes: Timeline) -> dict[str, Any]:
 def _draw(lanes: Timeline, file: Path) -> None:
     """Write the timeline as a picture."""
     from lupin_engine.diagram.png import png
-    from lupin_engine.sim.timeline_svg import svg
+    from lupin_engine.replay.timeline_svg import svg
 
     text = svg(lanes)
     content = png(text) if file.suffix == PNG else text.encode()

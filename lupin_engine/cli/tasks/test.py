@@ -12,14 +12,14 @@ import click
 from lupin_engine.cli.files import write_text
 from lupin_engine.errors import Problems, UsageError
 from lupin_engine.plugin.registry import Catalog, load_catalog
+from lupin_engine.replay.coverage import STATE, TRANSITION, Coverage, CoverageObserver, add_up
+from lupin_engine.replay.coverage_text import coverage_lines
 from lupin_engine.sim import SUFFIX
 from lupin_engine.sim import failure as told
-from lupin_engine.sim.coverage import STATE, TRANSITION, Coverage
-from lupin_engine.sim.coverage_text import coverage_lines
 from lupin_engine.sim.failure import shown
 from lupin_engine.sim.junit import junit
 from lupin_engine.sim.scenario import Missions, is_scenario, scenario_files
-from lupin_engine.sim.suite import Result, add_up, run_all
+from lupin_engine.sim.suite import Result, run_all
 
 #: Where scenarios are looked for when none is named, nearest first.
 _PLACES = (Path("scenarios"), Path("tests/scenarios"))
@@ -62,7 +62,8 @@ def work(
     problems.tell()
     counts = covers or min_coverage is not None or drawing is not None
     results = []
-    for result in run_all(catalog, files, range(seed, seed + seeds), jobs, counts):
+    observe = CoverageObserver if counts else None
+    for result in run_all(catalog, files, range(seed, seed + seeds), jobs, observe):
         results.append(result)
         if not as_json:
             _show(result, quiet)
@@ -101,7 +102,7 @@ def _make_scenario(
     recording: Path | None, output: Path | None, paths: Sequence[Path], catalog: Catalog
 ) -> int:
     """Make a scenario of a recorded run; nothing is written over."""
-    from lupin_engine.sim.recorded import read_recording, scenario_text
+    from lupin_engine.replay.reconstruction import read_recording, scenario_text
 
     if recording is None or output is None or paths:
         raise UsageError("write 'lupin test --record RUN.json -o NAME.scenario.yaml'")

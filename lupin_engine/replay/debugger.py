@@ -1,6 +1,6 @@
 """A simulation at a terminal: commands in, lines out. Deterministic, and without a terminal of its own.
 
-`Session.do` takes one line as it was typed; a wrong word is answered with the nearest spelling and changes
+`Debugger.do` takes one line as it was typed; a wrong word is answered with the nearest spelling and changes
 nothing. The same lines give the same answers.
 """
 
@@ -15,9 +15,10 @@ from lupin_engine.chart.model import OPERATOR_REQUESTS, Chart
 from lupin_engine.errors import LupinError, nearest
 from lupin_engine.machine.environment import World
 from lupin_engine.plugin.types import ANY, DURATION, Type, convert
-from lupin_engine.sim import looks
-from lupin_engine.sim.looks import Row
-from lupin_engine.sim.rewind import Move, Rewindable, effect, go_on, wait_until
+from lupin_engine.replay import panels as looks
+from lupin_engine.replay.rewind import Move, Rewindable, effect, go_on, wait_until
+from lupin_engine.replay.story import TonedLine, laid_out, usual_columns
+from lupin_engine.sim.narration import Teller
 from lupin_engine.sim.simulation import (
     START,
     Ask,
@@ -30,7 +31,6 @@ from lupin_engine.sim.simulation import (
     is_named,
     label_of,
 )
-from lupin_engine.sim.story import Teller, laid_out, usual_columns
 
 #: Reads a word as a value of a type; what does not fit is returned as it is.
 Read = Callable[[str, Type], Any]
@@ -47,13 +47,13 @@ class Wrong(Exception):
 
 
 @dataclass(frozen=True)
-class Command:
+class DebuggerCommand:
     """A word that can be typed first: how it is written, what it does, and the words that can follow."""
 
     usage: str
     about: str
-    act: Callable[[Session, list[str]], list[Row]]
-    words: Callable[[Session, list[str]], Iterable[str]] = lambda session, before: ()
+    act: Callable[[Debugger, list[str]], list[TonedLine]]
+    words: Callable[[Debugger, list[str]], Iterable[str]] = lambda debugger, before: ()
 
 
 @dataclass
@@ -64,7 +64,7 @@ class _Told:
     steps: int = 0
 
 
-class Session:
+class Debugger:
     """One simulation that is worked by hand.
 
     Args:
@@ -104,11 +104,11 @@ class Session:
         held = f" [{', '.join(view.held)}]" if view.held else ""
         return f"{self.simulation.now:.1f} s {where}{held}> "
 
-    def greeting(self) -> list[Row]:
+    def greeting(self) -> list[TonedLine]:
         """Return what is told before anything was typed."""
         return [*self._news(), [("help tells what can be typed, why what can happen; quit ends", "dim")]]
 
-    def do(self, line: str) -> list[Row]:
+    def do(self, line: str) -> list[TonedLine]:
         """Do what was typed and return what there is to say."""
         try:
             words = shlex.split(line, comments=True)
@@ -133,33 +133,33 @@ class Session:
         words = command.words(self, before[1:]) if command else ()
         return sorted({word for word in words if word.startswith(last)})
 
-    def interrupted(self) -> list[Row]:
+    def interrupted(self) -> list[TonedLine]:
         """Go on after Ctrl-C in the middle of something: a step may have been left half done."""
         self._rewindable.again()
         return [*self._news(), [("interrupted", "note")]]
 
     # -- what happens -------------------------------------------------------------------------------------
 
-    def _command(self, word: str) -> Command:
+    def _command(self, word: str) -> DebuggerCommand:
         if word not in COMMANDS:
             raise Wrong(f"unknown command {word!r}; {nearest(word, COMMANDS)}")
         return COMMANDS[word]
 
-    def _news(self) -> list[Row]:
+    def _news(self) -> list[TonedLine]:
         """Tell the steps that were not told yet."""
         steps = self.simulation.steps[self._told.steps :]
         self._told.steps += len(steps)
         return [row for line in self._told.teller.tell(steps) for row in laid_out(line, self._columns)]
 
-    def _let(self, text: str, what: Effect) -> list[Row]:
+    def _let(self, text: str, what: Effect) -> list[TonedLine]:
         """Let something happen and tell what comes of it."""
         if not self._rewindable.do(effect(text, what)):
             raise Wrong("nothing came of that")
         return self._news() or [[("nothing came of that", "dim")]]
 
-    def _step(self) -> list[Row]:
+    def _step(self) -> list[TonedLine]:
         """Let the next thing happen that is worth a line."""
-        news: list[Row] = []
+        news: list[TonedLine] = []
         done = 0
         while not news and done < _SILENT and self._rewindable.do(go_on(1)):
             done += 1
@@ -167,13 +167,13 @@ class Session:
         self._rewindable.join(done)
         return news
 
-    def start(self, words: list[str]) -> list[Row]:
+    def start(self, words: list[str]) -> list[TonedLine]:
         """Start the mission."""
         fields = self._chart.missions[self._script.mission].request
         data = self._fields(words, {name: field.type for name, field in fields.items()})
         return self._let(_typed("start", words), Ask(START, data))
 
-    def send(self, words: list[str]) -> list[Row]:
+    def send(self, words: list[str]) -> list[TonedLine]:
         """Let an operator ask for something, or a plugin tell something."""
         name = _first(words, "which event", self.event_names())
         if name == START:
@@ -187,7 +187,7 @@ class Session:
         fields = self._fields(words[1:], self._catalog.events[name].fields)
         return self._let(_typed("send", words), Happen(name, fields))
 
-    def set(self, words: list[str]) -> list[Row]:
+    def set(self, words: list[str]) -> list[TonedLine]:
         """Let a live value change."""
         names = self.value_names()
         name = _first(words, "which value", names)
@@ -198,7 +198,7 @@ class Session:
         value = self._value(name, " ".join(words[1:]), self._catalog.values[names[name]].type)
         return self._let(_typed("set", words), Tell(names[name], value))
 
-    def fail(self, words: list[str]) -> list[Row]:
+    def fail(self, words: list[str]) -> list[TonedLine]:
         """Let an operation under way fail."""
         operation = self._under_way(words)
         codes = [code.name for code in self._catalog.operations[operation].codes]
@@ -207,15 +207,15 @@ class Session:
             raise Wrong(f"{operation} has no code {code!r}; {nearest(code, codes)}")
         return self._let(_typed("fail", words), End(operation, code, " ".join(words[2:])))
 
-    def done(self, words: list[str]) -> list[Row]:
+    def done(self, words: list[str]) -> list[TonedLine]:
         """Let an operation under way end well."""
         operation = self._under_way(words)
         fields = self._fields(words[1:], self._catalog.operations[operation].result)
         return self._let(_typed("done", words), End(operation, result=fields))
 
-    def step(self, words: list[str]) -> list[Row]:
+    def step(self, words: list[str]) -> list[TonedLine]:
         """Let the next things happen by themselves."""
-        rows: list[Row] = []
+        rows: list[TonedLine] = []
         for _ in range(_count(words)):
             news = self._step()
             rows += news
@@ -223,14 +223,14 @@ class Session:
                 return [*rows, self._stands_still()]
         return rows
 
-    def run(self, words: list[str]) -> list[Row]:
+    def run(self, words: list[str]) -> list[TonedLine]:
         """Go on for a while, to a state, or to the end."""
         text = " ".join(words)
         if text[:1].isdigit():
             return self._run_for(self._duration(text))
         if text and text not in self.state_names():
             raise Wrong(f"no state {text!r}; {nearest(text, self.state_names())}")
-        rows: list[Row] = []
+        rows: list[TonedLine] = []
         for _ in range(MOST_STEPS):
             if self.simulation.is_over:
                 return [*rows, [(f"the mission is over: {self._lifecycle()}", "note")]]
@@ -244,9 +244,9 @@ class Session:
                 return rows
         return [*rows, [(f"stopped after {MOST_STEPS} steps; run goes on", "note")]]
 
-    def _run_for(self, seconds: float) -> list[Row]:
+    def _run_for(self, seconds: float) -> list[TonedLine]:
         end = self.simulation.now + seconds
-        rows: list[Row] = []
+        rows: list[TonedLine] = []
         for _ in range(MOST_STEPS):
             due = self.simulation.next_due
             if due is None or due > end:
@@ -256,7 +256,7 @@ class Session:
             rows += self._news()
         return [*rows, [(f"stopped after {MOST_STEPS} steps; run goes on", "note")]]
 
-    def back(self, words: list[str]) -> list[Row]:
+    def back(self, words: list[str]) -> list[TonedLine]:
         """Take moves back."""
         if not self._rewindable.moves:
             raise Wrong("there is nothing to take back")
@@ -267,7 +267,7 @@ class Session:
 
     # -- what there is to see -----------------------------------------------------------------------------
 
-    def why(self, words: list[str]) -> list[Row]:
+    def why(self, words: list[str]) -> list[TonedLine]:
         """Tell what is possible now, and why not the rest."""
         found = {p.event: p for p in self.simulation.machine.explain(self.simulation.now)}
         if not words:
@@ -278,34 +278,34 @@ class Session:
             raise Wrong(f"nothing listens to {name!r}; {nearest(name, names)}")
         return looks.possibility(self._chart, found[name])
 
-    def where(self, words: list[str]) -> list[Row]:
+    def where(self, words: list[str]) -> list[TonedLine]:
         """Tell where the machine is and what is under way."""
         return looks.where(self._chart, self.simulation.machine.view)
 
-    def inputs(self, words: list[str]) -> list[Row]:
+    def inputs(self, words: list[str]) -> list[TonedLine]:
         """Tell the live values."""
         return looks.inputs(self._chart, self.simulation)
 
-    def timers(self, words: list[str]) -> list[Row]:
+    def timers(self, words: list[str]) -> list[TonedLine]:
         """Tell what will happen by itself."""
         return looks.timers(self._chart, self.simulation)
 
-    def history(self, words: list[str]) -> list[Row]:
+    def history(self, words: list[str]) -> list[TonedLine]:
         """Tell the moves that led here."""
-        rows: list[Row] = []
+        rows: list[TonedLine] = []
         for number, move in enumerate(self._rewindable.moves, 1):
             rows.append([(f"{number:5}  ", "dim"), (move.text, "")])
         return rows or [[("no moves so far", "dim")]]
 
-    def help(self, words: list[str]) -> list[Row]:
+    def help(self, words: list[str]) -> list[TonedLine]:
         """Tell what can be typed."""
         if words:
             command = self._command(words[0])
             return [[(command.usage, "bold")], [(f"  {command.about}", "")]]
         return [looks.labelled(command.usage, command.about, width=32) for command in COMMANDS.values()]
 
-    def quit(self, words: list[str]) -> list[Row]:
-        """End the session."""
+    def quit(self, words: list[str]) -> list[TonedLine]:
+        """End the debugger."""
         self.over = True
         return []
 
@@ -382,7 +382,7 @@ class Session:
     def _lifecycle(self) -> str:
         return label_of(self._chart, self.simulation.machine.memory.configuration)
 
-    def _stands_still(self) -> Row:
+    def _stands_still(self) -> TonedLine:
         view = self.simulation.machine.view
         waits = "it waits for the operator" if view.paused else "nothing will happen by itself"
         return [(f"{waits}; why tells what is possible", "note")]
@@ -415,7 +415,7 @@ def _typed(command: str, words: list[str]) -> str:
     return " ".join([command, *words])
 
 
-def _refused(text: str) -> list[Row]:
+def _refused(text: str) -> list[TonedLine]:
     return [[(line, "refused")] for line in text.splitlines()]
 
 
@@ -429,78 +429,84 @@ def _summed(moves: list[Move]) -> str:
 # -- what can be typed ------------------------------------------------------------------------------------
 
 
-def _start_words(session: Session, before: list[str]) -> Iterator[str]:
-    mission = session._chart.missions[session._script.mission]
+def _start_words(debugger: Debugger, before: list[str]) -> Iterator[str]:
+    mission = debugger._chart.missions[debugger._script.mission]
     yield from (f"{name}=" for name in mission.request)
 
 
-def _send_words(session: Session, before: list[str]) -> Iterator[str]:
+def _send_words(debugger: Debugger, before: list[str]) -> Iterator[str]:
     if not before:
-        yield from session.event_names()
+        yield from debugger.event_names()
     elif before[0] == START:
-        yield from _start_words(session, [])
-    elif before[0] in session._catalog.events:
-        yield from (f"{name}=" for name in session._catalog.events[before[0]].fields)
+        yield from _start_words(debugger, [])
+    elif before[0] in debugger._catalog.events:
+        yield from (f"{name}=" for name in debugger._catalog.events[before[0]].fields)
 
 
-def _set_words(session: Session, before: list[str]) -> Iterator[str]:
-    names = session.value_names()
+def _set_words(debugger: Debugger, before: list[str]) -> Iterator[str]:
+    names = debugger.value_names()
     if not before:
         yield from names
     elif before[0] in names:
-        kind = session._catalog.values[names[before[0]]].type
+        kind = debugger._catalog.values[names[before[0]]].type
         yield from ("true", "false") if kind.kind == "bool" else kind.values
 
 
-def _fail_words(session: Session, before: list[str]) -> Iterator[str]:
+def _fail_words(debugger: Debugger, before: list[str]) -> Iterator[str]:
     if not before:
-        yield from session.operations_under_way()
-    elif len(before) == 1 and before[0] in session._catalog.operations:
-        yield from (code.name for code in session._catalog.operations[before[0]].codes)
+        yield from debugger.operations_under_way()
+    elif len(before) == 1 and before[0] in debugger._catalog.operations:
+        yield from (code.name for code in debugger._catalog.operations[before[0]].codes)
 
 
-def _done_words(session: Session, before: list[str]) -> Iterator[str]:
+def _done_words(debugger: Debugger, before: list[str]) -> Iterator[str]:
     if not before:
-        yield from session.operations_under_way()
-    elif before[0] in session._catalog.operations:
-        yield from (f"{name}=" for name in session._catalog.operations[before[0]].result)
+        yield from debugger.operations_under_way()
+    elif before[0] in debugger._catalog.operations:
+        yield from (f"{name}=" for name in debugger._catalog.operations[before[0]].result)
 
 
-def _run_words(session: Session, before: list[str]) -> Iterable[str]:
-    return session.state_names() if not before else ()
+def _run_words(debugger: Debugger, before: list[str]) -> Iterable[str]:
+    return debugger.state_names() if not before else ()
 
 
-def _why_words(session: Session, before: list[str]) -> Iterable[str]:
+def _why_words(debugger: Debugger, before: list[str]) -> Iterable[str]:
     if before:
         return ()
-    events = [found.event for found in session.simulation.machine.explain(session.simulation.now)]
+    events = [found.event for found in debugger.simulation.machine.explain(debugger.simulation.now)]
     return [*events, *(name.removeprefix("operator.") for name in events)]
 
 
-COMMANDS: Mapping[str, Command] = {
-    "start": Command(
-        "start [NAME=VALUE ...]", "start the mission; fields of its request", Session.start, _start_words
+COMMANDS: Mapping[str, DebuggerCommand] = {
+    "start": DebuggerCommand(
+        "start [NAME=VALUE ...]", "start the mission; fields of its request", Debugger.start, _start_words
     ),
-    "send": Command(
-        "send EVENT [NAME=VALUE ...]", "an operator asks, or a plugin tells", Session.send, _send_words
+    "send": DebuggerCommand(
+        "send EVENT [NAME=VALUE ...]", "an operator asks, or a plugin tells", Debugger.send, _send_words
     ),
-    "set": Command("set VALUE X", "a live value changes", Session.set, _set_words),
-    "fail": Command("fail OPERATION CODE [TEXT]", "an operation under way fails", Session.fail, _fail_words),
-    "done": Command(
-        "done OPERATION [NAME=VALUE ...]", "an operation under way ends well", Session.done, _done_words
+    "set": DebuggerCommand("set VALUE X", "a live value changes", Debugger.set, _set_words),
+    "fail": DebuggerCommand(
+        "fail OPERATION CODE [TEXT]", "an operation under way fails", Debugger.fail, _fail_words
     ),
-    "step": Command("step [N]", "let the next thing happen", Session.step),
-    "run": Command(
-        "run [DURATION | STATE]", "go on to the end, so long, or until there", Session.run, _run_words
+    "done": DebuggerCommand(
+        "done OPERATION [NAME=VALUE ...]", "an operation under way ends well", Debugger.done, _done_words
     ),
-    "back": Command("back [N]", "take the last moves back, with all that came of them", Session.back),
-    "why": Command("why [EVENT]", "what is possible now, and why not the rest", Session.why, _why_words),
-    "where": Command("where", "the state, the target, what is under way", Session.where),
-    "inputs": Command("inputs", "the live values", Session.inputs),
-    "timers": Command("timers", "what will happen by itself, and when", Session.timers),
-    "history": Command("history", "the moves that led here", Session.history),
-    "help": Command(
-        "help [COMMAND]", "this list", Session.help, lambda session, before: () if before else COMMANDS
+    "step": DebuggerCommand("step [N]", "let the next thing happen", Debugger.step),
+    "run": DebuggerCommand(
+        "run [DURATION | STATE]", "go on to the end, so long, or until there", Debugger.run, _run_words
     ),
-    "quit": Command("quit", "end", Session.quit),
+    "back": DebuggerCommand(
+        "back [N]", "take the last moves back, with all that came of them", Debugger.back
+    ),
+    "why": DebuggerCommand(
+        "why [EVENT]", "what is possible now, and why not the rest", Debugger.why, _why_words
+    ),
+    "where": DebuggerCommand("where", "the state, the target, what is under way", Debugger.where),
+    "inputs": DebuggerCommand("inputs", "the live values", Debugger.inputs),
+    "timers": DebuggerCommand("timers", "what will happen by itself, and when", Debugger.timers),
+    "history": DebuggerCommand("history", "the moves that led here", Debugger.history),
+    "help": DebuggerCommand(
+        "help [COMMAND]", "this list", Debugger.help, lambda debugger, before: () if before else COMMANDS
+    ),
+    "quit": DebuggerCommand("quit", "end", Debugger.quit),
 }

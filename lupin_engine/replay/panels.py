@@ -8,17 +8,15 @@ from lupin_engine.chart.model import Chart, Transition
 from lupin_engine.machine.explain import Possibility
 from lupin_engine.machine.reasons import Considered
 from lupin_engine.machine.view import View
+from lupin_engine.replay.story import TonedLine
+from lupin_engine.sim.narration import short_name, shorten
 from lupin_engine.sim.simulation import Simulation
-from lupin_engine.sim.story import Piece, short_name, shorten
-
-#: A line in pieces that can be coloured.
-Row = list[Piece]
 
 _LABEL = 14
 _EVENT = 22
 
 
-def labelled(label: str, text: str, tone: str = "", width: int = _LABEL) -> Row:
+def labelled(label: str, text: str, tone: str = "", width: int = _LABEL) -> TonedLine:
     """Return a line that begins with a label."""
     return [(f"  {label:<{width}}  ", "label"), (text, tone)]
 
@@ -26,23 +24,23 @@ def labelled(label: str, text: str, tone: str = "", width: int = _LABEL) -> Row:
 # -- what is possible -------------------------------------------------------------------------------------
 
 
-def possibilities(chart: Chart, found: Iterable[Possibility]) -> list[Row]:
+def possibilities(chart: Chart, found: Iterable[Possibility]) -> list[TonedLine]:
     """Tell what is possible now, then why the rest is not."""
     each = list(found)
     ready = [_what(chart, one) for one in each if one.possible]
     others = [labelled(one.event, _why_not(one), "dim", _EVENT) for one in each if not one.possible]
-    nothing: list[Row] = [[("  nothing", "")]]
+    nothing: list[TonedLine] = [[("  nothing", "")]]
     return [[("possible now", "label")], *(ready or nothing), [("not possible", "label")], *others]
 
 
-def possibility(chart: Chart, found: Possibility) -> list[Row]:
+def possibility(chart: Chart, found: Possibility) -> list[TonedLine]:
     """Tell what one event would do now, with every transition that listens to it."""
     first = _what(chart, found) if found.possible else labelled(found.event, _why_not(found), "", _EVENT)
     each = (f"    {_leads_to(chart, one.transition)}: {_reason(one)}" for one in found.considered)
     return [first, *([(text, "dim")] for text in each)]
 
 
-def _what(chart: Chart, found: Possibility) -> Row:
+def _what(chart: Chart, found: Possibility) -> TonedLine:
     """Tell what an event would do."""
     told = [f"engages {name}" for name in found.engages] + [f"releases {name}" for name in found.releases]
     told += [_leads_to(chart, rule) for rule in found.taken]
@@ -86,7 +84,7 @@ def _transitions(chart: Chart) -> Iterator[Transition]:
 # -- what is ----------------------------------------------------------------------------------------------
 
 
-def where(chart: Chart, view: View) -> list[Row]:
+def where(chart: Chart, view: View) -> list[TonedLine]:
     """Tell where a machine is and what is under way."""
     rows = [labelled("state", short_name(chart, name), "state") for name in _innermost(chart, view)]
     closed = view.completed + view.failed + view.unreachable + view.skipped
@@ -110,7 +108,7 @@ def _innermost(chart: Chart, view: View) -> list[str]:
     ]
 
 
-def inputs(chart: Chart, simulation: Simulation) -> list[Row]:
+def inputs(chart: Chart, simulation: Simulation) -> list[TonedLine]:
     """Tell the live values: what each is, since when, and what the plugin calls it."""
     machine, now = simulation.machine, simulation.now
     rows = []
@@ -123,7 +121,7 @@ def inputs(chart: Chart, simulation: Simulation) -> list[Row]:
     return rows or [[("this chart reads no live value", "dim")]]
 
 
-def timers(chart: Chart, simulation: Simulation) -> list[Row]:
+def timers(chart: Chart, simulation: Simulation) -> list[TonedLine]:
     """Tell what will happen by itself."""
     memory, now = simulation.machine.memory, simulation.now
 

@@ -7,22 +7,20 @@ from dataclasses import dataclass
 from itertools import groupby
 from textwrap import wrap
 
-from lupin_engine.sim.timeline import CANCELLED, FAILED, OPEN, TIMED_OUT, Bar, Curve, Tick, Timeline
-from lupin_engine.sim.timeline_rows import (
+from lupin_engine.replay.story import TonedLine, TonedText
+from lupin_engine.replay.timeline import CANCELLED, FAILED, OPEN, TIMED_OUT, Bar, Curve, Tick, Timeline
+from lupin_engine.replay.timeline_rows import (
     CURVE,
     FLAG,
     HOLD,
     TARGET,
-    Row,
+    TimelineRow,
     axis_text,
     groups,
     marks,
     placed,
     tick_text,
 )
-
-#: A text and what it is about: a kind of row, how a bar ended, or "" for plain text.
-Piece = tuple[str, str]
 
 _MOST_LABEL = 24
 _TICK_ROWS = 3
@@ -47,7 +45,7 @@ UNICODE = Signs(full=" ░▒▓█", high="▁▂▃▄▅▆▇█", event="�
 ASCII = Signs(full=" .:+#", high="_.-~^", event="v", edge="|")
 
 
-def text(lanes: Timeline, width: int, signs: Signs = UNICODE) -> list[list[Piece]]:
+def text(lanes: Timeline, width: int, signs: Signs = UNICODE) -> list[TonedLine]:
     """Return a timeline as lines of at most `width` cells."""
     return list(_Drawing(lanes, width, signs).lines())
 
@@ -63,7 +61,7 @@ class _Drawing:
         self._cells = max(8, width - self._label - 1)
         self._seconds = lanes.seconds or 1.0
 
-    def lines(self) -> Iterator[list[Piece]]:
+    def lines(self) -> Iterator[TonedLine]:
         """Yield the lines from top to bottom."""
         yield from self._events()
         for _, rows in self._groups:
@@ -80,7 +78,7 @@ class _Drawing:
 
     # -- above and below ------------------------------------------------------------------------------------
 
-    def _events(self) -> Iterator[list[Piece]]:
+    def _events(self) -> Iterator[TonedLine]:
         ticks = placed(
             self._lanes.ticks,
             lambda tick: self._cell(tick.time),
@@ -91,7 +89,7 @@ class _Drawing:
         for row in reversed(range(used)):
             yield self._event_row(ticks, row)
 
-    def _event_row(self, ticks: list[tuple[Tick, int | None]], row: int) -> list[Piece]:
+    def _event_row(self, ticks: list[tuple[Tick, int | None]], row: int) -> TonedLine:
         cells = [(" ", "")] * self._cells
         for tick, its in ticks:
             tone = "refused" if tick.refused else "event"
@@ -102,7 +100,7 @@ class _Drawing:
                 self._put(cells, cell, sign, tone)
         return [(" " * (self._label + 1), ""), *_joined(cells)]
 
-    def _put(self, cells: list[Piece], cell: int, shown: str, tone: str) -> bool:
+    def _put(self, cells: TonedLine, cell: int, shown: str, tone: str) -> bool:
         """Write a text at a cell, or so that it ends with the line; False where something stands already."""
         start = max(0, min(cell, self._cells - len(shown)))
         if start + len(shown) > self._cells or any(
@@ -112,7 +110,7 @@ class _Drawing:
         cells[start : start + len(shown)] = [(char, tone) for char in shown]
         return True
 
-    def _axis(self) -> Iterator[list[Piece]]:
+    def _axis(self) -> Iterator[TonedLine]:
         line = ""
         for time in marks(self._seconds, self._cells // _MARK):
             line = line.ljust(self._cell(time)) + axis_text(time, self._seconds)
@@ -122,12 +120,12 @@ class _Drawing:
 
     # -- rows -----------------------------------------------------------------------------------------------
 
-    def _row(self, row: Row) -> list[Piece]:
+    def _row(self, row: TimelineRow) -> TonedLine:
         if row.kind == CURVE and row.curve is not None:
             return [("".join(self._curve(row.curve)), CURVE)]
         return _joined(self._targets(row) if row.kind == TARGET else self._bars(row))
 
-    def _bars(self, row: Row) -> list[Piece]:
+    def _bars(self, row: TimelineRow) -> TonedLine:
         """Fill each cell as far as something was under way in it; the worst end in it marks it."""
         shares = [0.0] * self._cells
         ends: list[set[str]] = [set() for _ in range(self._cells)]
@@ -145,7 +143,9 @@ class _Drawing:
         """Return the cell in which a bar ends: one that ends with a cell does not reach into the next."""
         return max(self._cell(bar.begin), self._cell(bar.end - 1e-6))
 
-    def _filled(self, row: Row, cell: int, share: float, ends: set[str], last: set[tuple[int, str]]) -> Piece:
+    def _filled(
+        self, row: TimelineRow, cell: int, share: float, ends: set[str], last: set[tuple[int, str]]
+    ) -> TonedText:
         if not share:
             return " ", ""
         worst = next((outcome for outcome in _WORST if outcome in ends), "")
@@ -154,7 +154,7 @@ class _Drawing:
         level = max(1, min(len(self._signs.full) - 1, round(share * (len(self._signs.full) - 1))))
         return self._signs.full[level], worst or row.kind
 
-    def _targets(self, row: Row) -> list[Piece]:
+    def _targets(self, row: TimelineRow) -> TonedLine:
         cells = [(" ", "")] * self._cells
         # In a narrow picture the next one may begin in the cell in which one ends.
         nexts = [self._cell(bar.begin) for bar in row.bars[1:]] + [self._cells]
@@ -179,7 +179,7 @@ class _Drawing:
             yield levels[min(len(levels) - 1, int(share * len(levels)))]
 
 
-def _joined(cells: list[Piece]) -> list[Piece]:
+def _joined(cells: TonedLine) -> TonedLine:
     """Join neighbours of one tone, and drop the blanks at the end."""
     found = [
         ("".join(char for char, _ in group), tone) for tone, group in groupby(cells, key=lambda cell: cell[1])
@@ -189,7 +189,7 @@ def _joined(cells: list[Piece]) -> list[Piece]:
     return found
 
 
-def _name(row: Row) -> str:
+def _name(row: TimelineRow) -> str:
     """Return what stands before a row: a hold and an input may have the same name."""
     word = {HOLD: "hold ", FLAG: "input ", CURVE: "input "}.get(row.kind, "")
     return f"{word}{row.name}"

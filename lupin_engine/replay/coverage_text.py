@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from lupin_engine.sim.coverage import KINDS, Coverage, Part, Tally
+from lupin_engine.replay.coverage import KINDS, Coverage, Part, Tally
 from lupin_engine.sim.failure import shown
 
 _WIDTH = 16
 
 
 def coverage_lines(coverage: Coverage) -> Iterator[str]:
-    """Yield a line for each mission and lifecycle, then every piece that was not reached."""
+    """Yield a line for each mission and lifecycle, then every item that was not reached."""
     width = max(len(part.title) for part in coverage.parts) if coverage.parts else 0
     yield f"{'reached':{width}}" + "".join(f"{kind:>{_WIDTH}}" for kind in KINDS)
     for part in coverage.parts:
@@ -30,5 +30,5 @@ def _missing(part: Part) -> Iterator[str]:
         if tally.missing:
             yield ""
             yield f"{part.title}: {tally.kind} that were not reached"
-        for piece in tally.missing:
-            yield f"  {shown(piece.place)}: {piece.text}"
+        for item in tally.missing:
+            yield f"  {shown(item.place)}: {item.text}"

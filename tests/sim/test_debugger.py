@@ -14,10 +14,10 @@ from pathlib import Path
 import pytest
 
 from lupin_engine.cli.settings import read_value
+from lupin_engine.replay.debugger import COMMANDS, Debugger
+from lupin_engine.replay.story import TonedLine
 from lupin_engine.runtime.setup import make_world
-from lupin_engine.sim.looks import Row
 from lupin_engine.sim.scripted import Between, Outcome, Rule
-from lupin_engine.sim.session import COMMANDS, Session
 from lupin_engine.sim.simulation import Ask, Happening, Script
 from tests import shipped
 
@@ -25,19 +25,19 @@ TRANSCRIPTS = sorted((Path(__file__).parent / "data").glob("*.transcript.txt"))
 _PROMPT = re.compile(r"^\d+\.\d s [A-Z_ ]*(?:\[[a-z, ]*\])?> (.*)$")
 
 
-def session(script: Script | None = None, width: int = 120) -> Session:
-    """Return a session over the inspection mission."""
+def debugger(script: Script | None = None, width: int = 120) -> Debugger:
+    """Return a debugger over the inspection mission."""
     chart = shipped.mission("inspection")
     script = script or Script("InspectionMission", starts=False)
-    return Session(chart, script, make_world(chart, {}), read_value, width)
+    return Debugger(chart, script, make_world(chart, {}), read_value, width)
 
 
-def plain(rows: list[Row]) -> list[str]:
+def plain(rows: list[TonedLine]) -> list[str]:
     """Return lines without their colours."""
     return ["".join(text for text, _ in row) for row in rows]
 
 
-def answered(one: Session, lines: list[str]) -> Iterator[str]:
+def answered(one: Debugger, lines: list[str]) -> Iterator[str]:
     """Yield what stands on the screen when these lines are typed."""
     for line in lines:
         yield f"{one.prompt}{line}"
@@ -49,7 +49,7 @@ def test_the_same_lines_give_the_same_transcript(file: Path) -> None:
     """Nothing but what was typed decides."""
     before = file.read_text(encoding="utf-8")
     typed = [match.group(1) for line in before.splitlines() if (match := _PROMPT.match(line))]
-    one = session()
+    one = debugger()
     found = "\n".join([*plain(one.greeting()), *answered(one, typed), ""])
     if os.environ.get("ACCEPT"):
         file.write_text(found, encoding="utf-8")
@@ -60,19 +60,19 @@ def test_the_same_lines_give_the_same_transcript(file: Path) -> None:
 def test_going_back_takes_the_world_with_it() -> None:
     """Mocks that are used up and dice are as they were: the same is drawn again."""
     rules = (Rule("nav.go_to", (Outcome(after=Between(1.0, 9.0)),)),)
-    one = session(Script("InspectionMission", rules=rules, starts=False, seed=7))
+    one = debugger(Script("InspectionMission", rules=rules, starts=False, seed=7))
     one.greeting()
     first = list(answered(one, ["start tag_sequence=1,2,5", "run", "back 99"]))
     again = list(answered(one, ["start tag_sequence=1,2,5", "run", "back 99"]))
     assert first == again
-    other = session(Script("InspectionMission", rules=rules, starts=False, seed=8))
+    other = debugger(Script("InspectionMission", rules=rules, starts=False, seed=8))
     other.greeting()
     assert list(answered(other, ["start tag_sequence=1,2,5", "run", "back 99"])) != first
 
 
 def test_a_step_is_taken_back_whole() -> None:
     """Also where things happened in it that are not worth a line."""
-    one = session()
+    one = debugger()
     list(answered(one, ["start tag_sequence=1", "step", "send pause"]))
     before = one.prompt
     assert plain(one.do("step")) == ["it waits for the operator; why tells what is possible"]
@@ -83,7 +83,7 @@ def test_a_step_is_taken_back_whole() -> None:
 
 def test_what_was_interrupted_is_whole_afterwards() -> None:
     """Ctrl-C may come in the middle of a step: what was done before is done again."""
-    one = session()
+    one = debugger()
     list(answered(one, ["start tag_sequence=1", "step"]))
     before = plain(one.do("where")), one.prompt
     one.simulation.go_on()  # half a step, which no move stands for
@@ -96,7 +96,7 @@ def test_a_script_goes_on_by_itself() -> None:
     script = Script(
         "InspectionMission", {"tag_sequence": ["1"]}, happenings=(Happening(Ask("operator.pause"), 2.0),)
     )
-    one = session(script)
+    one = debugger(script)
     assert any("operator.pause accepted" in line for line in plain(one.do("run")))
     assert one.prompt == "3.5 s INSPECTING NAVIGATING [pause]> "
 
@@ -126,7 +126,7 @@ def test_a_script_goes_on_by_itself() -> None:
 )
 def test_words_are_completed(typed: str, offered: list[str]) -> None:
     """Commands, states, operations, codes, fields, values: whatever can stand there."""
-    one = session()
+    one = debugger()
     list(answered(one, ["start tag_sequence=1,2", "step"]))
     found = one.complete(typed)
     if typed == "start ":
@@ -138,7 +138,7 @@ def test_words_are_completed(typed: str, offered: list[str]) -> None:
 
 def test_every_command_is_explained() -> None:
     """By a line in the list and by itself."""
-    one = session()
+    one = debugger()
     listed = "\n".join(plain(one.do("help")))
     for name, command in COMMANDS.items():
         assert command.usage.split()[0] == name
@@ -148,17 +148,17 @@ def test_every_command_is_explained() -> None:
 
 @pytest.mark.parametrize("typed", ["0", "-1", "x", "²", "٣", "1.5"])
 def test_what_is_no_number_of_moves_is_told(typed: str) -> None:
-    assert plain(session().do(f"step {typed}")) == [f"{typed!r} is no number of moves; write 1 or more"]
+    assert plain(debugger().do(f"step {typed}")) == [f"{typed!r} is no number of moves; write 1 or more"]
 
 
 def test_a_number_of_moves_may_have_any_length() -> None:
     """It goes on until nothing happens by itself."""
-    one = session(Script("InspectionMission"))
+    one = debugger(Script("InspectionMission"))
     rows = plain(one.do("step 1" + "0" * 5000))
     assert rows[-1] == "nothing will happen by itself; why tells what is possible"
 
 
 def test_the_terminal_may_be_narrow() -> None:
     """Nothing is wider than it."""
-    lines = list(answered(session(width=64), ["start tag_sequence=1,2", "run"]))
+    lines = list(answered(debugger(width=64), ["start tag_sequence=1,2", "run"]))
     assert max(map(len, lines)) <= 64

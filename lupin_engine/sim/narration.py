@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from textwrap import wrap
 from typing import Any
 
 from lupin_engine.chart.model import Chart, Kind
@@ -14,20 +12,6 @@ from lupin_engine.machine.step import Step
 
 #: Longest text of one argument.
 _WIDTH = 48
-
-#: A text and what it is about: "time", "state", "event", "refused", "note", "command" or a target's status.
-Piece = tuple[str, str]
-#: Width of the column of the time, in cells.
-_TIME = 12
-#: A column is at most so wide, so that one long text does not take the room of all others.
-_MOST_STATE, _MOST_EVENT = 30, 36
-#: The columns of a story of which the lines are not known yet.
-_USUAL_STATE, _USUAL_EVENT = 28, 34
-#: With less room than this commands stand under their event.
-_LEAST_COMMAND = 40
-#: A command is cut after so many lines.
-_COMMAND_LINES = 2
-_GAP = 2
 
 
 @dataclass(frozen=True)
@@ -72,100 +56,6 @@ def _is_news(step: Step) -> bool:
 def tell(chart: Chart, steps: Iterable[Step]) -> Iterator[Line]:
     """Tell the steps of a run in which something happened, in order."""
     return Teller(chart).tell(steps)
-
-
-# -- lines in columns -------------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True)
-class Columns:
-    """How wide the columns of a story are, in cells; with `command` 0 commands stand under their event."""
-
-    state: int
-    event: int
-    command: int
-
-
-def columns_for(lines: Sequence[Line], width: int) -> Columns:
-    """Return the columns in which lines are told in `width` cells."""
-    state = max((_longest(line.moved) for line in lines), default=0)
-    event = max((len(line.event) for line in lines), default=0)
-    return _columns(min(_MOST_STATE, state), min(_MOST_EVENT, event), width)
-
-
-def usual_columns(width: int) -> Columns:
-    """Return the columns for lines that are not known yet."""
-    return _columns(_USUAL_STATE, _USUAL_EVENT, width)
-
-
-def _columns(state: int, event: int, width: int) -> Columns:
-    state = min(state, max(1, (width - _TIME) * 2 // 5))
-    command = width - _TIME - state - event - 2 * _GAP
-    if command < _LEAST_COMMAND:
-        return Columns(state, max(1, width - _TIME - state - _GAP), 0)
-    return Columns(state, event, command)
-
-
-def laid_out(line: Line, columns: Columns) -> Iterator[list[Piece]]:
-    """Yield one line of a story in columns: the time, the state that it led to, the event, the commands."""
-    states = [(text, "state") for text in _wrapped(line.moved, max(1, columns.state))]
-    events = [(text, "refused" if line.refused else "event") for text in wrap(line.event, columns.event)]
-    commands = [
-        (text, _tone(command))
-        for command in line.commanded
-        for text in wrap(
-            command, columns.command or columns.event, max_lines=_COMMAND_LINES, placeholder=" ..."
-        )
-    ]
-    if not columns.command:
-        events, commands = events + commands, []
-    for index in range(max(len(states), len(events), len(commands))):
-        time = f"{line.time:8.1f} s" if index == 0 else ""
-        yield _row(
-            [
-                (time, "time", _TIME),
-                (*_at(states, index), columns.state + _GAP),
-                (*_at(events, index), columns.event + _GAP),
-                (*_at(commands, index), 0),
-            ]
-        )
-    room = columns.event + (columns.command + _GAP if columns.command else 0)
-    for note in line.notes:
-        for text in wrap(f"({note})", room):
-            yield _row([("", "time", _TIME), ("", "", columns.state + _GAP), (text, "note", 0)])
-
-
-def _wrapped(moved: str, width: int) -> list[str]:
-    """Break names of states into lines: between two of them, or behind a dot."""
-    lines = [""]
-    for piece in re.split(r"(?<=[. ])", moved):
-        if lines[-1] and len(lines[-1]) + len(piece.rstrip()) > width:
-            lines.append("")
-        lines[-1] += piece
-    texts = [line.rstrip() for line in lines]
-    return [text[start : start + width] for text in texts for start in range(0, len(text), width)]
-
-
-def _longest(moved: str) -> int:
-    """Return the length of the longest piece between which a text may be broken."""
-    return max(map(len, moved.split()), default=0)
-
-
-def _at(pieces: list[Piece], index: int) -> Piece:
-    return pieces[index] if index < len(pieces) else ("", "")
-
-
-def _row(cells: list[tuple[str, str, int]]) -> list[Piece]:
-    """Return cells as pieces of one line, padded to their widths, without blanks at its end."""
-    while cells and not cells[-1][0]:
-        cells.pop()
-    padded = [(f"{text:<{width}}", tone) for text, tone, width in cells[:-1]]
-    return padded + [(text, tone) for text, tone, _ in cells[-1:]]
-
-
-def _tone(command: str) -> str:
-    words = command.split()
-    return words[2] if words[0] == "publish" and len(words) > 2 else "command"
 
 
 # -- one step ---------------------------------------------------------------------------------------------

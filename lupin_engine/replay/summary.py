@@ -6,8 +6,8 @@ from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
+from lupin_engine.replay.timeline import CANCELLED, DONE, FAILED, OPEN, TIMED_OUT, Lane, Timeline
 from lupin_engine.sim.simulation import Run
-from lupin_engine.sim.timeline import CANCELLED, DONE, FAILED, OPEN, TIMED_OUT, Lane, Timeline
 
 #: In this order they are told.
 OUTCOMES = (DONE, FAILED, TIMED_OUT, CANCELLED, OPEN)

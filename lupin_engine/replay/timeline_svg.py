@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterator
 from html import escape
 
-from lupin_engine.sim.timeline import CANCELLED, DONE, FAILED, OPEN, TIMED_OUT, Bar, Curve, Timeline
-from lupin_engine.sim.timeline_rows import (
+from lupin_engine.replay.timeline import CANCELLED, DONE, FAILED, OPEN, TIMED_OUT, Bar, Curve, Timeline
+from lupin_engine.replay.timeline_rows import (
     CURVE,
     FLAG,
     HOLD,
     PHASE,
     STATE,
-    Row,
+    TimelineRow,
     axis_text,
     groups,
     inside,
@@ -129,7 +129,7 @@ class _Drawing:
 
     # -- rows -----------------------------------------------------------------------------------------------
 
-    def _row(self, row: Row, top: float) -> Iterator[str]:
+    def _row(self, row: TimelineRow, top: float) -> Iterator[str]:
         yield _text(_LEFT - 8, top + 14, _fitted(row.name, _LEFT - 70), anchor="end")
         if row.curve is not None:
             yield from self._curve(row.curve, top)
@@ -180,7 +180,7 @@ class _Drawing:
             x += 40 + _width(name)
 
 
-def _height(row: Row) -> float:
+def _height(row: TimelineRow) -> float:
     return _CURVE if row.kind == CURVE else _ROW
 
 

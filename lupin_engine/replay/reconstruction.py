@@ -20,12 +20,12 @@ from typing import Any
 from lupin_engine.chart.model import Chart
 from lupin_engine.errors import UsageError
 from lupin_engine.machine.event import Start
+from lupin_engine.replay.record_shape import misshapen
+from lupin_engine.replay.yaml_text import yaml_text
 from lupin_engine.runtime.record import step_record
 from lupin_engine.runtime.setup import check_parameters
-from lupin_engine.sim.record_shape import misshapen
 from lupin_engine.sim.scenario import Missions, load_scenario_text
 from lupin_engine.sim.simulation import ENDED, FAULTED, START, Run, is_named, label_of
-from lupin_engine.sim.yaml_text import yaml_text
 
 Record = Mapping[str, Any]
 

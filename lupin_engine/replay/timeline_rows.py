@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
-from lupin_engine.sim.timeline import FAILED, Bar, Curve, Lane, Tick, Timeline
+from lupin_engine.replay.timeline import FAILED, Bar, Curve, Lane, Tick, Timeline
 
 #: What the rows of a picture can be about.
 STATE, PHASE, TARGET, OPERATION, HOLD, FLAG, CURVE = (
@@ -26,7 +26,7 @@ _IN_SECONDS, _IN_MINUTES = 180.0, 3 * 3600.0
 
 
 @dataclass(frozen=True)
-class Row:
+class TimelineRow:
     """One row of a picture: bars, or a curve."""
 
     kind: str
@@ -35,24 +35,24 @@ class Row:
     curve: Curve | None = None
 
 
-def groups(lanes: Timeline) -> list[tuple[str, list[Row]]]:
+def groups(lanes: Timeline) -> list[tuple[str, list[TimelineRow]]]:
     """Return the rows in groups, each with its heading; empty groups are left out."""
     found = {
         "states": _split(STATE, lanes.states),
         "phases": _split(PHASE, lanes.phases),
-        "targets": [Row(TARGET, "target", lanes.targets.bars)] if lanes.targets.bars else [],
-        "operations": [Row(OPERATION, lane.name, lane.bars) for lane in lanes.operations],
-        "holds": [Row(HOLD, lane.name, lane.bars) for lane in lanes.holds],
-        "inputs": [Row(FLAG, lane.name, lane.bars) for lane in lanes.flags]
-        + [Row(CURVE, curve.name, curve=curve) for curve in lanes.curves],
+        "targets": [TimelineRow(TARGET, "target", lanes.targets.bars)] if lanes.targets.bars else [],
+        "operations": [TimelineRow(OPERATION, lane.name, lane.bars) for lane in lanes.operations],
+        "holds": [TimelineRow(HOLD, lane.name, lane.bars) for lane in lanes.holds],
+        "inputs": [TimelineRow(FLAG, lane.name, lane.bars) for lane in lanes.flags]
+        + [TimelineRow(CURVE, curve.name, curve=curve) for curve in lanes.curves],
     }
     return [(name, rows) for name, rows in found.items() if rows]
 
 
-def _split(kind: str, lane: Lane) -> list[Row]:
+def _split(kind: str, lane: Lane) -> list[TimelineRow]:
     """Return a row for each thing that a lane shows, in the order of their first appearance."""
     names = dict.fromkeys(bar.text for bar in lane.bars)
-    return [Row(kind, name, tuple(bar for bar in lane.bars if bar.text == name)) for name in names]
+    return [TimelineRow(kind, name, tuple(bar for bar in lane.bars if bar.text == name)) for name in names]
 
 
 def marks(seconds: float, most: int) -> list[float]:

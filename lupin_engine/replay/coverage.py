@@ -1,7 +1,7 @@
 """What scenarios have not reached: states, transitions, ends of operations, branches of guards.
 
 States, transitions and ends are read off the steps of a run. What guards came to is nowhere in a step, so a
-run that is to be counted uses a copy of the chart whose guards count (`Guards.counting`).
+run that is to be counted uses a copy of the chart whose guards count (`CoverageObserver.prepare`).
 
 A mission answers for its own states; those of the lifecycle around it are shared, and one mission that
 reaches them is enough.
@@ -22,21 +22,22 @@ from lupin_engine.errors import Place
 from lupin_engine.machine.event import Cancel, Start
 from lupin_engine.machine.step import Step
 from lupin_engine.sim.failure import near, shown
+from lupin_engine.sim.narration import short_name
+from lupin_engine.sim.scenario import Missions
 from lupin_engine.sim.simulation import Run
-from lupin_engine.sim.story import short_name
+from lupin_engine.sim.suite import Counts, Result
 
 #: What can be reached, in the order in which it is told.
 STATE, TRANSITION, OUTCOME, GUARD = KINDS = ("states", "transitions", "outcomes", "guard branches")
 #: How the end of an operation is called that its timeout brings about.
 TIMEOUT = "timeout"
 
-#: A piece that can be reached: its kind, whose it is, and which of several.
+#: A item that can be reached: its kind, whose it is, and which of several.
 Key = tuple[str, str, str]
-Counts = Counter[Key]
 
 
 @dataclass(frozen=True)
-class Piece:
+class CoverageItem:
     """Something that can be reached; `mission` is the mission it belongs to, '' for the lifecycle."""
 
     key: Key
@@ -53,21 +54,21 @@ class Piece:
 # -- what there is ---------------------------------------------------------------------------------------
 
 
-def pieces(chart: Chart) -> list[Piece]:
+def items(chart: Chart) -> list[CoverageItem]:
     """Return everything of a chart that can be reached, in the order of the file."""
-    found = [piece for state in chart.states.values() for piece in _pieces(chart, state)]
+    found = [item for state in chart.states.values() for item in _items(chart, state)]
     for hold in chart.holds.values():
         for guard, word in _guards_of_hold(hold):
             found += _branches(guard, f"hold.{hold.name}.{word}", f"hold {hold.name}: {word}", "")
     return found
 
 
-def _pieces(chart: Chart, state: State) -> Iterator[Piece]:
+def _items(chart: Chart, state: State) -> Iterator[CoverageItem]:
     if state.name and state.kind is not Kind.HISTORY:
-        yield Piece((STATE, state.name, ""), state.place, short_name(chart, state.name), state.mission)
+        yield CoverageItem((STATE, state.name, ""), state.place, short_name(chart, state.name), state.mission)
     for rule in state.transitions:
         text = _rule_text(chart, rule)
-        yield Piece((TRANSITION, rule.id, ""), rule.place, text, state.mission)
+        yield CoverageItem((TRANSITION, rule.id, ""), rule.place, text, state.mission)
         yield from _branches(rule.guard, rule.id, text, state.mission)
     for rule in state.resume_at:
         yield from _branches(rule.guard, rule.id, _rule_text(chart, rule), state.mission)
@@ -85,7 +86,7 @@ def _invokes(state: State) -> Iterator[Invoke]:
         yield state.for_each.invoke
 
 
-def _ends(chart: Chart, state: State, invoke: Invoke) -> Iterator[Piece]:
+def _ends(chart: Chart, state: State, invoke: Invoke) -> Iterator[CoverageItem]:
     """Yield how an operation can end."""
     words = ["done", *dict.fromkeys(code.name for code in invoke.operation.codes)]
     ends = [(word, word) for word in words]
@@ -94,14 +95,14 @@ def _ends(chart: Chart, state: State, invoke: Invoke) -> Iterator[Piece]:
     for word, told in ends:
         key = (OUTCOME, state.name, f"{invoke.name} {word}")
         text = f"{short_name(chart, state.name)}: {invoke.name} {told}"
-        yield Piece(key, invoke.place, text, state.mission)
+        yield CoverageItem(key, invoke.place, text, state.mission)
 
 
-def _branches(guard: Expression | None, name: str, text: str, mission: str) -> Iterator[Piece]:
+def _branches(guard: Expression | None, name: str, text: str, mission: str) -> Iterator[CoverageItem]:
     for value in ("true", "false") if guard is not None else ():
         assert guard is not None, "there is a guard"
         told = f"{text}: {guard.source} is {value}"
-        yield Piece((GUARD, name, value), guard.place, told, mission)
+        yield CoverageItem((GUARD, name, value), guard.place, told, mission)
 
 
 def _rule_text(chart: Chart, rule: Transition) -> str:
@@ -121,31 +122,31 @@ def _guards_of_hold(hold: Hold) -> Iterator[tuple[Expression | None, str]]:
 # -- guards that count -----------------------------------------------------------------------------------
 
 
-class Guards:
-    """Counts what the guards of charts come to."""
+class CoverageObserver:
+    """Counts what runs reach, and what the guards of their charts come to."""
 
     def __init__(self) -> None:
         self._seen: Counts = Counter()
 
-    def counting(self, chart: Chart) -> Chart:
+    def prepare(self, chart: Chart) -> Chart:
         """Return a copy of a chart whose guards are counted here."""
         states = {name: self._state(state) for name, state in chart.states.items()}
         holds = {name: self._hold(hold) for name, hold in chart.holds.items()}
         return replace(chart, states=states, holds=holds)
 
-    def take(self, steps: Iterable[Step]) -> Counts:
-        """Return what was counted in these steps, and begin anew.
+    def count(self, run: Run) -> Counts:
+        """Return what a run reached, with the guards asked since the last one.
 
         A step that tells why nothing was taken has asked the guards once more than the machine did to decide.
         """
         found = self._seen
-        for step in steps:
+        for step in run.steps:
             for one in step.why:
                 key = (GUARD, one.transition, "true" if one.holds else "false")
                 if one.guard and key in found:
                     found[key] -= 1
         self._seen = Counter()
-        return +found
+        return reached(run) + found
 
     def _state(self, state: State) -> State:
         each = state.for_each
@@ -262,7 +263,7 @@ class Tally:
 
     kind: str
     total: int
-    missing: tuple[Piece, ...]
+    missing: tuple[CoverageItem, ...]
 
     @property
     def taken(self) -> int:
@@ -276,7 +277,7 @@ class Part:
 
     title: str
     file: str
-    pieces: dict[Key, Piece] = field(default_factory=dict)
+    items: dict[Key, CoverageItem] = field(default_factory=dict)
     counts: Counts = field(default_factory=Counter)
 
     def tallies(self) -> list[Tally]:
@@ -284,8 +285,8 @@ class Part:
         return [self._tally(kind) for kind in KINDS]
 
     def _tally(self, kind: str) -> Tally:
-        mine = [piece for piece in self.pieces.values() if piece.kind == kind]
-        return Tally(kind, len(mine), tuple(piece for piece in mine if not self.counts[piece.key]))
+        mine = [item for item in self.items.values() if item.kind == kind]
+        return Tally(kind, len(mine), tuple(item for item in mine if not self.counts[item.key]))
 
 
 class Coverage:
@@ -299,8 +300,8 @@ class Coverage:
         """Add what one run of a mission reached."""
         if mission not in self.charts:
             self.charts[mission] = (chart, Counter())
-            for piece in pieces(chart):
-                self._part(chart, piece.mission).pieces.setdefault(piece.key, piece)
+            for item in items(chart):
+                self._part(chart, item.mission).items.setdefault(item.key, item)
         self.charts[mission][1].update(counts)
         for name in {"", *chart.missions}:
             self._part(chart, name).counts.update(counts)
@@ -333,6 +334,15 @@ class Coverage:
         }
 
 
+def add_up(results: Iterable[Result], missions: Missions) -> Coverage:
+    """Return what scenarios reached together."""
+    coverage = Coverage()
+    for result in results:
+        if result.mission is not None:
+            coverage.add(result.mission, missions.chart(result.mission), result.counts)
+    return coverage
+
+
 def _tally_record(tally: Tally) -> dict[str, Any]:
-    missing = [{"place": shown(piece.place), "what": piece.text} for piece in tally.missing]
+    missing = [{"place": shown(item.place), "what": item.text} for item in tally.missing]
     return {"taken": tally.taken, "of": tally.total, "missing": missing}
