@@ -14,7 +14,7 @@ from lupin_engine.cli.observers import Heard, JsonObserver, SavingPicture
 from lupin_engine.errors import Severity
 from lupin_engine.ros.launch.story import Story
 from tests import shipped
-from tests.launch.messages import MISSION_ID, observation, state
+from tests.ros.launch.messages import MISSION_ID, observation, state
 
 
 class Notes:

@@ -11,7 +11,7 @@ from lupin_engine.chart.model import Chart
 from lupin_engine.cli import view
 from lupin_engine.ros.launch.story import Reading, Story
 from tests import shipped
-from tests.launch.messages import MISSION_ID, observation, state, step
+from tests.ros.launch.messages import MISSION_ID, observation, state, step
 
 MISSION = "MISSION.InspectionMission"
 INSPECTING = f"{MISSION}.INSPECTING"

@@ -12,21 +12,16 @@ pytest.importorskip("rclpy", reason="ROS 2 is not installed here")
 
 from lupin_engine.harness.domains import claimed_domain
 from lupin_engine.ros.adapter.node import RosNode
-from tests.ros.wire import Wire
 from tests.ros.world import Operator, World
 
 
-def pytest_configure(config: pytest.Config) -> None:
-    """Tolerate two warnings of the ROS wheels themselves; everything else stays an error."""
-    config.addinivalue_line("filterwarnings", "ignore:module 'sre_.*' is deprecated:DeprecationWarning")
-    # rclpy leaves the coroutine of a goal behind when its server is destroyed before the goal has ended.
-    abandoned = "coroutine object ActionServer._execute_goal"
-    config.addinivalue_line(
-        "filterwarnings", f"ignore:Exception ignored in. <{abandoned}:pytest.PytestUnraisableExceptionWarning"
-    )
-    config.addinivalue_line(
-        "filterwarnings", "ignore:coroutine 'ActionServer._execute_goal' was never awaited:RuntimeWarning"
-    )
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark all that lies below this folder, so that `-m "not ros"` leaves it out."""
+    here = Path(__file__).parent
+    for item in items:
+        if here in item.path.parents:
+            item.add_marker("ros")
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -67,11 +62,3 @@ def operator(ros_domain: int) -> Iterator[Operator]:
     operator = Operator()
     yield operator
     operator.ros.close()
-
-
-@pytest.fixture
-def wire(running: Wire) -> Iterator[Wire]:
-    """A module's own `running` node: at rest before a test, and held to the rules after it."""
-    running.begin()
-    yield running
-    running.check()

@@ -1,0 +1,113 @@
+"""Declared parameters as ROS parameters: conversion without a node."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+import pytest
+from rclpy.parameter import Parameter as RosParameter
+
+from lupin_engine.errors import PluginError
+from lupin_engine.plugin.contract import Parameter
+from lupin_engine.plugin.types import ANY, BOOL, DURATION, INTEGER, LENGTH, POSE, TEXT, Type, list_of, one_of
+from lupin_engine.ros.adapter.parameters import descriptor, read, ros_type, to_ros
+
+ORIGIN = {"x": 0.0, "y": 0.0, "yaw": 0.0}
+
+
+@pytest.mark.parametrize(
+    ("kind", "default", "given", "expected"),
+    [
+        (DURATION, 1.0, 60, 60.0),
+        (DURATION, 1.0, "2 min", 120.0),
+        (LENGTH, 1.0, "25 cm", 0.25),
+        (BOOL, False, True, True),
+        (list_of(TEXT), ["a"], None, []),
+        (list_of(LENGTH), [], [1, 2], [1.0, 2.0]),
+        (POSE, ORIGIN, [1, 2, 3], {"x": 1.0, "y": 2.0, "yaw": 3.0}),
+        (POSE, ORIGIN, ORIGIN, ORIGIN),
+        (POSE, None, [], None),
+        (POSE, None, None, None),
+        (TEXT, None, None, None),
+    ],
+)
+def test_what_ros_delivers_is_read(kind: Any, default: Any, given: Any, expected: Any) -> None:
+    assert read("p", Parameter(kind, default, ""), given) == expected
+
+
+@pytest.mark.parametrize(
+    ("kind", "given", "problem"),
+    [
+        (DURATION, "5 m", "parameter 'p': expected duration, got '5 m'; its units are 'ms', 's', 'min', 'h'"),
+        (BOOL, 1, "parameter 'p': expected bool, got 1"),
+        (INTEGER, 1.5, "parameter 'p': expected integer, got 1.5"),
+        (TEXT, 7, "parameter 'p': expected text, got 7; write \"7\""),
+        (list_of(TEXT), [7], "parameter 'p': expected text, got 7; write [\"7\"]"),
+        (list_of(TEXT), 7, "parameter 'p': expected list of text, got 7; write [\"7\"]"),
+        (list_of(INTEGER), 7, "parameter 'p': expected list of integer, got 7; write [7]"),
+        (POSE, 5, "parameter 'p': expected pose with the fields x, y, yaw, got 5; give it as [x, y, yaw]"),
+    ],
+)
+@pytest.mark.parametrize("default", [None, ORIGIN])
+def test_what_cannot_be_read_is_told(kind: Any, given: Any, problem: str, default: Any) -> None:
+    with pytest.raises(ValueError, match=f"^{re.escape(problem)}$"):
+        read("p", Parameter(kind, default, ""), given)
+
+
+@pytest.mark.parametrize(
+    ("minimum", "maximum", "problem"),
+    [
+        (2, None, "parameter 'p': expected integer of at least 2, got 1"),
+        (None, 0, "parameter 'p': expected integer of at most 0, got 1"),
+        (2, 3, "parameter 'p': expected integer between 2 and 3, got 1"),
+    ],
+)
+def test_ranges_are_told(minimum: float | None, maximum: float | None, problem: str) -> None:
+    with pytest.raises(ValueError, match=f"^{problem}$"):
+        read("p", Parameter(INTEGER, 2, "", minimum, maximum), 1)
+
+
+def test_a_type_brings_its_own_range() -> None:
+    share = Parameter(Type("number", "share", minimum=0.0, maximum=1.0), 0.5, "", maximum=2.0)
+    (told,) = descriptor(share).floating_point_range
+    assert (told.from_value, told.to_value) == (0.0, 1.0)
+    with pytest.raises(ValueError, match=r"^parameter 'p': expected share between 0 and 1, got 1\.5$"):
+        read("p", share, 1.5)
+
+
+def test_a_choice_is_described_and_refused_like_a_range() -> None:
+    backend = Parameter(one_of("simulator", "mqtt"), "simulator", "where readings come from")
+    assert descriptor(backend).additional_constraints == "one of simulator, mqtt"
+    told = "parameter 'p': expected one of simulator, mqtt, got 'mqt'; did you mean 'mqtt'?"
+    with pytest.raises(ValueError, match=f"^{re.escape(told)}$"):
+        read("p", backend, "mqt")
+
+
+def test_values_go_back_with_their_type() -> None:
+    empty = to_ros("p", Parameter(list_of(TEXT), [], ""), [])
+    assert (empty.type_, empty.value) == (RosParameter.Type.STRING_ARRAY, [])
+    assert list(to_ros("p", Parameter(POSE, None, ""), ORIGIN).value) == [0.0, 0.0, 0.0]
+    assert to_ros("p", Parameter(TEXT, None, ""), None).type_ == RosParameter.Type.NOT_SET
+
+
+def test_open_ranges_have_an_end_only_where_there_is_one() -> None:
+    (numbers,) = descriptor(Parameter(DURATION, 1.0, "")).floating_point_range
+    assert (numbers.from_value, numbers.to_value) == (0.0, float("inf"))
+    (integers,) = descriptor(Parameter(INTEGER, 1, "", maximum=5)).integer_range
+    assert (integers.from_value, integers.to_value) == (-(2**63), 5)
+    assert not descriptor(Parameter(TEXT, "", "")).integer_range
+
+
+@pytest.mark.parametrize(
+    ("kind", "described"),
+    [(TEXT, "what"), (DURATION, "what [s]"), (POSE, "what [x m, y m, yaw rad]")],
+)
+def test_units_are_described(kind: Any, described: str) -> None:
+    assert descriptor(Parameter(kind, None, "what")).description == described
+
+
+@pytest.mark.parametrize("kind", [ANY, list_of(POSE)])
+def test_some_types_cannot_be_ros_parameters(kind: Any) -> None:
+    with pytest.raises(PluginError, match="'p'"):
+        ros_type("p", kind)

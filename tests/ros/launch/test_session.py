@@ -1,0 +1,163 @@
+"""A session that nothing comes of: why, and that nothing is left; a network on which nobody is."""
+
+from __future__ import annotations
+
+import errno
+import os
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from lupin_engine.errors import Severity
+from lupin_engine.plugin.registry import build_catalog
+from lupin_engine.ros.launch import session as sessions
+from lupin_engine.ros.launch.interrupts import Interrupts
+from lupin_engine.ros.launch.nodes import Node
+from lupin_engine.ros.launch.plan import Launch, Plan
+from lupin_engine.ros.launch.session import RunFailed, Session, Settings
+from lupin_engine.ros.launch.story import Story
+from lupin_engine.ros.operator import Arrival
+from tests.ros.launch.processes import until
+
+CATALOG = build_catalog([])
+
+
+class Notes:
+    """An observer that keeps what it is told."""
+
+    def __init__(self) -> None:
+        self.told: list[str] = []
+
+    def note(self, text: str, severity: Severity = Severity.INFO) -> None:
+        self.told.append(text)
+
+    def arrived(self, kind: str, data: Any, story: Story) -> None:
+        raise AssertionError("there is no mission")
+
+    def show(self, story: Story) -> None:
+        raise AssertionError("there is no mission")
+
+
+class Nobody:
+    """An operator on a network without nodes; a moment of its work is as long as the test says."""
+
+    def __init__(self, spin: Callable[[], None]) -> None:
+        self.spin = lambda seconds: spin()
+
+    def nodes(self) -> frozenset[str]:
+        return frozenset()
+
+    services = actions = nodes
+
+    def count(self, name: str) -> int:
+        return 0
+
+    def take(self) -> list[Any]:
+        return []
+
+    def close(self) -> None:
+        """Nothing is open."""
+
+
+class Ready(Nobody):
+    """One who hears an orchestrator that is ready, once a look."""
+
+    def __init__(self) -> None:
+        super().__init__(lambda: None)
+        self.told = 0
+
+    def ready(self) -> bool:
+        return True
+
+    def take(self) -> list[Any]:
+        self.told += 1
+        return [Arrival("state", {"lifecycle_state": "READY"}, 0.0)]
+
+
+def begin(
+    monkeypatch: pytest.MonkeyPatch,
+    folder: Path,
+    launches: tuple[Launch, ...] = (),
+    command: Callable[..., Any] = lambda launch, folder: [],
+    **settings: Any,
+) -> Session:
+    """Return a session that starts these nodes with these commands, and looks once they have ended."""
+    monkeypatch.setattr(sessions, "settled", lambda spin, look, strangers: look())
+    monkeypatch.setattr(sessions, "make_plan", lambda *_, **__: Plan(launches))
+    monkeypatch.setattr(sessions, "command", command)
+
+    def operator() -> Nobody:
+        return Nobody(lambda: until(lambda: not session.supervisor.names, "the nodes have ended", 20.0))
+
+    monkeypatch.setattr(sessions, "Operator", operator)
+    session = Session(Settings(folder, dict(os.environ), **settings), Notes(), Interrupts())
+    return session
+
+
+def test_every_node_that_dies_at_the_start_is_told_with_its_last_words(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """Two with one reason are told as two: the exit code, the log, and its last lines."""
+    launches = tuple(Launch(Node(name, "")) for name in ("reader", "looker"))
+
+    def command(launch: Launch, folder: Path) -> list[str]:
+        return [sys.executable, "-c", f"print('no {launch.node.name} here'); raise SystemExit(3)"]
+
+    with begin(monkeypatch, tmp_path, launches, command) as session, pytest.raises(RunFailed) as caught:
+        session.bring_up([], CATALOG)
+    assert str(caught.value).splitlines() == [
+        f"reader ended with exit code 3; its log is {tmp_path / 'reader.log'}",
+        "  | no reader here",
+        f"looker ended with exit code 3; its log is {tmp_path / 'looker.log'}",
+        "  | no looker here",
+    ]
+    assert caught.value.exit_code == 2
+
+
+def test_a_disk_that_is_full_is_told_and_ends_what_was_started(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """The file with a node's parameters could not be written."""
+    launches = tuple(Launch(Node(name, "")) for name in ("reader", "looker"))
+
+    def command(launch: Launch, folder: Path) -> list[str]:
+        if launch.node.name == "looker":
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        return [sys.executable, "-c", "import signal; signal.pause()"]
+
+    with begin(monkeypatch, tmp_path, launches, command) as session:
+        with pytest.raises(RunFailed) as caught:
+            session.bring_up([], CATALOG)
+        assert session.supervisor.names == ["reader"]
+    assert session.supervisor.names == []
+    told = f"looker cannot be started with its files in {tmp_path}: No space left on device"
+    assert str(caught.value) == told
+
+
+@pytest.mark.parametrize("settle", [True, False])
+def test_what_the_simulated_robot_was_given_is_heard_before_the_mission_is_started(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, settle: bool
+) -> None:
+    """On a machine as well where the time is over before anybody was let speak."""
+    monkeypatch.setattr(sessions, "SETTLE_S", 0.0)
+    ready = Ready()
+    with begin(monkeypatch, tmp_path, settle=settle) as session:
+        monkeypatch.setattr(session, "_operator", ready)
+        session.bring_up([], CATALOG)
+    assert (ready.told > sessions.SETTLE_STATES) is settle
+
+
+def test_every_option_for_a_node_that_runs_already_is_told(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """Using the node that is there would ignore the option."""
+    insisted = {"reader": "--set", "robot": "--sim"}
+    with begin(monkeypatch, tmp_path, insisted=insisted) as session, pytest.raises(RunFailed) as caught:
+        session.bring_up([], CATALOG)
+    assert str(caught.value).splitlines() == [
+        "--set is for reader, which runs already; stop it or choose another --domain",
+        "--sim is for robot, which runs already; stop it or choose another --domain",
+    ]

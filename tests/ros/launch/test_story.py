@@ -1,0 +1,188 @@
+"""A mission as its messages tell it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from lupin_engine.errors import Severity
+from lupin_engine.ros.launch.story import Story
+from tests.ros.launch.messages import anomaly, flowers, observation, state, step
+
+ID = "lupin-1"
+
+
+def told(*messages: tuple[str, dict[str, Any]]) -> Story:
+    """A story that began at 100 s and got one message a second."""
+    story = Story(ID, 100.0)
+    for second, (kind, data) in enumerate(messages):
+        story.take(kind, data, 100.0 + second)
+    return story
+
+
+def texts(story: Story) -> list[tuple[float, str]]:
+    return [(h.elapsed, h.text) for h in story.happenings]
+
+
+def test_the_past_of_other_missions_is_not_taken_in() -> None:
+    """Latched topics bring it to everybody who joins."""
+    story = Story(ID, 0.0)
+    other = "lupin-0"
+    assert not story.take("state", state(mission_id=other)[1], 1.0)
+    assert not story.take("observation", observation("1", mission_id=other)[1], 1.0)
+    assert not story.take("step", step([], mission_id=other)[1], 1.0)
+    assert (story.lifecycle, story.readings, story.view) == ("", {}, {})
+
+
+@pytest.mark.parametrize(
+    ("lifecycle", "completed", "verdict"),
+    [("DONE", 3, 0), ("DONE", 2, 1), ("FAULT", 3, 2), ("INSPECTING", 3, 2)],
+)
+def test_the_verdict_is_the_exit_code(lifecycle: str, completed: int, verdict: int) -> None:
+    """0 all visited, 1 some missed, 2 fault or not ended."""
+    story = told(state(lifecycle_state=lifecycle, targets_total=3, targets_completed=completed))
+    assert story.verdict == verdict
+    assert story.ended == (lifecycle in ("DONE", "FAULT"))
+
+
+def test_readings_and_failures_become_events() -> None:
+    """A reading with its values; a failure with its reason, as a warning."""
+    story = told(
+        observation("1", {"temperature": 20.0, "co2": 400.25}),
+        observation("5", status=2, detail="scan_timeout"),
+    )
+    assert texts(story) == [
+        (0.0, "tag 1 OK: temperature 20, co2 400.2"),
+        (1.0, "tag 5 SCAN_FAILED: scan_timeout"),
+    ]
+    assert [h.severity for h in story.happenings] == [Severity.INFO, Severity.WARN]
+    assert story.readings["5"].status == "SCAN_FAILED"
+
+
+def test_flowers_and_anomalies_are_events_and_no_readings() -> None:
+    """What the cameras find is told; targets are counted by their readings alone."""
+    story = told(
+        flowers("5", "tulip_red", blooms=3),
+        flowers("6", "", anomaly=True),
+        anomaly("bug seen"),
+    )
+    assert [(h.severity, h.text) for h in story.happenings] == [
+        (Severity.INFO, "tag 5: tulip_red (0.90), blooms: 3"),
+        (Severity.WARN, "tag 6: no species (0.00), blooms: 1, anomaly"),
+        (Severity.WARN, "anomaly at x 1.00 m, y 2.50 m: bug seen"),
+    ]
+    assert (story.readings, story.observed) == ({}, 0)
+
+
+def test_an_observation_of_a_later_build_is_passed_over() -> None:
+    """A kind that is not known yet."""
+    story = Story(ID, 0.0)
+    assert not story.take(*anomaly("", kind=7), 1.0)
+    assert story.happenings == []
+
+
+def test_flags_and_errors_become_events_once() -> None:
+    """Five messages a second repeat them."""
+    paused = state(
+        paused=True,
+        estop_engaged=True,
+        last_error="estop_engaged",
+        last_event="e-stop engaged",
+        last_event_severity=1,
+    )
+    story = told(state(), paused, paused, state(last_error="estop_engaged"))
+    assert texts(story) == [
+        (1.0, "e-stop engaged (estop_engaged)"),
+        (1.0, "paused"),
+        (3.0, "e-stop released"),
+        (3.0, "resumed"),
+    ]
+
+
+def test_time_runs_against_the_deadline_of_the_orchestrator() -> None:
+    """Its clock has another origin; what counts is the distance."""
+    story = told(step([("nav.go_to", 1, 5060.0)], time=5000.0))
+    (running,) = story.running(112.0)
+    assert (running.operation, running.since, running.limit) == ("nav.go_to", 12.0, 60.0)
+    story.take("step", step([("nav.go_to", 2, 5090.0)], time=5030.0)[1], 130.0)
+    (running,) = story.running(131.0)
+    assert (running.tries, running.since, running.limit) == (2, 1.0, 60.0)
+    story.take("step", step([("nav.go_to", 2, None)], time=5031.0)[1], 131.0)
+    assert story.running(140.0)[0].limit is None
+
+
+def test_a_goal_is_under_way_until_its_server_says_so() -> None:
+    """Also when the mission itself has moved on: a cancel takes its time."""
+    story = told(step([], commands=[{"command": "start", "attempt": "a1"}]))
+    assert story.busy
+    story.take("step", step([], commands=[{"command": "cancel", "attempt": "a1"}])[1], 101.0)
+    assert story.busy
+    story.take("step", step([], event="attempt.cancelled", attempt="a1")[1], 102.0)
+    assert not story.busy
+
+
+def searching(found: int, lifecycle: str = "EXPLORING", **fields: Any) -> tuple[str, dict[str, Any]]:
+    """The state of a search for three tags."""
+    numbers = {"targets_total": 3, "targets_completed": found, "discovery_goal": 3, "tags_discovered": found}
+    return state(lifecycle_state=lifecycle, mission_phase="", current_target="", **{**numbers, **fields})
+
+
+def test_a_search_tells_where_it_drives_and_what_it_finds() -> None:
+    """The frontier from the result of its choice; the tags as they become more."""
+    start = {"command": "start", "attempt": "a1", "operation": "nav.choose_frontier"}
+    chosen = step([], event="attempt.done", attempt="a1")
+    chosen[1]["step"]["data"]["result"] = {"pose": {"x": 1.0, "y": 2.5, "yaw": 0.0}}
+    story = told(
+        step([], commands=[start]),
+        chosen,
+        searching(0),
+        searching(1),
+        searching(1),
+        searching(3),
+        searching(4),
+    )
+    assert texts(story) == [
+        (1.0, "nav.choose_frontier: x 1.00 m, y 2.50 m"),
+        (3.0, "1/3 tags found"),
+        (5.0, "3/3 tags found"),
+        (6.0, "4 tags found"),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("found", "visited", "targets", "verdict"),
+    [(3, 3, 3, 0), (3, 6, 3, 0), (2, 2, 2, 1), (3, 2, 3, 1), (0, 0, 0, 1), (3, 3, 0, 1)],
+)
+def test_a_search_is_done_when_its_goal_was_found_and_everything_visited(
+    found: int, visited: int, targets: int, verdict: int
+) -> None:
+    """Without any target there was no visit, whatever the counters of the search say."""
+    walked = step([])
+    walked[1]["view"]["total"] = targets
+    end = searching(found, "DONE", targets_completed=visited, targets_total=targets or 3)
+    assert told(walked, end).verdict == verdict
+
+
+def test_all_is_told_when_every_published_outcome_has_come() -> None:
+    """Also of a second sweep, and of readings that are no visit: the steps tell what was published."""
+    publish = {"command": "publish"}
+    story = told(step([], commands=[publish, publish]), observation("1"))
+    assert not story.all_told
+    story.take(*observation("1"), at=105.0)
+    assert story.all_told
+    assert list(story.readings) == ["1"]
+    story.take(*state(targets_total=1, targets_completed=3), at=106.0)
+    assert not story.all_told
+
+
+def test_the_newest_reading_of_a_tag_is_the_last() -> None:
+    """A tag that is read again is news again."""
+    story = told(observation("1"), observation("2"), observation("1", status=2, detail="scan_timeout"))
+    assert [(r.tag, r.status) for r in story.readings.values()] == [("2", "OK"), ("1", "SCAN_FAILED")]
+
+
+def test_the_clock_stops_at_the_end() -> None:
+    """The summary tells how long the mission took, not how long stopping took."""
+    story = told(state(), state(lifecycle_state="DONE"))
+    assert story.elapsed(200.0) == 1.0
