@@ -180,8 +180,8 @@ def test_modules_do_not_go_in_circles() -> None:
 
 
 def test_a_circle_of_types_is_one() -> None:
-    """`cli.tasks.graph` imports `ros.adapter.network` for the type checker only."""
-    user, used = "lupin_engine.cli.tasks.graph", "lupin_engine.ros.adapter.network"
+    """`cli.terminal.tables` imports `ros.adapter.network` for the type checker only."""
+    user, used = "lupin_engine.cli.terminal.tables", "lupin_engine.ros.adapter.network"
     graph = all_imports()
     assert set(circle({**graph, used: graph[used] | {user}})) == {user, used}
 

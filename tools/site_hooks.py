@@ -22,8 +22,8 @@ from pages import installed
 
 from lupin_engine.diagram.outline import outline
 from lupin_engine.diagram.svg import svg
+from lupin_engine.missions.selection import load_missions
 from lupin_engine.plugin.registry import load_catalog
-from lupin_engine.ros.launch.mission import load_missions
 
 _PICTURE = re.compile(r"!\[[^]]*\]\(([^):]+)\.svg\)")
 #: Where the theme gets what makes the search work on files, and where we have it.

@@ -8,15 +8,15 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from lupin_engine.cli.run_folders import new_run_folder, writable
 from lupin_engine.cli.settings import of_nodes, of_the_mission, settings_in
 from lupin_engine.errors import LupinError, Problems, UsageError, nearest
+from lupin_engine.missions.selection import Loaded
 from lupin_engine.plugin.contract import Parameter
 from lupin_engine.plugin.registry import Catalog
+from lupin_engine.ros.launch.description import Present, Values, make_plan, simulators
 from lupin_engine.ros.launch.environment import close_the_doors, for_children
-from lupin_engine.ros.launch.folders import new_run_folder, writable
-from lupin_engine.ros.launch.mission import Loaded
 from lupin_engine.ros.launch.nodes import ORCHESTRATOR, nodes_of
-from lupin_engine.ros.launch.plan import Present, Values, make_plan, simulators
 from lupin_engine.ros.launch.requirements import prepare_ros
 
 if TYPE_CHECKING:

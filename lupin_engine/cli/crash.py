@@ -9,7 +9,7 @@ from importlib import metadata
 from pathlib import Path
 
 from lupin_engine import __version__
-from lupin_engine.ros.launch.folders import KEPT_CRASHES, make_room, name_of_now, state_folder
+from lupin_engine.cli.run_folders import KEPT_CRASHES, make_room, name_of_now, state_folder
 
 _PACKAGES = ("click", "pydantic", "pyyaml", "rich", "structlog", "transitions", "rclpy", "lupin-msgs")
 

@@ -27,7 +27,7 @@ from lupin_engine.errors import ChartError, LupinError, nearest
 if TYPE_CHECKING:
     from lupin_engine.plugin.discovery import EntryPoint
 
-#: verb -> what it does. Each lives in the module `lupin_engine.cli.VERB` under its own name.
+#: verb -> what it does. Each lives in the module `lupin_engine.cli.verbs.VERB` under its own name.
 VERBS: Mapping[str, str] = MappingProxyType(
     {
         "run": "Run a mission over ROS 2 and watch it.",
@@ -68,7 +68,7 @@ class Verbs(click.Group):
         """Import a verb."""
         if cmd_name not in VERBS:
             return _verb_of_plugin(cmd_name)
-        command = getattr(_imported(f"lupin_engine.cli.{cmd_name}"), cmd_name)
+        command = getattr(_imported(f"lupin_engine.cli.verbs.{cmd_name}"), cmd_name)
         assert isinstance(command, click.Command)
         return command
 
@@ -166,7 +166,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         code = _run(arguments)
         sys.stdout.flush()
     except BrokenPipeError:
-        from lupin_engine.cli.terminal import hang_up
+        from lupin_engine.cli.terminal.tty import hang_up
 
         hang_up()
         return READER_GONE

@@ -21,7 +21,7 @@ def nothing_starts(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
         raise AssertionError("this should have been refused before ROS was touched")
 
     monkeypatch.setattr("lupin_engine.cli.bring_up.prepare_ros", reached)
-    monkeypatch.setattr("lupin_engine.cli.node.prepare_ros", reached)
+    monkeypatch.setattr("lupin_engine.cli.verbs.node.prepare_ros", reached)
     monkeypatch.chdir(tmp_path)
 
 

@@ -16,12 +16,11 @@ import yaml
 from click.testing import CliRunner, Result
 
 from lupin_engine.chart.findings import RULES
-from lupin_engine.cli.check import check
-from lupin_engine.cli.excerpt import excerpt
-from lupin_engine.cli.findings import Checked, as_text
 from lupin_engine.cli.main import main
-from lupin_engine.cli.sarif import sarif
-from lupin_engine.cli.tasks.check import check_paths, watch_paths
+from lupin_engine.cli.terminal.excerpt import excerpt
+from lupin_engine.cli.terminal.findings import Checked, as_text
+from lupin_engine.cli.terminal.sarif import sarif
+from lupin_engine.cli.verbs.check import check, check_paths, watch_paths
 from lupin_engine.cli.watch import changes
 from lupin_engine.errors import Diagnostic, Place, Severity
 from lupin_engine.missions.load import LIFECYCLE as LIFECYCLE_FILE
@@ -354,7 +353,7 @@ def test_every_rule_is_explained(rule: str) -> None:
 
 def test_the_installed_package_explains_rules_as_well(monkeypatch: pytest.MonkeyPatch) -> None:
     """Without the page there is still the sentence."""
-    monkeypatch.setattr("lupin_engine.cli.rules._page", lambda: None)
+    monkeypatch.setattr("lupin_engine.cli.terminal.rule_page._page", lambda: None)
     assert typed("--explain", "no-unit").output == (
         "no-unit  (Types, units and expressions)\n\nA duration, length or angle says its unit.\n"
     )
@@ -440,8 +439,6 @@ def test_a_file_that_goes_away_meanwhile_is_no_failure(tmp_path: Path) -> None:
 #: Each of these would cost more than a check may; numpy comes with a plugin's geometry.
 NEEDLESS = ("numpy", "rich", "structlog", "transitions", "rclpy", "asyncio", "matplotlib", "readline")
 NEEDLESS_ROOMS = ("machine", "runtime", "diagram", "ros", "editor", "verify")
-#: It knows where missions are looked for, and imports nothing else.
-ALLOWED_OF_LAUNCH = {"lupin_engine.ros.launch", "lupin_engine.ros.launch.mission"}
 
 
 def test_a_check_imports_what_it_needs() -> None:
@@ -453,10 +450,9 @@ def test_a_check_imports_what_it_needs() -> None:
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     loaded = set(done.stdout.splitlines()[-1].split())
     assert loaded & {*NEEDLESS, *(f"lupin_engine.{room}" for room in NEEDLESS_ROOMS)} == set()
-    assert {name for name in loaded if name.startswith("lupin_engine.ros.launch")} <= ALLOWED_OF_LAUNCH
     # Nor does pydantic go through all packages for plugins of its own.
-    assert "lupin_engine.cli.excerpt" in loaded
-    assert "lupin_engine.cli.sarif" not in loaded
+    assert "lupin_engine.cli.terminal.excerpt" in loaded
+    assert "lupin_engine.cli.terminal.sarif" not in loaded
 
 
 def test_pydantic_looks_for_no_plugins(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -145,11 +145,13 @@ def test_the_table_ends_with_a_verdict(
 ) -> None:
     """Advice stands under what it is about; notes do not keep anybody from running."""
     fine = [Finding("Python", "3.11"), Finding("memory", "left", "note", "clean it")]
-    monkeypatch.setattr("lupin_engine.cli.tasks.doctor.examine", lambda: fine)
+    monkeypatch.setattr(health, "examine", lambda: fine)
     assert main(["doctor"]) == 0
     lines = [line.strip() for line in capsys.readouterr().out.splitlines()]
     assert lines[-1] == "missions can be run here"
     assert "clean it" in lines
-    monkeypatch.setattr("lupin_engine.cli.tasks.doctor.examine", lambda: [Finding("a", "b", "problem", "do")])
+    monkeypatch.setattr(
+        "lupin_engine.ros.launch.health.examine", lambda: [Finding("a", "b", "problem", "do")]
+    )
     assert main(["doctor"]) == 1
     assert capsys.readouterr().out.splitlines()[-1] == "1 problem to mend before missions can be run"

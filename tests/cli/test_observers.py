@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from lupin_engine.chart.model import Chart
-from lupin_engine.cli.observers import Heard, JsonObserver, SavingPicture
+from lupin_engine.cli.terminal.observers import Heard, JsonObserver, SavingPicture
 from lupin_engine.errors import Severity
 from lupin_engine.ros.launch.story import Story
 from tests import shipped

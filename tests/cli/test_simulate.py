@@ -11,8 +11,8 @@ import pytest
 from click.testing import CliRunner, Result
 
 from lupin_engine.cli.main import main
-from lupin_engine.cli.simulate import simulate
-from lupin_engine.cli.tasks import simulate as verb
+from lupin_engine.cli.terminal import outcome as verb
+from lupin_engine.cli.verbs.simulate import simulate
 from lupin_engine.errors import UsageError
 from lupin_engine.replay.debugger import Debugger
 from lupin_engine.replay.story import columns_for, laid_out
@@ -223,7 +223,7 @@ def test_a_story_can_take_its_time() -> None:
 def test_speed_is_a_factor(monkeypatch: pytest.MonkeyPatch) -> None:
     """Ten times as fast takes a tenth of the time; none, no time at all."""
     slept: list[float] = []
-    monkeypatch.setattr("lupin_engine.cli.tasks.simulate.time.sleep", slept.append)
+    monkeypatch.setattr("time.sleep", slept.append)
     typed("inspection", "--tags", "1", "--speed", "10")
     assert sum(slept) == pytest.approx(0.67)
     slept.clear()
@@ -237,7 +237,7 @@ def test_ctrl_c_ends_a_story(monkeypatch: pytest.MonkeyPatch) -> None:
     def interrupt(_: float) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("lupin_engine.cli.tasks.simulate.time.sleep", interrupt)
+    monkeypatch.setattr("time.sleep", interrupt)
     result = typed("inspection", "--tags", "1", "--speed", "1")
     assert result.return_value == 130
     assert result.output == "".join(line + "\n" for line in WIDE.splitlines()[:3]) + "\n"

@@ -8,7 +8,7 @@ import pytest
 from rich.console import Console
 
 from lupin_engine.chart.model import Chart
-from lupin_engine.cli import view
+from lupin_engine.cli.terminal import view
 from lupin_engine.ros.launch.story import Reading, Story
 from tests import shipped
 from tests.ros.launch.messages import MISSION_ID, observation, state, step

@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner, Result
 
-from lupin_engine.cli.diagram import diagram
 from lupin_engine.cli.main import main
-from lupin_engine.cli.simulate import simulate
+from lupin_engine.cli.verbs.diagram import diagram
+from lupin_engine.cli.verbs.simulate import simulate
 from lupin_engine.diagram.formats import FORMATS
 from lupin_engine.missions.load import default_missions_folder
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from lupin_engine.cli.tasks.new import MISSION, SCENARIO
+from lupin_engine.cli.verbs.new import MISSION, SCENARIO
 from lupin_engine.missions.load import default_missions_folder
 from tests.tools import load_tool
 

@@ -10,8 +10,8 @@ import click
 import pytest
 
 from lupin_engine.cli.main import VERBS, lupin
+from lupin_engine.missions.selection import load_missions
 from lupin_engine.plugin.registry import load_catalog
-from lupin_engine.ros.launch.mission import load_missions
 
 PAGE = Path(__file__).parents[2] / "docs" / "operating.md"
 ROW = re.compile(r"\| `(?P<code>\w+)` \| (?P<label>.+?) \| (?P<severity>\w+) \| (?P<advice>.+?) \|")

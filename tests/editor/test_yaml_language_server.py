@@ -191,7 +191,7 @@ def test_completes_names_of_plugins(
     installed: Path, missions: Path, tmp_path_factory: pytest.TempPathFactory
 ) -> None:
     """With the schema that knows the catalog: operations, and what they say of themselves."""
-    from lupin_engine.cli.tasks.schema import schemas
+    from lupin_engine.cli.verbs.schema import schemas
     from lupin_engine.editor.schema import ANY_KIND, text_of
 
     root = tmp_path_factory.mktemp("catalog")

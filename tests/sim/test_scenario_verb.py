@@ -12,8 +12,8 @@ import pytest
 from click.testing import CliRunner, Result
 
 from lupin_engine.cli.main import main
-from lupin_engine.cli.simulate import simulate
-from lupin_engine.cli.test import test as run_scenarios
+from lupin_engine.cli.verbs.simulate import simulate
+from lupin_engine.cli.verbs.test import test as run_scenarios
 from lupin_engine.missions.load import default_missions_folder
 
 SCENARIOS = Path(__file__).parents[1] / "scenarios" / "inspection"

@@ -7,7 +7,7 @@ from contextlib import closing
 
 from lupin_engine.ros.adapter.network import UNKNOWN, Interface, interfaces
 from lupin_engine.ros.adapter.node import RosNode
-from lupin_engine.ros.launch.neighbours import settled
+from lupin_engine.ros.launch.dds_discovery import settled
 
 #: Seconds between two looks.
 TICK_S = 0.05

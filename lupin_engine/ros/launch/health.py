@@ -18,12 +18,12 @@ from typing import Literal
 from lupin_engine import __version__
 from lupin_engine.errors import LupinError, Severity
 from lupin_engine.missions.load import check_chart, lifecycle_in, mission_files
+from lupin_engine.missions.selection import folders
 from lupin_engine.plugin.discovery import entry_points
 from lupin_engine.plugin.registry import load_catalog, verified_plugin
 from lupin_engine.ros.adapter import environment
 from lupin_engine.ros.bindings.type_hashes import local_hash
 from lupin_engine.ros.launch.environment import DOMAIN, RANGE, domain_advice, range_advice
-from lupin_engine.ros.launch.mission import folders
 from lupin_engine.ros.launch.requirements import INSTALL_ROS, SOURCE_ROS
 from lupin_engine.ros.launch.shared_memory import stale_segments
 

@@ -15,10 +15,10 @@ from typing import Any, Protocol
 
 from lupin_engine.errors import LupinError, Severity
 from lupin_engine.plugin.registry import Catalog
+from lupin_engine.ros.launch.dds_discovery import settled
+from lupin_engine.ros.launch.description import Launch, Plan, Present, Values, command, make_plan
 from lupin_engine.ros.launch.interrupts import Interrupted, Interrupts
-from lupin_engine.ros.launch.neighbours import settled
 from lupin_engine.ros.launch.nodes import ORCHESTRATOR
-from lupin_engine.ros.launch.plan import Launch, Plan, Present, Values, command, make_plan
 from lupin_engine.ros.launch.story import Story
 from lupin_engine.ros.launch.supervisor import IMPATIENT, Patience, Supervisor
 from lupin_engine.ros.operator import Answer, Operator

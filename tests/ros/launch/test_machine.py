@@ -9,12 +9,13 @@ from pathlib import Path
 
 import pytest
 
+from lupin_engine.cli import run_folders
 from lupin_engine.errors import UsageError
-from lupin_engine.ros.launch import folders, shared_memory
+from lupin_engine.ros.launch import shared_memory
+from lupin_engine.ros.launch.dds_discovery import participants
 from lupin_engine.ros.launch.environment import close_the_doors, current_domain, is_local_only
 from lupin_engine.ros.launch.health import running_nodes
 from lupin_engine.ros.launch.interrupts import Interrupts
-from lupin_engine.ros.launch.neighbours import participants
 
 #: A process that there cannot be.
 NOBODY = 2**31 - 1
@@ -151,11 +152,11 @@ def test_a_full_disk_is_told_with_what_to_do(monkeypatch: pytest.MonkeyPatch, tm
     def full(folder: Path) -> None:
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(folder))
 
-    folders.state_folder("runs")
-    monkeypatch.setattr(folders, "name_of_now", lambda: "now")
+    run_folders.state_folder("runs")
+    monkeypatch.setattr(run_folders, "name_of_now", lambda: "now")
     monkeypatch.setattr(Path, "mkdir", lambda folder, **_: full(folder) if folder.name == "now" else None)
     with pytest.raises(UsageError) as caught:
-        folders.new_run_folder()
+        run_folders.new_run_folder()
     runs = tmp_path / "lupin" / "runs"
     assert str(caught.value) == (
         f"there is no room for the logs of a run in {str(runs / 'now')!r}: No space left on device; "
@@ -168,28 +169,28 @@ def test_logs_go_to_the_users_state_folder(monkeypatch: pytest.MonkeyPatch, tmp_
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
     runs = tmp_path / "lupin" / "runs"
     runs.mkdir(parents=True)
-    for number in range(folders.KEPT_RUNS + 3):
+    for number in range(run_folders.KEPT_RUNS + 3):
         (runs / f"2000-01-01_00-00-{number:02d}_{NOBODY}").mkdir()
-    newest = folders.new_run_folder()
+    newest = run_folders.new_run_folder()
     assert newest.parent == runs
     left = sorted(folder.name for folder in runs.iterdir())
-    assert len(left) == folders.KEPT_RUNS
+    assert len(left) == run_folders.KEPT_RUNS
     assert left[0] == f"2000-01-01_00-00-04_{NOBODY}"
-    assert folders.new_run_folder(tmp_path / "mine") == tmp_path / "mine"
+    assert run_folders.new_run_folder(tmp_path / "mine") == tmp_path / "mine"
 
 
 def test_logs_of_nodes_that_still_run_are_kept(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """However many runs there were since: a node that is started again would not find its folder."""
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
-    runs = folders.state_folder("runs")
+    runs = run_folders.state_folder("runs")
     mine = runs / f"2000-01-01_00-00-00_{os.getpid()}"
     inits = runs / "2000-01-01_00-00-00_1"
     for folder in (mine, inits, *(runs / f"2001-01-01_00-00-{n:02d}_{NOBODY}" for n in range(50))):
         folder.mkdir()
-    folders.new_run_folder()
+    run_folders.new_run_folder()
     assert mine.is_dir()
     assert inits.is_dir()
-    assert len(list(runs.iterdir())) == folders.KEPT_RUNS + 2
+    assert len(list(runs.iterdir())) == run_folders.KEPT_RUNS + 2
 
 
 def test_a_folder_for_logs_that_cannot_be_is_refused(tmp_path: Path) -> None:
@@ -197,7 +198,7 @@ def test_a_folder_for_logs_that_cannot_be_is_refused(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
     wanted = tmp_path / "file" / "logs"
     with pytest.raises(UsageError) as caught:
-        folders.new_run_folder(wanted)
+        run_folders.new_run_folder(wanted)
     assert str(caught.value) == f"no logs can be written to {str(wanted)!r}: Not a directory"
 
 
@@ -210,7 +211,7 @@ def test_without_a_writable_home_there_is_a_temporary_folder(
     monkeypatch.setenv("XDG_STATE_HOME", str(blocked))
     monkeypatch.setenv("HOME", str(blocked))
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
-    assert folders.state_folder("runs").parent == tmp_path
+    assert run_folders.state_folder("runs").parent == tmp_path
 
 
 def test_a_folder_that_is_set_and_cannot_be_written_to_leaves_the_one_below_the_home(
@@ -220,4 +221,4 @@ def test_a_folder_that_is_set_and_cannot_be_written_to_leaves_the_one_below_the_
     blocked.touch()
     monkeypatch.setenv("XDG_STATE_HOME", str(blocked))
     monkeypatch.setenv("HOME", str(tmp_path))
-    assert folders.state_folder("runs") == tmp_path / ".local" / "state" / "lupin" / "runs"
+    assert run_folders.state_folder("runs") == tmp_path / ".local" / "state" / "lupin" / "runs"

@@ -7,10 +7,11 @@ from pathlib import Path
 
 import pytest
 
+from lupin_engine.cli.requests import check_request
 from lupin_engine.errors import ChartError, UsageError
 from lupin_engine.missions.load import default_missions_folder
+from lupin_engine.missions.selection import load_missions
 from lupin_engine.plugin.registry import load_catalog
-from lupin_engine.ros.launch.mission import check_request, load_missions
 
 CATALOG = load_catalog()
 SHIPPED = default_missions_folder()

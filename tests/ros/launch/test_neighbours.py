@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from lupin_engine.ros.launch import neighbours
-from lupin_engine.ros.launch.neighbours import LIMIT_S, QUIET_S, settled
+from lupin_engine.ros.launch import dds_discovery
+from lupin_engine.ros.launch.dds_discovery import LIMIT_S, QUIET_S, settled
 
 TICK_S = 0.05
 
@@ -39,9 +39,9 @@ class Network:
 
 def seen(network: Network, monkeypatch: pytest.MonkeyPatch, there: int) -> frozenset[str]:
     """Return who is seen where the machine has so many participants, the one who looks among them."""
-    monkeypatch.setattr(neighbours, "time", network)
-    monkeypatch.setattr(neighbours, "participants", lambda domain: there)
-    monkeypatch.setattr(neighbours, "is_local_only", lambda: True)
+    monkeypatch.setattr(dds_discovery, "time", network)
+    monkeypatch.setattr(dds_discovery, "participants", lambda domain: there)
+    monkeypatch.setattr(dds_discovery, "is_local_only", lambda: True)
     return settled(network.spin, network.look, len)
 
 

@@ -12,8 +12,8 @@ import pytest
 from lupin_engine.errors import LupinError, PluginError
 from lupin_engine.plugin.contract import Operation, Plugin
 from lupin_engine.plugin.registry import Catalog, build_catalog
+from lupin_engine.ros.launch.description import Launch, Present, command, make_plan, parameter_file
 from lupin_engine.ros.launch.nodes import Node
-from lupin_engine.ros.launch.plan import Launch, Present, command, make_plan, parameter_file
 
 CATALOG: Catalog = build_catalog(
     [

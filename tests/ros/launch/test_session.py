@@ -14,9 +14,9 @@ import pytest
 from lupin_engine.errors import Severity
 from lupin_engine.plugin.registry import build_catalog
 from lupin_engine.ros.launch import session as sessions
+from lupin_engine.ros.launch.description import Launch, Plan
 from lupin_engine.ros.launch.interrupts import Interrupts
 from lupin_engine.ros.launch.nodes import Node
-from lupin_engine.ros.launch.plan import Launch, Plan
 from lupin_engine.ros.launch.session import RunFailed, Session, Settings
 from lupin_engine.ros.launch.story import Story
 from lupin_engine.ros.operator import Arrival

@@ -1,8 +1,8 @@
-"""What is to be run, looked at before any process is started and without ROS."""
+"""Missions as a command line names them: found, loaded and checked together."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -88,46 +88,3 @@ def _files(names: Sequence[str]) -> list[Path]:
             files.append(find_mission(name, folders()))
     problems.tell()
     return files
-
-
-def check_fields(loaded: Loaded, tags: Sequence[str], goal: int) -> None:
-    """Look whether a request of the first mission has a field for what is given.
-
-    Raises:
-        UsageError: it has none, and would ignore it.
-    """
-    problems = Problems(UsageError)
-    fields = loaded.chart.missions[loaded.names[0]].request
-    for option, field, value in (("--tags", "tag_sequence", tags), ("--goal", "discovery_goal", goal)):
-        if value and field not in fields:
-            problems.add(
-                f"{loaded.names[0]} has no use for {option}: its request has no {field}; "
-                f"it has {', '.join(fields) or 'no fields'}"
-            )
-    problems.tell()
-
-
-def check_request(loaded: Loaded, given: Mapping[str, Any], tags: Sequence[str], goal: int) -> None:
-    """Ask the first mission whether it would take a request, as far as that needs no robot.
-
-    Raises:
-        UsageError: it would not, and the text is the one that the service would answer; it has no field
-            for what is given (see `check_fields`); or a parameter leads nowhere (for example: a layout file
-            that is absent). The text has everything that is wrong.
-    """
-    # Drawing and checking need no machine, and it takes longer to import than they take.
-    from lupin_engine.machine.environment import Surroundings
-    from lupin_engine.machine.memory import Memory
-    from lupin_engine.machine.request import read_request
-    from lupin_engine.runtime.setup import make_world
-
-    problems = Problems(UsageError)
-    with problems.collecting():
-        check_fields(loaded, tags, goal)
-    with problems.collecting():
-        world = make_world(loaded.chart, given)
-        data = {"mission_type": loaded.names[0], "tag_sequence": list(tags), "discovery_goal": goal}
-        _, refusal = read_request(world, data, Surroundings(world, Memory()).at("", 0.0))
-        if refusal is not None:
-            problems.add(refusal.text)
-    problems.tell()

@@ -1,41 +1,59 @@
-"""What `lupin test` does."""
+"""`lupin test`: scenarios against missions, one line each, failures explained, and what was not reached."""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from lupin_engine.cli.files import write_text
 from lupin_engine.errors import Problems, UsageError
 from lupin_engine.plugin.registry import Catalog, load_catalog
-from lupin_engine.replay.coverage import STATE, TRANSITION, Coverage, CoverageObserver, add_up
-from lupin_engine.replay.coverage_text import coverage_lines
 from lupin_engine.sim import SUFFIX
-from lupin_engine.sim import failure as told
-from lupin_engine.sim.failure import shown
-from lupin_engine.sim.junit import junit
-from lupin_engine.sim.scenario import Missions, is_scenario, scenario_files
-from lupin_engine.sim.suite import Result, run_all
+
+if TYPE_CHECKING:
+    from lupin_engine.replay.coverage import Coverage
+    from lupin_engine.sim.suite import Result
 
 #: Where scenarios are looked for when none is named, nearest first.
 _PLACES = (Path("scenarios"), Path("tests/scenarios"))
 
-_STYLES: dict[str, dict[str, Any]] = {
-    told.HEAD: {"bold": True},
-    told.EXPECTED: {"fg": "green"},
-    told.ACTUAL: {"fg": "red"},
-    told.CARET: {"fg": "yellow"},
-    told.CHART: {"fg": "cyan"},
-    told.STORY: {"dim": True},
-    told.MARKED: {"bold": True},
-}
 
-
-def work(
+@click.command(short_help="Run scenarios against missions, without ROS.")
+@click.argument("paths", nargs=-1, type=click.Path(path_type=Path))
+@click.option("-k", "words", metavar="TEXT", multiple=True, help="Only scenarios whose path contains TEXT.")
+@click.option("--jobs", "-j", type=click.IntRange(min=0), default=0, help="Processes; 0: as many as pay off.")
+@click.option("--seed", type=int, default=0, help="Added to the seeds of random scenarios.")
+@click.option(
+    "--seeds", type=click.IntRange(min=1), default=1, help="Run random scenarios with so many seeds."
+)
+@click.option(
+    "--junit", "junit_file", type=click.Path(dir_okay=False, path_type=Path), help="Write JUnit XML."
+)
+@click.option("--coverage", "covers", is_flag=True, help="Tell what no scenario reached.")
+@click.option(
+    "--min-coverage", type=click.FloatRange(0, 100), metavar="PERCENT", help="Fail when less was reached."
+)
+@click.option(
+    "--coverage-diagram",
+    "drawing",
+    metavar="FILE.svg",
+    type=click.Path(dir_okay=False, path_type=Path),
+    help="Draw the mission coloured by what was reached; of several missions each into FILE-MISSION.svg.",
+)
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
+@click.option("--quiet", "-q", is_flag=True, help="Print failures and the last line only.")
+@click.option(
+    "--record",
+    "recording",
+    type=click.Path(exists=True, dir_okay=False, path_type=Path),
+    help="Make a scenario of a recorded run: the output of 'lupin simulate --json', or steps.",
+)
+@click.option("-o", "output", type=click.Path(path_type=Path), help="The scenario that --record makes.")
+def test(
     paths: tuple[Path, ...],
     words: tuple[str, ...],
     jobs: int,
@@ -50,7 +68,18 @@ def work(
     recording: Path | None,
     output: Path | None,
 ) -> int:
-    """Do what the options of `lupin test` say, and return the exit code."""
+    """Run scenarios against missions, without ROS.
+
+    PATHS are scenario files (*.scenario.yaml) or folders of them; without any, the folder scenarios or
+    tests/scenarios is taken.
+
+    Exit code: 0 when every scenario holds and enough was reached, else 1; 2 when there is nothing to run.
+    """
+    from lupin_engine.replay.coverage import CoverageObserver, add_up
+    from lupin_engine.sim.junit import junit
+    from lupin_engine.sim.scenario import Missions
+    from lupin_engine.sim.suite import run_all
+
     catalog = load_catalog()
     if recording is not None or output is not None:
         return _make_scenario(recording, output, paths, catalog)
@@ -84,6 +113,8 @@ def work(
 
 def _chosen(paths: Sequence[Path], words: Sequence[str]) -> list[Path]:
     """Return the files to run; UsageError when there are none."""
+    from lupin_engine.sim.scenario import scenario_files
+
     files = scenario_files(paths or _default())
     chosen = [file for file in files if all(word in str(file) for word in words)]
     if not chosen:
@@ -103,6 +134,7 @@ def _make_scenario(
 ) -> int:
     """Make a scenario of a recorded run; nothing is written over."""
     from lupin_engine.replay.reconstruction import read_recording, scenario_text
+    from lupin_engine.sim.scenario import Missions, is_scenario
 
     if recording is None or output is None or paths:
         raise UsageError("write 'lupin test --record RUN.json -o NAME.scenario.yaml'")
@@ -132,6 +164,7 @@ def _draw(coverage: Coverage, file: Path) -> None:
     from lupin_engine.diagram.outline import outline
     from lupin_engine.diagram.svg import svg
     from lupin_engine.diagram.trace import Counts, coloured
+    from lupin_engine.replay.coverage import STATE, TRANSITION
 
     for mission, (chart, reached) in coverage.charts.items():
         states = {name: count for (kind, name, _), count in reached.items() if kind == STATE}
@@ -143,13 +176,24 @@ def _draw(coverage: Coverage, file: Path) -> None:
 
 def _show(result: Result, quiet: bool) -> None:
     """Tell how a scenario went; one that cannot be read is one that fails."""
+    from lupin_engine.sim import failure
+
+    styles: dict[str, dict[str, Any]] = {
+        failure.HEAD: {"bold": True},
+        failure.EXPECTED: {"fg": "green"},
+        failure.ACTUAL: {"fg": "red"},
+        failure.CARET: {"fg": "yellow"},
+        failure.CHART: {"fg": "cyan"},
+        failure.STORY: {"dim": True},
+        failure.MARKED: {"bold": True},
+    }
     if result.problem:
         click.echo(f"{click.style('ERROR', fg='red')} {result.file}\n{result.problem}")
     elif result.failures or not quiet:
         word = click.style("FAIL ", fg="red") if result.failures else click.style("ok   ", fg="green")
         click.echo(f"{word} {result.name}: {result.promise} ({_how(result)})")
-    for kind, line in told.report(result.failures):
-        click.echo(click.style(line, **_STYLES.get(kind, {})))
+    for kind, line in failure.report(result.failures):
+        click.echo(click.style(line, **styles.get(kind, {})))
 
 
 def _how(result: Result) -> str:
@@ -163,6 +207,8 @@ def _how(result: Result) -> str:
 
 
 def _sum_up(results: Sequence[Result], coverage: Coverage | None) -> None:
+    from lupin_engine.replay.coverage_text import coverage_lines
+
     if coverage is not None:
         click.echo("\n".join(("", *coverage_lines(coverage), "")))
     failed = sum(1 for result in results if not result.holds)
@@ -182,6 +228,8 @@ def _record(results: Sequence[Result], coverage: Coverage | None) -> dict[str, A
 
 
 def _result_record(result: Result) -> dict[str, Any]:
+    from lupin_engine.sim.failure import shown
+
     failures = [
         {
             "place": shown(failure.place),

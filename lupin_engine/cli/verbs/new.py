@@ -1,4 +1,7 @@
-"""What `lupin new` does."""
+"""`lupin new`: a folder in which a mission can be written: the mission, its lifecycle, a scenario.
+
+What stands there already is left as it is; a mission that exists is never written over.
+"""
 
 from __future__ import annotations
 
@@ -10,20 +13,8 @@ import click
 
 from lupin_engine.cli.files import nearest_name, title_of, write_text
 from lupin_engine.errors import Problems, UsageError
-from lupin_engine.missions.load import (
-    LIFECYCLE,
-    PARTS,
-    default_missions_folder,
-    find_mission,
-    inspect_chart,
-    is_missions_folder,
-    lifecycle_of,
-)
 from lupin_engine.plugin.registry import NAME, load_catalog
-from lupin_engine.ros.launch.mission import LOCAL
 from lupin_engine.sim import SUFFIX
-
-#: What a file's name may be: it is also how the mission is called on the command line.
 
 MISSION = """\
 mission: {title}
@@ -54,8 +45,18 @@ expect:
 """
 
 
-def work(name: str, like: str | None) -> int:
-    """Do what the options of `lupin new` say, and return the exit code."""
+@click.command(short_help="Begin a mission: its file, the lifecycle around it, a scenario.")
+@click.argument("name")
+@click.option("--like", metavar="MISSION", help="Begin with a copy of this mission, and the parts it uses.")
+def new(name: str, like: str | None) -> int:
+    """Begin a mission: its file, the lifecycle around it, a scenario.
+
+    NAME is what the file is called, such as water_beds. In the current folder this writes
+    missions/NAME.yaml and scenarios/NAME.scenario.yaml, and copies missions/lifecycle.yaml where there is
+    none. What exists is left as it is.
+
+    Example: lupin new my_inspection --like inspection
+    """
     written, kept = write_mission(name, like, Path())
     for file in written:
         click.echo(f"wrote {file}")
@@ -74,6 +75,9 @@ def write_mission(name: str, like: str | None, folder: Path) -> tuple[list[Path]
     Raises:
         UsageError: the name cannot be one, the mission exists, or there is none to be `like`.
     """
+    from lupin_engine.missions import load
+    from lupin_engine.missions.selection import LOCAL
+
     missions = folder / LOCAL
     scenario = folder / "scenarios" / f"{name}{SUFFIX}"
     problems = Problems(UsageError)
@@ -86,14 +90,14 @@ def write_mission(name: str, like: str | None, folder: Path) -> tuple[list[Path]
         missions / f"{name}.yaml": MISSION.format(title=title_of(name)),
         scenario: (SCENARIO_LIKE if like else SCENARIO).format(name=name),
     }
-    source = default_missions_folder()
-    lifecycle, others = source / LIFECYCLE, list[str]()
+    source = load.default_missions_folder()
+    lifecycle, others = source / load.LIFECYCLE, list[str]()
     if model is not None:
         file, parts = model
-        source, lifecycle = file.parent, lifecycle_of(file)
+        source, lifecycle = file.parent, load.lifecycle_of(file)
         own[missions / f"{name}.yaml"] = _renamed(file.read_text(encoding="utf-8"), title_of(name))
         others += parts
-    origins = {missions / LIFECYCLE: lifecycle, **{missions / other: source / other for other in others}}
+    origins = {missions / load.LIFECYCLE: lifecycle, **{missions / other: source / other for other in others}}
     shared = {file: origin.read_text(encoding="utf-8") for file, origin in origins.items()}
     kept = [file for file in shared if file.exists()]
     written = {file: text for file, text in {**shared, **own}.items() if file not in kept}
@@ -104,7 +108,9 @@ def write_mission(name: str, like: str | None, folder: Path) -> tuple[list[Path]
 
 def _check_name(name: str, files: Iterable[Path]) -> None:
     """Look whether a mission can be called so, and these files be its own."""
-    if not NAME.fullmatch(name) or name == Path(LIFECYCLE).stem:
+    from lupin_engine.missions import load
+
+    if not NAME.fullmatch(name) or name == Path(load.LIFECYCLE).stem:
         wanted = "lower-case letters, digits and underscores, such as water_beds"
         raise UsageError(
             f"{name!r} cannot be the name of a mission's file: write {wanted}{nearest_name(name)}"
@@ -116,12 +122,15 @@ def _check_name(name: str, files: Iterable[Path]) -> None:
 
 def _model(like: str, folder: Path) -> tuple[Path, list[str]]:
     """Return the file of a mission and its parts, as named beside it."""
+    from lupin_engine.missions import load
+    from lupin_engine.missions.selection import LOCAL
+
     local = folder / LOCAL
-    folders = [local] if is_missions_folder(local) else []
-    file = find_mission(like, [*folders, default_missions_folder()])
-    documents = inspect_chart(lifecycle_of(file), [file], load_catalog()).documents
-    parts = sorted(path.name for path in documents if path.parent.name == PARTS)
-    return file, [f"{PARTS}/{part}" for part in parts]
+    folders = [local] if load.is_missions_folder(local) else []
+    file = load.find_mission(like, [*folders, load.default_missions_folder()])
+    documents = load.inspect_chart(load.lifecycle_of(file), [file], load_catalog()).documents
+    parts = sorted(path.name for path in documents if path.parent.name == load.PARTS)
+    return file, [f"{load.PARTS}/{part}" for part in parts]
 
 
 def _renamed(text: str, title: str) -> str:

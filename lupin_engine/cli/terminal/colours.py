@@ -7,7 +7,7 @@ from types import MappingProxyType
 
 from rich.text import Text
 
-from lupin_engine.cli.view import STATUS_STYLES
+from lupin_engine.cli.terminal.view import STATUS_STYLES
 from lupin_engine.replay import timeline
 from lupin_engine.replay.story import TonedText
 from lupin_engine.replay.timeline_rows import CURVE, FLAG, HOLD, OPERATION, PHASE, STATE

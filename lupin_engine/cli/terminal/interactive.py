@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable
 from rich.console import Console
 from rich.text import Text
 
-from lupin_engine.cli.colours import styled
+from lupin_engine.cli.terminal.colours import styled
 from lupin_engine.replay.debugger import Debugger
 from lupin_engine.replay.story import TonedLine
 

@@ -1,4 +1,4 @@
-"""What `lupin schema` does."""
+"""`lupin schema`: the JSON Schema of missions, parts, lifecycles and scenarios, for editors."""
 
 from __future__ import annotations
 
@@ -9,10 +9,8 @@ from typing import Any
 
 import click
 
-from lupin_engine.editor.schema import ANY_KIND, all_schemas, kinds, text_of, write
 from lupin_engine.errors import UsageError, nearest
 from lupin_engine.plugin.registry import load_catalog
-from lupin_engine.sim.scenario_file import ScenarioNode
 
 #: What stands for a mapping in short, in scenarios.
 SHORT_FORMS: Mapping[str, dict[str, Any]] = MappingProxyType(
@@ -30,8 +28,22 @@ SHORT_FORMS: Mapping[str, dict[str, Any]] = MappingProxyType(
 ONE_ALONE = ("MockNode.then",)
 
 
-def work(kind: str | None, with_names: bool, folder: Path | None) -> int:
-    """Do what the options of `lupin schema` say, and return the exit code."""
+@click.command(short_help="Print the JSON Schema of the files, for editors.")
+@click.argument("kind", required=False)
+@click.option("--catalog", "with_names", is_flag=True, help="Include the names that the plugins offer.")
+@click.option(
+    "--write", "folder", type=click.Path(file_okay=False, path_type=Path), help="Write all of them there."
+)
+def schema(kind: str | None, with_names: bool, folder: Path | None) -> int:
+    """Print the JSON Schema of a KIND of file.
+
+    KIND is lifecycle, mission, part, binding, scenario, or lupin for all of them.
+
+    Editors complete and check YAML with it. With --catalog it lists the operations, actions, events and live
+    values of the plugins that are installed here.
+    """
+    from lupin_engine.editor.schema import ANY_KIND, text_of, write
+
     kind = kind or ANY_KIND
     found = schemas(with_names)
     if kind not in found:
@@ -48,5 +60,8 @@ def work(kind: str | None, with_names: bool, folder: Path | None) -> int:
 
 def schemas(with_names: bool = False) -> dict[str, dict[str, Any]]:
     """Return the schemas of all kinds of files, and of any."""
+    from lupin_engine.editor.schema import all_schemas, kinds
+    from lupin_engine.sim.scenario_file import ScenarioNode
+
     models = kinds({"scenario": ScenarioNode})
     return all_schemas(models, SHORT_FORMS, ONE_ALONE, load_catalog() if with_names else None)

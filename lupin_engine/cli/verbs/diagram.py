@@ -1,22 +1,23 @@
-"""What `lupin diagram` does."""
+"""`lupin diagram`: a mission as a picture, or a folder of them."""
 
 from __future__ import annotations
 
 import sys
 from importlib import import_module
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from lupin_engine.diagram.formats import FORMATS
-from lupin_engine.diagram.index import Page, index
-from lupin_engine.diagram.outline import find_state, outline, readable_depth
-from lupin_engine.diagram.picture import Picture
-from lupin_engine.diagram.trace import Counts, check_fits, coloured, read_trace
 from lupin_engine.errors import Problems, UsageError
 from lupin_engine.plugin.registry import Catalog, load_catalog
-from lupin_engine.ros.launch.mission import Loaded, load_missions
 from lupin_engine.sim import SUFFIX
+
+if TYPE_CHECKING:
+    from lupin_engine.diagram.picture import Picture
+    from lupin_engine.diagram.trace import Counts
+    from lupin_engine.missions.selection import Loaded
 
 #: What else the name of an output file may end in.
 _ENDINGS = {ending: name for name, ending in FORMATS.items()} | {".mermaid": "mermaid", ".gv": "dot"}
@@ -24,7 +25,30 @@ _ENDINGS = {ending: name for name, ending in FORMATS.items()} | {".mermaid": "me
 _PICTURES = ("svg", "png")
 
 
-def work(
+@click.command(short_help="Draw a mission.")
+@click.argument("mission", required=False)
+@click.option(
+    "--format",
+    "formats",
+    type=click.Choice(list(FORMATS)),
+    multiple=True,
+    help="Default: by the file's name, else mermaid. With --all also several.",
+)
+@click.option("--output", "-o", type=click.Path(path_type=Path), help="File to write; default: print.")
+@click.option("--focus", metavar="STATE", help="Draw this state, and greyed what leads there and from there.")
+@click.option("--depth", type=click.IntRange(min=1), help="Draw so many levels; deeper states are collapsed.")
+@click.option(
+    "--trace",
+    type=click.Path(exists=True, dir_okay=False, path_type=Path),
+    help="Colour what a run visited, and how often: what 'lupin simulate --json' printed.",
+)
+@click.option(
+    "--all",
+    "folder",
+    type=click.Path(exists=True, file_okay=False, path_type=Path),
+    help="Draw every mission of a folder; the output is a folder, with an index.",
+)
+def diagram(
     mission: str | None,
     formats: tuple[str, ...],
     output: Path | None,
@@ -33,7 +57,12 @@ def work(
     trace: Path | None,
     folder: Path | None,
 ) -> int:
-    """Do what the options of `lupin diagram` say, and return the exit code."""
+    """Draw a mission with the lifecycle around it.
+
+    MISSION is the name of a mission (inspection, InspectionMission) or a file. SVG needs nothing but this
+    program; PNG needs the package's extra 'diagram'. Mermaid and PlantUML are for documentation sites, DOT is
+    for Graphviz, SCXML for other statechart tools.
+    """
     if folder is not None:
         if mission or focus or trace or output is None:
             raise UsageError("--all FOLDER needs --output FOLDER, and takes no MISSION, --focus or --trace")
@@ -41,6 +70,9 @@ def work(
         return 0
     if mission is None:
         raise UsageError("name a mission, or a folder of missions with --all FOLDER")
+    from lupin_engine.diagram.outline import find_state
+    from lupin_engine.diagram.trace import check_fits, coloured
+
     problems = Problems(UsageError)
     with problems.collecting():
         wanted = _format(formats, output)
@@ -62,6 +94,8 @@ def work(
 
 
 def _loaded(mission: str, catalog: Catalog) -> Loaded:
+    from lupin_engine.missions.selection import load_missions
+
     if mission.endswith(SUFFIX):
         raise UsageError(_scenario(mission, catalog))
     return load_missions([mission], catalog)
@@ -90,6 +124,8 @@ def _scenario(name: str, catalog: Catalog) -> str:
 
 def _picture(loaded: Loaded, wanted: str, focus: str | None, depth: int | None) -> Picture:
     """Return what is to be drawn."""
+    from lupin_engine.diagram.outline import outline, readable_depth
+
     if wanted == "scxml":
         return outline(loaded.chart, whole=True)
     picture = outline(loaded.chart, focus=focus, depth=depth)
@@ -101,6 +137,8 @@ def _picture(loaded: Loaded, wanted: str, focus: str | None, depth: int | None) 
 
 
 def _counts(trace: Path) -> Counts:
+    from lupin_engine.diagram.trace import read_trace
+
     return read_trace(trace.read_text(encoding="utf-8", errors="replace"), trace.name)
 
 
@@ -131,7 +169,9 @@ def _write(content: bytes, output: Path | None) -> None:
 
 
 def _draw_all(folder: Path, formats: tuple[str, ...], depth: int | None, output: Path) -> None:
+    from lupin_engine.diagram.index import Page, index
     from lupin_engine.missions.load import mission_files
+    from lupin_engine.missions.selection import load_missions
 
     files = mission_files(folder)
     if not files:

@@ -1,4 +1,4 @@
-"""What `lupin run` does."""
+"""`lupin run`: a mission over ROS 2 with everything that it needs, watched, and everything stopped again."""
 
 from __future__ import annotations
 
@@ -6,26 +6,39 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rich.console import Console
+import click
 
-from lupin_engine.cli.bring_up import Options, Wanted
+from lupin_engine.cli import options
 from lupin_engine.cli.exit_codes import not_done
-from lupin_engine.cli.observers import Heard, JsonObserver, LiveObserver, PlainObserver, SavingPicture
-from lupin_engine.cli.options import PATIENCE_S
-from lupin_engine.cli.terminal import quiet_terminal
 from lupin_engine.errors import LupinError, Severity
 from lupin_engine.plugin.registry import Catalog, load_catalog
-from lupin_engine.ros.launch.folders import writable
-from lupin_engine.ros.launch.interrupts import Interrupted, Interrupts
-from lupin_engine.ros.launch.mission import Loaded, check_request, load_missions
-from lupin_engine.ros.launch.story import INTERRUPTED, NOT_DONE
 
 if TYPE_CHECKING:
+    from lupin_engine.missions.selection import Loaded
+    from lupin_engine.ros.launch.interrupts import Interrupts
     from lupin_engine.ros.launch.session import Session
 
 
+@click.command(short_help="Run a mission over ROS 2 and watch it.")
+@click.argument("mission")
+@options.tags
+@click.option("--goal", type=click.IntRange(min=0, max=65535), default=0, help="How many tags to discover.")
+@options.bring_up
+@click.option(
+    "--patience",
+    type=click.FloatRange(min=0.0),
+    metavar="SECONDS",
+    help="How long the mission may wait for an operator; "
+    f"default: {options.PATIENCE_S:g}, on a terminal for ever.",
+)
+@click.option("--json", "as_json", is_flag=True, help="Write one JSON object a line.")
+@click.option(
+    "--save-svg",
+    type=click.Path(dir_okay=False, path_type=Path),
+    help="Save a picture from the middle of the run.",
+)
 @not_done()
-def work(
+def run(
     mission: str,
     tags: tuple[str, ...],
     goal: int,
@@ -34,11 +47,22 @@ def work(
     save_svg: Path | None,
     **wanted: Any,
 ) -> int:
-    """Do what the options of `lupin run` say, and return the exit code.
+    """Run a mission over ROS 2 and watch it.
 
-    Raises:
-        LupinError: nothing was started.
+    MISSION is the name of a mission (inspection, InspectionMission) or a file. What is missing of its nodes
+    is started; what runs already is used and left alone. Ctrl-C aborts the mission, lets the robot drive home
+    and ends everything that was started; a second one stops the robot on the way, a third one forces.
+
+    Exit code: 0 all targets visited, 1 some missed, 2 fault or not started, 130 interrupted, or
+    nobody reads any more.
     """
+    from lupin_engine.cli.bring_up import Options, Wanted
+    from lupin_engine.cli.requests import check_request
+    from lupin_engine.cli.run_folders import writable
+    from lupin_engine.cli.terminal.tty import quiet_terminal
+    from lupin_engine.missions.selection import load_missions
+    from lupin_engine.ros.launch.interrupts import Interrupts
+
     catalog = load_catalog()
     loaded = load_missions([mission], catalog)
     given = Options(Wanted(**wanted), loaded, catalog)
@@ -48,7 +72,7 @@ def work(
         if save_svg is not None:
             writable(save_svg.parent, "picture")
     if patience is None and (as_json or not sys.stdout.isatty()):
-        patience = PATIENCE_S
+        patience = options.PATIENCE_S
     settings = given.settings(patience)
     from lupin_engine.ros.launch.session import Session  # needs rclpy
 
@@ -63,7 +87,10 @@ def work(
 def _carry_out(
     session: Session, observer: Any, loaded: Loaded, catalog: Catalog, tags: tuple[str, ...], goal: int
 ) -> int:
-    """Run the mission; whatever goes wrong, it is told here and the mission is aborted."""
+    """Run the mission; an error is reported to the observer and aborts the mission."""
+    from lupin_engine.ros.launch.interrupts import Interrupted
+    from lupin_engine.ros.launch.story import INTERRUPTED, NOT_DONE
+
     try:
         session.bring_up(loaded.plugins, catalog)
         story = session.start(loaded.names[0], tags, goal)
@@ -80,6 +107,16 @@ def _carry_out(
 
 
 def _observer(as_json: bool, save_svg: Path | None, loaded: Loaded, interrupts: Interrupts) -> Any:
+    from rich.console import Console
+
+    from lupin_engine.cli.terminal.observers import (
+        Heard,
+        JsonObserver,
+        LiveObserver,
+        PlainObserver,
+        SavingPicture,
+    )
+
     observer: Any
     console = Console(highlight=False)
     if as_json:

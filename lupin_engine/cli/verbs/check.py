@@ -1,43 +1,65 @@
-"""What `lupin check` does."""
+"""`lupin check`: tell everything that is wrong with missions, before a robot does.
+
+Exit codes: 0 nothing is wrong; 1 there are errors, or with `--strict` warnings; 2 wrong usage.
+"""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
-from lupin_engine.chart.bound_catalog import BINDINGS, BoundCatalog, bound_catalog
-from lupin_engine.chart.findings import Findings
-from lupin_engine.chart.source import head
-from lupin_engine.cli.findings import FORMS, Checked, as_text, counted, wants_colour
 from lupin_engine.errors import Diagnostic, LupinError, Problems, Severity, UsageError
-from lupin_engine.missions.load import (
-    LIFECYCLE,
-    PARTS,
-    SAVED,
-    find_mission,
-    inspect_chart,
-    lifecycle_in,
-    lifecycle_of,
-    mission_files,
-)
 from lupin_engine.plugin.registry import Catalog, load_catalog
-from lupin_engine.ros.launch.mission import LOCAL, folders
 from lupin_engine.sim import SUFFIX
 
-#: Kinds of files that stand in a folder beside the missions, with its name.
-_INSIDE = {"part": PARTS, "binding": BINDINGS}
+if TYPE_CHECKING:
+    from lupin_engine.chart.bound_catalog import BoundCatalog
+    from lupin_engine.cli.terminal.findings import Checked
+
+#: Kind of file -> the folder beside the missions in which such files stand.
+_BESIDE = {"part": "parts", "binding": "bindings"}
 
 
-def work(paths: tuple[str, ...], forms: Sequence[str], strict: bool, watch: bool, explain: str | None) -> int:
-    """Do what the options of `lupin check` say, and return the exit code."""
+@click.command()
+@click.argument("paths", nargs=-1)
+@click.option("--json", "as_json", is_flag=True, help="Print the findings as a JSON list.")
+@click.option("--sarif", "as_sarif", is_flag=True, help="Print the findings as SARIF 2.1.0, for CI.")
+@click.option("--github", "as_github", is_flag=True, help="Print the findings as annotations of a workflow.")
+@click.option("--strict", is_flag=True, help="Warnings count like errors for the exit code.")
+@click.option("--watch", "-w", is_flag=True, help="Check again whenever a file changes; Ctrl-C ends.")
+@click.option(
+    "--explain", metavar="RULE", help="Tell what a rule protects, with an example, and check nothing."
+)
+def check(
+    paths: tuple[str, ...],
+    as_json: bool,
+    as_sarif: bool,
+    as_github: bool,
+    strict: bool,
+    watch: bool,
+    explain: str | None,
+) -> int:
+    """Check missions and tell everything that is wrong with them.
+
+    PATHS are mission files, lifecycles, parts, folders, or names of missions; without any, the missions of
+    the folder missions are checked, or where there is none the shipped ones.
+
+    Exit code: 0 nothing is wrong, 1 there are errors (with --strict also warnings), 2 wrong usage. Warnings
+    alone leave it at 0.
+    """
     if explain is not None:
-        from lupin_engine.cli.rules import rule_text
+        from lupin_engine.cli.terminal.findings import wants_colour
+        from lupin_engine.cli.terminal.rule_page import rule_text
 
         click.echo(rule_text(explain), color=wants_colour())
         return 0
+    forms = [
+        form for form, wanted in (("json", as_json), ("sarif", as_sarif), ("github", as_github)) if wanted
+    ]
     problems = Problems(UsageError)
     named = " and ".join(f"--{form}" for form in forms)
     if len(forms) > 1:
@@ -57,6 +79,8 @@ def check_paths(paths: Sequence[str | Path], form: str = "text", strict: bool = 
         UsageError: a path does not exist.
         PluginError: the installed plugins cannot be used.
     """
+    from lupin_engine.cli.terminal.findings import FORMS, wants_colour
+
     checked = run_check(paths, load_catalog())
     text = FORMS[form](checked)
     if text:
@@ -82,6 +106,7 @@ def watch_paths(
     Raises:
         UsageError: a path does not exist when this begins; later that is a line like others.
     """
+    from lupin_engine.cli.terminal.findings import as_text, counted
     from lupin_engine.cli.watch import PAUSE_S, changes
 
     catalog = load_catalog()
@@ -110,6 +135,12 @@ def watch_paths(
 
 def run_check(paths: Sequence[str | Path], catalog: Catalog) -> Checked:
     """Check what `paths` name; what is meant twice is checked once. Errors as for `check_paths`."""
+    from lupin_engine.chart.bound_catalog import BINDINGS, bound_catalog
+    from lupin_engine.chart.findings import Findings
+    from lupin_engine.cli.terminal.findings import Checked
+    from lupin_engine.missions.load import SAVED, inspect_chart
+    from lupin_engine.missions.selection import folders
+
     groups: dict[Path, dict[Path, None]] = {}
     problems = Problems(UsageError)
     for path in paths or folders()[:1]:
@@ -137,6 +168,7 @@ def _misfits(bound: BoundCatalog | None) -> tuple[Diagnostic, ...]:
     if not bindings:
         return ()
     from lupin_engine.chart.binding_reader import check_definition
+    from lupin_engine.chart.findings import Findings
     from lupin_engine.ros.bindings.definitions import installed_types, knows_interfaces
 
     findings = Findings()
@@ -153,39 +185,46 @@ def _is_elsewhere(diagnostic: Diagnostic, lifecycle: Path, missions: Iterable[Pa
 
 def _meant_by(name: str) -> tuple[Path, list[Path]]:
     """Return the lifecycle and the missions to check for a path or a mission's name."""
+    from lupin_engine.chart.source import head
+    from lupin_engine.missions import load
+    from lupin_engine.missions.selection import LOCAL, folders
+
     path = Path(name)
     if path.name.endswith(SUFFIX):
         raise UsageError(f"{name!r} is a scenario; scenarios are read by lupin test")
     if path.is_dir():
-        missions = mission_files(path)
-        if not missions and not (path / LIFECYCLE).is_file():
+        missions = load.mission_files(path)
+        if not missions and not (path / load.LIFECYCLE).is_file():
             inside = path / LOCAL
             hint = f"; did you mean {str(inside)!r}?" if inside.is_dir() else ""
             raise UsageError(f"there are no missions in {name!r}{hint}")
-        return lifecycle_in(path), missions
+        return load.lifecycle_in(path), missions
     if not path.is_file():
-        mission = find_mission(name, folders())
-        return lifecycle_of(mission), [mission]
+        mission = load.find_mission(name, folders())
+        return load.lifecycle_of(mission), [mission]
     kind = (head(path) or ("", ""))[0]
-    if path.name == LIFECYCLE or kind == "lifecycle":
-        return path, mission_files(path.parent)
-    if kind in _INSIDE and path.parent.name == _INSIDE[kind]:
+    if path.name == load.LIFECYCLE or kind == "lifecycle":
+        return path, load.mission_files(path.parent)
+    if kind in _BESIDE and path.parent.name == _BESIDE[kind]:
         folder = path.parent.parent
-        return lifecycle_in(folder), mission_files(folder)
-    if kind in _INSIDE:
-        raise UsageError(f"the {kind} {name!r} does not stand in a folder {_INSIDE[kind]!r} beside missions")
-    return lifecycle_of(path), [path]
+        return load.lifecycle_in(folder), load.mission_files(folder)
+    if kind in _BESIDE:
+        raise UsageError(f"the {kind} {name!r} does not stand in a folder {_BESIDE[kind]!r} beside missions")
+    return load.lifecycle_of(path), [path]
 
 
 def _watched(paths: Sequence[str | Path]) -> Iterator[Path]:
     """Yield every file that may have to do with what `paths` name."""
+    from lupin_engine.missions.load import find_mission
+    from lupin_engine.missions.selection import folders
+
     for path in paths or folders()[:1]:
         named = Path(path)
         if not named.is_dir() and not named.suffix:
             named = find_mission(str(path), folders())
         folder = named if named.is_dir() else named.parent
-        if folder.name in _INSIDE.values():
+        if folder.name in _BESIDE.values():
             folder = folder.parent
         yield from folder.glob("*.yaml")
-        for inside in _INSIDE.values():
+        for inside in _BESIDE.values():
             yield from folder.glob(f"{inside}/*.yaml")

@@ -1,33 +1,40 @@
-"""What `lupin up` does."""
+"""`lupin up`: the nodes of missions, without starting one: that is left to the operator."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-from lupin_engine.cli import view
-from lupin_engine.cli.bring_up import Options, Wanted
+import click
+
+from lupin_engine.cli import options
 from lupin_engine.cli.exit_codes import not_done
-from lupin_engine.cli.observers import Heard, PlainObserver
 from lupin_engine.errors import LupinError, Severity
 from lupin_engine.plugin.registry import Catalog, load_catalog
 from lupin_engine.ros.launch.environment import current_domain
-from lupin_engine.ros.launch.interrupts import Interrupted, Interrupts
-from lupin_engine.ros.launch.mission import Loaded, load_missions
-from lupin_engine.ros.launch.story import NOT_DONE
-from lupin_engine.runtime.setup import make_world
 
 if TYPE_CHECKING:
+    from lupin_engine.missions.selection import Loaded
     from lupin_engine.ros.launch.session import Observer, Session
 
 
+@click.command(short_help="Start the nodes of missions; an operator starts the missions.")
+@click.argument("missions", nargs=-1)
+@options.bring_up
 @not_done()
-def work(missions: tuple[str, ...], **wanted: Any) -> int:
-    """Do what the options of `lupin up` say, and return the exit code.
+def up(missions: tuple[str, ...], **wanted: Any) -> int:
+    """Start the nodes of missions; an operator starts the missions.
 
-    Raises:
-        LupinError: nothing was started.
+    MISSIONS are names or files; without any, all missions of the folder. Ctrl-C stops what was started.
+
+    Exit code: 0 ended by Ctrl-C, 2 not started, or ended by what went wrong.
     """
+    from lupin_engine.cli.bring_up import Options, Wanted
+    from lupin_engine.cli.terminal.observers import Heard, PlainObserver
+    from lupin_engine.missions.selection import load_missions
+    from lupin_engine.ros.launch.interrupts import Interrupts
+    from lupin_engine.runtime.setup import make_world
+
     catalog = load_catalog()
     loaded = load_missions(missions, catalog)
     given = Options(Wanted(**wanted), loaded, catalog)
@@ -43,6 +50,9 @@ def work(missions: tuple[str, ...], **wanted: Any) -> int:
 
 
 def _serve(session: Session, observer: Observer, loaded: Loaded, catalog: Catalog) -> int:
+    from lupin_engine.ros.launch.interrupts import Interrupted
+    from lupin_engine.ros.launch.story import NOT_DONE
+
     try:
         session.bring_up(loaded.plugins, catalog)
         observer.note("\n".join(served(loaded, str(current_domain()))))
@@ -62,6 +72,8 @@ class _StateLines:
         self._last: tuple[Any, ...] = ()
 
     def __call__(self, state: Mapping[str, Any]) -> None:
+        from lupin_engine.cli.terminal import view
+
         if state and (key := view.changed_key(state)) != self._last:
             self._last = key
             self._observer.note(view.plain_state(state))

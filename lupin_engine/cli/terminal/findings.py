@@ -12,7 +12,7 @@ from types import MappingProxyType
 
 import click
 
-from lupin_engine.cli.excerpt import Sources, excerpt
+from lupin_engine.cli.terminal.excerpt import Sources, excerpt
 from lupin_engine.errors import Diagnostic, Severity
 
 #: How wide excerpts are where there is no terminal, in cells.
@@ -104,7 +104,7 @@ def _as_json(checked: Checked) -> str:
 
 
 def _as_sarif(checked: Checked) -> str:
-    from lupin_engine.cli.sarif import sarif
+    from lupin_engine.cli.terminal.sarif import sarif
 
     return sarif(checked.found, Path.cwd())
 

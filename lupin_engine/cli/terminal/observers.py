@@ -17,8 +17,8 @@ from rich.live import Live
 from rich.text import Text
 
 from lupin_engine.chart.model import Chart
-from lupin_engine.cli import view
-from lupin_engine.cli.terminal import hang_up
+from lupin_engine.cli.terminal import view
+from lupin_engine.cli.terminal.tty import hang_up
 from lupin_engine.errors import Severity
 from lupin_engine.ros.launch.story import STATUSES, TAG_READING, Happening, Reading, Story
 

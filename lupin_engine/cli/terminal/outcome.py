@@ -1,0 +1,165 @@
+"""What `lupin simulate` tells of a run: the story, the timeline, the figures, the last line, JSON."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import asdict
+from typing import Any
+
+from rich.console import Console
+from rich.text import Text
+
+from lupin_engine.cli.terminal.colours import styled
+from lupin_engine.cli.terminal.view import WORDS, readings_table
+from lupin_engine.machine.memory import Visit
+from lupin_engine.replay.story import columns_for, laid_out
+from lupin_engine.replay.summary import Attempted, Summary, summarise
+from lupin_engine.replay.timeline import Timeline
+from lupin_engine.replay.timeline_rows import lasting
+from lupin_engine.ros.launch.story import ALL_VISITED, NOT_DONE, SOME_MISSED, STATUSES, Reading
+from lupin_engine.runtime.record import command_record, step_record, view_record
+from lupin_engine.sim.narration import tell
+from lupin_engine.sim.simulation import Run
+
+#: How wide the output is where there is no terminal, in cells.
+WIDTH = 120
+
+
+def make_console() -> Console:
+    """Return the console: as wide as the terminal, or as is good to read in a file."""
+    return Console(highlight=False, width=shutil.get_terminal_size((WIDTH, 24)).columns)
+
+
+def tell_story(run: Run, console: Console, wait: Callable[[float], None]) -> None:
+    """Print what happened, line by line; `wait` lets the time pass that is between two of them."""
+    lines = list(tell(run.chart, run.steps))
+    columns = columns_for(lines, console.width)
+    now = 0.0
+    for line in lines:
+        if line.time > now:
+            wait(line.time - now)
+            now = line.time
+        for row in laid_out(line, columns):
+            console.print(styled(row), soft_wrap=True)
+    console.print()
+
+
+def show_timeline(lanes: Timeline, console: Console) -> None:
+    """Draw the timeline in the terminal."""
+    from lupin_engine.replay.timeline_text import ASCII, UNICODE, text
+
+    for row in text(lanes, console.width, ASCII if console.options.ascii_only else UNICODE):
+        console.print(styled(row), soft_wrap=True)
+    console.print()
+
+
+def show_outcome(run: Run, lanes: Timeline, wall: float, console: Console) -> None:
+    """Print the table of visits, the figures and the last line."""
+    closed = [_reading(visit) for visit in run.visits if visit.status]
+    if closed:
+        console.print(readings_table(closed))
+    for name, text in figures(summarise(run, lanes), wall):
+        indented = Text(f"{name:<12}", "bold") + Text(text)
+        console.print(indented, soft_wrap=True)
+    console.print(last_line(run), soft_wrap=True)
+
+
+def figures(found: Summary, wall: float) -> list[tuple[str, str]]:
+    """Return the figures of a run, each with its label; what was none of is left out."""
+    rows = [
+        ("states", _times(found.states)),
+        ("phases", _times(found.phases)),
+        ("operations", ", ".join(_attempted(one) for one in found.operations)),
+        ("holds", _times(found.held)),
+        ("refused", str(found.refused) if found.refused else ""),
+        ("dropped", f"{found.dropped} late results" if found.dropped else ""),
+        ("computed", f"in {wall:.2f} s"),
+    ]
+    return [(name, text) for name, text in rows if text]
+
+
+def _times(times: Mapping[str, float]) -> str:
+    return ", ".join(f"{name} {lasting(seconds)}" for name, seconds in times.items())
+
+
+def _attempted(one: Attempted) -> str:
+    outcomes = [f"{count} {outcome}" for outcome, count in one.outcomes.items() if outcome != "done"]
+    retries = [f"{one.retries} {'retry' if one.retries == 1 else 'retries'}"] if one.retries else []
+    details = ", ".join(outcomes + retries)
+    return f"{one.operation} {one.attempts}" + (f" ({details})" if details else "")
+
+
+def _reading(visit: Visit) -> Reading:
+    sensors = (visit.reading or {}).get("readings", ()) if isinstance(visit.reading, Mapping) else ()
+    values = {str(sensor["name"]): float(sensor["value"]) for sensor in sensors}
+    return Reading(visit.target, visit.status, visit.detail or visit.code, values)
+
+
+def verdict(run: Run) -> int:
+    """Return the exit code: all visited or stopped where wanted, some missed, or not done."""
+    if run.stopped:
+        return ALL_VISITED
+    if not run.ended:
+        return NOT_DONE
+    return ALL_VISITED if all(visit.status == "OK" for visit in run.visits) else SOME_MISSED
+
+
+def last_line(run: Run) -> Text:
+    """Return how it ended, how many of each, how long it took."""
+    code = verdict(run)
+    text = Text(run.view.lifecycle or "not started", ("bold green", "bold yellow", "bold red")[code])
+    counts = {status: sum(1 for visit in run.visits if visit.status == status) for status in STATUSES}
+    counted = ", ".join(f"{count} {WORDS[status]}" for status, count in counts.items() if count)
+    text.append(f": {counted or 'nothing visited'} of {len(run.visits)} targets", "not bold")
+    text.append(f" in {run.seconds:.1f} s of virtual time", "not bold")
+    for remark in _remarks(run, code):
+        text.append(f"; {remark}", "not bold yellow")
+    return text
+
+
+def _remarks(run: Run, code: int) -> Iterable[str]:
+    """Yield why it ended like that."""
+    if run.cut_off:
+        yield "stopped at the time limit"
+    elif run.stopped:
+        yield "stopped where --until says"
+    elif code == NOT_DONE and run.view.paused:
+        yield "it waits for an operator"
+    for step in run.refused[-1:]:
+        if step.refusal:
+            yield step.refusal.text
+    if run.view.code and code:
+        yield f"last: {run.view.code}" + (f" ({run.view.detail})" if run.view.detail else "")
+
+
+# -- for programs -----------------------------------------------------------------------------------------
+
+
+def record(run: Run, lanes: Timeline, seed: int) -> dict[str, Any]:
+    """Return a run as JSON data."""
+    return {
+        "mission": run.view.mission,
+        "seconds": run.seconds,
+        "seed": seed,
+        "parameters": dict(run.parameters),
+        "cut_off": run.cut_off,
+        "stopped": run.stopped,
+        "exit_code": verdict(run),
+        "lifecycles": list(run.lifecycles),
+        "summary": asdict(summarise(run, lanes)),
+        "view": view_record(run.view),
+        "context": dict(run.context),
+        "visits": [asdict(visit) for visit in run.visits],
+        "published": [{"time": at, **command_record(publish)} for at, publish in run.published],
+        "held": [{"time": at, "held": list(held)} for at, held in run.held],
+        "broken": [{"time": step.time, "invariant": name} for step, name in run.broken],
+        "never_happened": [str(happening.effect) for happening in run.unfired],
+        "steps": [step_record(step) for step in run.steps],
+        "timeline": _lanes(lanes),
+    }
+
+
+def _lanes(lanes: Timeline) -> dict[str, Any]:
+    found = asdict(lanes)
+    return {name: found[name] for name in found if name not in ("title", "seconds")}

@@ -1,0 +1,248 @@
+"""`lupin simulate`: a mission in virtual time: told as a story, drawn as a timeline, or worked by hand."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from lupin_engine.cli import options
+from lupin_engine.cli.exit_codes import not_done
+from lupin_engine.cli.options import PNG, SVG, TERMINAL
+from lupin_engine.errors import Problems, UsageError, nearest
+from lupin_engine.plugin.registry import load_catalog
+from lupin_engine.ros.launch.story import INTERRUPTED
+
+if TYPE_CHECKING:
+    from lupin_engine.chart.model import Chart
+    from lupin_engine.machine.environment import World
+    from lupin_engine.replay.timeline import Timeline
+    from lupin_engine.sim.simulation import Run, Script
+
+
+@click.command(short_help="Run a mission in virtual time, without ROS.")
+@click.argument("mission")
+@options.tags
+@click.option("--goal", type=click.IntRange(min=0), default=0, help="How many tags to discover.")
+@click.option(
+    "--set",
+    "settings",
+    metavar="NAME=VALUE",
+    multiple=True,
+    help="A parameter, such as nav_timeout_s='90 s'.",
+)
+@click.option(
+    "--until",
+    metavar="DURATION|STATE",
+    help="Stop after so much virtual time, such as '20 min', or when a state is entered.",
+)
+@click.option("--seed", type=click.IntRange(min=0), help="What is drawn from where chance has a part.")
+@click.option(
+    "--speed",
+    type=click.FloatRange(min=0.0),
+    default=0.0,
+    metavar="FACTOR",
+    help="Tell the story as time goes by, so many times as fast; default: at once.",
+)
+@click.option(
+    "--timeline",
+    "picture",
+    metavar="FILE",
+    help="Draw states and operations over time into FILE.svg or FILE.png; - draws in the terminal.",
+)
+@click.option("--interactive", "-i", is_flag=True, help="Work the simulation by hand; help tells how.")
+@click.option("--json", "as_json", is_flag=True, help="Print all that came of it as one JSON object.")
+@click.option("--quiet", "-q", is_flag=True, help="Print the summary only.")
+@not_done()
+def simulate(
+    mission: str,
+    tags: tuple[str, ...],
+    goal: int,
+    settings: tuple[str, ...],
+    until: str | None,
+    seed: int | None,
+    speed: float,
+    picture: str | None,
+    interactive: bool,
+    as_json: bool,
+    quiet: bool,
+) -> int:
+    """Run a mission in virtual time, without ROS, and tell what happens.
+
+    MISSION is the name of a mission (inspection, InspectionMission), a mission file, or a scenario file,
+    whose mocks and happenings are then used. The plugins answer as their mocks say: everything succeeds.
+
+    Exit code: 0 all targets visited, or stopped where --until says; 1 some missed; 2 fault, not started
+    or not ended; 130 interrupted.
+    """
+    from lupin_engine.cli.terminal import outcome
+    from lupin_engine.replay.timeline import timeline
+
+    problems = Problems(UsageError)
+    if interactive and (as_json or quiet or speed or picture or until is not None):
+        problems.add("--interactive goes with --tags, --goal, --set and --seed only")
+    with problems.collecting():
+        _check_picture(picture)
+    with problems.collecting():
+        subject = _subject(problems, mission, tags, goal, settings, until)
+    problems.tell()
+    if seed is not None:
+        subject = replace(subject, script=replace(subject.script, seed=seed))
+    if interactive:
+        return _interact(subject)
+    began = time.perf_counter()
+    run = subject.run()
+    wall = time.perf_counter() - began
+    lanes = timeline(run)
+    if picture not in (None, TERMINAL):
+        _draw(lanes, Path(picture or ""))
+    if as_json:
+        click.echo(json.dumps(outcome.record(run, lanes, subject.script.seed), default=str))
+        return outcome.verdict(run)
+    console = outcome.make_console()
+    try:
+        if not quiet:
+            outcome.tell_story(run, console, _pacing(speed))
+    except KeyboardInterrupt:
+        console.print()
+        return INTERRUPTED
+    if picture == TERMINAL:
+        outcome.show_timeline(lanes, console)
+    outcome.show_outcome(run, lanes, wall, console)
+    return outcome.verdict(run)
+
+
+# -- what is simulated ------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Subject:
+    """What is to be simulated, at most `until` a time or a state: a mission that is requested, a scenario."""
+
+    chart: Chart
+    script: Script
+    world: World
+    until: float | str | None
+
+    def run(self) -> Run:
+        """Simulate it; errors as for `simulation.simulate`."""
+        from lupin_engine.sim.simulation import simulate as run_script
+
+        if isinstance(self.until, str):
+            return run_script(self.chart, replace(self.script, stop_at=self.until), world=self.world)
+        if self.until is None:
+            return run_script(self.chart, self.script, world=self.world)
+        run = run_script(self.chart, replace(self.script, limit=self.until), world=self.world)
+        # Who names a time is not cut off by it.
+        return replace(run, cut_off=False, stopped=True) if run.cut_off else run
+
+
+def _subject(
+    problems: Problems,
+    mission: str,
+    tags: tuple[str, ...],
+    goal: int,
+    settings: tuple[str, ...],
+    until: str | None,
+) -> Subject:
+    """Return what is to be simulated; `problems` gets what is wrong with options.
+
+    Raises:
+        LupinError: there is no such mission or scenario, or it cannot be used.
+    """
+    from lupin_engine.cli.requests import check_fields
+    from lupin_engine.cli.settings import settings_in
+    from lupin_engine.missions.selection import load_missions
+    from lupin_engine.runtime.setup import make_world
+    from lupin_engine.sim.scenario import is_scenario, load_scenario
+    from lupin_engine.sim.simulation import LIMIT, Script
+
+    catalog = load_catalog()
+    if is_scenario(mission):
+        if tags or goal or settings:
+            problems.add(
+                "a scenario names its own request and parameters; --tags, --goal and --set are for missions"
+            )
+        scenario = load_scenario(mission, catalog)
+        chart, script, parameters = scenario.chart, scenario.script, scenario.parameters
+    else:
+        loaded = load_missions([mission], catalog)
+        chart = loaded.chart
+        script = Script(loaded.names[0], {"tag_sequence": list(tags), "discovery_goal": goal}, limit=LIMIT)
+        with problems.collecting():
+            check_fields(loaded, tags, goal)
+        parameters, wrong = settings_in("--set", settings, chart.parameters)
+        problems.add(*wrong)
+    end: float | str | None = None
+    with problems.collecting():
+        end = _until(chart, until)
+    return Subject(chart, script, make_world(chart, parameters), end)
+
+
+def _until(chart: Chart, text: str | None) -> float | str | None:
+    """Read when to stop: a duration, in seconds; what does not begin like one is the name of a state."""
+    from lupin_engine.plugin.types import DURATION, convert
+    from lupin_engine.sim.simulation import is_named
+
+    if text is None:
+        return None
+    if text[:1].isdigit():
+        try:
+            return float(convert(text, DURATION))
+        except ValueError as problem:
+            hint = "write a duration such as '90 s' or '20 min'"
+            raise UsageError(f"--until: {problem}; {hint}") from None
+    names = [state for state in chart.states if state]
+    if not any(is_named(state, text) for state in names):
+        local = {state.rpartition(".")[2] for state in names}
+        raise UsageError(f"--until: no state {text!r}; {nearest(text, local)}")
+    return text
+
+
+def _check_picture(name: str | None) -> None:
+    """Look whether a timeline can be drawn there."""
+    from lupin_engine.cli.run_folders import writable
+
+    if name is None or name == TERMINAL:
+        return
+    if Path(name).suffix not in (SVG, PNG):
+        raise UsageError(
+            f"--timeline: {name!r} ends in neither {SVG} nor {PNG}; {TERMINAL} draws in the terminal"
+        )
+    writable(Path(name).parent, "picture")
+
+
+def _interact(subject: Subject) -> int:
+    from lupin_engine.cli.settings import read_value
+    from lupin_engine.cli.terminal.interactive import interact
+    from lupin_engine.cli.terminal.outcome import make_console
+    from lupin_engine.replay.debugger import Debugger
+
+    # Of a mission the start is the first thing that one does; a scenario does as it says.
+    script = subject.script if subject.script.happenings else replace(subject.script, starts=False)
+    console = make_console()
+    debugger = Debugger(subject.chart, script, subject.world, read_value, console.width)
+    return interact(debugger, console)
+
+
+def _pacing(speed: float) -> Callable[[float], None]:
+    """Return what waits for so many seconds of virtual time to go by."""
+    return (lambda seconds: time.sleep(seconds / speed)) if speed else (lambda seconds: None)
+
+
+def _draw(lanes: Timeline, file: Path) -> None:
+    """Write the timeline as a picture."""
+    from lupin_engine.diagram.png import png
+    from lupin_engine.replay.timeline_svg import svg
+
+    text = svg(lanes)
+    content = png(text) if file.suffix == PNG else text.encode()
+    try:
+        file.write_bytes(content)
+    except OSError as problem:
+        raise UsageError(f"cannot write {str(file)!r}: {problem.strerror}") from problem
