@@ -103,11 +103,13 @@ def observed(name: str, value: Any, stamp: float) -> Event:
 
 @dataclass(frozen=True)
 class Start:
-    """Begin an attempt of an operation."""
+    """Begin an attempt of an operation: the `tries`th of the activation of `state` that it serves."""
 
     attempt: str
     operation: str
     arguments: Mapping[str, Any]
+    state: str = ""
+    tries: int = 1
 
 
 @dataclass(frozen=True)

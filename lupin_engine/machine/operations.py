@@ -251,7 +251,9 @@ class Operations:
 
     def _start(self, attempt: Attempt, turn: Turn) -> None:
         self._move(attempt, "resource free", turn)
-        turn.commands.append(Start(attempt.id, attempt.operation, attempt.arguments))
+        serves = self._core.memory.invocations[attempt.invocation]
+        command = Start(attempt.id, attempt.operation, attempt.arguments, serves.state, serves.tries)
+        turn.commands.append(command)
         if attempt.timeout is not None:
             self._core.timers.arm("timeout", attempt.id, turn.now, attempt.timeout)
 

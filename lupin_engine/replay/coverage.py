@@ -19,8 +19,8 @@ from typing import Any
 from lupin_engine.chart.expressions.evaluation import Environment, Expression
 from lupin_engine.chart.model import Chart, Hold, Invoke, Kind, State, Transition
 from lupin_engine.errors import Place
-from lupin_engine.machine.event import Cancel, Start
 from lupin_engine.machine.step import Step
+from lupin_engine.runtime.history import DONE, FAILED, AttemptHistory
 from lupin_engine.sim.failure import near, shown
 from lupin_engine.sim.narration import short_name
 from lupin_engine.sim.scenario import Missions
@@ -88,7 +88,7 @@ def _invokes(state: State) -> Iterator[Invoke]:
 
 def _ends(chart: Chart, state: State, invoke: Invoke) -> Iterator[CoverageItem]:
     """Yield how an operation can end."""
-    words = ["done", *dict.fromkeys(code.name for code in invoke.operation.codes)]
+    words = [DONE, *dict.fromkeys(code.name for code in invoke.operation.codes)]
     ends = [(word, word) for word in words]
     if invoke.timeout is not None:
         ends.append((TIMEOUT, f"{invoke.timeout_code or TIMEOUT} (timeout)"))
@@ -195,16 +195,14 @@ class CoverageObserver:
 def reached(run: Run) -> Counts:
     """Return how often a run reached states, transitions and ends of operations."""
     found: Counts = Counter()
-    ends = _Ends(run)
     for step in run.steps:
         found.update((STATE, name, "") for name in step.entered)
         found.update((TRANSITION, name, "") for name in step.taken)
         refusing = _refusing(step, _refusals(run.chart))
         if refusing:
             found[TRANSITION, refusing, ""] += 1
-        end = ends.of(step)
-        if end is not None:
-            found[end] += 1
+    for attempt in run.history.attempts.values():
+        found.update(_ends_of(attempt))
     return found
 
 
@@ -223,35 +221,13 @@ def _refusing(step: Step, refusals: Mapping[str, str]) -> str:
     return next((name for name in able if refusals.get(name) == step.refusal.code), "")
 
 
-class _Ends:
-    """Tells which end of which operation a step is about, as long as somebody waits for it."""
-
-    def __init__(self, run: Run) -> None:
-        self._states = run.attempts
-        self._operations: dict[str, str] = {}
-
-    def of(self, step: Step) -> Key | None:
-        """Return the end that a step brings; None: it brings none."""
-        found = self._end(step)
-        for command in step.commands:
-            if isinstance(command, Start):
-                self._operations[command.attempt] = command.operation
-            elif isinstance(command, Cancel):
-                self._operations.pop(command.attempt, None)
-        return found
-
-    def _end(self, step: Step) -> Key | None:
-        data, name = step.event.data, step.event.name
-        if name == "timer.timeout":
-            attempt, word = data["owner"], TIMEOUT
-        elif name == "attempt.done":
-            attempt, word = data["attempt"], "done"
-        elif name == "attempt.failed":
-            attempt, word = data["attempt"], data["code"]
-        else:
-            return None
-        operation = self._operations.get(attempt)
-        return (OUTCOME, self._states[attempt], f"{operation} {word}") if operation else None
+def _ends_of(attempt: AttemptHistory) -> Iterator[Key]:
+    """Yield the ends of an operation that an attempt came to, as long as somebody waited for it."""
+    if attempt.timed_out:
+        yield OUTCOME, attempt.state, f"{attempt.operation} {TIMEOUT}"
+    if attempt.answer in (DONE, FAILED) and not attempt.late:
+        word = DONE if attempt.answer == DONE else attempt.data["code"]
+        yield OUTCOME, attempt.state, f"{attempt.operation} {word}"
 
 
 # -- the sum ---------------------------------------------------------------------------------------------

@@ -18,7 +18,7 @@ from lupin_engine.plugin.types import ANY, DURATION, Type, convert
 from lupin_engine.replay import panels as looks
 from lupin_engine.replay.rewind import Move, Rewindable, effect, go_on, wait_until
 from lupin_engine.replay.story import TonedLine, laid_out, usual_columns
-from lupin_engine.sim.narration import Teller
+from lupin_engine.sim.narration import tell
 from lupin_engine.sim.simulation import (
     START,
     Ask,
@@ -56,14 +56,6 @@ class DebuggerCommand:
     words: Callable[[Debugger, list[str]], Iterable[str]] = lambda debugger, before: ()
 
 
-@dataclass
-class _Told:
-    """How far the story was told."""
-
-    teller: Teller
-    steps: int = 0
-
-
 class Debugger:
     """One simulation that is worked by hand.
 
@@ -78,7 +70,7 @@ class Debugger:
         self._read = read
         self._columns = usual_columns(width)
         self._rewindable = Rewindable(self._begun)
-        self._told = _Told(Teller(chart))
+        self._told = 0
         self.over = False
 
     def _begun(self) -> Simulation:
@@ -147,9 +139,9 @@ class Debugger:
 
     def _news(self) -> list[TonedLine]:
         """Tell the steps that were not told yet."""
-        steps = self.simulation.steps[self._told.steps :]
-        self._told.steps += len(steps)
-        return [row for line in self._told.teller.tell(steps) for row in laid_out(line, self._columns)]
+        lines = tell(self._chart, self.simulation.history, self._told)
+        self._told = len(self.simulation.steps)
+        return [row for line in lines for row in laid_out(line, self._columns)]
 
     def _let(self, text: str, what: Effect) -> list[TonedLine]:
         """Let something happen and tell what comes of it."""
@@ -261,8 +253,7 @@ class Debugger:
         if not self._rewindable.moves:
             raise Wrong("there is nothing to take back")
         taken = self._rewindable.back(_count(words))
-        self._told = _Told(Teller(self._chart))
-        self._news()
+        self._told = len(self.simulation.steps)
         return [[(f"took back {_summed(taken)}", "note")]]
 
     # -- what there is to see -----------------------------------------------------------------------------

@@ -12,6 +12,7 @@ as something was done before it changed again.
 from __future__ import annotations
 
 import json
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -19,7 +20,6 @@ from typing import Any
 
 from lupin_engine.chart.model import Chart
 from lupin_engine.errors import UsageError
-from lupin_engine.machine.event import Start
 from lupin_engine.replay.record_shape import misshapen
 from lupin_engine.replay.yaml_text import yaml_text
 from lupin_engine.runtime.record import step_record
@@ -351,21 +351,18 @@ def _limit(recording: Recording, chart: Chart, digits: int, starts: bool) -> str
 
 def expectations(run: Run) -> dict[str, Any]:
     """Return what came of a run as what is expected of it."""
-    entered = [name for step in run.steps for name in step.entered if name]
+    entered = [name for _, name in run.history.entered if name]
     leaves = [short(run.chart, name) for name in entered if not run.chart.states[name].children]
-    started: dict[str, int] = {}
-    for step in run.steps:
-        for command in step.commands:
-            if isinstance(command, Start):
-                started[command.operation] = started.get(command.operation, 0) + 1
     found: dict[str, Any] = {
-        "lifecycle": list(run.lifecycles),
+        "lifecycle": list(run.history.lifecycles),
         "passes": leaves,
-        "published": [" ".join(filter(None, (p.target, p.status, p.code))) for _, p in run.published],
+        "published": [" ".join(filter(None, (p.target, p.status, p.code))) for _, p in run.history.published],
         "refused": [
-            {"request": step.event.name, "code": step.refusal.code} for step in run.refused if step.refusal
+            {"request": step.event.name, "code": step.refusal.code}
+            for step in run.history.refused
+            if step.refusal
         ],
-        "counts": started,
+        "counts": dict(Counter(attempt.operation for attempt in run.history.attempts.values())),
     }
     kept = {name: value for name, value in found.items() if value}
     return {**kept, "final": run.view.lifecycle, "last_error": run.view.code}

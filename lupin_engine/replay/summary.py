@@ -6,7 +6,8 @@ from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
-from lupin_engine.replay.timeline import CANCELLED, DONE, FAILED, OPEN, TIMED_OUT, Lane, Timeline
+from lupin_engine.replay.timeline import Lane, Timeline
+from lupin_engine.runtime.history import CANCELLED, DONE, FAILED, OPEN, TIMED_OUT
 from lupin_engine.sim.simulation import Run
 
 #: In this order they are told.
@@ -47,7 +48,7 @@ def summarise(run: Run, lanes: Timeline) -> Summary:
         targets=dict(Counter(visit.status or "open" for visit in run.visits)),
         operations=tuple(_attempted(lane) for lane in lanes.operations),
         held=_times(lanes.holds),
-        refused=len(run.refused),
+        refused=len(run.history.refused),
         dropped=run.view.dropped,
     )
 

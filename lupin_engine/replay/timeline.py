@@ -6,16 +6,13 @@ This is what was, in numbers and words; `timeline_svg` and `timeline_text` draw 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 from lupin_engine.chart.model import Chart
-from lupin_engine.machine.event import Cancel, Publish, Start
+from lupin_engine.machine.event import Publish
 from lupin_engine.machine.step import Step
 from lupin_engine.plugin.types import NUMBER
 from lupin_engine.sim.simulation import Run, label_of
-
-#: How an attempt can end, beside the codes of its operation.
-DONE, FAILED, CANCELLED, TIMED_OUT, OPEN = "done", "failed", "cancelled", "timed out", "open"
 
 
 @dataclass(frozen=True)
@@ -129,9 +126,9 @@ def _phase(chart: Chart, step: Step) -> str:
 def _targets(run: Run) -> tuple[Bar, ...]:
     """Return when the robot was about which target; each bar ends as its visit did."""
     bars = list(_spans(run, lambda step: _target(run.chart, step)))
-    for time, publish in run.published:
+    for step, publish in run.history.published:
         for index, bar in enumerate(bars):
-            if bar.text == publish.target and not bar.outcome and bar.begin <= time <= bar.end:
+            if bar.text == publish.target and not bar.outcome and bar.begin <= step.time <= bar.end:
                 bars[index] = replace(bar, outcome=publish.status, detail=_reason(publish))
                 break
     return tuple(bars)
@@ -147,9 +144,23 @@ def _reason(publish: Publish) -> str:
     return publish.detail or publish.code
 
 
+def _attempts(run: Run) -> Iterator[Bar]:
+    """Yield every attempt: from its start until the machine was done with it."""
+    for attempt in run.history.attempts.values():
+        yield Bar(
+            begin=attempt.started,
+            end=run.seconds if attempt.over is None else attempt.over,
+            text=attempt.operation,
+            outcome=attempt.outcome,
+            detail=attempt.detail,
+            tries=attempt.tries,
+            wanted_until=attempt.cancelled,
+        )
+
+
 def _holds(run: Run) -> Iterator[Bar]:
     since: dict[str, float] = {}
-    for time, held in (*run.held, (run.seconds, ())):
+    for time, held in (*run.history.held, (run.seconds, ())):
         for name in [name for name in since if name not in held]:
             yield Bar(since.pop(name), time, name)
         for name in held:
@@ -163,82 +174,6 @@ def _by_text(bars: Iterable[Bar]) -> Iterator[Lane]:
         lanes.setdefault(bar.text, []).append(bar)
     for name, found in lanes.items():
         yield Lane(name, tuple(found))
-
-
-# -- attempts ---------------------------------------------------------------------------------------------
-
-
-@dataclass
-class _Attempt:
-    """An attempt while the steps are gone through."""
-
-    operation: str
-    begin: float
-    tries: int
-    cancelled: float | None = None
-    outcome: str = ""
-    detail: str = ""
-
-
-@dataclass
-class _Attempts:
-    """Follows the attempts of a run through its steps."""
-
-    run: Run
-    running: dict[str, _Attempt] = field(default_factory=dict)
-
-    def ended_by(self, step: Step) -> Iterator[Bar]:
-        """Take in a step; yield the attempts that it ends."""
-        event = step.event
-        about = str(event.data.get("attempt") or event.data.get("owner") or "")
-        attempt = self.running.get(about)
-        if event.name == "timer.timeout" and attempt is not None:
-            attempt.outcome = TIMED_OUT
-        ended = _ENDS.get(event.name)
-        if ended and attempt is not None:
-            del self.running[about]
-            attempt.detail = " ".join(filter(None, map(event.data.get, ("code", "detail"))))
-            attempt.outcome = attempt.outcome or ended
-            yield _bar(attempt, step.time)
-        for command in step.commands:
-            if isinstance(command, Start):
-                self.running[command.attempt] = self._started(command, step.time)
-            elif isinstance(command, Cancel) and command.attempt in self.running:
-                self.running[command.attempt].cancelled = step.time
-
-    def _started(self, command: Start, time: float) -> _Attempt:
-        return _Attempt(command.operation, time, self.run.tries.get(command.attempt, 1))
-
-
-#: `timer.cancel`: the server did not confirm the cancel in time, and nobody listens to it any more.
-_ENDS = {
-    "attempt.done": DONE,
-    "attempt.failed": FAILED,
-    "attempt.cancelled": CANCELLED,
-    "timer.cancel": CANCELLED,
-}
-
-
-def _attempts(run: Run) -> Iterator[Bar]:
-    """Yield every attempt: from its start until its server said how it ended."""
-    following = _Attempts(run)
-    for step in run.steps:
-        yield from following.ended_by(step)
-    for attempt in following.running.values():
-        attempt.outcome = attempt.outcome or OPEN
-        yield _bar(attempt, run.seconds)
-
-
-def _bar(attempt: _Attempt, end: float) -> Bar:
-    return Bar(
-        begin=attempt.begin,
-        end=end,
-        text=attempt.operation,
-        outcome=attempt.outcome,
-        detail=attempt.detail,
-        tries=attempt.tries,
-        wanted_until=attempt.cancelled,
-    )
 
 
 # -- live values and what came from outside ---------------------------------------------------------------

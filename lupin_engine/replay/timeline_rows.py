@@ -6,7 +6,8 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
-from lupin_engine.replay.timeline import FAILED, Bar, Curve, Lane, Tick, Timeline
+from lupin_engine.replay.timeline import Bar, Curve, Lane, Tick, Timeline
+from lupin_engine.runtime.history import FAILED
 
 #: What the rows of a picture can be about.
 STATE, PHASE, TARGET, OPERATION, HOLD, FLAG, CURVE = (

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from html import escape
 
-from lupin_engine.replay.timeline import CANCELLED, DONE, FAILED, OPEN, TIMED_OUT, Bar, Curve, Timeline
+from lupin_engine.replay.timeline import Bar, Curve, Timeline
 from lupin_engine.replay.timeline_rows import (
     CURVE,
     FLAG,
@@ -22,6 +22,7 @@ from lupin_engine.replay.timeline_rows import (
     tick_text,
     told,
 )
+from lupin_engine.runtime.history import CANCELLED, DONE, FAILED, OPEN, TIMED_OUT
 
 WIDTH = 1200.0
 _LEFT, _RIGHT = 168.0, 28.0

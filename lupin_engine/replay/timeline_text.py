@@ -8,7 +8,7 @@ from itertools import groupby
 from textwrap import wrap
 
 from lupin_engine.replay.story import TonedLine, TonedText
-from lupin_engine.replay.timeline import CANCELLED, FAILED, OPEN, TIMED_OUT, Bar, Curve, Tick, Timeline
+from lupin_engine.replay.timeline import Bar, Curve, Tick, Timeline
 from lupin_engine.replay.timeline_rows import (
     CURVE,
     FLAG,
@@ -21,6 +21,7 @@ from lupin_engine.replay.timeline_rows import (
     placed,
     tick_text,
 )
+from lupin_engine.runtime.history import CANCELLED, FAILED, OPEN, TIMED_OUT
 
 _MOST_LABEL = 24
 _TICK_ROWS = 3

@@ -51,14 +51,16 @@ class Comparison:
     def _differences(self) -> Iterator[Failure]:
         expect, run = self._expect, self._run
         yield from self._moments()
-        yield from self._same("lifecycle", expect.lifecycle, list(run.lifecycles))
+        yield from self._same("lifecycle", expect.lifecycle, run.history.lifecycles)
         yield from Order(expect, run, self._reporter).failures()
         yield from self._visits("visits", expect.visits, run.visits)
-        yield from self._visits("published", expect.published, [publish for _, publish in run.published])
+        yield from self._visits(
+            "published", expect.published, [publish for _, publish in run.history.published]
+        )
         yield from self._statuses()
         yield from self._refused()
-        yield from self._appeared("holds", expect.holds, run.holds)
-        yield from self._appeared("broken", expect.broken, run.broken)
+        yield from self._appeared("holds", expect.holds, run.history.holds)
+        yield from self._appeared("broken", expect.broken, run.history.broken)
         yield from self._same("final", expect.final, run.view.lifecycle)
         yield from self._same("paused", expect.paused, run.view.paused)
         yield from self._same("last_error", expect.last_error, _error(run.view, expect.last_error))
@@ -143,21 +145,21 @@ class Comparison:
 
     def _publication(self, word: str, index: int, visit: Visit | Publish | None) -> Step | None:
         """Return the step of a publication: that of its number, or the last about a visit's target."""
-        found = [(step, c) for step in self._run.steps for c in step.commands if isinstance(c, Publish)]
+        found = self._run.history.published
         if word == "published":
             return found[index][0] if index < len(found) else None
         return next((step for step, c in reversed(found) if visit and c.target == visit.target), None)
 
     def _statuses(self) -> Iterator[Failure]:
         for status, wanted in self._expect.statuses.items():
-            count = sum(1 for _, publish in self._run.published if publish.status == status)
+            count = sum(1 for _, publish in self._run.history.published if publish.status == status)
             if not _is_in(wanted, count):
                 place = self._expect.value_at("statuses", status)
-                actual = f"{count} of {len(self._run.published)}"
+                actual = f"{count} of {len(self._run.history.published)}"
                 yield self._reporter.failure(place, f"statuses: {status}", wanted, actual)
 
     def _refused(self) -> Iterator[Failure]:
-        wanted, refused = self._expect.refused, self._run.refused
+        wanted, refused = self._expect.refused, self._run.history.refused
         for index in range(max(len(wanted), len(refused))):
             node = wanted[index] if index < len(wanted) else None
             step = refused[index] if index < len(refused) else None

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 from lupin_engine.chart.model import Chart, Kind
 from lupin_engine.machine.event import Act, Cancel, Command, Event, Publish, Report, Start
 from lupin_engine.machine.step import Step
+from lupin_engine.runtime.history import History
 
 #: Longest text of one argument.
 _WIDTH = 48
@@ -34,28 +35,20 @@ class Line:
         return "   ".join(part for part in (*parts, *self.notes) if part)
 
 
-class Teller:
-    """Tells steps one after the other; it remembers which attempt was of which operation."""
-
-    def __init__(self, chart: Chart) -> None:
-        self._narrator = _Narrator(chart)
-
-    def tell(self, steps: Iterable[Step]) -> Iterator[Line]:
-        """Tell the steps in which something happened, in order."""
-        for step in steps:
-            line = self._narrator.line(step)
-            if step.changed or line.notes or step.accepted is not None or _is_news(step):
-                yield line
-
-
 def _is_news(step: Step) -> bool:
     """Say whether a live value is told although nothing follows: not a pose, which changes all the time."""
     return step.event.name == "value" and not isinstance(step.event.data["value"], Mapping)
 
 
-def tell(chart: Chart, steps: Iterable[Step]) -> Iterator[Line]:
-    """Tell the steps of a run in which something happened, in order."""
-    return Teller(chart).tell(steps)
+def tell(chart: Chart, history: History, begin: int = 0, end: int | None = None) -> list[Line]:
+    """Tell the steps of a run in which something happened, in order; `begin` and `end` as in a slice."""
+    narrator = _Narrator(chart, history)
+    told = [(step, narrator.line(step)) for step in history.steps[begin:end]]
+    return [
+        line
+        for step, line in told
+        if step.changed or line.notes or step.accepted is not None or _is_news(step)
+    ]
 
 
 # -- one step ---------------------------------------------------------------------------------------------
@@ -74,17 +67,14 @@ def short_name(chart: Chart, name: str) -> str:
 
 
 class _Narrator:
-    """Remembers which attempt was of which operation."""
+    """Tells steps of one run."""
 
-    def __init__(self, chart: Chart) -> None:
+    def __init__(self, chart: Chart, history: History) -> None:
         self._chart = chart
-        self._operations: dict[str, str] = {}
+        self._attempts = history.attempts
 
     def line(self, step: Step) -> Line:
         """Tell one step."""
-        for command in step.commands:
-            if isinstance(command, Start):
-                self._operations[command.attempt] = command.operation
         return Line(
             time=step.time,
             event=self._event(step),
@@ -108,7 +98,8 @@ class _Narrator:
         return event.name
 
     def _attempt(self, event: Event) -> str:
-        operation = self._operations.get(event.data["attempt"], "an operation")
+        attempt = self._attempts.get(event.data["attempt"])
+        operation = attempt.operation if attempt else "an operation"
         text = f"{operation} {event.name.removeprefix('attempt.')}"
         why = " ".join(filter(None, (event.data.get("code", ""), event.data.get("detail", ""))))
         return f"{text}: {why}" if why else text
@@ -123,7 +114,7 @@ class _Narrator:
         if kind == "retry":
             return "next try"
         what = {"timeout": "timed out", "cancel": "does not confirm its cancel"}.get(kind, kind)
-        return f"{self._operations.get(owner, owner)} {what}"
+        return f"{self._attempts[owner].operation if owner in self._attempts else owner} {what}"
 
     def _moved(self, step: Step) -> str:
         """Name the innermost states entered: those that the step only passed through, then where it is now.

@@ -25,7 +25,7 @@ class Order:
 
     def __init__(self, expect: ExpectNode, run: Run, reporter: Reporter) -> None:
         self._expect, self._run, self._reporter = expect, run, reporter
-        self._entered: list[Entry] = [(step, name) for step in run.steps for name in step.entered]
+        self._entered: list[Entry] = run.history.entered
 
     def failures(self) -> Iterator[Failure]:
         """Yield what differs."""
@@ -36,12 +36,12 @@ class Order:
 
     def _phases(self) -> Iterator[Failure]:
         wanted, reached, last = self._expect.phases, 0, None
-        for step, phase in self._run.phases if wanted else ():
+        for step, phase in self._run.history.phases if wanted else ():
             if reached < len(wanted) and phase == wanted[reached]:
                 reached, last = reached + 1, step
         if reached == len(wanted):
             return
-        actual = [phase for _, phase in self._run.phases if phase]
+        actual = [phase for _, phase in self._run.history.phases if phase]
         states = [state.name for state in self._run.chart.states.values() if state.phase == wanted[reached]]
         what = f"phases: {wanted[reached]} is not published{_after(wanted, reached)}"
         place = self._expect.at("phases", reached)

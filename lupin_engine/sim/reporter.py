@@ -67,11 +67,11 @@ class Reporter:
 
     def _story(self, around: Step | None) -> tuple[tuple[str, ...], int | None]:
         """Return the lines around a step and which of them is the step's; without one the last lines."""
-        steps = self._run.steps
-        lines = [str(line) for line in tell(self._chart, steps)]
+        history = self._run.history
+        lines = [str(line) for line in tell(self._chart, history)]
         if around is None:
             return tuple(lines[-2 * AROUND :]), None
-        until = list(tell(self._chart, steps[: around.sequence]))
+        until = list(tell(self._chart, history, end=around.sequence))
         at = max(0, len(until) - 1)
         first = max(0, at - AROUND)
         return tuple(lines[first : at + AROUND + 1]), at - first

@@ -9,20 +9,20 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 from typing import Any
 
 from lupin_engine.chart.model import Chart
 from lupin_engine.errors import LupinError
 from lupin_engine.machine.environment import World
-from lupin_engine.machine.event import Event, Publish, Report, Start
+from lupin_engine.machine.event import Event, Start
 from lupin_engine.machine.machine import Machine
-from lupin_engine.machine.memory import Memory, Visit
+from lupin_engine.machine.memory import Visit
 from lupin_engine.machine.snapshot import restore
 from lupin_engine.machine.step import Step
 from lupin_engine.machine.view import View, target_of
 from lupin_engine.runtime.clock import VirtualClock
 from lupin_engine.runtime.engine import Engine, EngineOutlet
+from lupin_engine.runtime.history import History
 from lupin_engine.runtime.setup import make_world
 from lupin_engine.sim.agenda import Agenda
 from lupin_engine.sim.scripted import Outcome, Rule, Stage
@@ -161,59 +161,38 @@ class Seen:
 
 @dataclass(frozen=True)
 class Run:
-    """What came of a simulation.
+    """What came of a simulation: its history, and where it ended.
 
-    `lifecycles` are the published states in the order of their appearance; `visits` the last itinerary's.
-    `cut_off`: the time limit was reached. `unfired`: happenings that never came to pass; `idle`: those that
-    found nothing to end or to bring back, with the time. `attempts` names for each attempt the state that
-    started it, `tries` says which try it was. `holds` and `broken` are the holds that were engaged and the
-    invariants that were broken, in order, each with its step; `held` is what was held from when on. `looks`
-    is what was seen, by number. `context` are the variables at the end. `stopped`: the state was entered at
-    which it was to stop. `parameters` are the settings that were given. `unspent` says for each rule of which
-    not all outcomes were used, by its number, how many attempts fell under it.
+    `visits` are the last itinerary's, `context` the variables at the end. `cut_off`: the time limit was
+    reached; `stopped`: the state was entered at which it was to stop. `unfired`: happenings that never came
+    to pass; `idle`: those that found nothing to end or to bring back, with the time. `looks` is what was
+    seen, by number. `parameters` are the settings that were given. `unspent` says for each rule of which not
+    all outcomes were used, by its number, how many attempts fell under it.
     """
 
     chart: Chart
-    steps: tuple[Step, ...]
-    published: tuple[tuple[float, Publish], ...]
-    reports: tuple[Report, ...]
-    lifecycles: tuple[str, ...]
+    history: History
     visits: tuple[Visit, ...]
     view: View
     seconds: float
     cut_off: bool
     unfired: tuple[Happening, ...]
     idle: tuple[tuple[float, Happening], ...] = ()
-    attempts: Mapping[str, str] = field(default_factory=dict)
-    holds: tuple[tuple[Step, str], ...] = ()
-    broken: tuple[tuple[Step, str], ...] = ()
     looks: Mapping[int, tuple[Seen, ...]] = field(default_factory=dict)
     context: Mapping[str, Any] = field(default_factory=dict)
-    held: tuple[tuple[float, tuple[str, ...]], ...] = ()
-    tries: Mapping[str, int] = field(default_factory=dict)
     stopped: bool = False
     parameters: Mapping[str, Any] = field(default_factory=dict)
     unspent: Mapping[int, int] = field(default_factory=dict)
 
     @property
+    def steps(self) -> Sequence[Step]:
+        """The steps in their order."""
+        return self.history.steps
+
+    @property
     def ended(self) -> bool:
         """Whether the mission was carried out to its end."""
         return self.view.lifecycle == ENDED
-
-    @property
-    def refused(self) -> tuple[Step, ...]:
-        """The requests that were refused."""
-        return tuple(step for step in self.steps if step.accepted is False)
-
-    @cached_property
-    def phases(self) -> tuple[tuple[Step, str], ...]:
-        """The published phases in the order of their appearance, each with its step."""
-        found: list[tuple[Step, str]] = []
-        for step in self.steps:
-            for moment in step.trail:
-                if moment.phase != (found[-1][1] if found else ""):
-                    found.append((step, moment.phase))
-        return tuple(found)
 
 
 def simulate(
@@ -263,7 +242,7 @@ class Simulation:
         self._engine = Engine(self._machine, self._clock, drivers, self._stepped)
         # Nobody needs waking: the loop below drains after everything that it lets happen.
         drivers.update(self._stage.drivers(EngineOutlet(self._engine, lambda: None)))
-        self._record = _Record(chart)
+        self.history = History()
         self._looks: dict[int, list[Seen]] = {}
         self._idle: list[tuple[float, Happening]] = []
         self._missions = 0
@@ -294,7 +273,7 @@ class Simulation:
             if at_once > MOST_AT_ONCE:
                 raise LupinError(self._standstill())
             self.go_on()
-        return self.result(cut_off)
+        return self._result(cut_off)
 
     def _standstill(self) -> str:
         """Say that the mission goes in circles, and through which operations."""
@@ -328,7 +307,7 @@ class Simulation:
     @property
     def steps(self) -> Sequence[Step]:
         """The steps so far."""
-        return self._record.steps
+        return self.history.steps
 
     @property
     def is_over(self) -> bool:
@@ -393,7 +372,7 @@ class Simulation:
         self._machine = self._engine.machine = Machine(self._world, memory)
 
     def _look(self, number: int) -> None:
-        machine, steps = self._machine, len(self._record.steps)
+        machine, steps = self._machine, len(self.history.steps)
         seen = Seen(self._clock.now(), steps, machine.view, dict(machine.memory.context))
         self._looks.setdefault(number, []).append(seen)
 
@@ -411,7 +390,8 @@ class Simulation:
     # -- what the machine says --------------------------------------------------------------------------
 
     def _stepped(self, step: Step) -> None:
-        self._record.take(step, self._machine.memory)
+        memory = self._machine.memory
+        self.history.take(step, memory.held, memory.broken)
         if self._waiting:
             self._notice_beginnings(step)
         if self._script.stop_at and any(is_named(name, self._script.stop_at) for name in step.entered):
@@ -432,96 +412,23 @@ class Simulation:
                     if happening.nth in (0, count):
                         self._plan(index, happening)
 
-    def result(self, cut_off: bool = False) -> Run:
-        """Return what came of it so far."""
-        record, walk = self._record, self._machine.memory.walk
+    def _result(self, cut_off: bool) -> Run:
+        walk = self._machine.memory.walk
         return Run(
             chart=self._machine.chart,
-            steps=tuple(record.steps),
-            published=tuple(record.published),
-            reports=tuple(record.reports),
-            lifecycles=tuple(record.lifecycles),
+            history=self.history,
             visits=tuple(walk.visits) if walk else (),
             view=self._machine.view,
             seconds=self._clock.now(),
             cut_off=cut_off,
             unfired=tuple(h for index, h in self._waiting.items() if index not in self._fired),
             idle=tuple(self._idle),
-            attempts=record.attempts,
-            holds=tuple(record.holds.seen),
-            broken=tuple(record.broken.seen),
             looks={number: tuple(seen) for number, seen in self._looks.items()},
             context=dict(self._machine.memory.context),
-            held=tuple(record.held),
-            tries=record.tries,
             stopped=self._stopped,
             parameters=self._parameters,
             unspent=self._stage.unspent,
         )
-
-
-class _Appearances:
-    """The names that appear in a list that changes, each with its step."""
-
-    def __init__(self) -> None:
-        self.seen: list[tuple[Step, str]] = []
-        self._before: list[str] = []
-
-    def take(self, step: Step, now: list[str]) -> None:
-        """Look at the list after a step."""
-        if now != self._before:
-            self.seen += [(step, name) for name in now if name not in self._before]
-            self._before = list(now)
-
-
-class _Record:
-    """What is kept of every step while it is fresh."""
-
-    def __init__(self, chart: Chart) -> None:
-        self._chart = chart
-        self.steps: list[Step] = []
-        self.published: list[tuple[float, Publish]] = []
-        self.reports: list[Report] = []
-        self.lifecycles: list[str] = []
-        self.attempts: dict[str, str] = {}
-        self.holds = _Appearances()
-        self.broken = _Appearances()
-        self.held: list[tuple[float, tuple[str, ...]]] = []
-        self.tries: dict[str, int] = {}
-
-    def take(self, step: Step, memory: Memory) -> None:
-        """Keep a step; `memory` is that of the machine after it."""
-        self.steps.append(step)
-        shown = [moment.lifecycle for moment in step.trail] or [label_of(self._chart, step.configuration)]
-        for lifecycle in shown:
-            if lifecycle and lifecycle != (self.lifecycles or [""])[-1]:
-                self.lifecycles.append(lifecycle)
-        for command in step.commands:
-            if isinstance(command, Publish):
-                self.published.append((step.time, command))
-            elif isinstance(command, Report):
-                self.reports.append(command)
-            elif isinstance(command, Start):
-                self._begun(command.attempt, memory)
-        self.holds.take(step, memory.held)
-        if memory.held or self.held:
-            self._note_held(step.time, tuple(memory.held))
-        self.broken.take(step, memory.broken)
-
-    def _begun(self, attempt: str, memory: Memory) -> None:
-        invocation = memory.attempts[attempt].invocation
-        self.attempts[attempt] = _state_of(invocation)
-        if invocation in memory.invocations:
-            self.tries[attempt] = memory.invocations[invocation].tries
-
-    def _note_held(self, time: float, held: tuple[str, ...]) -> None:
-        if held != (self.held[-1][1] if self.held else ()):
-            self.held.append((time, held))
-
-
-def _state_of(invocation: str) -> str:
-    """Return the state of an invocation, which is called STATE, or STATE[KEY] for an element of a list."""
-    return invocation.partition("[")[0]
 
 
 #: What is done for each kind of effect; False: there was nothing that it could be done to.

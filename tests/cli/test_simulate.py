@@ -97,7 +97,7 @@ def test_a_story_is_as_wide_as_the_terminal(width: int) -> None:
         "exploration/seeded_once",
     ):
         run = load_scenario(SCENARIOS.parent / f"{name}.scenario.yaml", catalog).run()
-        lines = list(tell(run.chart, run.steps))
+        lines = tell(run.chart, run.history)
         columns = columns_for(lines, width)
         rows = ["".join(text for text, _ in row) for line in lines for row in laid_out(line, columns)]
         assert max(map(len, rows)) <= width

@@ -40,7 +40,7 @@ def plain() -> Bench:
 def test_an_operation_is_started_with_its_arguments() -> None:
     """Entering a state starts its operation; the arguments are evaluated then."""
     bench = plain()
-    assert bench.steps[0].commands == (Start(bench.attempt, "nav.go", {"to": 7}),)
+    assert bench.steps[0].commands == (Start(bench.attempt, "nav.go", {"to": 7}, "A"),)
 
 
 def test_done_moves_on_with_the_result() -> None:
@@ -317,7 +317,7 @@ def test_computed_arguments_outside_their_range_are_an_error_of_the_operation(by
 
 def test_computed_arguments_may_be_at_the_end_of_their_range() -> None:
     bench = bench_with(do="arm.bend", **{"with": {"by": lambda env: 2.0}})
-    assert bench.steps[0].commands == (Start(bench.attempt, "arm.bend", {"by": 2.0}),)
+    assert bench.steps[0].commands == (Start(bench.attempt, "arm.bend", {"by": 2.0}, "A"),)
 
 
 def test_a_timeout_that_cannot_be_computed_is_an_error_of_the_operation() -> None:

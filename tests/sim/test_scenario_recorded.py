@@ -52,7 +52,7 @@ def test_every_run_can_be_made_a_scenario(file: Path) -> None:
     made = load_scenario_text(remade(steps_of(scenario), scenario.parameters), MADE, MISSIONS)
     run = made.run()
     assert made.failures(run) == []
-    assert made.node.expect.lifecycle == list(scenario.run().lifecycles)
+    assert made.node.expect.lifecycle == scenario.run().history.lifecycles
 
 
 TEXT = """\
@@ -151,7 +151,7 @@ def test_a_record_that_breaks_off_ends_there(tmp_path: Path) -> None:
     made = load_scenario_text(text, MADE, MISSIONS)
     run = made.run()
     assert made.failures(run) == []
-    assert (run.cut_off, len(run.published)) == (True, 1)
+    assert (run.cut_off, len(run.history.published)) == (True, 1)
 
 
 @pytest.mark.parametrize(

@@ -106,7 +106,7 @@ def test_the_detail_of_a_wait_in_vain_is_what_was_missing_last() -> None:
 def test_a_wait_that_begins_while_something_is_missing_says_so() -> None:
     """What was told before is told again to who begins to wait."""
     run = inspection("1", starts=False, happenings=missing((5.0, [NAV])))
-    assert (run.lifecycles, run.view.detail) == (("BOOT", "READY", "BOOT", "FAULT"), NAV)
+    assert (run.history.lifecycles, run.view.detail) == (["BOOT", "READY", "BOOT", "FAULT"], NAV)
 
 
 def test_rules_are_tried_in_order() -> None:
@@ -172,7 +172,7 @@ def test_a_story_is_told_in_lines() -> None:
         Happening(Tell("robot.estop", False), 0.7),
     )
     run = inspection("1", happenings=happenings)
-    assert "\n".join(str(line) for line in tell(run.chart, run.steps)) == STORY
+    assert "\n".join(str(line) for line in tell(run.chart, run.history)) == STORY
 
 
 def test_states_are_called_as_they_are_published() -> None:

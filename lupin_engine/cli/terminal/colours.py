@@ -8,9 +8,9 @@ from types import MappingProxyType
 from rich.text import Text
 
 from lupin_engine.cli.terminal.view import STATUS_STYLES
-from lupin_engine.replay import timeline
 from lupin_engine.replay.story import TonedText
 from lupin_engine.replay.timeline_rows import CURVE, FLAG, HOLD, OPERATION, PHASE, STATE
+from lupin_engine.runtime import history
 
 #: tone -> style of rich; what is not here is plain.
 STYLES: Mapping[str, str] = MappingProxyType(
@@ -29,10 +29,10 @@ STYLES: Mapping[str, str] = MappingProxyType(
         HOLD: "yellow",
         FLAG: "red",
         CURVE: "cyan",
-        timeline.FAILED: "red",
-        timeline.TIMED_OUT: "bold yellow",
-        timeline.CANCELLED: "bright_black",
-        timeline.OPEN: "blue",
+        history.FAILED: "red",
+        history.TIMED_OUT: "bold yellow",
+        history.CANCELLED: "bright_black",
+        history.OPEN: "blue",
     }
 )
 

@@ -33,7 +33,7 @@ def make_console() -> Console:
 
 def tell_story(run: Run, console: Console, wait: Callable[[float], None]) -> None:
     """Print what happened, line by line; `wait` lets the time pass that is between two of them."""
-    lines = list(tell(run.chart, run.steps))
+    lines = tell(run.chart, run.history)
     columns = columns_for(lines, console.width)
     now = 0.0
     for line in lines:
@@ -126,7 +126,7 @@ def _remarks(run: Run, code: int) -> Iterable[str]:
         yield "stopped where --until says"
     elif code == NOT_DONE and run.view.paused:
         yield "it waits for an operator"
-    for step in run.refused[-1:]:
+    for step in run.history.refused[-1:]:
         if step.refusal:
             yield step.refusal.text
     if run.view.code and code:
@@ -146,14 +146,16 @@ def record(run: Run, lanes: Timeline, seed: int) -> dict[str, Any]:
         "cut_off": run.cut_off,
         "stopped": run.stopped,
         "exit_code": verdict(run),
-        "lifecycles": list(run.lifecycles),
+        "lifecycles": run.history.lifecycles,
         "summary": asdict(summarise(run, lanes)),
         "view": view_record(run.view),
         "context": dict(run.context),
         "visits": [asdict(visit) for visit in run.visits],
-        "published": [{"time": at, **command_record(publish)} for at, publish in run.published],
-        "held": [{"time": at, "held": list(held)} for at, held in run.held],
-        "broken": [{"time": step.time, "invariant": name} for step, name in run.broken],
+        "published": [
+            {"time": step.time, **command_record(publish)} for step, publish in run.history.published
+        ],
+        "held": [{"time": at, "held": list(held)} for at, held in run.history.held],
+        "broken": [{"time": step.time, "invariant": name} for step, name in run.history.broken],
         "never_happened": [str(happening.effect) for happening in run.unfired],
         "steps": [step_record(step) for step in run.steps],
         "timeline": _lanes(lanes),

@@ -1,0 +1,157 @@
+"""The one fold of steps: what they came to, in attempts, holds, states, targets and codes.
+
+Fed with steps in their order, as they are made or read back from records. Whoever tells of a run reads it
+here and folds nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from lupin_engine.machine.event import Cancel, Command, Publish, Report, Start
+from lupin_engine.machine.step import Step
+
+#: How an attempt can end, beside the codes of its operation.
+DONE, FAILED, CANCELLED, TIMED_OUT, OPEN = "done", "failed", "cancelled", "timed out", "open"
+
+
+@dataclass(slots=True)
+class AttemptHistory:
+    """What became of one attempt; times are those of the steps, None: that did not happen.
+
+    `ended` is when its server told the end, `answer` what it told (done, failed or cancelled) and `data` with
+    which fields; `late`: nobody waited for it any more. `abandoned`: the server did not confirm a cancel in
+    time, and nobody listens to it any more.
+    """
+
+    operation: str
+    arguments: Mapping[str, Any]
+    state: str
+    tries: int
+    started: float
+    accepted: float | None = None
+    progress: str = ""
+    timed_out: bool = False
+    cancelled: float | None = None
+    abandoned: float | None = None
+    ended: float | None = None
+    answer: str = ""
+    data: Mapping[str, Any] = field(default_factory=dict)
+    late: bool = False
+
+    @property
+    def over(self) -> float | None:
+        """When the machine was done with it; None: it is under way."""
+        return self.ended if self.abandoned is None else self.abandoned
+
+    @property
+    def outcome(self) -> str:
+        """How it ended, as far as the machine knows."""
+        if self.timed_out:
+            return TIMED_OUT
+        return CANCELLED if self.abandoned is not None else self.answer or OPEN
+
+    @property
+    def detail(self) -> str:
+        """The code and the detail of its end."""
+        data = self.data if self.abandoned is None else {}
+        return " ".join(filter(None, (data.get("code"), data.get("detail"))))
+
+    def hear(self, word: str, data: Mapping[str, Any], time: float) -> None:
+        """Take in what the server says; after its end nothing counts."""
+        if self.ended is not None:
+            return
+        if word == "accepted":
+            self.accepted = time
+        elif word == "progress":
+            self.progress = str(data["detail"])
+        else:
+            self.ended, self.answer, self.data = time, word, data
+            self.late = self.cancelled is not None
+
+
+class History:
+    """What the steps of one machine came to.
+
+    `attempts` are by id, in the order of their start; `published` and `reports` what was told, each with its
+    step; `lifecycles` the published states in the order of their appearance. `held` is what was held from
+    when on; `holds` and `broken` are the holds that were engaged and the invariants that were broken.
+    """
+
+    def __init__(self, steps: Iterable[Step] = ()) -> None:
+        self.steps: list[Step] = []
+        self.attempts: dict[str, AttemptHistory] = {}
+        self.published: list[tuple[Step, Publish]] = []
+        self.reports: list[Report] = []
+        self.lifecycles: list[str] = []
+        self.held: list[tuple[float, tuple[str, ...]]] = []
+        self.holds: list[tuple[Step, str]] = []
+        self.broken: list[tuple[Step, str]] = []
+        self._held: tuple[str, ...] = ()
+        self._broken: tuple[str, ...] = ()
+        for step in steps:
+            self.take(step)
+
+    def take(self, step: Step, held: Sequence[str] = (), broken: Sequence[str] = ()) -> None:
+        """Add a step, with the holds and the broken invariants after it."""
+        self.steps.append(step)
+        name = step.event.name
+        if name.startswith(("attempt.", "timer.")):
+            self._hear(name, step.event.data, step.time)
+        for moment in step.trail:
+            if moment.lifecycle and (not self.lifecycles or moment.lifecycle != self.lifecycles[-1]):
+                self.lifecycles.append(moment.lifecycle)
+        for command in step.commands:
+            self._follow(command, step)
+        if tuple(held) != self._held:
+            self.holds += [(step, name) for name in held if name not in self._held]
+            self._held = tuple(held)
+            self.held.append((step.time, self._held))
+        if tuple(broken) != self._broken:
+            self.broken += [(step, name) for name in broken if name not in self._broken]
+            self._broken = tuple(broken)
+
+    def _follow(self, command: Command, step: Step) -> None:
+        if isinstance(command, Start):
+            self.attempts[command.attempt] = AttemptHistory(
+                command.operation, command.arguments, command.state, command.tries, step.time
+            )
+        elif isinstance(command, Cancel):
+            if command.attempt in self.attempts:
+                self.attempts[command.attempt].cancelled = step.time
+        elif isinstance(command, Publish):
+            self.published.append((step, command))
+        elif isinstance(command, Report):
+            self.reports.append(command)
+
+    def _hear(self, name: str, data: Mapping[str, Any], time: float) -> None:
+        """Take in what was said of an attempt, or a timer of it that has run out."""
+        kind, _, word = name.partition(".")
+        attempt = self.attempts.get(data["attempt"] if kind == "attempt" else data["owner"])
+        if attempt is None:
+            return
+        if kind == "attempt":
+            attempt.hear(word, data, time)
+        elif word == "timeout":
+            attempt.timed_out = True
+        elif word == "cancel" and attempt.ended is None:
+            attempt.abandoned = time
+
+    @property
+    def phases(self) -> list[tuple[Step, str]]:
+        """The published phases in the order of their appearance, each with its step."""
+        told = [(step, moment.phase) for step in self.steps for moment in step.trail]
+        before = ["", *(phase for _, phase in told)]
+        return [(step, phase) for (step, phase), last in zip(told, before, strict=False) if phase != last]
+
+    @property
+    def refused(self) -> list[Step]:
+        """The requests that were refused."""
+        return [step for step in self.steps if step.accepted is False]
+
+    @property
+    def entered(self) -> list[tuple[Step, str]]:
+        """Every entry of a state, with its step."""
+        return [(step, name) for step in self.steps for name in step.entered]
