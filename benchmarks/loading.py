@@ -21,7 +21,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TypeVar
 
-from lupin_engine.chart.bound_catalog import BoundCatalog
+from lupin_engine.bindings.catalog import BoundCatalog
 from lupin_engine.chart.compose.compose import Composed, compose
 from lupin_engine.chart.documents import LifecycleNode, MissionNode, read_document
 from lupin_engine.chart.findings import Findings
@@ -29,7 +29,8 @@ from lupin_engine.chart.rules.checks import check_composed
 from lupin_engine.chart.source import Map, read
 from lupin_engine.machine.plan import Planner, planner_of
 from lupin_engine.machine.structure import Structure
-from lupin_engine.missions.load import LIFECYCLE, default_missions_folder, forget, load_chart
+from lupin_engine.missions.folders import LIFECYCLE, default_missions_folder
+from lupin_engine.missions.load import forget, load_chart
 from lupin_engine.plugin.registry import Catalog, load_catalog
 
 STEPS_IN_GROUP = 10

@@ -12,7 +12,8 @@ import statistics
 import time
 from collections.abc import Callable
 
-from lupin_engine.missions.load import LIFECYCLE, default_missions_folder, forget, load_chart
+from lupin_engine.missions.folders import LIFECYCLE, default_missions_folder
+from lupin_engine.missions.load import forget, load_chart
 from lupin_engine.plugin.registry import load_catalog
 from lupin_engine.sim.simulation import Script, simulate
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 from functools import cache
 
 from lupin_engine.chart.model import Chart
-from lupin_engine.missions.load import default_missions_folder, lifecycle_of, load_chart
+from lupin_engine.missions.folders import default_missions_folder, lifecycle_of
+from lupin_engine.missions.load import load_chart
 from lupin_engine.plugin.registry import Catalog, load_catalog
 
 

@@ -22,7 +22,8 @@ from lupin_engine.machine.event import Act, Cancel, Command, Publish, Report, St
 from lupin_engine.machine.machine import Machine
 from lupin_engine.machine.step import Step
 from lupin_engine.machine.view import View
-from lupin_engine.missions.load import LIFECYCLE, default_missions_folder, load_chart
+from lupin_engine.missions.folders import LIFECYCLE, default_missions_folder
+from lupin_engine.missions.load import load_chart
 from lupin_engine.plugin.builtin import MISSING, READY
 from lupin_engine.plugin.registry import load_catalog
 from lupin_engine.runtime.setup import make_world

@@ -22,8 +22,8 @@ from typing import Annotated, Any
 from pydantic import WithJsonSchema
 from pydantic.fields import FieldInfo
 
-from lupin_engine.chart import binding_file
-from lupin_engine.chart.binding_file import BindingNode
+from lupin_engine.bindings import file as binding_file
+from lupin_engine.bindings.file import BindingNode
 from lupin_engine.chart.compose.actions import BUILTIN_ACTIONS
 from lupin_engine.chart.compose.declare import REQUESTS
 from lupin_engine.chart.documents import (

@@ -17,7 +17,8 @@ from bench import FIRST_EVENTS, FOLDER, Bench, Reached, Unsupported, is_load, lo
 from lupin_engine.chart.model import Chart
 from lupin_engine.machine.event import Event, Start, done
 from lupin_engine.machine.machine import Machine
-from lupin_engine.missions.load import LIFECYCLE, default_missions_folder, forget, load_chart
+from lupin_engine.missions.folders import LIFECYCLE, default_missions_folder
+from lupin_engine.missions.load import forget, load_chart
 from lupin_engine.plugin.registry import build_catalog, load_catalog
 from lupin_engine.runtime.setup import make_machine, make_world
 

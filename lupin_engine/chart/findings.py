@@ -7,10 +7,16 @@ mission for every one of them, and docs/rules.md shows it.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from types import MappingProxyType
+from typing import TypeVar
 
 from lupin_engine.errors import Diagnostic, Place, Severity, nearest
+
+#: After so many findings nobody reads on, and each costs time: names are compared with all that are allowed.
+MAX_FINDINGS = 1000
+
+_T = TypeVar("_T")
 
 #: By subject: every rule with what it protects.
 SUBJECTS: Mapping[str, Mapping[str, str]] = MappingProxyType(
@@ -141,6 +147,29 @@ class Findings:
     def has(self, *rules: str) -> bool:
         """Tell whether an error of one of `rules` was found: a later rule may have nothing to stand on."""
         return any(d.rule in rules and d.severity is Severity.ERROR for d in self._found.values())
+
+
+class TooManyFindings(Exception):
+    """There are more findings than anybody reads; the last of them says so."""
+
+
+class LimitedFindings(Findings):
+    """Findings, until there are too many."""
+
+    def add(self, place: Place, rule: str, path: str, problem: str, hint: str = "") -> None:
+        """Report an error."""
+        super().add(place, rule, path, problem, hint)
+        if self.count > MAX_FINDINGS:
+            problem = f"more than {MAX_FINDINGS} findings, the rest is not told"
+            super().add(place, "too-large", "", problem, "mend these first")
+            raise TooManyFindings
+
+    def whole(self, work: Callable[[], _T]) -> _T | None:
+        """Do what makes findings; None when there were too many."""
+        try:
+            return work()
+        except TooManyFindings:
+            return None
 
 
 def warning(place: Place, rule: str, path: str, problem: str, hint: str = "") -> Diagnostic:

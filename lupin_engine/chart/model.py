@@ -13,7 +13,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from lupin_engine.chart.bindings import Binding
 from lupin_engine.chart.expressions.evaluation import Expression, Value
 from lupin_engine.chart.expressions.records import record
 from lupin_engine.errors import Place
@@ -294,8 +293,8 @@ class Invariant:
 class Chart:
     """A lifecycle with its missions, checked. `states` are in document order, parents before children.
 
-    `plugins` are those that it uses, `bindings` those of them that are made of a file; `catalog` is what it
-    was checked against: all that the installed plugins and the bindings beside the missions offer.
+    `plugins` are those that it uses; `catalog` is what it was checked against: all that the installed plugins
+    and the bindings beside the missions offer.
 
     Two charts are equal only when they are the same one; what is worked out for a chart is kept under it.
     """
@@ -313,7 +312,6 @@ class Chart:
     plugins: tuple[str, ...] = ()
     summary: str = ""
     catalog: Catalog = field(default_factory=Catalog)
-    bindings: Mapping[str, Binding] = field(default_factory=dict)
 
     def ancestors(self, name: str) -> list[str]:
         """Return the proper ancestors of a state, innermost first, the root included."""

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from lupin_engine.cli.run_folders import new_run_folder, writable
 from lupin_engine.cli.settings import of_nodes, of_the_mission, settings_in
 from lupin_engine.errors import LupinError, Problems, UsageError, nearest
-from lupin_engine.missions.selection import Loaded
+from lupin_engine.missions.load import LoadedMissions
 from lupin_engine.plugin.contract import Parameter
 from lupin_engine.plugin.registry import Catalog
 from lupin_engine.ros.launch.description import Present, Values, make_plan, simulators
@@ -43,7 +43,7 @@ class Options:
     that can be used.
     """
 
-    def __init__(self, wanted: Wanted, loaded: Loaded, catalog: Catalog) -> None:
+    def __init__(self, wanted: Wanted, loaded: LoadedMissions, catalog: Catalog) -> None:
         self.problems = Problems(UsageError)
         self._wanted = wanted
         self._loaded = loaded

@@ -6,10 +6,10 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from lupin_engine.errors import Problems, UsageError
-from lupin_engine.missions.selection import Loaded
+from lupin_engine.missions.load import LoadedMissions
 
 
-def check_fields(loaded: Loaded, tags: Sequence[str], goal: int) -> None:
+def check_fields(loaded: LoadedMissions, tags: Sequence[str], goal: int) -> None:
     """Look whether a request of the first mission has a field for what is given.
 
     Raises:
@@ -26,7 +26,7 @@ def check_fields(loaded: Loaded, tags: Sequence[str], goal: int) -> None:
     problems.tell()
 
 
-def check_request(loaded: Loaded, given: Mapping[str, Any], tags: Sequence[str], goal: int) -> None:
+def check_request(loaded: LoadedMissions, given: Mapping[str, Any], tags: Sequence[str], goal: int) -> None:
     """Ask the first mission whether it would take a request, as far as that needs no robot.
 
     Raises:

@@ -28,7 +28,7 @@ from lupin_engine.editor.grammar import FILES, Meaning, Shape, Spot, fields_of, 
 from lupin_engine.editor.mentions import Piece, expression_in, owner_of, pieces, value_meaning
 from lupin_engine.editor.model import Model, states_of, type_of
 from lupin_engine.editor.scan import Cursor, Role, Scan, Steps
-from lupin_engine.missions.load import PARTS
+from lupin_engine.missions.folders import PARTS
 from lupin_engine.plugin.contract import Argument
 from lupin_engine.plugin.registry import Catalog
 from lupin_engine.plugin.types import UNITS

@@ -10,14 +10,15 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
-from lupin_engine.chart.binding_file import BindingNode
-from lupin_engine.chart.bound_catalog import BINDINGS, binding_files
+from lupin_engine.bindings.catalog import BINDINGS, binding_files
+from lupin_engine.bindings.file import BindingNode
 from lupin_engine.chart.documents import LifecycleNode, MissionNode, Node, PartNode
 from lupin_engine.editor.grammar import kind_of
 from lupin_engine.editor.model import Model
 from lupin_engine.editor.scan import Scan, scan
 from lupin_engine.errors import Diagnostic
-from lupin_engine.missions.load import LIFECYCLE, PARTS, Inspection, inspect_chart, mission_files
+from lupin_engine.missions.folders import LIFECYCLE, PARTS, mission_files
+from lupin_engine.missions.load import Inspection, inspect_chart
 from lupin_engine.plugin.registry import Catalog
 
 Found = tuple[Diagnostic, ...]

@@ -16,8 +16,8 @@ from typing import Any
 
 from pydantic.fields import FieldInfo
 
-from lupin_engine.chart import binding_file
-from lupin_engine.chart.binding_file import (
+from lupin_engine.bindings import file as binding_file
+from lupin_engine.bindings.file import (
     ArgumentNode,
     BindingNode,
     BoundOperationNode,

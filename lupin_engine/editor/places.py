@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 
-from lupin_engine.chart.bound_catalog import binding_files
+from lupin_engine.bindings.catalog import binding_files
 from lupin_engine.chart.compose.tree import Draft
 from lupin_engine.chart.model import Kind
 from lupin_engine.editor.folder import Folder
@@ -17,7 +17,7 @@ from lupin_engine.editor.grammar import Meaning
 from lupin_engine.editor.mentions import STATES, Mention
 from lupin_engine.editor.model import steps_of
 from lupin_engine.editor.scan import Steps
-from lupin_engine.missions.load import PARTS
+from lupin_engine.missions.folders import PARTS
 from lupin_engine.plugin import builtin
 from lupin_engine.plugin.discovery import entry_points
 

@@ -1,7 +1,6 @@
 """Loading: from file names to one checked chart, or to everything that is wrong with it.
 
-`lifecycle.yaml` stands beside the missions, else they are in the shipped one; the parts they use stand in
-`parts/` beside them. `check_chart` tells errors and warnings, `load_chart` is for those who want to run: the
+`check_chart` tells errors and warnings, `load_chart` is for those who want to run: the
 chart, or `ChartError` with all errors.
 
 Files are looked at every time, but what they say is worked out once: a file that has not changed is not
@@ -10,18 +9,16 @@ parsed again, and a chart of which no file has changed is not composed again.
 
 from __future__ import annotations
 
-import contextlib
-import gc
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Generic, TypeVar
 
-import lupin_engine
-from lupin_engine.chart import bound_catalog as bound_catalogs
-from lupin_engine.chart.bound_catalog import BoundCatalog, bound_catalog
+from lupin_engine.bindings import catalog as bound_catalogs
+from lupin_engine.bindings.catalog import BoundCatalog, bound_catalog
+from lupin_engine.bindings.data import Binding
 from lupin_engine.chart.compose.compose import Composed, compose
 from lupin_engine.chart.documents import (
     FileNode,
@@ -31,31 +28,18 @@ from lupin_engine.chart.documents import (
     StateNode,
     read_document,
 )
-from lupin_engine.chart.findings import Findings
+from lupin_engine.chart.findings import Findings, LimitedFindings
 from lupin_engine.chart.model import Chart
 from lupin_engine.chart.rules.checks import check_composed
-from lupin_engine.chart.source import head, parse_bytes, read_bytes
-from lupin_engine.errors import ChartError, Diagnostic, Place, UsageError, meant, nearest
+from lupin_engine.chart.source import parse_bytes, read_bytes
+from lupin_engine.errors import ChartError, Diagnostic, Place, Severity
+from lupin_engine.missions.folders import PARTS, mission_files
 from lupin_engine.plugin.registry import Catalog
-
-#: What the file around the missions of a folder is called.
-LIFECYCLE = "lifecycle.yaml"
-#: What a folder of missions is called; one with a lifecycle may be called otherwise.
-MISSIONS = "missions"
-#: The folder of the parts, beside the missions.
-PARTS = "parts"
 
 #: How much is remembered: every scenario of a folder, or the missions of a few, without reading them twice.
 MAX_DOCUMENTS = 64
 MAX_CHARTS = 32
 
-#: After so many new objects, some ten charts of a thousand states, garbage is looked for among them.
-MAX_UNSEEN = 1_000_000
-
-#: After so many findings nobody reads on, and each costs time: names are compared with all that are allowed.
-MAX_FINDINGS = 1000
-
-_T = TypeVar("_T")
 _D = TypeVar("_D", bound=FileNode)
 _D_co = TypeVar("_D_co", bound=FileNode, covariant=True)
 
@@ -70,6 +54,40 @@ class _Document(Generic[_D_co]):
     node: _D_co | None
     found: tuple[Diagnostic, ...] = ()
     uses: tuple[tuple[str, Place, str], ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class LoadedMissions:
+    """Checked missions with their lifecycle, and those of their plugins that are made of a file."""
+
+    chart: Chart
+    bindings: Mapping[str, Binding]
+    files: tuple[Path, ...]
+    lifecycle: Path
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The missions, as requests call them."""
+        return tuple(self.chart.missions)
+
+    @property
+    def plugins(self) -> tuple[str, ...]:
+        """The plugins that the missions use, and those whose nodes serve what their bindings call."""
+        bound = [each for binding in self.bindings.values() for each in binding.calls.values()]
+        called = {call.endpoint.name.strip("/") for call in bound}
+        serving = (
+            name
+            for name, plugin in self.chart.catalog.plugins.items()
+            if any(served.strip("/") in called for served in plugin.serves)
+        )
+        return tuple(dict.fromkeys((*self.chart.plugins, *serving)))
+
+    def parameters(self) -> dict[str, Any]:
+        """Return what the orchestrator needs to load the same."""
+        return {
+            "missions": [str(file.resolve()) for file in self.files],
+            "missions_path": str(self.lifecycle.resolve().parent),
+        }
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,32 +111,15 @@ class Inspection:
     composed: Composed | None = None
     bound: BoundCatalog | None = None
 
+    @property
+    def chart(self) -> Chart | None:
+        """The chart; None when there are errors."""
+        wrong = self.composed is None or any(d.severity is Severity.ERROR for d in self.found)
+        return None if wrong or self.composed is None else self.composed.chart
+
 
 #: Nothing that is being edited: every file is as it was saved.
 SAVED: Mapping[Path, bytes] = MappingProxyType({})
-
-
-class _TooMany(Exception):
-    """There are more findings than anybody reads; the last of them says so."""
-
-
-class _Findings(Findings):
-    """Findings, until there are too many."""
-
-    def add(self, place: Place, rule: str, path: str, problem: str, hint: str = "") -> None:
-        """Report an error."""
-        super().add(place, rule, path, problem, hint)
-        if self.count > MAX_FINDINGS:
-            problem = f"more than {MAX_FINDINGS} findings, the rest is not told"
-            super().add(place, "too-large", "", problem, "mend these first")
-            raise _TooMany
-
-    def whole(self, work: Callable[[], _T]) -> _T | None:
-        """Do what makes findings; None when there were too many."""
-        try:
-            return work()
-        except _TooMany:
-            return None
 
 
 def forget() -> None:
@@ -128,56 +129,27 @@ def forget() -> None:
     bound_catalogs.forget()
 
 
-class _Collector:
-    """Keeps Python from looking for garbage among what was just loaded: nearly all of it stays.
-
-    For a thousand states its looks would take as long as a third of the loading, most of it soon afterwards.
-    """
-
-    def __init__(self) -> None:
-        self._unseen = 0
-
-    @contextlib.contextmanager
-    def paused(self) -> Iterator[None]:
-        """Look for no garbage meanwhile, nor afterwards at all that was made."""
-        collects = gc.isenabled()
-        gc.disable()
-        try:
-            yield
-        finally:
-            if collects:
-                self._let_age()
-                gc.enable()
-
-    def _let_age(self) -> None:
-        """Let everything count as old, which is rarely looked at.
-
-        Python does not count what comes there this way, so now and then all is looked through.
-        """
-        if gc.get_freeze_count() > 0:
-            return  # somebody keeps things frozen, and they would be thawed with ours
-        self._unseen += gc.get_count()[0]
-        if self._unseen > MAX_UNSEEN:
-            self._unseen = 0
-            gc.collect()
-        else:
-            gc.freeze()
-            gc.unfreeze()
-
-
-_collector = _Collector()
-
-
 def load_chart(lifecycle: Path, missions: Sequence[Path], catalog: Catalog) -> Chart:
     """Load a lifecycle with the missions in its slot.
 
     Raises:
         ChartError: carries every error of every file.
     """
-    chart, found = check_chart(lifecycle, missions, catalog)
-    if chart is None:
-        raise ChartError(d for d in found if d.severity >= d.severity.ERROR)
-    return chart
+    return load_files(lifecycle, missions, catalog).chart
+
+
+def load_files(lifecycle: Path, missions: Sequence[Path], catalog: Catalog) -> LoadedMissions:
+    """Load a lifecycle with missions, and the bindings that they use.
+
+    Raises:
+        ChartError: carries every error of every file.
+    """
+    inspection = inspect_chart(lifecycle, missions, catalog)
+    chart, bound = inspection.chart, inspection.bound
+    if chart is None or bound is None:
+        raise ChartError(d for d in inspection.found if d.severity is Severity.ERROR)
+    bindings = {name: bound.bindings[name] for name in chart.plugins if name in bound.bindings}
+    return LoadedMissions(chart, bindings, tuple(missions), lifecycle)
 
 
 def check_chart(
@@ -185,11 +157,9 @@ def check_chart(
 ) -> tuple[Chart | None, tuple[Diagnostic, ...]]:
     """Load a lifecycle with missions and tell everything about them; no chart when there are errors."""
     inspection = inspect_chart(lifecycle, missions, catalog)
-    wrong = any(d.severity >= d.severity.ERROR for d in inspection.found)
-    return (None if wrong or inspection.composed is None else inspection.composed.chart), inspection.found
+    return inspection.chart, inspection.found
 
 
-@_collector.paused()
 def inspect_chart(
     lifecycle: Path, missions: Sequence[Path], catalog: Catalog, texts: Mapping[Path, bytes] = SAVED
 ) -> Inspection:
@@ -222,88 +192,16 @@ def _make(
     bound: BoundCatalog,
 ) -> _Made:
     """Compose and check documents that all could be read."""
-    root, findings = lifecycle.node, _Findings()
+    root, findings = lifecycle.node, LimitedFindings()
     assert root is not None
     for document in (lifecycle, *missions, *parts):
         findings.extend(document.found)
     whole = [document.node for document in missions if document.node is not None]
     named = {document.node.part: document.node for document in parts if document.node is not None}
-    composed = findings.whole(lambda: compose(root, whole, named, bound, findings))
+    composed = findings.whole(lambda: compose(root, whole, named, bound.catalog, findings))
     if composed is not None:
         check_composed(composed, findings)
     return _Made(composed, findings.all)
-
-
-def mission_files(folder: Path) -> list[Path]:
-    """Return the missions of a folder, sorted by name."""
-    found = sorted(
-        path for path in folder.glob("*.yaml") if path.name != LIFECYCLE and path.suffixes == [".yaml"]
-    )
-    return [path for path in found if (head(path) or ("mission", ""))[0] == "mission"]
-
-
-def is_missions_folder(folder: Path) -> bool:
-    """Say whether missions are looked for in a folder: it has a lifecycle, or its name and files say so."""
-    return (folder / LIFECYCLE).is_file() or (folder.name == MISSIONS and bool(mission_files(folder)))
-
-
-def lifecycle_in(folder: Path) -> Path:
-    """Return the lifecycle around the missions of a folder: the one that stands there, or the shipped one."""
-    own = folder / LIFECYCLE
-    return own if own.is_file() else default_missions_folder() / LIFECYCLE
-
-
-def lifecycle_of(mission: Path) -> Path:
-    """Return the lifecycle that a mission file belongs to."""
-    return lifecycle_in(mission.parent)
-
-
-def default_missions_folder() -> Path:
-    """Return the folder of the shipped missions: in the checkout, or inside the installed package.
-
-    Raises:
-        UsageError: this installation has neither.
-    """
-    package = Path(lupin_engine.__file__).resolve().parent
-    for folder in (package.parent / MISSIONS, package / MISSIONS / "shipped"):
-        if (folder / LIFECYCLE).is_file():
-            return folder
-    raise UsageError("this installation ships no missions; name a mission file")
-
-
-def find_mission(name: str, folders: Iterable[Path]) -> Path:
-    """Return the file of a mission, named by path, by file (`inspection`) or by itself (`InspectionMission`).
-
-    Raises:
-        UsageError: there is none; the text lists those that there are.
-    """
-    path = Path(name)
-    if path.suffix in (".yaml", ".yml") or len(path.parts) > 1:
-        if path.is_file():
-            return path
-        raise UsageError(_no_file(path))
-    searched = list(folders)
-    known: dict[str, Path] = {}
-    for folder in searched:
-        for file in mission_files(folder):
-            named = head(file)
-            for title in (file.stem, named[1] if named else file.stem):
-                known.setdefault(title, file)
-    if name in known:
-        return known[name]
-    if path.is_dir():
-        raise UsageError(_no_file(path))
-    where = ", ".join(str(folder) for folder in searched) or "no folder"
-    raise UsageError(f"no mission {name!r} in {where}; {nearest(name, known)}")
-
-
-def _no_file(path: Path) -> str:
-    """Say why a path is no mission, and which are beside it or in it."""
-    if path.is_dir():
-        files = [str(file) for file in mission_files(path)]
-        return f"{str(path)!r} is a folder; " + (nearest("", files) if files else "it has no missions")
-    guess = meant(str(path), map(str, mission_files(path.parent))) if path.parent.is_dir() else ""
-    return f"no mission file {str(path)!r}" + (f"; {guess}" if guess else "")
 
 
 def _read(path: Path, model: type[_D], findings: Findings, texts: Mapping[Path, bytes]) -> _Document[_D]:
@@ -320,7 +218,7 @@ def _read(path: Path, model: type[_D], findings: Findings, texts: Mapping[Path, 
 @lru_cache(maxsize=MAX_DOCUMENTS)
 def _document(name: str, model: type[FileNode], raw: bytes) -> _Document[Any]:
     """Read the bytes of a file as a document; nothing else matters to it, so it can be remembered by them."""
-    findings = _Findings()
+    findings = LimitedFindings()
     parsed = findings.whole(lambda: parse_bytes(raw, name, findings))
     node = None if parsed is None else findings.whole(lambda: read_document(parsed, model, findings))
     uses = () if node is None else tuple(_uses(node.states, node, ""))

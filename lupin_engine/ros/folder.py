@@ -1,7 +1,7 @@
 """The folder of the missions that the node offers: what stands in it is what can be started.
 
-Files are looked at again and again, and understood only when they have changed (see `chart.load`), so a look
-costs a fraction of a millisecond. A change that has errors is told once and otherwise changes nothing.
+Files are looked at again and again, and understood only when they have changed (see `missions.load`), so a
+look costs a fraction of a millisecond. A change that has errors is told once and otherwise changes nothing.
 """
 
 from __future__ import annotations
@@ -10,17 +10,11 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from lupin_engine.chart.binding_reader import check_definition
+from lupin_engine.bindings.reader import check_definition
 from lupin_engine.chart.findings import Findings
-from lupin_engine.chart.model import Chart
 from lupin_engine.errors import ChartError, LupinError
-from lupin_engine.missions.load import (
-    default_missions_folder,
-    find_mission,
-    lifecycle_in,
-    load_chart,
-    mission_files,
-)
+from lupin_engine.missions.folders import default_missions_folder, find_mission, lifecycle_in, mission_files
+from lupin_engine.missions.load import LoadedMissions, load_files
 from lupin_engine.plugin.registry import Catalog
 from lupin_engine.ros.bindings.definitions import interface_types
 
@@ -36,11 +30,11 @@ class MissionsFolder:
         self._path = Path(given.get("missions_path") or default_missions_folder())
         self._names = list(given.get("missions") or [])
         self._catalog = catalog
-        self._refused: Chart | None = None
+        self._refused: LoadedMissions | None = None
         #: What is wrong with the files as they are now; empty when they can be used.
         self.problem = ""
 
-    def load(self) -> Chart:
+    def load(self) -> LoadedMissions:
         """Return the chart of the missions as they are now; of unchanged files the same one.
 
         Raises:
@@ -50,26 +44,26 @@ class MissionsFolder:
         if not files:
             where = "say where they are with -p missions_path:=FOLDER"
             raise LupinError(f"no missions in {self._path}; {where}")
-        chart = load_chart(lifecycle_in(self._path), files, self._catalog)
+        loaded = load_files(lifecycle_in(self._path), files, self._catalog)
         findings = Findings()
-        for binding in chart.bindings.values():
+        for binding in loaded.bindings.values():
             check_definition(binding, interface_types, findings)
         if findings.errors:
             raise ChartError(findings.errors)
-        return chart
+        return loaded
 
-    def changed(self, current: Chart) -> Chart | None:
+    def changed(self, current: LoadedMissions) -> LoadedMissions | None:
         """Return the chart of files that were changed; None when nothing has, or what has cannot be used."""
         try:
-            chart = self.load()
+            loaded = self.load()
         except LupinError as problem:
             self.problem = str(problem)
             return None
-        if chart is self._refused:
+        if self._refused is not None and loaded.chart is self._refused.chart:
             return None
         self.problem, self._refused = "", None
-        return None if chart is current else chart
+        return None if loaded.chart is current.chart else loaded
 
-    def refuse(self, chart: Chart, reason: str) -> None:
-        """Note that a chart cannot be used here, so that it is not tried again and again."""
-        self._refused, self.problem = chart, reason
+    def refuse(self, loaded: LoadedMissions, reason: str) -> None:
+        """Note that these missions cannot be used here, so that it is not tried again and again."""
+        self._refused, self.problem = loaded, reason

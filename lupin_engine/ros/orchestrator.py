@@ -17,12 +17,13 @@ from builtin_interfaces.msg import Time
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
-from lupin_engine.chart.model import OPERATOR_REQUESTS, Chart
+from lupin_engine.chart.model import OPERATOR_REQUESTS
 from lupin_engine.errors import LupinError
 from lupin_engine.machine.event import Event, Publish, Report
 from lupin_engine.machine.step import Step
 from lupin_engine.machine.succession import is_idle, successor
 from lupin_engine.machine.view import Moment, View
+from lupin_engine.missions.load import LoadedMissions
 from lupin_engine.plugin.builtin import BUILTIN
 from lupin_engine.plugin.clients import make_client
 from lupin_engine.plugin.contract import Driver, Parameter
@@ -96,9 +97,10 @@ class Outlet(EngineOutlet):
 class Orchestrator:
     """The node's parts, wired. Everything runs on the thread that spins `ros`."""
 
-    def __init__(self, ros: RosNode, chart: Chart, folder: MissionsFolder) -> None:
+    def __init__(self, ros: RosNode, loaded: LoadedMissions, folder: MissionsFolder) -> None:
         self._ros = ros
-        self._chart = chart
+        self._loaded = loaded
+        self._chart = chart = loaded.chart
         self._folder = folder
         self._clock = NodeClock(ros)
         given = ros.parameters()
@@ -117,7 +119,7 @@ class Orchestrator:
         self._noted: dict[str, tuple[str, ...]] = {}
         self._started: Time | None = None
         self._deadline: tuple[float, Timer] | None = None
-        drivers.update(_clients(ros, chart, chart.plugins, self._outlet, machine.world.parameters))
+        drivers.update(_clients(ros, loaded, chart.plugins, self._outlet, machine.world.parameters))
         drivers[BUILTIN] = Readiness(drivers, self._outlet, ros.steady_timer, ros.now)
         self._drivers = drivers
         ros.on_stop(self._close)
@@ -174,36 +176,37 @@ class Orchestrator:
         """Take over missions that were added, changed or removed, unless one is running."""
         if not is_idle(self._machine):
             return
-        chart = self._folder.changed(self._chart)
-        if chart is not None:
+        loaded = self._folder.changed(self._loaded)
+        if loaded is not None:
             try:
-                self._go_on_with(chart)
-                self._ros.log.info("missions loaded anew", missions=list(chart.missions))
+                self._go_on_with(loaded)
+                self._ros.log.info("missions loaded anew", missions=list(loaded.chart.missions))
             except LupinError as problem:
-                self._folder.refuse(chart, str(problem))
+                self._folder.refuse(loaded, str(problem))
             except Exception as problem:  # whatever the client of a plugin that is new here raises
                 self._ros.log.exception("missions could not be loaded anew")
-                self._folder.refuse(chart, f"{type(problem).__name__}: {problem}")
+                self._folder.refuse(loaded, f"{type(problem).__name__}: {problem}")
         self._offer()
 
-    def _go_on_with(self, chart: Chart) -> None:
+    def _go_on_with(self, loaded: LoadedMissions) -> None:
         """Run another chart from here on: what could fail comes first, so that it changes nothing.
 
         Clients of plugins that both charts use stay as they are, with all that they know of the world.
         """
+        chart = loaded.chart
         declared = {**OWN_PARAMETERS, **chart.parameters}
         values = self._ros.starting_values(declared)
         world = make_world(chart, {name: values[name] for name in chart.parameters})
         machine = successor(self._machine, world)
-        before, now = self._chart, {*chart.plugins, BUILTIN}
-        changed = {n for n in chart.plugins if before.bindings.get(n) is not chart.bindings.get(n)}
+        before, now = self._loaded.bindings, {*chart.plugins, BUILTIN}
+        changed = {n for n in chart.plugins if before.get(n) is not loaded.bindings.get(n)}
         new = [name for name in chart.plugins if name not in self._drivers or name in changed]
-        clients = _clients(self._ros, chart, new, self._outlet, world.parameters)
+        clients = _clients(self._ros, loaded, new, self._outlet, world.parameters)
         for name in [name for name in self._drivers if name not in now or name in changed]:
             self._drivers.pop(name).close()
         self._drivers.update(clients)
         self._ros.declare_anew(declared)
-        self._chart, self._machine = chart, machine
+        self._loaded, self._chart, self._machine = loaded, chart, machine
         self._engine.go_on_with(machine)
         heard = {name for name, found in machine.memory.inputs.items() if found.reported}
         self._outlet.tell_again(spec.value for spec in chart.inputs.values() if spec.name not in heard)
@@ -350,15 +353,15 @@ def _answering(ask: Callable[[Event], Step], name: str) -> Callable[[Any, Any], 
 
 
 def _clients(
-    ros: RosNode, chart: Chart, names: Iterable[str], outlet: Outlet, parameters: Mapping[str, Any]
+    ros: RosNode, loaded: LoadedMissions, names: Iterable[str], outlet: Outlet, parameters: Mapping[str, Any]
 ) -> dict[str, Driver]:
     """Make the clients of some of the plugins that the missions use."""
     clients: dict[str, Driver] = {}
     for name in names:
-        if name in chart.bindings:
-            clients[name] = BoundClient(ros, chart.bindings[name], outlet, parameters)
+        if name in loaded.bindings:
+            clients[name] = BoundClient(ros, loaded.bindings[name], outlet, parameters)
             continue
-        plugin = chart.catalog.plugins[name]
+        plugin = loaded.chart.catalog.plugins[name]
         if plugin.client:
             clients[name] = make_client(plugin, ros, outlet, parameters)
     return clients
@@ -367,12 +370,12 @@ def _clients(
 def main(arguments: Sequence[str] = ()) -> int:
     """Run the node until SIGINT or SIGTERM; `arguments` are ROS arguments."""
     catalog = load_catalog()
-    loaded: list[tuple[Chart, MissionsFolder]] = []
+    loaded: list[tuple[LoadedMissions, MissionsFolder]] = []
 
     def declared(given: Mapping[str, Any]) -> Mapping[str, Parameter]:
         folder = MissionsFolder(given, catalog)
         loaded.append((folder.load(), folder))
-        return {**OWN_PARAMETERS, **loaded[-1][0].parameters}
+        return {**OWN_PARAMETERS, **loaded[-1][0].chart.parameters}
 
     ros = RosNode(NODE, arguments, declared)
     Orchestrator(ros, *loaded[-1])

@@ -18,14 +18,14 @@ from lupin_engine.chart.model import Chart
 from lupin_engine.chart.source import Map, parse, read
 from lupin_engine.errors import ChartError, UsageError
 from lupin_engine.machine.environment import World
-from lupin_engine.missions.load import (
+from lupin_engine.missions.folders import (
     MISSIONS,
     default_missions_folder,
     find_mission,
     is_missions_folder,
     lifecycle_of,
-    load_chart,
 )
+from lupin_engine.missions.load import load_chart
 from lupin_engine.plugin.registry import Catalog
 from lupin_engine.runtime.setup import make_world
 from lupin_engine.sim import SUFFIX

@@ -9,14 +9,15 @@ from typing import Any
 
 import pytest
 
-from lupin_engine.chart.binding_reader import check_definition
-from lupin_engine.chart.bindings import Binding
-from lupin_engine.chart.bound_catalog import bound_catalog
+from lupin_engine.bindings.catalog import bound_catalog
+from lupin_engine.bindings.data import Binding
+from lupin_engine.bindings.reader import check_definition
 from lupin_engine.chart.expressions.evaluation import Expression
 from lupin_engine.chart.findings import Findings
 from lupin_engine.errors import Place
 from lupin_engine.machine.arguments import evaluated
-from lupin_engine.missions.load import LIFECYCLE, check_chart
+from lupin_engine.missions.folders import LIFECYCLE
+from lupin_engine.missions.load import check_chart
 from lupin_engine.plugin.registry import Catalog
 from lupin_engine.plugin.types import (
     ANGLE,

@@ -11,16 +11,17 @@ from typing import Any
 
 import pytest
 
-from lupin_engine.chart import binding_file
-from lupin_engine.chart.binding_file import BindingNode
-from lupin_engine.chart.binding_meaning import Definition
-from lupin_engine.chart.binding_reader import check_definition
-from lupin_engine.chart.bindings import Binding, Outcome
+from lupin_engine.bindings import file as binding_file
+from lupin_engine.bindings.data import Binding, Outcome
+from lupin_engine.bindings.file import BindingNode
+from lupin_engine.bindings.meaning import Definition
+from lupin_engine.bindings.reader import check_definition
 from lupin_engine.chart.documents import Node, validate
 from lupin_engine.chart.findings import Findings
 from lupin_engine.chart.source import read
 from lupin_engine.errors import Severity
-from lupin_engine.missions.load import LIFECYCLE, check_chart, forget, inspect_chart, load_chart
+from lupin_engine.missions.folders import LIFECYCLE
+from lupin_engine.missions.load import check_chart, forget, inspect_chart, load_chart, load_files
 from lupin_engine.plugin.contract import OnHold
 from lupin_engine.plugin.registry import Catalog
 from lupin_engine.plugin.types import BOOL, COUNT, LENGTH, NUMBER, POSE, TEXT, Type, list_of
@@ -101,8 +102,8 @@ def folder(tmp_path: Path) -> Path:
 @pytest.fixture
 def survey(catalog: Catalog) -> Binding:
     """The binding that says everything."""
-    chart = load_chart(BOUND / LIFECYCLE, [BOUND / "survey_mission.yaml"], catalog)
-    return chart.bindings["survey"]
+    loaded = load_files(BOUND / LIFECYCLE, [BOUND / "survey_mission.yaml"], catalog)
+    return loaded.bindings["survey"]
 
 
 def test_a_good_binding_is_without_a_word(catalog: Catalog) -> None:
@@ -185,14 +186,14 @@ def test_a_simulated_answer_comes_at_once_when_nothing_is_said(folder: Path, cat
 def test_the_same_files_are_the_same_chart(folder: Path, catalog: Catalog) -> None:
     """So looking for changes costs next to nothing; a binding that changed makes another one."""
     mission = [folder / "survey_mission.yaml"]
-    first = load_chart(folder / LIFECYCLE, mission, catalog)
-    assert load_chart(folder / LIFECYCLE, mission, catalog) is first
+    first = load_files(folder / LIFECYCLE, mission, catalog)
+    assert load_chart(folder / LIFECYCLE, mission, catalog) is first.chart
     binding = folder / "bindings" / "survey.yaml"
     binding.write_text(binding.read_text(encoding="utf-8").replace("500 ms", "700 ms"), encoding="utf-8")
-    second = load_chart(folder / LIFECYCLE, mission, catalog)
-    assert second is not first
+    second = load_files(folder / LIFECYCLE, mission, catalog)
+    assert second.chart is not first.chart
     assert second.bindings["survey"] is not first.bindings["survey"]
-    assert second.catalog.operations["survey.ask"].mock.after == pytest.approx(0.7)
+    assert second.chart.catalog.operations["survey.ask"].mock.after == pytest.approx(0.7)
 
 
 def test_a_text_that_is_edited_is_read_in_place_of_its_file(folder: Path, catalog: Catalog) -> None:
@@ -335,9 +336,9 @@ def test_what_to_write_stands_apart_from_what_is_wrong(folder: Path, catalog: Ca
 def test_what_is_forgotten_is_read_again(folder: Path, catalog: Catalog) -> None:
     """Bindings as well: who measures how long reading takes measures all of it."""
     files = folder / LIFECYCLE, [folder / "survey_mission.yaml"]
-    first = load_chart(*files, catalog)
+    first = load_files(*files, catalog)
     forget()
-    assert load_chart(*files, catalog).bindings["survey"] is not first.bindings["survey"]
+    assert load_files(*files, catalog).bindings["survey"] is not first.bindings["survey"]
 
 
 def test_how_an_action_ended(survey: Binding) -> None:
@@ -436,13 +437,13 @@ def test_messages_in_messages(folder: Path, catalog: Catalog) -> None:
     text = binding.read_text(encoding="utf-8")
     nested = 'resolution: {middle: {x: "${ place.x }", z: 0.5}}'
     binding.write_text(text.replace("resolution: 0.5", nested), encoding="utf-8")
-    chart = load_chart(folder / LIFECYCLE, [folder / "survey_mission.yaml"], catalog)
+    loaded = load_files(folder / LIFECYCLE, [folder / "survey_mission.yaml"], catalog)
     place = {"x": 10.0, "y": 0.0, "yaw": 0.0}
-    call = chart.bindings["survey"].calls["ask"]
+    call = loaded.bindings["survey"].calls["ask"]
     sent = call.sending.sent({"sensor": "co2", "place": place, "reach": 2.0}, AROUND)
     assert sent["resolution"] == {"middle": {"x": 10.0, "z": 0.5}}
     area = Type("record", "Area", fields={"middle": POSE})
-    told = misfits(chart.bindings["survey"], replace(REQUEST, fields={**REQUEST.fields, "resolution": area}))
+    told = misfits(loaded.bindings["survey"], replace(REQUEST, fields={**REQUEST.fields, "resolution": area}))
     assert [line.partition("error: ")[2] for line in told] == [
         "operations.ask.with.resolution.middle: pose has no field 'z'; "
         "allowed: 'x', 'y', 'yaw' [unknown-argument]"
@@ -454,8 +455,8 @@ def test_whole_numbers_of_a_message_may_be_of_any_unit(folder: Path, catalog: Ca
     file = folder / "bindings" / "survey.yaml"
     text = file.read_text(encoding="utf-8").replace("response.ok and", "response.width > param.least and")
     file.write_text(f"{text}\n  least: {{type: length, default: 5 cm}}\n", encoding="utf-8")
-    chart = load_chart(folder / LIFECYCLE, [folder / "survey_mission.yaml"], catalog)
-    assert misfits(chart.bindings["survey"]) == []
+    loaded = load_files(folder / LIFECYCLE, [folder / "survey_mission.yaml"], catalog)
+    assert misfits(loaded.bindings["survey"]) == []
 
 
 def refuse(_: str) -> Definition:

@@ -10,7 +10,8 @@ import pytest
 from lupin_engine.chart.findings import RULES
 from lupin_engine.chart.source import head
 from lupin_engine.errors import Severity
-from lupin_engine.missions.load import LIFECYCLE, check_chart, mission_files
+from lupin_engine.missions.folders import LIFECYCLE, mission_files
+from lupin_engine.missions.load import check_chart
 from lupin_engine.plugin.registry import Catalog
 
 CHARTS = Path(__file__).parents[1] / "charts"

@@ -11,7 +11,7 @@ from click.testing import CliRunner
 from lupin_engine.cli.main import VERBS
 from lupin_engine.cli.verbs.check import check, check_paths
 from lupin_engine.errors import UsageError
-from lupin_engine.missions.load import default_missions_folder
+from lupin_engine.missions.folders import default_missions_folder
 
 SHIPPED = default_missions_folder()
 LIFECYCLE = """\

@@ -22,7 +22,8 @@ from lupin_engine.chart.expressions.evaluation import Compiled, UnknownInput
 from lupin_engine.chart.findings import Findings
 from lupin_engine.chart.source import text_at
 from lupin_engine.errors import Diagnostic, Place, Severity
-from lupin_engine.missions.load import LIFECYCLE, check_chart
+from lupin_engine.missions.folders import LIFECYCLE
+from lupin_engine.missions.load import check_chart
 from lupin_engine.plugin.registry import Catalog
 from lupin_engine.plugin.types import ANY, BOOL, COUNT, DURATION, POSE, TEXT, Type, list_of
 from tests.chart.test_expressions import ESCAPES, EXHAUSTIONS, environment, wide_scope

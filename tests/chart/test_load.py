@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gc
 import os
 import random
 import shutil
@@ -14,23 +13,19 @@ import pytest
 
 import lupin_engine
 from lupin_engine.chart.expressions.evaluation import Constant, Expression
+from lupin_engine.chart.findings import MAX_FINDINGS
 from lupin_engine.chart.model import Chart, Kind
 from lupin_engine.errors import ChartError, Severity, UsageError
-from lupin_engine.missions import load
-from lupin_engine.missions.load import (
+from lupin_engine.missions.folders import (
     LIFECYCLE,
-    MAX_CHARTS,
-    MAX_FINDINGS,
-    check_chart,
     default_missions_folder,
     find_mission,
-    forget,
     is_missions_folder,
     lifecycle_in,
     lifecycle_of,
-    load_chart,
     mission_files,
 )
+from lupin_engine.missions.load import MAX_CHARTS, check_chart, forget, load_chart
 from lupin_engine.plugin.registry import Catalog
 
 CHARTS = Path(__file__).parents[1] / "charts"
@@ -540,43 +535,3 @@ def test_after_an_unknown_key_ways_are_not_followed(tmp_path: Path, catalog: Cat
         mission.write_text(written)
         found = check_chart(lifecycle, [mission], catalog)[1]
         assert [one.rule for one in found if one.rule != "unused-part"] == [rule]
-
-
-def collections(generation: int, files: tuple[Path, list[Path]], catalog: Catalog) -> int:
-    """Load anew, and return how often Python looked for garbage of a generation meanwhile."""
-    before = gc.get_stats()[generation]["collections"]
-    forget()
-    check_chart(*files, catalog)
-    return int(gc.get_stats()[generation]["collections"]) - before
-
-
-def test_no_garbage_is_looked_for_while_loading(
-    tmp_path: Path, catalog: Catalog, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Nearly all of it stays; only now and then everything is looked through."""
-    files = copied(tmp_path)
-    gc.unfreeze()
-    assert gc.isenabled()
-    assert collections(0, files, catalog) == 0
-    monkeypatch.setattr(load, "MAX_UNSEEN", -1)
-    assert collections(2, files, catalog) == 1
-    assert gc.isenabled()
-
-
-def test_a_collector_that_is_switched_off_stays_off(tmp_path: Path, catalog: Catalog) -> None:
-    """And what somebody keeps frozen stays frozen."""
-    files = copied(tmp_path)
-    gc.disable()
-    try:
-        assert collections(0, files, catalog) == 0
-        assert not gc.isenabled()
-    finally:
-        gc.enable()
-    gc.freeze()
-    frozen = gc.get_freeze_count()
-    try:
-        assert collections(2, files, catalog) == 0
-        # What dies of the frozen leaves the count, so it can only have become less, not nothing.
-        assert frozen // 2 < gc.get_freeze_count() <= frozen
-    finally:
-        gc.unfreeze()

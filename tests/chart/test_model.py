@@ -8,7 +8,8 @@ import pytest
 
 from lupin_engine.chart.expressions.evaluation import UnknownInput
 from lupin_engine.chart.model import OPERATOR_REQUESTS, REQUESTS, Chart, Kind
-from lupin_engine.missions.load import LIFECYCLE, load_chart
+from lupin_engine.missions.folders import LIFECYCLE
+from lupin_engine.missions.load import load_chart
 from lupin_engine.plugin.registry import Catalog
 
 CHARTS = Path(__file__).parents[1] / "charts"

@@ -9,7 +9,8 @@ from pathlib import Path
 import pytest
 
 from lupin_engine.chart.compose import tree
-from lupin_engine.missions.load import LIFECYCLE, check_chart
+from lupin_engine.missions.folders import LIFECYCLE
+from lupin_engine.missions.load import check_chart
 from lupin_engine.plugin.registry import Catalog
 
 MINI = Path(__file__).parents[1] / "charts" / "mini" / LIFECYCLE

@@ -10,7 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from lupin_engine.missions.load import LIFECYCLE, check_chart
+from lupin_engine.missions.folders import LIFECYCLE
+from lupin_engine.missions.load import check_chart
 from lupin_engine.plugin.registry import Catalog
 
 CHARTS = Path(__file__).parents[1] / "charts"

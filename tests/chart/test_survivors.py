@@ -11,7 +11,8 @@ from lupin_engine.chart.findings import RULES, SUBJECTS, Findings, warning
 from lupin_engine.chart.rules import checks
 from lupin_engine.chart.rules.graph import components, cycles
 from lupin_engine.errors import Place
-from lupin_engine.missions.load import LIFECYCLE, check_chart
+from lupin_engine.missions.folders import LIFECYCLE
+from lupin_engine.missions.load import check_chart
 from lupin_engine.plugin.registry import Catalog
 from lupin_engine.plugin.types import (
     ANGLE,

@@ -16,7 +16,8 @@ from lupin_engine.chart.findings import Findings
 from lupin_engine.chart.model import Chart, ForEach, Invoke, Kind, Level, State
 from lupin_engine.chart.source import read
 from lupin_engine.errors import Severity
-from lupin_engine.missions.load import LIFECYCLE, check_chart, load_chart
+from lupin_engine.missions.folders import LIFECYCLE
+from lupin_engine.missions.load import check_chart, load_chart
 from lupin_engine.plugin.contract import Argument, Function, LiveValue, Operation
 from lupin_engine.plugin.registry import Catalog, build_catalog
 from lupin_engine.plugin.types import LENGTH, POSE, list_of

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from lupin_engine.cli.main import main
-from lupin_engine.missions.load import default_missions_folder
+from lupin_engine.missions.folders import default_missions_folder
 
 SHIPPED = default_missions_folder()
 

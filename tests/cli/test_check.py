@@ -23,8 +23,9 @@ from lupin_engine.cli.terminal.sarif import sarif
 from lupin_engine.cli.verbs.check import check, check_paths, watch_paths
 from lupin_engine.cli.watch import changes
 from lupin_engine.errors import Diagnostic, Place, Severity
-from lupin_engine.missions.load import LIFECYCLE as LIFECYCLE_FILE
-from lupin_engine.missions.load import check_chart, default_missions_folder
+from lupin_engine.missions.folders import LIFECYCLE as LIFECYCLE_FILE
+from lupin_engine.missions.folders import default_missions_folder
+from lupin_engine.missions.load import check_chart
 from lupin_engine.plugin.registry import load_catalog
 
 ROOT = Path(__file__).parents[2]

@@ -6,8 +6,9 @@ from pathlib import Path
 
 import pytest
 
+from lupin_engine.chart.source import head
 from lupin_engine.cli.main import main
-from lupin_engine.missions.load import default_missions_folder, head
+from lupin_engine.missions.folders import default_missions_folder
 
 #: What every author's folder begins with.
 BEGINNING = ["missions/inspection.yaml", "missions/lifecycle.yaml", "scenarios/inspection.scenario.yaml"]

@@ -5,7 +5,8 @@ from __future__ import annotations
 from functools import cache
 
 from lupin_engine.chart.model import Chart
-from lupin_engine.missions.load import LIFECYCLE, default_missions_folder, load_chart, mission_files
+from lupin_engine.missions.folders import LIFECYCLE, default_missions_folder, mission_files
+from lupin_engine.missions.load import load_chart
 from tests import shipped
 from tests.chart.test_words import GOOD, WORDS, wide_catalog
 from tests.machine.charts import chart as built

@@ -17,7 +17,7 @@ from lupin_engine.diagram.outline import outline
 from lupin_engine.diagram.png import png
 from lupin_engine.diagram.svg import svg
 from lupin_engine.errors import LupinError
-from lupin_engine.missions.load import default_missions_folder, mission_files
+from lupin_engine.missions.folders import default_missions_folder, mission_files
 from tests.diagram import pictured
 
 FONTS = Path(lupin_engine.diagram.__file__).parent / "fonts"

@@ -13,7 +13,7 @@ from lupin_engine.cli.main import main
 from lupin_engine.cli.verbs.diagram import diagram
 from lupin_engine.cli.verbs.simulate import simulate
 from lupin_engine.diagram.formats import FORMATS
-from lupin_engine.missions.load import default_missions_folder
+from lupin_engine.missions.folders import default_missions_folder
 
 ROOT = Path(__file__).parents[2]
 KEPT = ROOT / "docs" / "diagrams"

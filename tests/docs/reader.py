@@ -5,7 +5,7 @@ from __future__ import annotations
 import shutil
 from pathlib import Path
 
-from lupin_engine.missions.load import default_missions_folder
+from lupin_engine.missions.folders import default_missions_folder
 from lupin_engine.plugin.registry import load_catalog
 from lupin_engine.replay.coverage import Coverage, CoverageObserver, add_up
 from lupin_engine.sim.scenario import Missions

@@ -11,7 +11,7 @@ import pytest
 import yaml
 
 from lupin_engine.cli.verbs.new import MISSION, SCENARIO
-from lupin_engine.missions.load import default_missions_folder
+from lupin_engine.missions.folders import default_missions_folder
 from tests.tools import load_tool
 
 #: The first page of a book does what all of them say.

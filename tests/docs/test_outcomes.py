@@ -8,7 +8,7 @@ from types import ModuleType
 
 import pytest
 
-from lupin_engine.missions.load import default_missions_folder
+from lupin_engine.missions.folders import default_missions_folder
 from tests.tools import load_tool
 
 ROOT = Path(__file__).parents[2]

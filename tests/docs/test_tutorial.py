@@ -9,7 +9,8 @@ import pytest
 
 from lupin_engine.diagram.outline import outline
 from lupin_engine.diagram.svg import svg
-from lupin_engine.missions.load import lifecycle_in, load_chart
+from lupin_engine.missions.folders import lifecycle_in
+from lupin_engine.missions.load import load_files
 from lupin_engine.plugin.registry import load_catalog
 from lupin_engine.replay.coverage import GUARD, STATE, TRANSITION, Coverage
 from tests.docs.reader import assert_all_reached, run_scenarios
@@ -21,13 +22,13 @@ STEPS = sorted(file for file in TUTORIAL.glob("*.yaml") if file.suffixes == [".y
 @pytest.mark.parametrize("file", STEPS, ids=lambda file: file.stem)
 def test_a_step_is_a_mission(file: Path) -> None:
     """With the binding beside it; drawn, it shows its states and the operations that it invokes."""
-    chart = load_chart(lifecycle_in(file.parent), [file], load_catalog())
+    loaded = load_files(lifecycle_in(file.parent), [file], load_catalog())
     text = file.read_text(encoding="utf-8")
-    drawn = svg(outline(chart, focus="PatrolMission"))
+    drawn = svg(outline(loaded.chart, focus="PatrolMission"))
     for name in re.findall(r"^ +([A-Z_]+):", text, re.MULTILINE):
         assert f">{name}<" in drawn
     assert ("photo_arm.move" in drawn) == ("photo_arm.move" in text)
-    assert list(chart.bindings) == (["photo_arm"] if "photo_arm.move" in text else [])
+    assert list(loaded.bindings) == (["photo_arm"] if "photo_arm.move" in text else [])
 
 
 @pytest.fixture(scope="module")

@@ -12,7 +12,7 @@ from lupin_engine.editor.folder import Folder, folder_of
 from lupin_engine.editor.hover import hover
 from lupin_engine.editor.navigation import mention_under
 from lupin_engine.editor.places import definition
-from lupin_engine.missions.load import default_missions_folder
+from lupin_engine.missions.folders import default_missions_folder
 from lupin_engine.plugin.registry import load_catalog
 
 TUTORIAL = Path(__file__).parents[2] / "docs" / "tutorial"

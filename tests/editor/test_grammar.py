@@ -23,7 +23,7 @@ def models() -> set[type[Node]]:
     found: set[type[Node]] = set()
     waiting: list[type[Node]] = [Node]
     while waiting:
-        below = [m for m in waiting.pop().__subclasses__() if m.__module__.startswith("lupin_engine.chart.")]
+        below = [m for m in waiting.pop().__subclasses__() if m.__module__.startswith("lupin_engine.")]
         found.update(below)
         waiting += below
     return found

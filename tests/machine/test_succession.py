@@ -14,7 +14,8 @@ from lupin_engine.machine.event import Event, Start, done, observed
 from lupin_engine.machine.machine import Machine
 from lupin_engine.machine.snapshot import SnapshotError
 from lupin_engine.machine.succession import is_idle, successor
-from lupin_engine.missions.load import default_missions_folder, load_chart, mission_files
+from lupin_engine.missions.folders import default_missions_folder, mission_files
+from lupin_engine.missions.load import load_chart
 from lupin_engine.runtime.setup import make_machine, make_world
 from tests import shipped
 

@@ -14,7 +14,8 @@ from transitions.extensions.nesting import HierarchicalMachine
 
 from lupin_engine.errors import ChartError
 from lupin_engine.machine.structure import build_machine
-from lupin_engine.missions.load import default_missions_folder, load_chart
+from lupin_engine.missions.folders import default_missions_folder
+from lupin_engine.missions.load import load_chart
 from tests import shipped
 from tests.machine.charts import Bench, chart, fails
 

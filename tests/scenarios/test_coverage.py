@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from lupin_engine.missions.load import default_missions_folder, mission_files
+from lupin_engine.missions.folders import default_missions_folder, mission_files
 from lupin_engine.replay.coverage import (
     GUARD,
     OUTCOME,

@@ -25,7 +25,7 @@ from lupin_engine.machine.operations import Operations
 from lupin_engine.machine.timers import Timers
 from lupin_engine.machine.values import Values
 from lupin_engine.machine.walks import Walks
-from lupin_engine.missions.load import default_missions_folder
+from lupin_engine.missions.folders import default_missions_folder
 from lupin_engine.plugin.contract import OnHold
 from lupin_engine.plugin.registry import Catalog
 from lupin_engine.plugin.types import NUMBER

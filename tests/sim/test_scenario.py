@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from lupin_engine.errors import ChartError, UsageError
-from lupin_engine.missions.load import LIFECYCLE, default_missions_folder
+from lupin_engine.missions.folders import LIFECYCLE, default_missions_folder
 from lupin_engine.sim.failure import report
 from lupin_engine.sim.scenario import Missions, Scenario, load_scenario, scenario_files
 from lupin_engine.sim.scenario_file import CountNode, ScenarioNode, VisitNode

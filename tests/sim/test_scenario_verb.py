@@ -14,7 +14,7 @@ from click.testing import CliRunner, Result
 from lupin_engine.cli.main import main
 from lupin_engine.cli.verbs.simulate import simulate
 from lupin_engine.cli.verbs.test import test as run_scenarios
-from lupin_engine.missions.load import default_missions_folder
+from lupin_engine.missions.folders import default_missions_folder
 
 SCENARIOS = Path(__file__).parents[1] / "scenarios" / "inspection"
 HEAD = 'scenario: a promise\nmission: inspection\nrequest: {tag_sequence: ["1"]}\n'

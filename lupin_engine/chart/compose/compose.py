@@ -14,7 +14,6 @@ from dataclasses import dataclass, replace
 from itertools import chain
 from typing import Any
 
-from lupin_engine.chart.bound_catalog import BoundCatalog
 from lupin_engine.chart.compose.actions import ActionReader, raised_events
 from lupin_engine.chart.compose.declare import REQUESTS, Declared, Declarer, level_events
 from lupin_engine.chart.compose.invoke import InvokeReader, check_code, names_when_done, names_when_failed
@@ -59,6 +58,7 @@ from lupin_engine.chart.values import (
 from lupin_engine.errors import Place, nearest
 from lupin_engine.plugin.builtin import BUILTIN
 from lupin_engine.plugin.contract import Code, Parameter
+from lupin_engine.plugin.registry import Catalog
 from lupin_engine.plugin.types import ANY, BOOL, COUNT, DURATION, TEXT, Type, list_of
 
 #: What expressions see of the itinerary around them.
@@ -92,11 +92,11 @@ def compose(
     lifecycle: LifecycleNode,
     missions: Sequence[MissionNode],
     parts: Mapping[str, PartNode],
-    bound: BoundCatalog,
+    catalog: Catalog,
     findings: Findings,
 ) -> Composed:
     """Compose the chart of these documents; after errors it has holes, but may be checked further."""
-    return _Composer(lifecycle, missions, parts, bound, findings).compose()
+    return _Composer(lifecycle, missions, parts, catalog, findings).compose()
 
 
 class _Composer:
@@ -105,14 +105,13 @@ class _Composer:
         lifecycle: LifecycleNode,
         missions: Sequence[MissionNode],
         parts: Mapping[str, PartNode],
-        bound: BoundCatalog,
+        catalog: Catalog,
         findings: Findings,
     ) -> None:
         self._lifecycle = lifecycle
         self._missions = list(missions)
         self._parts = parts
-        self._catalog = catalog = bound.catalog
-        self._bindings = bound.bindings
+        self._catalog = catalog
         self._findings = findings
         self._usage = Usage()
         self._declarer = Declarer(catalog, findings, self._usage)
@@ -161,8 +160,7 @@ class _Composer:
             catalog=self._catalog,
         )
         plugins = self._plugins()
-        bindings = {name: self._bindings[name] for name in plugins if name in self._bindings}
-        chart = replace(chart, plugins=plugins, parameters=self._parameters(plugins), bindings=bindings)
+        chart = replace(chart, plugins=plugins, parameters=self._parameters(plugins))
         return Composed(chart, self._forest.drafts, self._usage, self._declared)
 
     # -- what the whole chart knows ------------------------------------------------------------------------

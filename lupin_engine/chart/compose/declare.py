@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 from lupin_engine.chart.documents import (
     FileNode,
@@ -17,6 +17,7 @@ from lupin_engine.chart.documents import (
     InputNode,
     LevelNode,
     LifecycleNode,
+    Node,
     ParameterNode,
     RequestFieldNode,
 )
@@ -40,9 +41,6 @@ from lupin_engine.plugin.types import (
     parse_type,
     units_of,
 )
-
-if TYPE_CHECKING:
-    from lupin_engine.chart.binding_file import ArgumentNode, BoundValueNode, ResultNode
 
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 
@@ -172,7 +170,7 @@ class Declarer:
 
     def parameter(self, node: ParameterNode, path: str) -> Parameter | None:
         """Read a setting; None after findings that leave no type."""
-        kind = self.measured(node, path)
+        kind = self.measured(node, node.type, node.unit, path)
         if kind is None:
             return None
         default = None
@@ -184,11 +182,11 @@ class Declarer:
             self.check_range(node, "default", value, low, high, path)
         return Parameter(kind, value, node.summary, low, high)
 
-    def measured(
-        self, node: ParameterNode | ArgumentNode | ResultNode | BoundValueNode, path: str
-    ) -> Type | None:
-        """Read a type and the unit beside it; a plain number with a unit is one of that dimension."""
-        kind, unit = self._type(node.type, node.at("type"), path), node.unit
+    def measured(self, node: Node, kind: str, unit: str | None, path: str) -> Type | None:
+        """Read the `type` and `unit` of a node; a plain number with a unit is one of that dimension."""
+        return self._in_unit(self._type(kind, node.at("type"), path), node, unit, path)
+
+    def _in_unit(self, kind: Type | None, node: Node, unit: str | None, path: str) -> Type | None:
         if kind is None or unit is None:
             return kind
         of = innermost(kind)
@@ -206,14 +204,8 @@ class Declarer:
             self._findings.add(node.at("unit"), "wrong-unit", path, problem, hint)
         return kind
 
-    def limit(
-        self,
-        node: ParameterNode | RequestFieldNode | InputNode | ArgumentNode,
-        key: str,
-        kind: Type,
-        path: str,
-    ) -> float | None:
-        """Read a minimum or maximum of a number; None when there is none, or after findings."""
+    def limit(self, node: Node, key: str, kind: Type, path: str) -> float | None:
+        """Read the `min` or `max` of a number; None when there is none, or after findings."""
         raw = getattr(node, key)
         if raw is None:
             return None
@@ -226,7 +218,7 @@ class Declarer:
 
     def check_range(
         self,
-        node: ParameterNode | InputNode | ArgumentNode,
+        node: Node,
         key: str,
         value: float | None,
         low: float | None,
@@ -235,12 +227,13 @@ class Declarer:
     ) -> bool:
         """Tell whether a range holds something, and the value under `key`; a finding otherwise."""
         what, wrong = f"the {key} value" if key == "initial" else f"the {key}", ""
+        lowest, highest = (getattr(node, bound) for bound in ("min", "max"))
         if low is not None and value is not None and value < low:
-            wrong = f"{what} is below the minimum of {node.min}"
+            wrong = f"{what} is below the minimum of {lowest}"
         elif high is not None and value is not None and value > high:
-            wrong = f"{what} is above the maximum of {node.max}"
+            wrong = f"{what} is above the maximum of {highest}"
         if low is not None and high is not None and low > high:
-            key, wrong = "min", f"the minimum of {node.min} is above the maximum of {node.max}"
+            key, wrong = "min", f"the minimum of {lowest} is above the maximum of {highest}"
         if wrong:
             self._findings.add(node.at(key), "out-of-range", path, wrong)
         return not wrong

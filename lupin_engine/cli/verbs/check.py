@@ -17,7 +17,7 @@ from lupin_engine.plugin.registry import Catalog, load_catalog
 from lupin_engine.sim import SUFFIX
 
 if TYPE_CHECKING:
-    from lupin_engine.chart.bound_catalog import BoundCatalog
+    from lupin_engine.bindings.catalog import BoundCatalog
     from lupin_engine.cli.terminal.findings import Checked
 
 #: Kind of file -> the folder beside the missions in which such files stand.
@@ -135,7 +135,7 @@ def watch_paths(
 
 def run_check(paths: Sequence[str | Path], catalog: Catalog) -> Checked:
     """Check what `paths` name; what is meant twice is checked once. Errors as for `check_paths`."""
-    from lupin_engine.chart.bound_catalog import BINDINGS, bound_catalog
+    from lupin_engine.bindings.catalog import BINDINGS, bound_catalog
     from lupin_engine.chart.findings import Findings
     from lupin_engine.cli.terminal.findings import Checked
     from lupin_engine.missions.load import SAVED, inspect_chart
@@ -167,7 +167,7 @@ def _misfits(bound: BoundCatalog | None) -> tuple[Diagnostic, ...]:
     bindings = bound.bindings.values() if bound is not None else ()
     if not bindings:
         return ()
-    from lupin_engine.chart.binding_reader import check_definition
+    from lupin_engine.bindings.reader import check_definition
     from lupin_engine.chart.findings import Findings
     from lupin_engine.ros.bindings.definitions import installed_types, knows_interfaces
 
@@ -186,36 +186,36 @@ def _is_elsewhere(diagnostic: Diagnostic, lifecycle: Path, missions: Iterable[Pa
 def _meant_by(name: str) -> tuple[Path, list[Path]]:
     """Return the lifecycle and the missions to check for a path or a mission's name."""
     from lupin_engine.chart.source import head
-    from lupin_engine.missions import load
+    from lupin_engine.missions import folders as files
     from lupin_engine.missions.selection import LOCAL, folders
 
     path = Path(name)
     if path.name.endswith(SUFFIX):
         raise UsageError(f"{name!r} is a scenario; scenarios are read by lupin test")
     if path.is_dir():
-        missions = load.mission_files(path)
-        if not missions and not (path / load.LIFECYCLE).is_file():
+        missions = files.mission_files(path)
+        if not missions and not (path / files.LIFECYCLE).is_file():
             inside = path / LOCAL
             hint = f"; did you mean {str(inside)!r}?" if inside.is_dir() else ""
             raise UsageError(f"there are no missions in {name!r}{hint}")
-        return load.lifecycle_in(path), missions
+        return files.lifecycle_in(path), missions
     if not path.is_file():
-        mission = load.find_mission(name, folders())
-        return load.lifecycle_of(mission), [mission]
+        mission = files.find_mission(name, folders())
+        return files.lifecycle_of(mission), [mission]
     kind = (head(path) or ("", ""))[0]
-    if path.name == load.LIFECYCLE or kind == "lifecycle":
-        return path, load.mission_files(path.parent)
+    if path.name == files.LIFECYCLE or kind == "lifecycle":
+        return path, files.mission_files(path.parent)
     if kind in _BESIDE and path.parent.name == _BESIDE[kind]:
         folder = path.parent.parent
-        return load.lifecycle_in(folder), load.mission_files(folder)
+        return files.lifecycle_in(folder), files.mission_files(folder)
     if kind in _BESIDE:
         raise UsageError(f"the {kind} {name!r} does not stand in a folder {_BESIDE[kind]!r} beside missions")
-    return load.lifecycle_of(path), [path]
+    return files.lifecycle_of(path), [path]
 
 
 def _watched(paths: Sequence[str | Path]) -> Iterator[Path]:
     """Yield every file that may have to do with what `paths` name."""
-    from lupin_engine.missions.load import find_mission
+    from lupin_engine.missions.folders import find_mission
     from lupin_engine.missions.selection import folders
 
     for path in paths or folders()[:1]:

@@ -17,7 +17,7 @@ from lupin_engine.sim import SUFFIX
 if TYPE_CHECKING:
     from lupin_engine.diagram.picture import Picture
     from lupin_engine.diagram.trace import Counts
-    from lupin_engine.missions.selection import Loaded
+    from lupin_engine.missions.load import LoadedMissions
 
 #: What else the name of an output file may end in.
 _ENDINGS = {ending: name for name, ending in FORMATS.items()} | {".mermaid": "mermaid", ".gv": "dot"}
@@ -93,7 +93,7 @@ def diagram(
     return 0
 
 
-def _loaded(mission: str, catalog: Catalog) -> Loaded:
+def _loaded(mission: str, catalog: Catalog) -> LoadedMissions:
     from lupin_engine.missions.selection import load_missions
 
     if mission.endswith(SUFFIX):
@@ -122,7 +122,7 @@ def _scenario(name: str, catalog: Catalog) -> str:
     return f"{name!r} is a scenario; for a picture name the mission that it tests: {str(mission)!r}"
 
 
-def _picture(loaded: Loaded, wanted: str, focus: str | None, depth: int | None) -> Picture:
+def _picture(loaded: LoadedMissions, wanted: str, focus: str | None, depth: int | None) -> Picture:
     """Return what is to be drawn."""
     from lupin_engine.diagram.outline import outline, readable_depth
 
@@ -170,7 +170,7 @@ def _write(content: bytes, output: Path | None) -> None:
 
 def _draw_all(folder: Path, formats: tuple[str, ...], depth: int | None, output: Path) -> None:
     from lupin_engine.diagram.index import Page, index
-    from lupin_engine.missions.load import mission_files
+    from lupin_engine.missions.folders import mission_files
     from lupin_engine.missions.selection import load_missions
 
     files = mission_files(folder)

@@ -75,7 +75,7 @@ def write_mission(name: str, like: str | None, folder: Path) -> tuple[list[Path]
     Raises:
         UsageError: the name cannot be one, the mission exists, or there is none to be `like`.
     """
-    from lupin_engine.missions import load
+    from lupin_engine.missions import folders
     from lupin_engine.missions.selection import LOCAL
 
     missions = folder / LOCAL
@@ -90,14 +90,17 @@ def write_mission(name: str, like: str | None, folder: Path) -> tuple[list[Path]
         missions / f"{name}.yaml": MISSION.format(title=title_of(name)),
         scenario: (SCENARIO_LIKE if like else SCENARIO).format(name=name),
     }
-    source = load.default_missions_folder()
-    lifecycle, others = source / load.LIFECYCLE, list[str]()
+    source = folders.default_missions_folder()
+    lifecycle, others = source / folders.LIFECYCLE, list[str]()
     if model is not None:
         file, parts = model
-        source, lifecycle = file.parent, load.lifecycle_of(file)
+        source, lifecycle = file.parent, folders.lifecycle_of(file)
         own[missions / f"{name}.yaml"] = _renamed(file.read_text(encoding="utf-8"), title_of(name))
         others += parts
-    origins = {missions / load.LIFECYCLE: lifecycle, **{missions / other: source / other for other in others}}
+    origins = {
+        missions / folders.LIFECYCLE: lifecycle,
+        **{missions / other: source / other for other in others},
+    }
     shared = {file: origin.read_text(encoding="utf-8") for file, origin in origins.items()}
     kept = [file for file in shared if file.exists()]
     written = {file: text for file, text in {**shared, **own}.items() if file not in kept}
@@ -108,9 +111,9 @@ def write_mission(name: str, like: str | None, folder: Path) -> tuple[list[Path]
 
 def _check_name(name: str, files: Iterable[Path]) -> None:
     """Look whether a mission can be called so, and these files be its own."""
-    from lupin_engine.missions import load
+    from lupin_engine.missions import folders
 
-    if not NAME.fullmatch(name) or name == Path(load.LIFECYCLE).stem:
+    if not NAME.fullmatch(name) or name == Path(folders.LIFECYCLE).stem:
         wanted = "lower-case letters, digits and underscores, such as water_beds"
         raise UsageError(
             f"{name!r} cannot be the name of a mission's file: write {wanted}{nearest_name(name)}"
@@ -122,15 +125,16 @@ def _check_name(name: str, files: Iterable[Path]) -> None:
 
 def _model(like: str, folder: Path) -> tuple[Path, list[str]]:
     """Return the file of a mission and its parts, as named beside it."""
-    from lupin_engine.missions import load
+    from lupin_engine.missions import folders as files
+    from lupin_engine.missions.load import inspect_chart
     from lupin_engine.missions.selection import LOCAL
 
     local = folder / LOCAL
-    folders = [local] if load.is_missions_folder(local) else []
-    file = load.find_mission(like, [*folders, load.default_missions_folder()])
-    documents = load.inspect_chart(load.lifecycle_of(file), [file], load_catalog()).documents
-    parts = sorted(path.name for path in documents if path.parent.name == load.PARTS)
-    return file, [f"{load.PARTS}/{part}" for part in parts]
+    folders = [local] if files.is_missions_folder(local) else []
+    file = files.find_mission(like, [*folders, files.default_missions_folder()])
+    documents = inspect_chart(files.lifecycle_of(file), [file], load_catalog()).documents
+    parts = sorted(path.name for path in documents if path.parent.name == files.PARTS)
+    return file, [f"{files.PARTS}/{part}" for part in parts]
 
 
 def _renamed(text: str, title: str) -> str:

@@ -128,7 +128,7 @@ def _installed_or_bound(name: str) -> tuple[Plugin, str]:
     if file is None:
         point = find_entry_point(name)
         return verified_plugin(point), str(point)
-    from lupin_engine.chart.bound_catalog import bound_catalog
+    from lupin_engine.bindings.catalog import bound_catalog
     from lupin_engine.chart.findings import Findings
 
     bound = bound_catalog([file.parent.parent], load_catalog(), {}, Findings())

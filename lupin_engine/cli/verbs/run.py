@@ -14,7 +14,7 @@ from lupin_engine.errors import LupinError, Severity
 from lupin_engine.plugin.registry import Catalog, load_catalog
 
 if TYPE_CHECKING:
-    from lupin_engine.missions.selection import Loaded
+    from lupin_engine.missions.load import LoadedMissions
     from lupin_engine.ros.launch.interrupts import Interrupts
     from lupin_engine.ros.launch.session import Session
 
@@ -85,7 +85,12 @@ def run(
 
 
 def _carry_out(
-    session: Session, observer: Any, loaded: Loaded, catalog: Catalog, tags: tuple[str, ...], goal: int
+    session: Session,
+    observer: Any,
+    loaded: LoadedMissions,
+    catalog: Catalog,
+    tags: tuple[str, ...],
+    goal: int,
 ) -> int:
     """Run the mission; an error is reported to the observer and aborts the mission."""
     from lupin_engine.ros.launch.interrupts import Interrupted
@@ -106,7 +111,7 @@ def _carry_out(
     return code
 
 
-def _observer(as_json: bool, save_svg: Path | None, loaded: Loaded, interrupts: Interrupts) -> Any:
+def _observer(as_json: bool, save_svg: Path | None, loaded: LoadedMissions, interrupts: Interrupts) -> Any:
     from rich.console import Console
 
     from lupin_engine.cli.terminal.observers import (

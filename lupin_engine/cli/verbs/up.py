@@ -14,7 +14,7 @@ from lupin_engine.plugin.registry import Catalog, load_catalog
 from lupin_engine.ros.launch.environment import current_domain
 
 if TYPE_CHECKING:
-    from lupin_engine.missions.selection import Loaded
+    from lupin_engine.missions.load import LoadedMissions
     from lupin_engine.ros.launch.session import Observer, Session
 
 
@@ -49,7 +49,7 @@ def up(missions: tuple[str, ...], **wanted: Any) -> int:
             return _serve(session, observer, loaded, catalog)
 
 
-def _serve(session: Session, observer: Observer, loaded: Loaded, catalog: Catalog) -> int:
+def _serve(session: Session, observer: Observer, loaded: LoadedMissions, catalog: Catalog) -> int:
     from lupin_engine.ros.launch.interrupts import Interrupted
     from lupin_engine.ros.launch.story import NOT_DONE
 
@@ -79,7 +79,7 @@ class _StateLines:
             self._observer.note(view.plain_state(state))
 
 
-def served(loaded: Loaded, domain: str) -> list[str]:
+def served(loaded: LoadedMissions, domain: str) -> list[str]:
     """Return what to tell an operator: the missions, and how each is started."""
     lines = [f"ready in ROS domain {domain}; start a mission from the HMI, or with"]
     for name, file in zip(loaded.names, loaded.files, strict=True):

@@ -1,7 +1,6 @@
 """A client for services, actions and topics that are known by name only: all about them is told as data.
 
-This is the whole driver of a plugin that is written down in a file. The adapter knows nothing of such files;
-it sees what `bound` says.
+This is the whole driver of a plugin that is written down in a file; `lupin_engine.bindings` makes the data.
 """
 
 from __future__ import annotations
@@ -14,6 +13,7 @@ from typing import Any
 from action_msgs.msg import GoalStatus
 from rclpy.publisher import Publisher
 
+from lupin_engine.bindings.data import Binding, Endpoint, MessageHeard, MessageSent, OperationCall, Sending
 from lupin_engine.plugin.contract import Outlet
 from lupin_engine.ros.adapter.action_driver import ActionAttempts, ActionOperation, ActionServer
 from lupin_engine.ros.adapter.node import Failure, Qos, RosNode, Timer, peer_mismatches
@@ -31,7 +31,6 @@ from lupin_engine.ros.bindings.definitions import (
     interface_types,
     plain,
 )
-from lupin_engine.ros.bindings.values import Bound, Call, Endpoint, Heard, Sending, Sent
 
 #: How long after it was made a client waits for a server that it does not see, in seconds of real time:
 #: discovery takes its time, also where a simulation stands still.
@@ -79,7 +78,7 @@ class _World:
 class BoundClient:
     """The driver of a plugin that is a file; see `plugin.contract.Driver` for what every call promises."""
 
-    def __init__(self, ros: RosNode, bound: Bound, outlet: Outlet, parameters: Mapping[str, Any]) -> None:
+    def __init__(self, ros: RosNode, bound: Binding, outlet: Outlet, parameters: Mapping[str, Any]) -> None:
         self._ros = ros
         self._bound = bound
         self._outlet = outlet
@@ -98,7 +97,7 @@ class BoundClient:
             *(_Listener(world, heard, partial(self._event, name)) for name, heard in bound.events.items()),
         ]
 
-    def _goal(self, call: Call) -> ActionOperation:
+    def _goal(self, call: OperationCall) -> ActionOperation:
         endpoint = call.endpoint
         server = self._servers.get(endpoint.name)
         if server is None:
@@ -157,7 +156,7 @@ class BoundClient:
         """Publish the message of an action."""
         if action not in self._publishers:
             raise ValueError(f"{self._bound.name} has no action {action!r}")
-        sent: Sent = self._bound.sends[action]
+        sent: MessageSent = self._bound.sends[action]
         endpoint = sent.endpoint
         try:
             kind = interface_class(endpoint.type)
@@ -194,7 +193,7 @@ class BoundClient:
 class _Listener:
     """Listens to a topic, and tells what its messages mean."""
 
-    def __init__(self, world: _World, heard: Heard, tell: Callable[[Mapping[str, Any]], None]) -> None:
+    def __init__(self, world: _World, heard: MessageHeard, tell: Callable[[Mapping[str, Any]], None]) -> None:
         self._world = world
         self._heard = heard
         self._tell = tell
@@ -233,7 +232,7 @@ def _publisher(ros: RosNode, endpoint: Endpoint) -> Publisher:
 # -- services ----------------------------------------------------------------------------------------------
 
 
-def _called(world: _World, call: Call) -> ServiceOperation:
+def _called(world: _World, call: OperationCall) -> ServiceOperation:
     endpoint = call.endpoint
     kind = interface_class(endpoint.type)
     return ServiceOperation(
@@ -244,7 +243,9 @@ def _called(world: _World, call: Call) -> ServiceOperation:
     )
 
 
-def _answered(world: _World, call: Call, _: Mapping[str, Any], answer: Any | Failure) -> Done | Failed:
+def _answered(
+    world: _World, call: OperationCall, _: Mapping[str, Any], answer: Any | Failure
+) -> Done | Failed:
     if not isinstance(answer, Failure):
         return _outcome(world, call, {"response": plain(answer)})
     if answer.code == "unavailable":
@@ -252,7 +253,7 @@ def _answered(world: _World, call: Call, _: Mapping[str, Any], answer: Any | Fai
     return Failed(call.code, answer.detail)
 
 
-def _outcome(world: _World, call: Call, answer: Mapping[str, Any]) -> Done | Failed:
+def _outcome(world: _World, call: OperationCall, answer: Mapping[str, Any]) -> Done | Failed:
     try:
         meaning = call.outcome(answer, world.around(call.endpoint))
     except Exception as problem:  # whatever a file computes from an answer that nobody foresaw
@@ -263,14 +264,14 @@ def _outcome(world: _World, call: Call, answer: Mapping[str, Any]) -> Done | Fai
 # -- actions -----------------------------------------------------------------------------------------------
 
 
-def _ended(world: _World, call: Call, status: int, result: Any) -> Done | Failed:
+def _ended(world: _World, call: OperationCall, status: int, result: Any) -> Done | Failed:
     word = _STATUS.get(status)
     if word is None:
         return Failed(call.unavailable, f"action server {call.endpoint.name} no longer knows the goal")
     return _outcome(world, call, {"status": word, "result": plain(result)})
 
 
-def _told(world: _World, call: Call, feedback: Any) -> str:
+def _told(world: _World, call: OperationCall, feedback: Any) -> str:
     try:
         return call.progress(plain(feedback), world.around(call.endpoint))
     except _COMPUTING as problem:

@@ -17,7 +17,8 @@ from typing import Literal
 
 from lupin_engine import __version__
 from lupin_engine.errors import LupinError, Severity
-from lupin_engine.missions.load import check_chart, lifecycle_in, mission_files
+from lupin_engine.missions.folders import lifecycle_in, mission_files
+from lupin_engine.missions.load import check_chart
 from lupin_engine.missions.selection import folders
 from lupin_engine.plugin.discovery import entry_points
 from lupin_engine.plugin.registry import load_catalog, verified_plugin

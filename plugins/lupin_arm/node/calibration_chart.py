@@ -7,7 +7,8 @@ from pathlib import Path
 import lupin_arm.calibration
 from lupin_arm.calibration.catalog import PLUGIN
 from lupin_engine.chart.model import Chart
-from lupin_engine.missions.load import LIFECYCLE, load_chart
+from lupin_engine.missions.folders import LIFECYCLE
+from lupin_engine.missions.load import load_chart
 from lupin_engine.plugin.registry import build_catalog
 
 #: Where the chart is written down.

@@ -12,9 +12,9 @@ from nav2_msgs.action import NavigateToPose
 from std_msgs.msg import ColorRGBA, Float32
 from std_srvs.srv import Trigger
 
-from lupin_engine.chart.binding_file import BindingNode
-from lupin_engine.chart.binding_reader import check_definition, read_binding
-from lupin_engine.chart.bindings import Binding
+from lupin_engine.bindings.data import Binding
+from lupin_engine.bindings.file import BindingNode
+from lupin_engine.bindings.reader import check_definition, read_binding
 from lupin_engine.chart.documents import validate
 from lupin_engine.chart.findings import Findings
 from lupin_engine.chart.source import parse_bytes

@@ -9,7 +9,7 @@ import pytest
 
 from lupin_engine.cli.requests import check_request
 from lupin_engine.errors import ChartError, UsageError
-from lupin_engine.missions.load import default_missions_folder
+from lupin_engine.missions.folders import default_missions_folder
 from lupin_engine.missions.selection import load_missions
 from lupin_engine.plugin.registry import load_catalog
 

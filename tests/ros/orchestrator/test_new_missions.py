@@ -12,7 +12,7 @@ import pytest
 from rcl_interfaces.srv import GetParameters
 from std_msgs.msg import String
 
-from lupin_engine.missions.load import default_missions_folder
+from lupin_engine.missions.folders import default_missions_folder
 from lupin_engine.ros.adapter.node import Qos, RosNode
 from lupin_msgs.srv import SetArmPreset
 from tests.ros.world import PATIENCE, Operator, World

@@ -12,8 +12,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
-from lupin_engine.chart.binding_file import BoundValueNode, ResultNode
-from lupin_engine.chart.bindings import Fields, Kinds, Taken
+from lupin_engine.bindings.data import Fields, Kinds, Taken
+from lupin_engine.bindings.file import BoundValueNode, ResultNode
 from lupin_engine.chart.documents import Node
 from lupin_engine.chart.expressions import units as q
 from lupin_engine.chart.expressions.checker import BUILTIN_CALLS, ROOTS, WORDS, Scope, Usage

@@ -7,7 +7,17 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from lupin_engine.chart.binding_file import (
+from lupin_engine.bindings.data import (
+    Binding,
+    Endpoint,
+    Kinds,
+    MessageHeard,
+    MessageSent,
+    OperationCall,
+    Sending,
+    Taken,
+)
+from lupin_engine.bindings.file import (
     ArgumentNode,
     BindingNode,
     BoundActionNode,
@@ -19,7 +29,7 @@ from lupin_engine.chart.binding_file import (
     ServiceNode,
     TopicNode,
 )
-from lupin_engine.chart.binding_meaning import (
+from lupin_engine.bindings.meaning import (
     FEEDBACK,
     MESSAGE,
     RESPONSE,
@@ -28,16 +38,6 @@ from lupin_engine.chart.binding_meaning import (
     Definition,
     Meaning,
     Seen,
-)
-from lupin_engine.chart.bindings import (
-    Binding,
-    Endpoint,
-    Kinds,
-    MessageHeard,
-    MessageSent,
-    OperationCall,
-    Sending,
-    Taken,
 )
 from lupin_engine.chart.compose.declare import SEVERITIES, Declarer
 from lupin_engine.chart.documents import Node
@@ -420,7 +420,7 @@ class _Reader:
 
     def _value(self, name: str, node: BoundValueNode) -> LiveValue:
         path = self._named("values", name, DOTTED_NAME, "value")
-        kind = self._declarer.measured(node, path)
+        kind = self._declarer.measured(node, node.type, node.unit, path)
         initial = None
         if kind is not None and node.initial is not None:
             read = read_constant(node.initial, node.at("initial"), kind, self._findings, f"{path}.initial")
@@ -441,7 +441,7 @@ class _Reader:
         return found
 
     def _argument(self, written: ArgumentNode, path: str) -> Argument:
-        kind = self._declarer.measured(written, path)
+        kind = self._declarer.measured(written, written.type, written.unit, path)
         default = None
         if kind is not None:
             low, high = (self._declarer.limit(written, key, kind, path) for key in ("min", "max"))
@@ -462,7 +462,7 @@ class _Reader:
         for name, written in getattr(node, key).items():
             place, inner = node.key_at(key, name), f"{path}.{key}.{name}"
             self._good_name(NAME, "field", name, place, inner)
-            found[name] = self._declarer.measured(written, inner) or ANY
+            found[name] = self._declarer.measured(written, written.type, written.unit, inner) or ANY
         return found
 
     # -- how it is simulated -------------------------------------------------------------------------------

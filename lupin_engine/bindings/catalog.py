@@ -19,7 +19,7 @@ from lupin_engine.errors import Diagnostic, PluginError, Severity
 from lupin_engine.plugin.registry import Catalog, build_catalog
 
 if TYPE_CHECKING:
-    from lupin_engine.chart.bindings import Binding
+    from lupin_engine.bindings.data import Binding
 
 #: The folder of the bindings, beside the missions.
 BINDINGS = "bindings"
@@ -99,8 +99,8 @@ def _paths(folders: Iterable[Path], texts: Iterable[Path]) -> Iterable[Path]:
 @lru_cache(maxsize=MAX_FILES)
 def _file(name: str, stem: str, raw: bytes, key: _Same) -> _File:
     # Most folders have no bindings, and nearly all that a check takes are imports.
-    from lupin_engine.chart.binding_file import KIND, BindingNode
-    from lupin_engine.chart.binding_reader import read_binding
+    from lupin_engine.bindings.file import KIND, BindingNode
+    from lupin_engine.bindings.reader import read_binding
 
     findings = Findings()
     parsed = parse_bytes(raw, name, findings)

@@ -23,7 +23,7 @@ from lupin_engine.plugin.types import Type, convert, in_base, innermost
 from lupin_engine.plugin.wire import pose_from
 
 if TYPE_CHECKING:
-    from lupin_engine.chart.binding_file import BindingNode
+    from lupin_engine.bindings.file import BindingNode
 
 #: Fields of a message by name; what is a message itself is a mapping of its fields, what is a list a list.
 Fields = Mapping[str, "Value | Fields | list[Value | Fields]"]

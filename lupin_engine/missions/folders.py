@@ -1,0 +1,93 @@
+"""Where mission files stand: which files of a folder are missions, and the lifecycle that belongs to them.
+
+`lifecycle.yaml` stands beside the missions, else they are in the shipped one; the parts they use stand in
+`parts/` beside them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+
+import lupin_engine
+from lupin_engine.chart.source import head
+from lupin_engine.errors import UsageError, meant, nearest
+
+#: What the file around the missions of a folder is called.
+LIFECYCLE = "lifecycle.yaml"
+#: What a folder of missions is called; one with a lifecycle may be called otherwise.
+MISSIONS = "missions"
+#: The folder of the parts, beside the missions.
+PARTS = "parts"
+
+
+def mission_files(folder: Path) -> list[Path]:
+    """Return the missions of a folder, sorted by name."""
+    found = sorted(
+        path for path in folder.glob("*.yaml") if path.name != LIFECYCLE and path.suffixes == [".yaml"]
+    )
+    return [path for path in found if (head(path) or ("mission", ""))[0] == "mission"]
+
+
+def is_missions_folder(folder: Path) -> bool:
+    """Say whether missions are looked for in a folder: it has a lifecycle, or its name and files say so."""
+    return (folder / LIFECYCLE).is_file() or (folder.name == MISSIONS and bool(mission_files(folder)))
+
+
+def lifecycle_in(folder: Path) -> Path:
+    """Return the lifecycle around the missions of a folder: the one that stands there, or the shipped one."""
+    own = folder / LIFECYCLE
+    return own if own.is_file() else default_missions_folder() / LIFECYCLE
+
+
+def lifecycle_of(mission: Path) -> Path:
+    """Return the lifecycle that a mission file belongs to."""
+    return lifecycle_in(mission.parent)
+
+
+def default_missions_folder() -> Path:
+    """Return the folder of the shipped missions: in the checkout, or inside the installed package.
+
+    Raises:
+        UsageError: this installation has neither.
+    """
+    package = Path(lupin_engine.__file__).resolve().parent
+    for folder in (package.parent / MISSIONS, package / MISSIONS / "shipped"):
+        if (folder / LIFECYCLE).is_file():
+            return folder
+    raise UsageError("this installation ships no missions; name a mission file")
+
+
+def find_mission(name: str, folders: Iterable[Path]) -> Path:
+    """Return the file of a mission, named by path, by file (`inspection`) or by itself (`InspectionMission`).
+
+    Raises:
+        UsageError: there is none; the text lists those that there are.
+    """
+    path = Path(name)
+    if path.suffix in (".yaml", ".yml") or len(path.parts) > 1:
+        if path.is_file():
+            return path
+        raise UsageError(_no_file(path))
+    searched = list(folders)
+    known: dict[str, Path] = {}
+    for folder in searched:
+        for file in mission_files(folder):
+            named = head(file)
+            for title in (file.stem, named[1] if named else file.stem):
+                known.setdefault(title, file)
+    if name in known:
+        return known[name]
+    if path.is_dir():
+        raise UsageError(_no_file(path))
+    where = ", ".join(str(folder) for folder in searched) or "no folder"
+    raise UsageError(f"no mission {name!r} in {where}; {nearest(name, known)}")
+
+
+def _no_file(path: Path) -> str:
+    """Say why a path is no mission, and which are beside it or in it."""
+    if path.is_dir():
+        files = [str(file) for file in mission_files(path)]
+        return f"{str(path)!r} is a folder; " + (nearest("", files) if files else "it has no missions")
+    guess = meant(str(path), map(str, mission_files(path.parent))) if path.parent.is_dir() else ""
+    return f"no mission file {str(path)!r}" + (f"; {guess}" if guess else "")
