@@ -6,7 +6,6 @@ import json
 import math
 import os
 import time
-from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -18,8 +17,6 @@ from lupin_greenhouse.layout import numeric_key
 from lupin_twin.export.forms import finite, utc
 from lupin_twin.export.geojson import geojson
 from lupin_twin.export.georeference import FORM, Georeference
-from lupin_twin.export.ngsi_ld import ngsi_ld
-from lupin_twin.export.sensorthings import sensorthings
 from lupin_twin.export.table import DESCRIPTION, description, table
 from lupin_twin.missions import MissionRecord, Summary, select, summaries
 from lupin_twin.place import store_path
@@ -30,13 +27,7 @@ from lupin_twin.text import number, printable
 from lupin_twin.units import QUANTITIES
 
 #: What the name of a file may end in, and the format that it says.
-ENDINGS = {
-    ".csv": "csv",
-    ".geojson": "geojson",
-    ".jsonld": "ngsi-ld",
-    ".ngsi-ld.json": "ngsi-ld",
-    ".sensorthings.json": "sensorthings",
-}
+ENDINGS = {".csv": "csv", ".geojson": "geojson"}
 PRINT = "-"
 
 
@@ -194,7 +185,7 @@ def export(
     with problems.collecting():
         where = None if origin is None else Georeference.parse(origin)
     problems.tell()
-    if where is None and wanted in ("geojson", "sensorthings"):
+    if where is None and wanted == "geojson":
         raise UsageError(
             f"{wanted} has longitude and latitude, and the map is in metres from its own origin: "
             f"say where that is with --origin {FORM} in degrees"
@@ -202,7 +193,7 @@ def export(
     if where is not None and wanted == "csv":
         raise UsageError("csv has metres on the map: leave --origin out")
     record = select(_content(store, domain).rows, mission)
-    content = _WRITERS[wanted](record, where)
+    content = table(record) if where is None else geojson(record, where)
     if output == PRINT:
         click.echo(content, nl=False)
         return 0
@@ -212,24 +203,6 @@ def export(
         _write(path.with_name(path.name + DESCRIPTION), description(record, path.name))
     _write(path, content)
     return 0
-
-
-def _geojson(record: MissionRecord, origin: Georeference | None) -> bytes:
-    assert origin is not None
-    return geojson(record, origin)
-
-
-def _sensorthings(record: MissionRecord, origin: Georeference | None) -> bytes:
-    assert origin is not None
-    return sensorthings(record, origin)
-
-
-_WRITERS: Mapping[str, Callable[[MissionRecord, Georeference | None], bytes]] = {
-    "csv": lambda record, _: table(record),
-    "geojson": _geojson,
-    "ngsi-ld": ngsi_ld,
-    "sensorthings": _sensorthings,
-}
 
 
 def _format(given: str | None, output: str) -> str:

@@ -10,7 +10,7 @@ import click
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 
-FORMATS = ("csv", "geojson", "ngsi-ld", "sensorthings")
+FORMATS = ("csv", "geojson")
 
 
 @click.group()
@@ -78,11 +78,10 @@ def missions(**given: Any) -> int:
     help="Where the map's origin is and which way its x axis points, in degrees; DIR from north, default 90.",
 )
 def export(**given: Any) -> int:
-    """Write a mission's record: CSV, GeoJSON, NGSI-LD or SensorThings.
+    """Write a mission's record: CSV or GeoJSON.
 
     CSV has places in metres on the map, and beside it a description with units and types (CSV on the Web).
-    The other formats have longitude and latitude, which needs --origin; NGSI-LD does without, and then has
-    the place on the map only.
+    GeoJSON has longitude and latitude, which needs --origin.
 
     Example: lupin twin export -o record.geojson --origin 51.9988,4.3735,90
     """

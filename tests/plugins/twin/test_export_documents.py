@@ -11,8 +11,6 @@ import pytest
 
 from lupin_twin.export.geojson import geojson
 from lupin_twin.export.georeference import Georeference
-from lupin_twin.export.ngsi_ld import ngsi_ld
-from lupin_twin.export.sensorthings import sensorthings
 from lupin_twin.export.table import DESCRIPTION, description, table
 from lupin_twin.missions import ALL, MissionRecord, select
 from lupin_twin.records import Anomaly, Bloom, Box, Flowers, Pin, Reading, Record
@@ -53,8 +51,6 @@ RECORDS: list[Record] = [
 #: How every document is made, by the name of its file.
 DOCUMENTS: dict[str, Callable[[MissionRecord], bytes]] = {
     "record.geojson": lambda record: geojson(record, ORIGIN),
-    "record.ngsi_ld.json": lambda record: ngsi_ld(record, ORIGIN),
-    "record.sensorthings.json": lambda record: sensorthings(record, ORIGIN),
     "record.csv": table,
     f"record.csv{DESCRIPTION}": lambda record: description(record, "record.csv"),
 }

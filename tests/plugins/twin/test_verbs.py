@@ -135,25 +135,19 @@ def test_what_came_over_the_wire_gives_no_orders_to_the_terminal(run: Run, path:
 
 def test_the_name_of_the_file_says_the_format(run: Run, tmp_path: Path) -> None:
     assert run("export", "-o", "m.csv") == (0, "", "wrote m.csv-metadata.json\nwrote m.csv\n")
-    for name in ("m.geojson", "m.jsonld", "m.ngsi-ld.json", "m.sensorthings.json"):
-        assert run("export", "-o", name, "--origin", "52,4") == (0, "", f"wrote {name}\n")
+    assert run("export", "-o", "m.geojson", "--origin", "52,4") == (0, "", "wrote m.geojson\n")
     assert "m2" in (tmp_path / "m.csv").read_text()
     assert "m1" not in (tmp_path / "m.csv").read_text()
     assert json.loads((tmp_path / "m.csv-metadata.json").read_text())["url"] == "m.csv"
     assert json.loads((tmp_path / "m.geojson").read_text())["type"] == "FeatureCollection"
-    assert json.loads((tmp_path / "m.jsonld").read_text()) == json.loads(
-        (tmp_path / "m.ngsi-ld.json").read_text()
-    )
-    assert json.loads((tmp_path / "m.sensorthings.json").read_text())["@iot.count"] == 2
 
 
 def test_an_export_can_be_printed(run: Run) -> None:
-    code, out, err = run("export", "--format", "ngsi-ld", "--mission", "m1", "-o", "-")
+    code, out, err = run("export", "--format", "geojson", "--mission", "m1", "-o", "-", "--origin", "52,4")
     assert (code, err) == (0, "")
-    assert [entity["id"] for entity in json.loads(out)] == [
-        "urn:ngsi-ld:Mission:m1",
-        "urn:ngsi-ld:GreenhouseTag:5",
-    ]
+    found = json.loads(out)
+    assert found["lupin"]["missions"] == ["m1"]
+    assert [one["id"] for one in found["features"]] == ["urn:lupin:tag:5", "urn:lupin:reading:1"]
 
 
 @pytest.mark.parametrize(
@@ -161,8 +155,7 @@ def test_an_export_can_be_printed(run: Run) -> None:
     [
         (
             ["-o", "record"],
-            "'record' says no format: end it in .csv, .geojson, .jsonld, .ngsi-ld.json, .sensorthings.json, "
-            "or add --format",
+            "'record' says no format: end it in .csv, .geojson, or add --format",
         ),
         (
             ["-o", "m.geojson"],
@@ -184,10 +177,10 @@ def test_what_cannot_be_exported_is_told(run: Run, tmp_path: Path, arguments: li
 
 
 def test_a_folder_that_is_not_there_is_told(run: Run) -> None:
-    assert run("export", "-o", "no/such/m.jsonld") == (
+    assert run("export", "-o", "no/such/m.geojson", "--origin", "52,4") == (
         1,
         "",
-        "lupin: cannot write 'no/such/m.jsonld': No such file or directory\n",
+        "lupin: cannot write 'no/such/m.geojson': No such file or directory\n",
     )
 
 
@@ -197,21 +190,21 @@ def test_a_full_disk_leaves_the_old_file(path: Path, tmp_path: Path) -> None:
     for n in range(200):
         store.add(reading(str(n), 1.0, 20.0, "m2", T + 100.0), T + 100.0)
     store.close()
-    old = tmp_path / "m.jsonld"
+    old = tmp_path / "m.geojson"
     old.write_text("the old one")
     code = (
         "import resource, signal, sys\n"
         "from lupin_engine.cli.main import main\n"
         "signal.signal(signal.SIGXFSZ, signal.SIG_IGN)\n"
         "resource.setrlimit(resource.RLIMIT_FSIZE, (40_000, 40_000))\n"
-        "sys.exit(main(['twin', 'export', '-o', 'm.jsonld']))\n"
+        "sys.exit(main(['twin', 'export', '-o', 'm.geojson', '--origin', '52,4']))\n"
     )
     done = subprocess.run(
         [sys.executable, "-B", "-c", code], cwd=tmp_path, capture_output=True, text=True, timeout=60
     )
-    assert (done.returncode, done.stderr) == (1, "lupin: cannot write 'm.jsonld': File too large\n")
+    assert (done.returncode, done.stderr) == (1, "lupin: cannot write 'm.geojson': File too large\n")
     assert old.read_text() == "the old one"
-    assert sorted(os.listdir(tmp_path)) == ["lupin", "m.jsonld"]
+    assert sorted(os.listdir(tmp_path)) == ["lupin", "m.geojson"]
 
 
 # --- the store ----------------------------------------------------------------------------------------------
