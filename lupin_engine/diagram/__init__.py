@@ -1,1 +1,1 @@
-"""A chart as a picture: Mermaid and Graphviz text, and SVG where a program for it is installed."""
+"""A chart as a picture: Mermaid and SCXML as text, SVG and PNG drawn without any other program."""

@@ -7,12 +7,5 @@ from types import MappingProxyType
 
 #: Format -> ending of its files. The function of that name in the module of that name writes it.
 FORMATS: Mapping[str, str] = MappingProxyType(
-    {
-        "mermaid": ".mmd",
-        "plantuml": ".puml",
-        "dot": ".dot",
-        "scxml": ".scxml",
-        "svg": ".svg",
-        "png": ".png",
-    }
+    {"mermaid": ".mmd", "scxml": ".scxml", "svg": ".svg", "png": ".png"}
 )

@@ -10,14 +10,7 @@ _HEAD = """\
 
 Written by `lupin diagram --all`; not to be edited.
 """
-_WORDS = {
-    "mermaid": "Mermaid",
-    "plantuml": "PlantUML",
-    "dot": "DOT",
-    "scxml": "SCXML",
-    "svg": "SVG",
-    "png": "PNG",
-}
+_WORDS = {"mermaid": "Mermaid", "scxml": "SCXML", "svg": "SVG", "png": "PNG"}
 
 
 @dataclass(frozen=True)

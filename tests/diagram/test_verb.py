@@ -20,8 +20,6 @@ KEPT = ROOT / "docs" / "diagrams"
 ALL = "lupin diagram --all missions -o docs/diagrams"
 BEGINS = {
     "mermaid": "---\ntitle: InspectionMission",
-    "plantuml": "@startuml",
-    "dot": "digraph chart {",
     "scxml": "<?xml",
     "svg": "<svg",
     "png": "\x89PNG",
@@ -121,8 +119,8 @@ def test_a_folder_of_missions_becomes_a_folder_of_pictures(tmp_path: Path) -> No
         "\n"
         "![InspectionMission](inspection.svg)\n"
         "\n"
-        "[Mermaid](inspection.mmd) · [PlantUML](inspection.puml) · [DOT](inspection.dot)"
-        " · [SCXML](inspection.scxml) · [SVG](inspection.svg) · [PNG](inspection.png)\n"
+        "[Mermaid](inspection.mmd) · [SCXML](inspection.scxml)"
+        " · [SVG](inspection.svg) · [PNG](inspection.png)\n"
     )
 
 
@@ -164,18 +162,23 @@ def test_a_large_chart_is_drawn_to_a_readable_depth(
         ),
         (
             ("inspection", "-o", "x.txt"),
-            "'x.txt' says no format: end it in .mmd, .puml, .dot, .scxml, .svg, .png, or add --format",
+            "'x.txt' says no format: end it in .mmd, .scxml, .svg, .png, or add --format",
+        ),
+        (
+            ("inspection", "-o", "x.puml"),
+            "'x.puml' says no format: end it in .mmd, .scxml, .svg, .png, or add --format",
         ),
         (
             ("inspection", "-o", "x.png", "--format", "svg"),
             "'x.png' ends like png but --format says svg: leave --format out, or end the file in .svg",
         ),
         (
-            ("inspection", "-o", "x.gv", "--format", "plantuml"),
-            "'x.gv' ends like dot but --format says plantuml: leave --format out, or end the file in .puml",
+            ("inspection", "-o", "x.mermaid", "--format", "svg"),
+            "'x.mermaid' ends like mermaid but --format says svg: leave --format out, "
+            "or end the file in .svg",
         ),
         (
-            ("inspection", "--format", "dot", "--format", "svg"),
+            ("inspection", "--format", "mermaid", "--format", "svg"),
             "one file has one format; several are for --all",
         ),
         (
@@ -188,7 +191,7 @@ def test_a_large_chart_is_drawn_to_a_readable_depth(
         ),
         (
             ("inspekt", "--focus", "X", "-o", "x.txt", "--trace", "README.md"),
-            "'x.txt' says no format: end it in .mmd, .puml, .dot, .scxml, .svg, .png, or add --format\n"
+            "'x.txt' says no format: end it in .mmd, .scxml, .svg, .png, or add --format\n"
             "'README.md' is not the record of a run; 'lupin simulate MISSION --json' prints one\n"
             "no mission 'inspekt' in missions; did you mean 'inspection'?",
         ),

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from lupin_engine.missions.load import LoadedMissions
 
 #: What else the name of an output file may end in.
-_ENDINGS = {ending: name for name, ending in FORMATS.items()} | {".mermaid": "mermaid", ".gv": "dot"}
+_ENDINGS = {ending: name for name, ending in FORMATS.items()} | {".mermaid": "mermaid"}
 #: Those that one looks at: a large chart is shown to a depth at which it can be read.
 _PICTURES = ("svg", "png")
 
@@ -60,8 +60,8 @@ def diagram(
     """Draw a mission with the lifecycle around it.
 
     MISSION is the name of a mission (inspection, InspectionMission) or a file. SVG needs nothing but this
-    program; PNG needs the package's extra 'diagram'. Mermaid and PlantUML are for documentation sites, DOT is
-    for Graphviz, SCXML for other statechart tools.
+    program; PNG needs the package's extra 'diagram'. Mermaid is for documentation sites, SCXML for other
+    statechart tools.
     """
     if folder is not None:
         if mission or focus or trace or output is None:
