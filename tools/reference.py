@@ -36,7 +36,7 @@ from lupin_engine.chart.documents import (
     TransitionNode,
     Written,
 )
-from lupin_engine.chart.expressions.checker import BUILTIN_CALLS, ROOTS
+from lupin_engine.chart.expressions.scope import BUILTIN_CALLS, ROOTS
 from lupin_engine.chart.findings import SUBJECTS
 from lupin_engine.plugin.describe import Entry, Section, sections
 from lupin_engine.plugin.discovery import entry_points

@@ -16,11 +16,11 @@ from lupin_engine.bindings.data import Fields, Kinds, Taken
 from lupin_engine.bindings.file import BoundValueNode, ResultNode
 from lupin_engine.chart.documents import Node
 from lupin_engine.chart.expressions import units as q
-from lupin_engine.chart.expressions.checker import BUILTIN_CALLS, ROOTS, WORDS, Scope, Usage
 from lupin_engine.chart.expressions.evaluation import Expression, Value
+from lupin_engine.chart.expressions.scope import BUILTIN_CALLS, ROOTS, WORDS, Scope, Usage
+from lupin_engine.chart.expressions.values import is_expression, read_constant, read_guard, read_value
 from lupin_engine.chart.findings import Findings
 from lupin_engine.chart.source import Map, Seq
-from lupin_engine.chart.values import is_expression, read_constant, read_guard, read_value
 from lupin_engine.errors import Place, nearest
 from lupin_engine.plugin.types import ANY, DURATION, POSE, TEXT, UNITS, Type, innermost
 from lupin_engine.plugin.wire import POSE_MESSAGE, TIMES

@@ -41,10 +41,10 @@ from lupin_engine.bindings.meaning import (
 )
 from lupin_engine.chart.compose.declare import SEVERITIES, Declarer
 from lupin_engine.chart.documents import Node
-from lupin_engine.chart.expressions.checker import WORDS, Usage
+from lupin_engine.chart.expressions.scope import WORDS, Usage
 from lupin_engine.chart.expressions.units import measured_in, one
+from lupin_engine.chart.expressions.values import read_constant
 from lupin_engine.chart.findings import Findings
-from lupin_engine.chart.values import read_constant
 from lupin_engine.errors import Place
 from lupin_engine.plugin.contract import (
     Action,

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from lupin_engine.chart.expressions.evaluation import Expression, Value
-from lupin_engine.chart.expressions.records import record
+from lupin_engine.chart.records import record
 from lupin_engine.errors import Place
 from lupin_engine.plugin.contract import Code, Operation, Parameter
 from lupin_engine.plugin.registry import Catalog

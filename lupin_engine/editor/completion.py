@@ -21,7 +21,7 @@ from lupin_engine.chart.documents import (
     RetryNode,
     StateNode,
 )
-from lupin_engine.chart.expressions.checker import BUILTIN_CALLS, Scope
+from lupin_engine.chart.expressions.scope import BUILTIN_CALLS, Scope
 from lupin_engine.editor import docs
 from lupin_engine.editor.folder import Folder
 from lupin_engine.editor.grammar import FILES, Meaning, Shape, Spot, fields_of, shapes_of, spot_at

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from lupin_engine.chart.documents import ActionNode, InvokeNode, Node, StateNode
-from lupin_engine.chart.expressions.checker import BUILTIN_CALLS, ROOTS, WORDS
+from lupin_engine.chart.expressions.scope import BUILTIN_CALLS, ROOTS, WORDS
 from lupin_engine.editor.grammar import DECLARING, Meaning, Spot, spot_at
 from lupin_engine.editor.scan import Role, Scan, Steps, Token
 

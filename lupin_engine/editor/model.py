@@ -12,7 +12,7 @@ from lupin_engine.chart.compose.compose import Composed
 from lupin_engine.chart.compose.invoke import names_when_done, names_when_failed
 from lupin_engine.chart.compose.tree import Draft, Forest
 from lupin_engine.chart.documents import FileNode, PartNode
-from lupin_engine.chart.expressions.checker import Scope
+from lupin_engine.chart.expressions.scope import Scope
 from lupin_engine.chart.findings import Findings
 from lupin_engine.chart.model import Kind
 from lupin_engine.editor.grammar import Meaning

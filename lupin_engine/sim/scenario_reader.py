@@ -8,10 +8,10 @@ from types import MappingProxyType
 from typing import Any
 
 from lupin_engine.chart.documents import Node, show
+from lupin_engine.chart.expressions.values import is_expression, read_constant
 from lupin_engine.chart.findings import Findings
 from lupin_engine.chart.model import OPERATOR_REQUESTS, Chart
 from lupin_engine.chart.source import Map, Seq
-from lupin_engine.chart.values import is_expression, read_constant
 from lupin_engine.errors import Place
 from lupin_engine.plugin.contract import Operation
 from lupin_engine.plugin.parameters import accepted

@@ -10,18 +10,10 @@ from typing import Any
 import pytest
 
 from lupin_engine.chart.compose.compose import ITINERARY
-from lupin_engine.chart.expressions.checker import (
-    MAX_CHARACTERS,
-    Fragment,
-    Scope,
-    Typed,
-    Usage,
-    check_expression,
-    compile_expression,
-    fragment_of,
-    literal,
-)
+from lupin_engine.chart.expressions.checker import check_expression, compile_expression
 from lupin_engine.chart.expressions.evaluation import Compiled, Expression, UnknownInput
+from lupin_engine.chart.expressions.reader import MAX_CHARACTERS
+from lupin_engine.chart.expressions.scope import Fragment, Scope, Typed, Usage, fragment_of, literal
 from lupin_engine.chart.findings import Findings
 from lupin_engine.chart.source import text_at
 from lupin_engine.errors import Place

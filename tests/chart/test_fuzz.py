@@ -17,8 +17,9 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from lupin_engine.chart.expressions.checker import Fragment, Scope, compile_expression
+from lupin_engine.chart.expressions.checker import compile_expression
 from lupin_engine.chart.expressions.evaluation import Compiled, UnknownInput
+from lupin_engine.chart.expressions.scope import Fragment, Scope
 from lupin_engine.chart.findings import Findings
 from lupin_engine.chart.source import text_at
 from lupin_engine.errors import Diagnostic, Place, Severity

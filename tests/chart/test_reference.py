@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from lupin_engine.chart.compose.actions import BUILTIN_ACTIONS
-from lupin_engine.chart.expressions.checker import BUILTIN_CALLS, ROOTS
+from lupin_engine.chart.expressions.scope import BUILTIN_CALLS, ROOTS
 from lupin_engine.missions.folders import LIFECYCLE, PARTS
 from lupin_engine.missions.load import check_chart
 from lupin_engine.plugin.registry import Catalog, load_catalog

@@ -6,11 +6,11 @@ from typing import Any
 
 import pytest
 
-from lupin_engine.chart.expressions.checker import Scope
 from lupin_engine.chart.expressions.evaluation import Constant, Expression
+from lupin_engine.chart.expressions.scope import Scope
+from lupin_engine.chart.expressions.values import read_arguments, read_constant, read_guard, read_value
 from lupin_engine.chart.findings import Findings
 from lupin_engine.chart.source import Map, parse
-from lupin_engine.chart.values import read_arguments, read_constant, read_guard, read_value
 from lupin_engine.errors import Place
 from lupin_engine.plugin.contract import Argument
 from lupin_engine.plugin.types import (

@@ -9,7 +9,7 @@ import pytest
 from lupin_engine.chart.compose.actions import BUILTIN_ACTIONS
 from lupin_engine.chart.compose.declare import REQUESTS
 from lupin_engine.chart.documents import Node
-from lupin_engine.chart.expressions.checker import BUILTIN_CALLS, ROOTS
+from lupin_engine.chart.expressions.scope import BUILTIN_CALLS, ROOTS
 from lupin_engine.editor import docs
 from lupin_engine.editor.grammar import FILES, MEANINGS, NAMES, Shape, fields_of, kind_of, spot_at
 from lupin_engine.editor.scan import Scan, Steps

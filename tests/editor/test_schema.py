@@ -13,8 +13,8 @@ from click.testing import CliRunner
 
 from lupin_engine.chart import source
 from lupin_engine.chart.documents import StateNode, TransitionNode
+from lupin_engine.chart.expressions.values import plain
 from lupin_engine.chart.findings import Findings
-from lupin_engine.chart.values import plain
 from lupin_engine.cli.verbs.schema import schema as verb
 from lupin_engine.cli.verbs.schema import schemas
 from lupin_engine.editor.grammar import FILES

@@ -8,12 +8,12 @@ from typing import Any
 
 from lupin_engine.chart.compose.declare import NAME
 from lupin_engine.chart.documents import ActionNode
-from lupin_engine.chart.expressions.checker import Scope
 from lupin_engine.chart.expressions.evaluation import Constant, Value
+from lupin_engine.chart.expressions.scope import Scope
+from lupin_engine.chart.expressions.values import read_arguments, read_under
 from lupin_engine.chart.findings import Findings
 from lupin_engine.chart.model import ActionCall, Variable
 from lupin_engine.chart.source import Map, Text
-from lupin_engine.chart.values import read_arguments, read_under
 from lupin_engine.errors import nearest
 from lupin_engine.plugin.contract import Argument
 from lupin_engine.plugin.registry import RESERVED_EVENTS, Catalog

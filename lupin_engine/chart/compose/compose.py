@@ -30,8 +30,17 @@ from lupin_engine.chart.documents import (
     StateNode,
     TransitionNode,
 )
-from lupin_engine.chart.expressions.checker import Scope, Typed, Usage, check_expression, fragment_of, literal
+from lupin_engine.chart.expressions.checker import check_expression
 from lupin_engine.chart.expressions.evaluation import Expression
+from lupin_engine.chart.expressions.scope import Scope, Typed, Usage, fragment_of, literal
+from lupin_engine.chart.expressions.values import (
+    is_expression,
+    read_constant,
+    read_guard,
+    read_key,
+    read_per_element,
+    read_value,
+)
 from lupin_engine.chart.findings import Findings
 from lupin_engine.chart.model import (
     ActionCall,
@@ -47,14 +56,6 @@ from lupin_engine.chart.model import (
     Transition,
 )
 from lupin_engine.chart.source import Text
-from lupin_engine.chart.values import (
-    is_expression,
-    read_constant,
-    read_guard,
-    read_key,
-    read_per_element,
-    read_value,
-)
 from lupin_engine.errors import Place, nearest
 from lupin_engine.plugin.builtin import BUILTIN
 from lupin_engine.plugin.contract import Code, Parameter

@@ -21,12 +21,12 @@ from lupin_engine.chart.documents import (
     ParameterNode,
     RequestFieldNode,
 )
-from lupin_engine.chart.expressions.checker import BUILTIN_CALLS, ROOTS, WORDS, Scope, Usage
 from lupin_engine.chart.expressions.evaluation import Constant
+from lupin_engine.chart.expressions.scope import BUILTIN_CALLS, ROOTS, WORDS, Scope, Usage
 from lupin_engine.chart.expressions.units import describe, in_lists, is_number, one, with_article
+from lupin_engine.chart.expressions.values import read_constant, read_guard, read_key, read_value
 from lupin_engine.chart.findings import Findings
 from lupin_engine.chart.model import CARRIED, REQUESTS, Field, Hold, Input, Level, Variable
-from lupin_engine.chart.values import read_constant, read_guard, read_key, read_value
 from lupin_engine.errors import Place, Severity, nearest
 from lupin_engine.plugin.contract import Code, Parameter
 from lupin_engine.plugin.registry import Catalog

@@ -7,11 +7,17 @@ from collections.abc import Iterable, Mapping
 from lupin_engine.chart.compose.actions import ActionReader
 from lupin_engine.chart.compose.declare import Declarer
 from lupin_engine.chart.documents import ElementEndNode, ForEachNode, InvokeNode, LimitNode, RetryNode
-from lupin_engine.chart.expressions.checker import Scope
 from lupin_engine.chart.expressions.evaluation import Value
+from lupin_engine.chart.expressions.scope import Scope
+from lupin_engine.chart.expressions.values import (
+    read_arguments,
+    read_guard,
+    read_key,
+    read_per_element,
+    read_value,
+)
 from lupin_engine.chart.findings import Findings
 from lupin_engine.chart.model import ActionCall, ForEach, Invoke, Retry
-from lupin_engine.chart.values import read_arguments, read_guard, read_key, read_per_element, read_value
 from lupin_engine.errors import Place, meant
 from lupin_engine.plugin.contract import Operation
 from lupin_engine.plugin.registry import Catalog

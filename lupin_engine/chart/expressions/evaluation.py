@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from lupin_engine.chart.expressions.records import record
+from lupin_engine.chart.records import record
 from lupin_engine.errors import Place
-from lupin_engine.plugin.types import Type
+from lupin_engine.plugin.types import Type, in_unit
+
+#: Integers up to this size are told apart by a float.
+MAX_INTEGER = 2**53
 
 #: What an expression sees: the records param, request, input, event, error, target and itinerary; `item`
 #: (what a `for_each` is at); `context` (variables by name); and the callables `known(input)`, `held(hold)`,
@@ -23,14 +27,56 @@ class UnknownInput(Exception):
         self.name = name
 
 
+def _times(left: Any, right: Any) -> Any:
+    """Multiply; integers only as far as a float could tell them apart."""
+    product = left * right
+    if isinstance(product, int) and abs(product) > MAX_INTEGER:
+        raise OverflowError(f"{product:.3g} is too large")
+    return product
+
+
+def _number(value: Any) -> Any:
+    """Refuse to calculate with what is no number: no text or list may be multiplied."""
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        raise TypeError(f"expected a number, got {value!r}")
+    return value
+
+
+def _same(value: Any) -> Any:
+    return value
+
+
+#: All that compiled code can name besides its environment.
+_GLOBALS: dict[str, Any] = {
+    "__builtins__": {},
+    "len": len,
+    "min": min,
+    "max": max,
+    "abs": abs,
+    "round": round,
+    "any": any,
+    "all": all,
+    "_number": _number,
+    "_times": _times,
+    "_same": _same,
+    "_in_unit": in_unit,
+    "inf": math.inf,
+}
+
+
+def to_function(code: str) -> Callable[[Environment], Any]:
+    """Compile checked code to a function of the environment."""
+    function: Callable[[Environment], Any] = eval(f"lambda env: {code}", _GLOBALS)
+    return function
+
+
 class Compiled:
     """A function of the environment that is compiled from checked code when it is first needed."""
 
-    __slots__ = ("_code", "_compile", "_function")
+    __slots__ = ("_code", "_function")
 
-    def __init__(self, code: str, compile: Callable[[str], Callable[[Environment], Any]]) -> None:
+    def __init__(self, code: str) -> None:
         self._code = code
-        self._compile = compile
         self._function: Callable[[Environment], Any] | None = None
 
     def __call__(self, env: Environment) -> Any:
@@ -40,7 +86,7 @@ class Compiled:
     def compiled(self) -> Callable[[Environment], Any]:
         """Return the plain function, for those who call it often."""
         if self._function is None:
-            self._function = self._compile(self._code)
+            self._function = to_function(self._code)
         return self._function
 
 

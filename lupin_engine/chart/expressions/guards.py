@@ -55,7 +55,7 @@ _RELATIONS: Mapping[type[ast.cmpop], frozenset[str]] = {
 
 
 @dataclass(frozen=True)
-class Values:
+class ValueSet:
     """A set of values: those `allowed` (None: any) that are not `excluded` and lie between the bounds."""
 
     allowed: frozenset[Any] | None = None
@@ -76,13 +76,13 @@ class Values:
         above = value > self.low or (value == self.low and not self.low_open)
         return above and (value < self.high or (value == self.high and not self.high_open))
 
-    def meets(self, other: Values) -> Values | None:
+    def meets(self, other: ValueSet) -> ValueSet | None:
         """Return what is in both sets; None when nothing is."""
         if self.allowed is not None and other.allowed is not None and self.allowed.isdisjoint(other.allowed):
             return None
         low, low_open = max((self.low, self.low_open), (other.low, other.low_open))
         high, closed = min((self.high, not self.high_open), (other.high, not other.high_open))
-        both = Values(None, self.excluded | other.excluded, low, low_open, high, high_open=not closed)
+        both = ValueSet(None, self.excluded | other.excluded, low, low_open, high, high_open=not closed)
         sets = [found.allowed for found in (self, other) if found.allowed is not None]
         if sets:
             allowed = frozenset(value for value in frozenset.intersection(*sets) if both.holds(value))
@@ -97,7 +97,7 @@ class Fact:
     """One operand, as it is written, has one of these values."""
 
     operand: str
-    values: Values
+    values: ValueSet
 
 
 @dataclass(frozen=True)
@@ -121,7 +121,7 @@ TRUE, FALSE = Every(), Some()
 
 def fact(operand: str, value: Any) -> Fact:
     """Return the condition that an operand has a value."""
-    return Fact(operand, Values(frozenset([value])))
+    return Fact(operand, ValueSet(frozenset([value])))
 
 
 def possible(*conditions: Condition) -> bool:
@@ -134,7 +134,7 @@ def possible(*conditions: Condition) -> bool:
     return _possible(list(conditions), {}, budget)
 
 
-def _possible(waiting: list[Condition], known: Mapping[str, Values], budget: list[int]) -> bool:
+def _possible(waiting: list[Condition], known: Mapping[str, ValueSet], budget: list[int]) -> bool:
     """Look for one way in which all that wait hold, given what is known of the operands."""
     budget[0] -= 1
     if budget[0] < 0:
@@ -147,7 +147,7 @@ def _possible(waiting: list[Condition], known: Mapping[str, Values], budget: lis
         elif isinstance(condition, Some):
             later.append(condition)
         else:
-            values = condition.values.meets(found.get(condition.operand, Values()))
+            values = condition.values.meets(found.get(condition.operand, ValueSet()))
             if values is None:
                 return False
             found[condition.operand] = values
@@ -181,19 +181,19 @@ def negate(condition: Condition) -> Condition:
     return Fact(condition.operand, _complement(condition.values))
 
 
-def _complement(values: Values) -> Values:
+def _complement(values: ValueSet) -> ValueSet:
     """Return the other values; a fact is one comparison, so only one of the limits is set."""
     if values.allowed is not None:
         if values.allowed <= {True, False} and all(isinstance(v, bool) for v in values.allowed):
-            return Values(frozenset([True, False]) - values.allowed)
+            return ValueSet(frozenset([True, False]) - values.allowed)
         if values.allowed <= frozenset("<=>"):
-            return Values(frozenset("<=>") - values.allowed)
-        return Values(excluded=values.allowed)
+            return ValueSet(frozenset("<=>") - values.allowed)
+        return ValueSet(excluded=values.allowed)
     if values.excluded:
-        return Values(values.excluded)
+        return ValueSet(values.excluded)
     if values.high < math.inf:
-        return Values(low=values.high, low_open=not values.high_open)
-    return Values(high=values.low, high_open=not values.low_open)
+        return ValueSet(low=values.high, low_open=not values.high_open)
+    return ValueSet(high=values.low, high_open=not values.low_open)
 
 
 # -- reading an expression --------------------------------------------------------------------------------
@@ -207,7 +207,7 @@ def condition_of(source: str) -> Condition:
 
 
 def _opaque(operand: str, wanted: bool) -> Condition:
-    return Fact(operand, Values(frozenset([wanted])))
+    return Fact(operand, ValueSet(frozenset([wanted])))
 
 
 def _condition(node: ast.expr, wanted: bool) -> Condition:
@@ -256,7 +256,7 @@ def _relation(left: str, op: type[ast.cmpop], right: str) -> Condition:
     """Return a comparison of two operands; written either way round, it is the same fact."""
     if left > right:
         left, right, op = right, left, _MIRRORED.get(op, op)
-    return Fact(f"{left} ? {right}", Values(_RELATIONS[op]))
+    return Fact(f"{left} ? {right}", ValueSet(_RELATIONS[op]))
 
 
 def _membership(left: ast.expr, right: ast.expr, wanted: bool) -> Condition:
@@ -270,21 +270,21 @@ def _membership(left: ast.expr, right: ast.expr, wanted: bool) -> Condition:
         return TRUE if (first in among) is wanted else FALSE
     if not among:
         return FALSE if wanted else TRUE
-    return Fact(ast.unparse(left), Values(among) if wanted else Values(excluded=among))
+    return Fact(ast.unparse(left), ValueSet(among) if wanted else ValueSet(excluded=among))
 
 
-def _compared(op: type[ast.cmpop], value: Any) -> Values:
+def _compared(op: type[ast.cmpop], value: Any) -> ValueSet:
     """Return the values that stand in this relation to a constant."""
     if op in (ast.Eq, ast.NotEq):
         if isinstance(value, bool):
-            return Values(frozenset([value if op is ast.Eq else not value]))
+            return ValueSet(frozenset([value if op is ast.Eq else not value]))
         among = frozenset([value])
-        return Values(among) if op is ast.Eq else Values(excluded=among)
+        return ValueSet(among) if op is ast.Eq else ValueSet(excluded=among)
     if not isinstance(value, (int, float)):
-        return Values()
+        return ValueSet()
     if op in (ast.Lt, ast.LtE):
-        return Values(high=value, high_open=op is ast.Lt)
-    return Values(low=value, low_open=op is ast.Gt)
+        return ValueSet(high=value, high_open=op is ast.Lt)
+    return ValueSet(low=value, low_open=op is ast.Gt)
 
 
 def _constant(node: ast.expr) -> Any:

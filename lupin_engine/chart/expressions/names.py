@@ -7,7 +7,7 @@ import re
 from collections.abc import Iterator
 from functools import lru_cache
 
-from lupin_engine.chart.expressions.checker import MAX_NODES
+from lupin_engine.chart.expressions.reader import MAX_NODES
 
 _CACHED = 4096
 

@@ -13,8 +13,9 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from lupin_engine.chart.documents import Node, show
-from lupin_engine.chart.expressions.checker import Fragment, Scope, compile_expression, fragment_of
+from lupin_engine.chart.expressions.checker import compile_expression
 from lupin_engine.chart.expressions.evaluation import Constant, Expression, Value
+from lupin_engine.chart.expressions.scope import Fragment, Scope, fragment_of
 from lupin_engine.chart.expressions.units import describe, is_number, one
 from lupin_engine.chart.findings import Findings
 from lupin_engine.chart.source import Map, Seq, Text, map_at, text_at

@@ -1,0 +1,143 @@
+"""What an expression may see where it stands, and what checking it comes to."""
+
+from __future__ import annotations
+
+import keyword
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, NamedTuple
+
+from lupin_engine.chart.expressions.evaluation import Compiled
+from lupin_engine.chart.source import Text
+from lupin_engine.plugin.contract import Function
+from lupin_engine.plugin.types import Type
+
+#: Roots of the environment that are records of their own; every other name is a context variable.
+ROOTS = frozenset({"param", "request", "input", "event", "error", "target", "itinerary"})
+#: Names that an expression may call besides the catalog's functions.
+BUILTIN_CALLS = ("len", "min", "max", "abs", "round", "any", "all", "known", "held", "in_state")
+TRUTHS: Mapping[str, bool] = {"true": True, "false": False}
+#: Words that no expression could read as a name.
+WORDS = frozenset({*keyword.kwlist, *TRUTHS})
+
+_WHOLE = re.compile(r"\s*\$\{(.*)\}\s*", re.DOTALL)
+
+
+@dataclass
+class Usage:
+    """What the expressions of a chart have read; shared by all scopes of one load."""
+
+    parameters: set[str] = field(default_factory=set)
+    functions: set[str] = field(default_factory=set)
+    inputs: set[str] = field(default_factory=set)
+
+
+@dataclass(frozen=True, eq=False)
+class Scope:
+    """What an expression may see where it stands.
+
+    `names` are the roots and the context variables with their types. `absent` says, for a root that is not
+    there, the rule and the reason. `bound` are parameters of a part that its user has given a value. `states`
+    are full names, for in_state; `holds` are names, for held. With `open_states` more states may exist than
+    are loaded: the lifecycle also speaks of missions that stand in other files. `item` is what the element of
+    a `for_each` is called.
+    """
+
+    names: Mapping[str, Type]
+    functions: Mapping[str, Function] = field(default_factory=dict)
+    states: Sequence[str] = ()
+    holds: Iterable[str] = ()
+    absent: Mapping[str, tuple[str, str]] = field(default_factory=dict)
+    bound: Mapping[str, Typed] = field(default_factory=dict)
+    usage: Usage = field(default_factory=Usage)
+    open_states: bool = False
+    item: str = ""
+
+    # The states of one family have one scope and say the same in it again and again. So it remembers what
+    # was derived from it, and the names and expressions that were read in it.
+    _derived: dict[Any, Scope] = field(init=False, repr=False, compare=False, default_factory=dict)
+    read_names: dict[tuple[str, str], Typed] = field(
+        init=False, repr=False, compare=False, default_factory=dict
+    )
+    compiled: dict[tuple[str, int], CheckedExpression] = field(
+        init=False, repr=False, compare=False, default_factory=dict
+    )
+
+    def with_names(self, names: Mapping[str, Type]) -> Scope:
+        """Return this scope with further names, or other types for the same ones."""
+        key: Any = tuple(names.items())
+        derived = self._derived.get(key)
+        if derived is None:
+            absent = {name: reason for name, reason in self.absent.items() if name not in names}
+            derived = self._derived[key] = replace(self, names={**self.names, **names}, absent=absent)
+        return derived
+
+    def with_event(self, kind: Type) -> Scope:
+        """Return this scope with an event of a type: what most transitions and actions see."""
+        key = id(kind)  # the scope that is kept under it keeps the type alive
+        derived = self._derived.get(key)
+        if derived is None:
+            derived = self._derived[key] = self.with_names({"event": kind})
+        return derived
+
+    def with_item(self, name: str, kind: Type) -> Scope:
+        """Return this scope with the element of a `for_each`, which the author calls `name`."""
+        return replace(self.with_names({name: kind}), item=name)
+
+    def without(self, name: str, reason: str) -> Scope:
+        """Return this scope without one of the roots, and why it is not there."""
+        names = {known: kind for known, kind in self.names.items() if known != name}
+        return replace(self, names=names, absent={**self.absent, name: ("unknown-name", reason)})
+
+
+class Fragment(NamedTuple):
+    """The source of an expression: a piece of a text in a file, beginning at character `offset` of it."""
+
+    source: str
+    text: Text
+    offset: int = 0
+
+
+class Choice(NamedTuple):
+    """A text that a condition, given as code, chooses from two."""
+
+    test: str
+    body: Typed
+    other: Typed
+
+
+class Typed(NamedTuple):
+    """A checked expression: its type, and its code over an environment `env`.
+
+    `written` is a text that is written out, or the choice between two: it may turn out to be a quantity.
+    """
+
+    type: Type
+    code: str
+    written: str | Choice | None = None
+
+
+class CheckedExpression(NamedTuple):
+    """What is the same wherever an expression of type `wanted` stands in a scope."""
+
+    wanted: Type
+    type: Type
+    evaluate: Compiled
+    parts: tuple[tuple[str, Compiled], ...]
+
+
+def literal(value: Any, kind: Type) -> Typed:
+    """Return plain data of a type as an expression."""
+    if isinstance(value, str):
+        return Typed(kind, repr(value), value)
+    # Python warns of a written number or list that is read like a record; only of `any` can that be tried.
+    return Typed(kind, f"_same({value!r})" if kind.kind == "any" else f"({value!r})")
+
+
+def fragment_of(text: Text) -> Fragment | None:
+    """Return the expression that a value consists of (`${ ... }`), or None when it is a plain text."""
+    if text.startswith("${") and text.endswith("}"):
+        return None if "${" in text[2:] else Fragment(text[2:-1], text, 2)
+    match = _WHOLE.fullmatch(text)
+    return None if match is None or "${" in match.group(1) else Fragment(match.group(1), text, match.start(1))
