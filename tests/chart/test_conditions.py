@@ -10,7 +10,7 @@ import pytest
 from lupin_engine.chart.expressions import guards
 from lupin_engine.chart.expressions.guards import (
     Fact,
-    Values,
+    ValueSet,
     condition_of,
     constant,
     exclusive,
@@ -230,17 +230,17 @@ def test_a_condition_and_its_opposite_leave_nothing_and_share_nothing(source: st
 @pytest.mark.parametrize(
     ("values", "inside", "outside"),
     [
-        (Values(low=1), [1, 2], [0, "a", None]),
-        (Values(low=1, low_open=True), [1.5, 2], [1, 0, "1"]),
-        (Values(high=1), [1, 0], [2, "a"]),
-        (Values(high=1, high_open=True), [0.5], [1, 2]),
-        (Values(excluded=frozenset([1])), [0, "a"], [1]),
-        (Values(frozenset(["a"])), ["a"], ["b", 1]),
-        (Values(), ["a", 1, None], []),
-        (Values(low=1, high=1), [1], [0, 2]),
+        (ValueSet(low=1), [1, 2], [0, "a", None]),
+        (ValueSet(low=1, low_open=True), [1.5, 2], [1, 0, "1"]),
+        (ValueSet(high=1), [1, 0], [2, "a"]),
+        (ValueSet(high=1, high_open=True), [0.5], [1, 2]),
+        (ValueSet(excluded=frozenset([1])), [0, "a"], [1]),
+        (ValueSet(frozenset(["a"])), ["a"], ["b", 1]),
+        (ValueSet(), ["a", 1, None], []),
+        (ValueSet(low=1, high=1), [1], [0, 2]),
     ],
 )
-def test_which_values_are_in_a_set(values: Values, inside: list[Any], outside: list[Any]) -> None:
+def test_which_values_are_in_a_set(values: ValueSet, inside: list[Any], outside: list[Any]) -> None:
     """Between bounds lie numbers only."""
     assert [values.holds(value) for value in inside] == [True] * len(inside)
     assert [values.holds(value) for value in outside] == [False] * len(outside)
@@ -248,20 +248,20 @@ def test_which_values_are_in_a_set(values: Values, inside: list[Any], outside: l
 
 def test_what_two_sets_have_in_common() -> None:
     """Nothing when bounds leave nothing, also a single value that is excluded or not inside."""
-    low, high = Values(low=1), Values(high=1)
-    assert low.meets(high) == Values(low=1, high=1)
-    assert low.meets(Values(high=1, high_open=True)) is None
-    assert Values(low=1, low_open=True).meets(high) is None
-    assert low.meets(Values(high=0)) is None
-    assert low.meets(Values(frozenset([0, 1]))) == Values(frozenset([1]), low=1)
-    assert low.meets(Values(frozenset(["a", 0]))) is None
-    assert Values(frozenset("ab")).meets(Values(frozenset("bc"))) == Values(frozenset("b"))
-    assert Values(low=1, high=1).meets(Values(excluded=frozenset([1]))) is None
+    low, high = ValueSet(low=1), ValueSet(high=1)
+    assert low.meets(high) == ValueSet(low=1, high=1)
+    assert low.meets(ValueSet(high=1, high_open=True)) is None
+    assert ValueSet(low=1, low_open=True).meets(high) is None
+    assert low.meets(ValueSet(high=0)) is None
+    assert low.meets(ValueSet(frozenset([0, 1]))) == ValueSet(frozenset([1]), low=1)
+    assert low.meets(ValueSet(frozenset(["a", 0]))) is None
+    assert ValueSet(frozenset("ab")).meets(ValueSet(frozenset("bc"))) == ValueSet(frozenset("b"))
+    assert ValueSet(low=1, high=1).meets(ValueSet(excluded=frozenset([1]))) is None
 
 
 def test_a_bound_of_something_that_is_no_number_says_nothing() -> None:
     """`t < 'b'` is refused where it is typed; a rule that sees it all the same claims nothing."""
-    assert condition_of("t < 'b'") == Fact("t", Values())
+    assert condition_of("t < 'b'") == Fact("t", ValueSet())
     assert exclusive(condition_of("t == 'a'"), condition_of("t > 3"))
     assert condition_of("t is 3") == fact("t is 3", True)
     assert condition_of("not t is 3") == fact("t is 3", False)
