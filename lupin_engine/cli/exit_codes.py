@@ -6,7 +6,6 @@ import contextlib
 from collections.abc import Iterator
 
 from lupin_engine.errors import LupinError
-from lupin_engine.ros.launch.story import NOT_DONE
 
 
 @contextlib.contextmanager
@@ -15,5 +14,7 @@ def not_done() -> Iterator[None]:
     try:
         yield
     except LupinError as problem:
+        from lupin_engine.ros.launch.story import NOT_DONE
+
         problem.exit_code = NOT_DONE
         raise

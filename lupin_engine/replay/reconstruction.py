@@ -20,14 +20,14 @@ from typing import Any
 
 from lupin_engine.chart.model import Chart
 from lupin_engine.errors import UsageError
-from lupin_engine.replay.record_shape import misshapen
+from lupin_engine.machine.event import Publish, Start
+from lupin_engine.machine.step import Step
 from lupin_engine.replay.yaml_text import yaml_text
-from lupin_engine.runtime.record import step_record
+from lupin_engine.runtime.history import AttemptHistory, History
+from lupin_engine.runtime.record import read_step
 from lupin_engine.runtime.setup import check_parameters
 from lupin_engine.sim.scenario import Missions, load_scenario_text
 from lupin_engine.sim.simulation import ENDED, FAULTED, START, Run, is_named, label_of
-
-Record = Mapping[str, Any]
 
 #: To how many digits times are written: the first that makes the run come out the same will do.
 _DIGITS = (3, 6, 12)
@@ -35,26 +35,27 @@ _DIGITS = (3, 6, 12)
 
 @dataclass(frozen=True)
 class Recording:
-    """The steps of a run as JSON data, and its settings and seed, as far as they are known."""
+    """The recorded steps of a run, and its settings and seed, as far as they are known."""
 
-    steps: tuple[Record, ...]
+    steps: tuple[Step, ...]
     parameters: Mapping[str, Any] = field(default_factory=dict)
     seed: int = 0
 
     @property
     def values(self) -> list[str]:
         """The live values that were reported, sorted."""
-        return sorted({step["data"]["name"] for step in self.steps if step["event"] == "value"})
+        return sorted({step.event.data["name"] for step in self.steps if step.event.name == "value"})
 
     def without(self, value: str) -> Recording:
         """Return the record as if a live value had not been reported."""
-        steps = [step for step in self.steps if (step["event"], step["data"].get("name")) != ("value", value)]
-        return replace(self, steps=tuple(steps))
+        told = (step.event.name == "value" and step.event.data["name"] == value for step in self.steps)
+        kept = (step for step, is_told in zip(self.steps, told, strict=True) if not is_told)
+        return replace(self, steps=tuple(kept))
 
     @property
     def mission(self) -> str:
         """The mission that was asked for first; '' when none was."""
-        asked = (step["data"].get("mission_type", "") for step in self.steps if step["event"] == START)
+        asked = (step.event.data["mission_type"] for step in self.steps if step.event.name == START)
         return next(asked, "")
 
 
@@ -90,66 +91,25 @@ def _steps_of_lines(text: str, name: str) -> Iterator[Any]:
                 yield step
 
 
-def _checked(steps: Iterable[Any], name: str) -> Recording:
-    found = [step for step in steps if isinstance(step, dict) and {"event", "time"} <= set(step)]
+def _checked(records: Iterable[Any], name: str) -> Recording:
+    found = [record for record in records if isinstance(record, dict) and {"event", "time"} <= set(record)]
     if not found:
         raise UsageError(f"{name}: there are no steps in it")
-    for number, step in enumerate(found, 1):
-        part = misshapen(step)
-        if part:
-            raise UsageError(f"{name}: step {number} is none: its {part!r} is not as it is recorded")
-    whole = [{"data": {}, "entered": [], "commands": [], **step} for step in found]
-    recording = Recording(tuple(whole))
+    recording = Recording(tuple(_step(record, number, name) for number, record in enumerate(found, 1)))
     if not recording.mission:
         raise UsageError(f"{name}: no mission is started in it")
     return recording
 
 
+def _step(record: Any, number: int, name: str) -> Step:
+    try:
+        return read_step(record)
+    except ValueError as problem:
+        part = str(problem)
+        raise UsageError(f"{name}: step {number} is none: its {part!r} is not as it is recorded") from None
+
+
 # -- what the servers said -------------------------------------------------------------------------------
-
-
-@dataclass
-class _Attempt:
-    """What is known of an attempt; times are those of the record."""
-
-    operation: str
-    arguments: Mapping[str, Any]
-    started: float
-    accepted: float | None = None
-    progress: str = ""
-    cancelled: float | None = None
-    ended: float | None = None
-    end: str = ""
-    data: Record = field(default_factory=dict)
-
-
-def _attempts(steps: Iterable[Record]) -> Iterator[_Attempt]:
-    """Yield the attempts in the order in which they were started."""
-    found: dict[str, _Attempt] = {}
-    for step in steps:
-        attempt = found.get(str(step["data"].get("attempt", "")))
-        if attempt is not None and step["event"].startswith("attempt."):
-            _hear(attempt, step)
-        for command in step["commands"]:
-            if command["command"] == "start":
-                operation, arguments = command["operation"], command["arguments"]
-                found[command["attempt"]] = _Attempt(operation, arguments, step["time"])
-            elif command["command"] == "cancel" and command["attempt"] in found:
-                found[command["attempt"]].cancelled = step["time"]
-    yield from found.values()
-
-
-def _hear(attempt: _Attempt, step: Record) -> None:
-    """Take in what a server said of an attempt; after its end nothing counts."""
-    word, data = step["event"].removeprefix("attempt."), step["data"]
-    if attempt.ended is not None:
-        return
-    if word == "accepted":
-        attempt.accepted = step["time"]
-    elif word == "progress":
-        attempt.progress = data["detail"]
-    else:
-        attempt.ended, attempt.end, attempt.data = step["time"], word, data
 
 
 class _Mocks:
@@ -158,13 +118,13 @@ class _Mocks:
     def __init__(self, chart: Chart, recording: Recording, digits: int) -> None:
         self._catalog = chart.catalog
         self._parameters = check_parameters(chart.parameters, recording.parameters)
-        self._steps = recording.steps
+        self._attempts = History(recording.steps).attempts.values()
         self._digits = digits
 
     def mocks(self) -> Iterator[Mapping[str, Any]]:
         """Yield a mock for each operation that did not simply do what its plugin's mock does."""
         outcomes: dict[str, list[Any]] = {}
-        for attempt in _attempts(self._steps):
+        for attempt in self._attempts:
             outcomes.setdefault(attempt.operation, []).append(self._outcome(attempt) or "done")
         for operation, found in outcomes.items():
             while found and found[-1] == "done":
@@ -172,18 +132,18 @@ class _Mocks:
             if found:
                 yield {"do": operation, "then": found}
 
-    def _outcome(self, attempt: _Attempt) -> Mapping[str, Any]:
+    def _outcome(self, attempt: AttemptHistory) -> Mapping[str, Any]:
         if attempt.accepted is None and attempt.ended is None:
             return {"accepted": "never"}
         begun = attempt.started if attempt.accepted is None else attempt.accepted
         found: dict[str, Any] = {}
         if begun > attempt.started:
             found["accepted"] = duration(begun - attempt.started, self._digits)
-        if attempt.end == "failed":
+        if attempt.answer == "failed":
             found["fail"] = attempt.data["code"]
             if attempt.data.get("detail"):
                 found["detail"] = attempt.data["detail"]
-        elif attempt.end == "done":
+        elif attempt.answer == "done":
             result = self._differs(attempt)
             if result:
                 found["done"] = result
@@ -194,24 +154,24 @@ class _Mocks:
             found["progress"] = attempt.progress
         return found
 
-    def _timing(self, attempt: _Attempt, begun: float) -> Mapping[str, Any]:
+    def _timing(self, attempt: AttemptHistory, begun: float) -> Mapping[str, Any]:
         """Return when an attempt ended, and what its cancel did."""
         found: dict[str, Any] = {}
         cancelled = attempt.cancelled is not None and (attempt.ended or begun) >= attempt.cancelled
-        if attempt.end in ("done", "failed") and attempt.ended is not None:
+        if attempt.answer in ("done", "failed") and attempt.ended is not None:
             after = duration(attempt.ended - begun, self._digits)
             if after != duration(self._catalog.operations[attempt.operation].mock.after, self._digits):
                 found["after"] = after
             if cancelled:
                 found["cancel"] = "ignored"
-        elif attempt.end == "cancelled" and attempt.cancelled is not None and attempt.ended is not None:
+        elif attempt.answer == "cancelled" and attempt.cancelled is not None and attempt.ended is not None:
             if attempt.ended > attempt.cancelled:
                 found["cancel"] = duration(attempt.ended - attempt.cancelled, self._digits)
         elif attempt.cancelled is not None:
             found["cancel"] = "unconfirmed"
         return found
 
-    def _differs(self, attempt: _Attempt) -> dict[str, Any]:
+    def _differs(self, attempt: AttemptHistory) -> dict[str, Any]:
         """Return the fields of a result that are not what the plugin's mock says."""
         mocked = self._catalog.operations[attempt.operation].mock.result
         usual = mocked(attempt.arguments, self._parameters) if callable(mocked) else mocked
@@ -239,15 +199,15 @@ class _Happenings:
         self._inputs = {spec.value for spec in chart.inputs.values()}
         self._entries: dict[str, int] = {}
         self._anchor: tuple[str, float] | None = None
-        self._origin = recording.steps[0]["time"]
+        self._origin = recording.steps[0].time
         self._values: dict[str, Mapping[str, Any]] = {}
 
     def happenings(self, starts: bool) -> list[Mapping[str, Any]]:
         """Return what happened; with `starts` the first start of a mission is none of it."""
         found: list[Mapping[str, Any]] = []
         for step in self._recording.steps:
-            event, data = step["event"], step["data"]
-            notable = bool(step.get("taken") or step["entered"] or step["commands"] or "accepted" in step)
+            event, data = step.event.name, step.event.data
+            notable = bool(step.taken or step.entered or step.commands or step.accepted is not None)
             told = {"value": {data["name"]: data["value"]}} if event == "value" else None
             if told and data["name"] in self._inputs:
                 self._values.pop(data["name"], None)
@@ -257,18 +217,18 @@ class _Happenings:
                 self._values.clear()
             if event == START and starts:
                 starts = False
-            elif "accepted" in step:
+            elif step.accepted is not None:
                 found.append(self._when(step, {"request": self._request(event, data)}))
             elif event in self._catalog.events:
                 found.append(self._when(step, {"event": {event: dict(data)} if data else event}))
             self._enter(step)
         return found
 
-    def _request(self, event: str, data: Record) -> Any:
+    def _request(self, event: str, data: Mapping[str, Any]) -> Any:
         known = self.request(data) if event == START else dict(data)
         return {event: known} if known else event
 
-    def request(self, data: Record) -> dict[str, Any]:
+    def request(self, data: Mapping[str, Any]) -> dict[str, Any]:
         """Return what a request carried, without what every run fills in anew."""
         named = (
             {} if data.get("mission_type") in self._chart.missions else {"mission_type": data["mission_type"]}
@@ -276,22 +236,22 @@ class _Happenings:
         rest = {name: value for name, value in data.items() if name not in ("mission_type", "mission_id")}
         return {**named, **rest}
 
-    def _enter(self, step: Record) -> None:
+    def _enter(self, step: Step) -> None:
         """Keep the state that was entered last, to count from there."""
-        for name in step["entered"]:
+        for name in step.entered:
             if name:
                 self._entries[name] = self._entries.get(name, 0) + 1
-                self._anchor = (name, step["time"])
+                self._anchor = (name, step.time)
 
-    def _when(self, step: Record, what: Mapping[str, Any]) -> Mapping[str, Any]:
+    def _when(self, step: Step, what: Mapping[str, Any]) -> Mapping[str, Any]:
         if self._anchor is None:
-            return {"at": duration(step["time"] - self._origin, self._digits), **what}
+            return {"at": duration(step.time - self._origin, self._digits), **what}
         name, entered = self._anchor
         found: dict[str, Any] = {"on": short(self._chart, name)}
         if self._entries[name] > 1:
             found["nth"] = self._entries[name]
-        if step["time"] > entered:
-            found["after"] = duration(step["time"] - entered, self._digits)
+        if step.time > entered:
+            found["after"] = duration(step.time - entered, self._digits)
         return {**found, **what}
 
 
@@ -317,13 +277,13 @@ def script_of(recording: Recording, mission: str, promise: str, chart: Chart, di
         digits: to how many digits times are written.
     """
     happenings = _Happenings(chart, recording, digits)
-    asked = [step for step in recording.steps if step["event"] == START]
-    before = [step for step in recording.steps if "accepted" in step or step["event"] == "value"]
-    starts = before[:1] == asked[:1] and bool(asked[0].get("accepted"))
+    asked = [step for step in recording.steps if step.event.name == START]
+    before = [step for step in recording.steps if step.accepted is not None or step.event.name == "value"]
+    starts = before[:1] == asked[:1] and bool(asked[0].accepted)
     parts: dict[str, Any] = {
         "scenario": promise,
         "mission": mission,
-        "request": happenings.request(asked[0]["data"]) if starts else {},
+        "request": happenings.request(asked[0].event.data) if starts else {},
         "parameters": dict(recording.parameters),
         "seed": recording.seed,
         "start": "ready" if starts else "never",
@@ -338,15 +298,14 @@ def script_of(recording: Recording, mission: str, promise: str, chart: Chart, di
 def _limit(recording: Recording, chart: Chart, digits: int, starts: bool) -> str:
     """Return how long the record goes on, when it ends in the middle of a mission."""
     steps = recording.steps
-    configuration = steps[-1].get("configuration", ())
-    if label_of(chart, configuration) in (ENDED, FAULTED):
+    if label_of(chart, steps[-1].configuration) in (ENDED, FAULTED):
         return ""
     waited = 0.0
     if starts:
-        start = next(index for index, step in enumerate(steps) if step["event"] == START)
-        waited = steps[start]["time"] - steps[max(0, start - 1)]["time"]
+        start = next(index for index, step in enumerate(steps) if step.event.name == START)
+        waited = steps[start].time - steps[max(0, start - 1)].time
     # What happened last must not be cut off by rounding.
-    return duration(steps[-1]["time"] - steps[0]["time"] - waited + 10**-digits, digits)
+    return duration(steps[-1].time - steps[0].time - waited + 10**-digits, digits)
 
 
 def expectations(run: Run) -> dict[str, Any]:
@@ -371,7 +330,7 @@ def expectations(run: Run) -> dict[str, Any]:
 def difference(recording: Recording, run: Run) -> str:
     """Say where a run first differs from the record in what it led to; '' when nowhere."""
     recorded = [fact for step in recording.steps for fact in _facts(step)]
-    simulated = [fact for step in run.steps for fact in _facts(step_record(step))]
+    simulated = [fact for step in run.steps for fact in _facts(step)]
     for index in range(max(len(recorded), len(simulated))):
         was = recorded[index] if index < len(recorded) else "nothing more"
         now = simulated[index] if index < len(simulated) else "nothing more"
@@ -380,16 +339,16 @@ def difference(recording: Recording, run: Run) -> str:
     return ""
 
 
-def _facts(step: Record) -> Iterator[str]:
+def _facts(step: Step) -> Iterator[str]:
     """Yield what a step led to."""
-    yield from (f"entered {name}" for name in step.get("entered", ()))
-    for command in step.get("commands", ()):
-        if command["command"] == "start":
-            yield f"started {command['operation']} {json.dumps(command['arguments'], sort_keys=True)}"
-        elif command["command"] == "publish":
-            yield f"published {command['target']} {command['status']} {command.get('code', '')}".rstrip()
-    if "refusal" in step:
-        yield f"refused {step['event']} {step['refusal']['code']}"
+    yield from (f"entered {name}" for name in step.entered)
+    for command in step.commands:
+        if isinstance(command, Start):
+            yield f"started {command.operation} {json.dumps(command.arguments, sort_keys=True)}"
+        elif isinstance(command, Publish):
+            yield f"published {command.target} {command.status} {command.code}".rstrip()
+    if step.refusal is not None:
+        yield f"refused {step.event.name} {step.refusal.code}"
 
 
 def scenario_text(recording: Recording, promise: str, file: Path, missions: Missions) -> str:

@@ -1,15 +1,39 @@
-"""Steps and views as plain JSON data: what is logged, published beside the contract, and stored."""
+"""Steps and views as plain JSON data, which is logged, published beside the contract and stored; and back."""
 
 from __future__ import annotations
 
-from dataclasses import asdict
-from typing import Any
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from types import MappingProxyType
+from typing import Annotated, Any, cast
 
-from lupin_engine.machine.event import Act, Cancel, Command, Publish, Report, Start
+from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, ValidationError, field_validator
+from pydantic_core.core_schema import ValidationInfo
+
+from lupin_engine.machine.event import Act, Cancel, Command, Event, Publish, Report, Start
+from lupin_engine.machine.reasons import Refusal
 from lupin_engine.machine.step import Step
-from lupin_engine.machine.view import View
+from lupin_engine.machine.view import Moment, View
 
 _NAMES = {Start: "start", Cancel: "cancel", Act: "act", Publish: "publish", Report: "report"}
+
+
+@dataclass(frozen=True)
+class _RecordedStep:
+    """A step that was read back."""
+
+    sequence: int
+    time: float
+    event: Event
+    configuration: tuple[str, ...] = ()
+    taken: tuple[str, ...] = ()
+    exited: tuple[str, ...] = ()
+    entered: tuple[str, ...] = ()
+    commands: tuple[Command, ...] = ()
+    notes: tuple[str, ...] = ()
+    trail: tuple[Moment, ...] = ()
+    accepted: bool | None = None
+    refusal: Refusal | None = None
 
 
 def step_record(step: Step) -> dict[str, Any]:
@@ -42,3 +66,121 @@ def command_record(command: Command) -> dict[str, Any]:
 def view_record(view: View) -> dict[str, Any]:
     """Return a view as JSON data."""
     return asdict(view)
+
+
+# -- and back ---------------------------------------------------------------------------------------------
+
+
+class _Data(BaseModel):
+    """What must be in the data of an event; there may be more."""
+
+    model_config = ConfigDict(strict=True)
+
+
+class _AttemptData(_Data):
+    attempt: str
+    result: dict[str, Any] = {}
+
+
+class _ProgressData(_AttemptData):
+    detail: str
+
+
+class _FailedData(_AttemptData):
+    code: str
+
+
+class _TimerData(_Data):
+    owner: str
+
+
+class _ValueData(_Data):
+    name: str
+    value: Any
+
+
+class _StartData(_Data):
+    mission_type: str
+
+
+#: Events whose data has a form.
+_DATA: Mapping[str, type[_Data]] = MappingProxyType(
+    {
+        "value": _ValueData,
+        "mission.start": _StartData,
+        "attempt.progress": _ProgressData,
+        "attempt.failed": _FailedData,
+    }
+)
+#: The same for all other events of a family.
+_FAMILIES: Mapping[str, type[_Data]] = MappingProxyType({"attempt": _AttemptData, "timer": _TimerData})
+#: More seconds than any run has; beyond it, and where a number is none, times cannot be counted with.
+_LATEST = 1e12
+
+
+def _kind(command: Any) -> str | None:
+    kind = command.get("command") if isinstance(command, Mapping) else None
+    return kind if isinstance(kind, str) else None
+
+
+class _StepRecord(BaseModel):
+    """A step as `step_record` writes it."""
+
+    event: str
+    time: Annotated[float, Field(strict=True, gt=-_LATEST, lt=_LATEST)]
+    sequence: int = 0
+    data: dict[str, Any] = {}
+    taken: tuple[str, ...] = ()
+    exited: tuple[str, ...] = ()
+    entered: tuple[str, ...] = ()
+    commands: tuple[
+        Annotated[
+            Annotated[Start, Tag("start")]
+            | Annotated[Cancel, Tag("cancel")]
+            | Annotated[Act, Tag("act")]
+            | Annotated[Publish, Tag("publish")]
+            | Annotated[Report, Tag("report")],
+            Discriminator(_kind),
+        ],
+        ...,
+    ] = ()
+    configuration: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+    accepted: bool | None = None
+    refusal: Refusal | None = None
+
+    @field_validator("data")
+    @classmethod
+    def _has_its_form(cls, data: dict[str, Any], info: ValidationInfo) -> dict[str, Any]:
+        event = str(info.data.get("event"))
+        form = _DATA.get(event) or _FAMILIES.get(event.partition(".")[0])
+        if form is not None:
+            form.model_validate(data)
+        return data
+
+
+def read_step(record: Any) -> Step:
+    """Return the step that was recorded, without its trail and the explanation of what was not taken.
+
+    Raises:
+        ValueError: a part of it is not as it is recorded; the text is the name of that part.
+    """
+    try:
+        found = _StepRecord.model_validate(record)
+    except ValidationError as problem:
+        raise ValueError(problem.errors()[0]["loc"][0]) from None
+    recorded = _RecordedStep(
+        sequence=found.sequence,
+        time=found.time,
+        event=Event(found.event, found.data),
+        configuration=found.configuration,
+        taken=found.taken,
+        exited=found.exited,
+        entered=found.entered,
+        commands=found.commands,
+        notes=found.notes,
+        accepted=found.accepted,
+        refusal=found.refusal,
+    )
+    # A step is made of plans, which no record holds; it has the same parts.
+    return cast("Step", recorded)

@@ -16,7 +16,6 @@ from lupin_engine.cli.exit_codes import not_done
 from lupin_engine.cli.options import PNG, SVG, TERMINAL
 from lupin_engine.errors import Problems, UsageError, nearest
 from lupin_engine.plugin.registry import load_catalog
-from lupin_engine.ros.launch.story import INTERRUPTED
 
 if TYPE_CHECKING:
     from lupin_engine.chart.model import Chart
@@ -82,6 +81,7 @@ def simulate(
     """
     from lupin_engine.cli.terminal import outcome
     from lupin_engine.replay.timeline import timeline
+    from lupin_engine.ros.launch.story import INTERRUPTED
 
     problems = Problems(UsageError)
     if interactive and (as_json or quiet or speed or picture or until is not None):

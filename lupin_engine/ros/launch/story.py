@@ -11,6 +11,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from lupin_engine.errors import Severity
+from lupin_engine.runtime.history import History
+from lupin_engine.runtime.record import read_step
 
 #: Values of `Observation.status`, by number.
 STATUSES = ("OK", "UNREACHABLE", "SCAN_FAILED", "SKIPPED")
@@ -27,9 +29,6 @@ TAG_READING, FLOWER, ANOMALY = 0, 1, 2
 
 #: Exit codes of a run.
 ALL_VISITED, SOME_MISSED, NOT_DONE, INTERRUPTED = 0, 1, 2, 130
-
-#: Events that end an attempt at its server.
-_ENDS = ("attempt.done", "attempt.failed", "attempt.cancelled")
 
 #: What a lifecycle state means for a run.
 ENDED = ("DONE",)
@@ -88,8 +87,7 @@ class Story:
     #: Monotonic time of this process minus the orchestrator's, as of the last step.
     _offset: float = 0.0
     _begun: dict[tuple[str, str, int], float] = field(default_factory=dict)
-    _open: dict[str, str] = field(default_factory=dict)
-    _published: int = 0
+    _history: History = field(default_factory=History)
     _ended_at: float | None = None
 
     def take(self, kind: str, data: Mapping[str, Any], at: float) -> bool:
@@ -134,7 +132,7 @@ class Story:
     @property
     def busy(self) -> bool:
         """Whether a server still carries something out for this mission, wanted or not."""
-        return bool(self._open)
+        return any(attempt.ended is None for attempt in self._history.attempts.values())
 
     @property
     def total(self) -> int:
@@ -175,7 +173,7 @@ class Story:
     @property
     def all_told(self) -> bool:
         """Whether every observation has come that was published, as far as is known."""
-        return self.observed >= max(self.closed, self._published)
+        return self.observed >= max(self.closed, len(self._history.published))
 
     @property
     def verdict(self) -> int:
@@ -245,24 +243,24 @@ class Story:
             return False
         self.view = view
         self._offset = at - float(data.get("time", 0.0))
-        self._follow_attempts(data.get("step") or {}, at)
+        self._follow(data.get("step"), at)
         current = {_key(attempt) for attempt in view.get("attempts", ())}
         self._begun = {key: begun for key, begun in self._begun.items() if key in current}
         for key in current:
             self._begun.setdefault(key, at)
         return True
 
-    def _follow_attempts(self, step: Mapping[str, Any], at: float) -> None:
-        data = step.get("data", {})
-        if step.get("event") in _ENDS:
-            operation = self._open.pop(str(data.get("attempt")), "")
-            pose = data.get("result", {}).get("pose")
-            if pose:
-                self.note(at, Severity.INFO, f"{operation}: x {pose['x']:.2f} m, y {pose['y']:.2f} m")
-        for command in step.get("commands", ()):
-            if command["command"] == "start":
-                self._open[str(command["attempt"])] = str(command.get("operation", ""))
-            self._published += command["command"] == "publish"
+    def _follow(self, record: Any, at: float) -> None:
+        """Add a step to the history; what is none, such as one of a later build, is passed over."""
+        try:
+            step = read_step(record)
+        except ValueError:
+            return
+        self._history.take(step)
+        pose = step.event.data.get("result", {}).get("pose") if step.event.name == "attempt.done" else None
+        attempt = self._history.attempts.get(step.event.data["attempt"]) if pose else None
+        if pose and attempt is not None:
+            self.note(at, Severity.INFO, f"{attempt.operation}: x {pose['x']:.2f} m, y {pose['y']:.2f} m")
 
     def _running(self, attempt: Mapping[str, Any], now: float) -> Running:
         begun = self._begun.get(_key(attempt), now)

@@ -78,5 +78,5 @@ def step(
         for o, n, d in attempts
     ]
     view = {"mission_id": mission_id, "configuration": list(configuration), "attempts": shown}
-    record = {"event": event, "data": {"attempt": attempt}, "commands": list(commands)}
+    record = {"time": time, "event": event, "data": {"attempt": attempt}, "commands": list(commands)}
     return "step", {"time": time, "step": record, "view": view}

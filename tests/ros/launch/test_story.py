@@ -11,6 +11,8 @@ from lupin_engine.ros.launch.story import Story
 from tests.ros.launch.messages import anomaly, flowers, observation, state, step
 
 ID = "lupin-1"
+START = {"command": "start", "attempt": "a1", "operation": "nav.go_to", "arguments": {}}
+CANCEL = {"command": "cancel", "attempt": "a1", "operation": "nav.go_to"}
 
 
 def told(*messages: tuple[str, dict[str, Any]]) -> Story:
@@ -114,9 +116,9 @@ def test_time_runs_against_the_deadline_of_the_orchestrator() -> None:
 
 def test_a_goal_is_under_way_until_its_server_says_so() -> None:
     """Also when the mission itself has moved on: a cancel takes its time."""
-    story = told(step([], commands=[{"command": "start", "attempt": "a1"}]))
+    story = told(step([], commands=[START]))
     assert story.busy
-    story.take("step", step([], commands=[{"command": "cancel", "attempt": "a1"}])[1], 101.0)
+    story.take("step", step([], commands=[CANCEL])[1], 101.0)
     assert story.busy
     story.take("step", step([], event="attempt.cancelled", attempt="a1")[1], 102.0)
     assert not story.busy
@@ -130,7 +132,7 @@ def searching(found: int, lifecycle: str = "EXPLORING", **fields: Any) -> tuple[
 
 def test_a_search_tells_where_it_drives_and_what_it_finds() -> None:
     """The frontier from the result of its choice; the tags as they become more."""
-    start = {"command": "start", "attempt": "a1", "operation": "nav.choose_frontier"}
+    start = {**START, "operation": "nav.choose_frontier"}
     chosen = step([], event="attempt.done", attempt="a1")
     chosen[1]["step"]["data"]["result"] = {"pose": {"x": 1.0, "y": 2.5, "yaw": 0.0}}
     story = told(
@@ -166,7 +168,8 @@ def test_a_search_is_done_when_its_goal_was_found_and_everything_visited(
 
 def test_all_is_told_when_every_published_outcome_has_come() -> None:
     """Also of a second sweep, and of readings that are no visit: the steps tell what was published."""
-    publish = {"command": "publish"}
+    told_of = {"source": "bridge", "mission_id": ID, "target": "1", "status": "OK"}
+    publish = {"command": "publish", **told_of}
     story = told(step([], commands=[publish, publish]), observation("1"))
     assert not story.all_told
     story.take(*observation("1"), at=105.0)
