@@ -12,8 +12,8 @@ from collections.abc import Iterable, Iterator
 from itertools import accumulate
 
 from lupin_engine.chart.model import Chart, Kind, State, Transition
+from lupin_engine.diagram.descriptions import Words, hold_line
 from lupin_engine.diagram.picture import Arrow, Box, Label, Line, Picture, Role, Tone
-from lupin_engine.diagram.wording import Words, hold_line
 from lupin_engine.errors import UsageError, nearest
 
 #: Boxes in a picture that one still reads without a finger on it.

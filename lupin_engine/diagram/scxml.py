@@ -13,9 +13,9 @@ from collections.abc import Iterable, Iterator, Mapping
 
 from lupin_engine.chart.expressions.evaluation import Constant, UnknownInput, Value
 from lupin_engine.chart.model import ActionCall, Chart, Invoke, Kind, State, Timer, Transition
-from lupin_engine.diagram.markup import escape, quoted
 from lupin_engine.diagram.outline import find_state
 from lupin_engine.diagram.picture import Box, Picture, Role
+from lupin_engine.diagram.xml_text import escape, quoted
 from lupin_engine.errors import UsageError
 
 _NAMESPACES = 'xmlns="http://www.w3.org/2005/07/scxml" xmlns:lupin="urn:lupin-engine:chart"'

@@ -11,11 +11,11 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 from lupin_engine.chart.model import Kind
-from lupin_engine.diagram.layout import Block, Layout, Link, Rect, lay_out
-from lupin_engine.diagram.level import Point
-from lupin_engine.diagram.markup import escape, quoted
-from lupin_engine.diagram.metrics import text_width
+from lupin_engine.diagram.layout.cluster import Point
+from lupin_engine.diagram.layout.compound import CompoundEdge, CompoundNode, Layout, Rect, lay_out
 from lupin_engine.diagram.picture import Arrow, Box, Cause, Line, Picture, Role, Tone, times
+from lupin_engine.diagram.text_metrics import text_width
+from lupin_engine.diagram.xml_text import escape, quoted
 
 _FAMILY = "Inter, 'Helvetica Neue', Helvetica, Arial, 'Liberation Sans', 'DejaVu Sans', sans-serif"
 _INK, _SOFT, _PALE = "#1e293b", "#64748b", "#94a3b8"
@@ -61,7 +61,7 @@ def svg(picture: Picture) -> str:
     return _Drawing(picture).text()
 
 
-def plan(picture: Picture) -> tuple[Block, list[Link], Layout]:
+def plan(picture: Picture) -> tuple[CompoundNode, list[CompoundEdge], Layout]:
     """Return what stands where in the drawing of a picture, and what was to be placed."""
     drawing = _Drawing(picture)
     return drawing.root, drawing.links, drawing.layout
@@ -151,12 +151,12 @@ def _bar_width(box: Box) -> float:
     return _name(box).width + (badges + 8 if badges else 0) + 2 * _PAD
 
 
-def _block(box: Box, initial: bool, loops: dict[str, float], among_regions: bool = False) -> Block:
+def _block(box: Box, initial: bool, loops: dict[str, float], among_regions: bool = False) -> CompoundNode:
     """Return a box as the layout sees it."""
     above = _DOT_ROOM if initial else 0
     if box.kind is Kind.HISTORY:
         air = _AIR if among_regions else 0
-        return Block(box.name, _ROUND, _ROUND, above=air, beside=air)
+        return CompoundNode(box.name, _ROUND, _ROUND, above=air, beside=air)
     texts = _texts(box)
     width = max([_bar_width(box), *(text.width + 2 * _PAD for text in texts), _LEAST])
     height = _BAR_HEIGHT + (len(texts) * _LEADING + 9 if texts else 4)
@@ -165,11 +165,11 @@ def _block(box: Box, initial: bool, loops: dict[str, float], among_regions: bool
     if not box.children:
         beside = loops.get(box.name)
         room = 0 if beside is None else math.ceil(beside) + _LOOP
-        return Block(box.name, math.ceil(width), height, above=above, beside=room)
+        return CompoundNode(box.name, math.ceil(width), height, above=above, beside=room)
     row = box.kind is Kind.PARALLEL
     children = [_block(child, child.name == box.initial, loops, row) for child in box.children]
     heading = height - (0 if row and texts else 4)
-    return Block(box.name, math.ceil(width), heading, children, above, 0, row, box.initial)
+    return CompoundNode(box.name, math.ceil(width), heading, children, above, 0, row, box.initial)
 
 
 def _size(texts: Sequence[_Text]) -> tuple[int, int]:
@@ -188,9 +188,9 @@ class _Drawing:
         self._heading = list(self._head())
         loops = {name: float(_size(texts)[0]) for name, texts in self._loops.items()}
         tops = [_block(box, box.name == picture.initial, loops) for box in picture.boxes]
-        self.root = Block("", 0, 0, tops, first=picture.initial)
+        self.root = CompoundNode("", 0, 0, tops, first=picture.initial)
         self.links = [
-            Link(arrow.source, arrow.target, _size(texts) if texts else None)
+            CompoundEdge(arrow.source, arrow.target, _size(texts) if texts else None)
             for arrow, texts in zip(self._arrows, self._texts, strict=True)
         ]
         self.layout = lay_out(self.root, self.links)

@@ -9,10 +9,10 @@ from typing import Any
 import pytest
 
 from lupin_engine.chart.model import Chart
-from lupin_engine.diagram.channel import Jog, tracks
-from lupin_engine.diagram.layout import Block, Layout, Link, Rect, lay_out
+from lupin_engine.diagram.layout.compound import CompoundEdge, CompoundNode, Layout, Rect, lay_out
+from lupin_engine.diagram.layout.ranking import forward_edges, ranks
+from lupin_engine.diagram.layout.routing import ChannelNet, tracks
 from lupin_engine.diagram.outline import outline
-from lupin_engine.diagram.ranking import onwards, ranks
 from lupin_engine.diagram.svg import plan
 from tests.diagram import pictured
 from tests.machine.charts import chart
@@ -30,12 +30,12 @@ def overlap(one: Rect, other: Rect) -> bool:
     )
 
 
-def flat(block: Block) -> list[Block]:
+def flat(block: CompoundNode) -> list[CompoundNode]:
     """A block and all within it."""
     return [block, *(inner for child in block.children for inner in flat(child))]
 
 
-def check(root: Block, links: list[Link], layout: Layout) -> None:
+def check(root: CompoundNode, links: list[CompoundEdge], layout: Layout) -> None:
     """Raise when a layout is not one that can be read."""
     blocks = flat(root)
     for block in blocks:
@@ -138,13 +138,13 @@ def test_a_layout_is_always_the_same() -> None:
 
 def test_nothing_takes_no_room() -> None:
     """A picture without boxes is one."""
-    assert lay_out(Block("", 0, 0), []).lines == []
+    assert lay_out(CompoundNode("", 0, 0), []).lines == []
 
 
 def test_ways_run_downwards_and_back_ones_up() -> None:
     """What leads back to where one came from is turned round for the layers."""
     ways = [(0, 1), (1, 2), (2, 0), (1, 1)]
-    assert onwards(3, ways, None) == [True, True, False, False]
+    assert forward_edges(3, ways, None) == [True, True, False, False]
     assert ranks(3, [(0, 1), (1, 2)], [], 0) == [0, 1, 2]
     # A box that a line leads to from below stands low.
     assert ranks(3, [(0, 1)], [(2, True)], 0) == [0, 1, 1]
@@ -153,6 +153,6 @@ def test_ways_run_downwards_and_back_ones_up() -> None:
 
 def test_lines_that_move_sideways_share_a_height_only_apart() -> None:
     """One that is crossed by another's way down stands so that it is not, where that can be."""
-    assert tracks([Jog(0, 0), Jog(10, 50), Jog(100, 60)]) == [None, 0, 0]
-    assert tracks([Jog(10, 50), Jog(30, 70)]) == [1, 0]
-    assert tracks([Jog(50, 10), Jog(70, 30)]) == [0, 1]
+    assert tracks([ChannelNet(0, 0), ChannelNet(10, 50), ChannelNet(100, 60)]) == [None, 0, 0]
+    assert tracks([ChannelNet(10, 50), ChannelNet(30, 70)]) == [1, 0]
+    assert tracks([ChannelNet(50, 10), ChannelNet(70, 30)]) == [0, 1]

@@ -7,19 +7,19 @@ import random
 
 import pytest
 
-from lupin_engine.diagram.simplex import Rope, solve
+from lupin_engine.diagram.layout.network_simplex import Edge, solve
 
 
-def cost(ropes: list[Rope], found: tuple[int, ...] | list[int]) -> int | None:
-    """What the numbers cost; None when a rope is too short."""
-    slack = [found[rope.head] - found[rope.tail] - rope.length for rope in ropes]
-    return None if any(s < 0 for s in slack) else sum(s * r.weight for s, r in zip(slack, ropes, strict=True))
+def cost(edges: list[Edge], found: tuple[int, ...] | list[int]) -> int | None:
+    """What the numbers cost; None when a edge is too short."""
+    slack = [found[edge.head] - found[edge.tail] - edge.length for edge in edges]
+    return None if any(s < 0 for s in slack) else sum(s * r.weight for s, r in zip(slack, edges, strict=True))
 
 
-def some_ropes(chance: random.Random, count: int) -> list[Rope]:
+def some_edges(chance: random.Random, count: int) -> list[Edge]:
     """Ropes without a circle: every one leads to a later thing."""
     return [
-        Rope(a, b, chance.randint(0, 2), chance.randint(0, 3))
+        Edge(a, b, chance.randint(0, 2), chance.randint(0, 3))
         for a, b in itertools.combinations(range(count), 2)
         if chance.random() < 0.6
     ]
@@ -30,11 +30,11 @@ def test_nothing_is_cheaper(seed: int) -> None:
     """For few things everything can be tried."""
     chance = random.Random(seed)
     count = chance.randint(1, 4)
-    ropes = some_ropes(chance, count)
-    costs = (cost(ropes, numbers) for numbers in itertools.product(range(7), repeat=count))
-    found = solve(count, ropes)
+    edges = some_edges(chance, count)
+    costs = (cost(edges, numbers) for numbers in itertools.product(range(7), repeat=count))
+    found = solve(count, edges)
     assert min(found) == 0
-    assert cost(ropes, found) == min(one for one in costs if one is not None)
+    assert cost(edges, found) == min(one for one in costs if one is not None)
 
 
 @pytest.mark.parametrize("seed", range(20))
@@ -42,17 +42,17 @@ def test_no_single_thing_wants_to_move(seed: int) -> None:
     """For many things: no length is broken, and no step of one of them saves anything."""
     chance = random.Random(seed)
     count = chance.randint(20, 60)
-    ropes = some_ropes(chance, count)
-    found = solve(count, ropes)
-    least = cost(ropes, found)
+    edges = some_edges(chance, count)
+    found = solve(count, edges)
+    least = cost(edges, found)
     assert least is not None
     for thing, step in itertools.product(range(count), (-1, 1)):
         moved = [number + (step if index == thing else 0) for index, number in enumerate(found)]
-        other = cost(ropes, moved)
+        other = cost(edges, moved)
         assert other is None or other >= least
 
 
 def test_nothing_is_placed_nowhere() -> None:
-    """An empty level has no numbers; things without ropes begin at the same one."""
+    """An empty level has no numbers; things without edges begin at the same one."""
     assert solve(0, []) == []
     assert solve(3, []) == [0, 0, 0]

@@ -12,10 +12,10 @@ import pytest
 from fontTools.ttLib import TTFont
 
 import lupin_engine.diagram
-from lupin_engine.diagram.metrics import text_width
 from lupin_engine.diagram.outline import outline
 from lupin_engine.diagram.png import png
 from lupin_engine.diagram.svg import svg
+from lupin_engine.diagram.text_metrics import text_width
 from lupin_engine.errors import LupinError
 from lupin_engine.missions.folders import default_missions_folder, mission_files
 from tests.diagram import pictured
