@@ -25,9 +25,9 @@ from lupin_engine.plugin.contract import Argument, Driver, Plugin
 from lupin_engine.plugin.discovery import told
 from lupin_engine.plugin.types import convert
 from lupin_engine.ros.adapter.environment import child_environment
-from lupin_engine.ros.adapter.lifeline import SUPERVISED
 from lupin_engine.ros.adapter.network import interfaces
 from lupin_engine.ros.adapter.node import RosNode
+from lupin_engine.ros.adapter.process import SUPERVISED
 
 #: Seconds in which everything that must happen has happened, on a busy machine.
 PATIENCE_S = 30.0
@@ -47,7 +47,7 @@ _STEP = re.compile(r'\s+File "(.+)", line (\d+)')
 #: Runs `module:function` with the ROS arguments that follow.
 _RUN = (
     "import importlib, sys; from lupin_engine.ros.adapter.environment import prepare; prepare(); "
-    "from lupin_engine.ros.adapter.lifeline import hold_on; hold_on(); "
+    "from lupin_engine.ros.adapter.process import end_with_supervisor; end_with_supervisor(); "
     "module, _, name = sys.argv[1].partition(':'); "
     "sys.exit(getattr(importlib.import_module(module), name)(sys.argv[2:]))"
 )

@@ -25,9 +25,9 @@ from lupin_engine.ros.adapter.action_driver import (
     ActionServer,
 )
 from lupin_engine.ros.adapter.estop import RELEASED, SILENT, EmergencyStop
+from lupin_engine.ros.adapter.host import Repeater
 from lupin_engine.ros.adapter.logs import WarnOnce
 from lupin_engine.ros.adapter.node import Qos, RosNode
-from lupin_engine.ros.adapter.repeater import Repeater
 from lupin_engine.ros.adapter.service_driver import Done, Failed
 from lupin_greenhouse.frames import frame_name
 from lupin_nav import goal_status, localization

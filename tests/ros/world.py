@@ -16,8 +16,8 @@ from rcl_interfaces.msg import ParameterType, ParameterValue
 from rcl_interfaces.srv import SetParameters
 from std_srvs.srv import Trigger
 
-from lupin_engine.ros.adapter.lifeline import SUPERVISED
 from lupin_engine.ros.adapter.node import Failure, Qos, RosNode
+from lupin_engine.ros.adapter.process import SUPERVISED
 from lupin_msgs.msg import MissionState, Observation
 from lupin_msgs.srv import StartMission
 
@@ -118,7 +118,7 @@ class World:
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
-        # Nobody writes: the nodes end with this process, however that ends (see `ros.adapter.lifeline`).
+        # Nobody writes: the nodes end with this process, however that ends (see `ros.adapter.process`).
         self._lifeline = [os.fdopen(end, mode) for end, mode in zip(os.pipe(), ("rb", "wb"), strict=True)]
         self.processes: dict[str, subprocess.Popen[bytes]] = {}
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import click
 
 from lupin_engine.plugin.registry import Catalog, load_catalog
-from lupin_engine.ros.adapter.lifeline import hold_on
+from lupin_engine.ros.adapter.process import end_with_supervisor
 from lupin_engine.ros.launch.nodes import find_node, nodes_of
 from lupin_engine.ros.launch.requirements import prepare_ros
 
@@ -27,7 +27,7 @@ def node(name: str | None, arguments: tuple[str, ...]) -> int:
         return 0
     found = find_node(name, catalog)
     prepare_ros()
-    hold_on()
+    end_with_supervisor()
     return found.run(list(arguments))  # rclpy.init takes no tuple
 
 

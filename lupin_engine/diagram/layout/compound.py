@@ -150,7 +150,7 @@ class _Layouter:
             )
 
     def _home(self, index: int) -> str:
-        """Return the node that holds the label of an edge: the parent of its source, never between regions."""
+        """Return the node that holds the label of an edge: parent of its source, never between regions."""
         around = self._paths[index][0][:-1]
         return around[-2] if self._nodes[around[-1]].row and len(around) > 1 else around[-1]
 

@@ -15,8 +15,8 @@ from action_msgs.msg import GoalStatus
 from action_msgs.srv import CancelGoal
 
 from lupin_engine.plugin.contract import Outlet
+from lupin_engine.ros.adapter.host import Repeater
 from lupin_engine.ros.adapter.node import Goal, RosNode
-from lupin_engine.ros.adapter.repeater import Repeater
 from lupin_engine.ros.adapter.service_driver import Done, Failed
 
 #: How often the servers of goals under way are looked at, in seconds.

@@ -19,9 +19,8 @@ from rclpy.action.server import ServerGoalHandle
 from rclpy.task import Future
 from unique_identifier_msgs.msg import UUID
 
-from lupin_engine.ros.adapter.host import Host
+from lupin_engine.ros.adapter.host import Host, Repeater
 from lupin_engine.ros.adapter.qos import Qos
-from lupin_engine.ros.adapter.repeater import Repeater
 
 #: Seconds between two looks at the servers while a goal is under way; none otherwise.
 WATCH_PERIOD_S = 1.0

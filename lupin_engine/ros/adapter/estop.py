@@ -6,8 +6,8 @@ from collections.abc import Callable
 
 from std_msgs.msg import Bool
 
+from lupin_engine.ros.adapter.host import Repeater
 from lupin_engine.ros.adapter.node import Qos, RosNode
-from lupin_engine.ros.adapter.repeater import Repeater
 
 #: What `told` is called with.
 ENGAGED, RELEASED, SILENT = "engaged", "", "silent"

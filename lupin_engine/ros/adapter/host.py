@@ -1,4 +1,4 @@
-"""What the parts of the adapter need of the node that they belong to."""
+"""What the parts of the adapter need of their node, and timers that run only while they are needed."""
 
 from __future__ import annotations
 
@@ -30,3 +30,37 @@ class Host(Protocol):
 
     def channels(self) -> list[str]:
         """Return the DDS topics that the node uses."""
+
+
+#: Starts a repeating timer: `RosNode.timer` or `RosNode.steady_timer`.
+Every = Callable[[float, Callable[[], None]], Timer]
+
+
+class Repeater:
+    """A timer that can be started and stopped again and again; for the node's own thread.
+
+    A node at rest runs none, so that it costs nothing.
+    """
+
+    def __init__(self, every: Every, period: float, callback: Callable[[], None]) -> None:
+        """`callback` is called every `period` seconds of the clock of `every`, after `start`."""
+        self._every = every
+        self._period = period
+        self._callback = callback
+        self._timer: Timer | None = None
+
+    @property
+    def running(self) -> bool:
+        """Whether the timer runs."""
+        return self._timer is not None
+
+    def start(self) -> None:
+        """Start the timer; one that runs is not restarted."""
+        if self._timer is None:
+            self._timer = self._every(self._period, self._callback)
+
+    def stop(self) -> None:
+        """Stop the timer; stopping twice does no harm."""
+        timer, self._timer = self._timer, None
+        if timer is not None:
+            timer.cancel()

@@ -45,9 +45,9 @@ from rclpy.subscription import Subscription
 from lupin_engine.errors import UsageError
 from lupin_engine.ros.adapter.actions import ActionCaller, ActionHost, Goal, ServedGoal
 from lupin_engine.ros.adapter.calls import Call, Failure, ServiceCaller
-from lupin_engine.ros.adapter.declared import Declared, DeclaredParameters
 from lupin_engine.ros.adapter.executor import Executor, Serving
 from lupin_engine.ros.adapter.logs import guarded, ros_log
+from lupin_engine.ros.adapter.parameters import Declared, DeclaredParameters
 from lupin_engine.ros.adapter.peers import (
     action_channels,
     peer_mismatches,

@@ -1,4 +1,11 @@
-"""What a node does to its process: signals, a limit on its end, the profile that the middleware reads."""
+"""What a node does to its process: signals, its end, the profile that the middleware reads.
+
+A node that was started by `lupin run`, or by a test, does not outlive it. The supervisor holds the writing
+end of the child's standard input and never writes. However the supervisor ends, `kill -9` included, the
+kernel closes that end, and a thread of the child reads the end of the file. The child is then told to stop as
+an operator would (SIGTERM: goals are cancelled, the robot stops) and killed when it has not ended in time. A
+SIGKILL from the kernel on the parent's death would be shorter and would leave a real robot driving.
+"""
 
 from __future__ import annotations
 
@@ -10,6 +17,12 @@ import socket
 import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
+
+#: Set for the processes that a supervisor starts.
+SUPERVISED = "LUPIN_SUPERVISED"
+
+#: Seconds between being told to stop and being killed, once the supervisor is gone.
+GRACE_S = 5.0
 
 #: The file descriptor, because `sys.stderr` may be anything by then.
 _STDERR = 2
@@ -37,12 +50,12 @@ def signals_call(stop: Callable[[], None]) -> Iterator[None]:
     writer.setblocking(False)
     handled = (signal.SIGINT, signal.SIGTERM)
 
-    def watch() -> None:
+    def watch_descriptor() -> None:
         while received := reader.recv(64):
             if any(number in handled for number in received):
                 stop()
 
-    watcher = threading.Thread(target=watch, name="signals", daemon=True)
+    watcher = threading.Thread(target=watch_descriptor, name="signals", daemon=True)
     # First the descriptor: a signal that found only the handler would be lost.
     old_descriptor = signal.set_wakeup_fd(writer.fileno(), warn_on_full_buffer=False)
     before = {number: signal.signal(number, lambda *_: None) for number in handled}
@@ -78,3 +91,29 @@ def is_rclpys_end(problem: BaseException) -> bool:
 
     too_late = type(problem).__name__ == "RCLError" and "context is not valid" in str(problem)
     return too_late or isinstance(problem, (ExternalShutdownException, KeyboardInterrupt))
+
+
+def end_with_supervisor(descriptor: int = 0) -> threading.Thread | None:
+    """End this process when the supervisor that started it ends; return the thread that watches, if any."""
+    if os.environ.get(SUPERVISED) != "1":
+        return None
+    reading = (descriptor, _end_this_process)
+    watcher = threading.Thread(target=watch_descriptor, args=reading, name="supervision", daemon=True)
+    watcher.start()
+    return watcher
+
+
+def watch_descriptor(descriptor: int, end: Callable[[], None]) -> None:
+    """Read until the end of the file, then call `end`."""
+    try:
+        while os.read(descriptor, 4096):
+            pass
+    except OSError:
+        return  # standard input was closed: nothing is left to watch
+    end()
+
+
+def _end_this_process() -> None:
+    os.kill(os.getpid(), signal.SIGTERM)
+    threading.Event().wait(GRACE_S)
+    os.kill(os.getpid(), signal.SIGKILL)

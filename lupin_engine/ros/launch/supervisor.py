@@ -1,7 +1,7 @@
 """Child processes: started in their own groups, watched, and stopped so that none survives.
 
 Each child leads a session of its own, so Ctrl-C in the terminal reaches the supervisor only, which then stops
-them in order. A child ends with its supervisor however that ends (see `ros.adapter.lifeline`). Nothing here
+them in order. A child ends with its supervisor however that ends (see `ros.adapter.process`). Nothing here
 knows ROS.
 """
 
@@ -16,7 +16,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from lupin_engine.ros.adapter.lifeline import SUPERVISED
+from lupin_engine.ros.adapter.process import SUPERVISED
 from lupin_engine.ros.launch import shared_memory
 
 #: Lines of its log that are shown when a process has died.

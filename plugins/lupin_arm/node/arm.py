@@ -17,7 +17,7 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from lupin_arm.joints import ARM, JAW_CLOSED, JAW_OPEN, Pose, reach_pose
 from lupin_arm.node.feedback import Feedback, Listener
 from lupin_arm.node.gripper import Gripper
-from lupin_arm.node.refused import Refused
+from lupin_arm.node.serving import Refused
 from lupin_arm.node.torque import Done, Torque
 from lupin_arm.trajectory import FIRST_POINT_S, START_TOLERANCE, VELOCITY_HINT, Point, Trajectory
 from lupin_engine.plugin.wire import time_fields

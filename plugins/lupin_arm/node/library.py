@@ -15,11 +15,10 @@ from std_srvs.srv import Trigger
 
 from lupin_arm.library import Library, NotInLibrary, Pose, StoreFailed, checked_pose, valid_name
 from lupin_arm.node.arm import Arm
-from lupin_arm.node.mission import Mission
+from lupin_arm.node.gates import MissionGate
 from lupin_arm.node.player import Player, if_on
 from lupin_arm.node.recorder import Recorder, Result
-from lupin_arm.node.refused import Refused
-from lupin_arm.node.serving import STALE_AFTER_S, refuse
+from lupin_arm.node.serving import STALE_AFTER_S, Refused, refuse
 from lupin_arm.trajectory import clamp_speed, move
 from lupin_engine.errors import nearest, shortened
 from lupin_engine.plugin.files import user_folder
@@ -48,7 +47,7 @@ ACTIONS = ("start", "save", "cancel")
 class LibraryServer:
     """All that operators do with the library; one thing at a time moves the arm."""
 
-    def __init__(self, ros: RosNode, arm: Arm, mission: Mission, path: Path) -> None:
+    def __init__(self, ros: RosNode, arm: Arm, mission: MissionGate, path: Path) -> None:
         self._ros = ros
         self._arm = arm
         self._library = Library(path)
@@ -261,7 +260,7 @@ class LibraryServer:
         }
 
 
-def serve(ros: RosNode, arm: Arm, mission: Mission, given_path: str) -> LibraryServer:
+def serve_library(ros: RosNode, arm: Arm, mission: MissionGate, given_path: str) -> LibraryServer:
     """Offer the services of the library in the file `given_path`, '' for the user's own."""
     return LibraryServer(ros, arm, mission, library_path(given_path))
 

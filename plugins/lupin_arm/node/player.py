@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 from lupin_arm.library import NotInLibrary, Sequence
 from lupin_arm.node.arm import Arm
-from lupin_arm.node.refused import Refused
+from lupin_arm.node.serving import Refused
 from lupin_arm.node.torque import Done
 from lupin_arm.player import JawEvent, Replay, plan
 from lupin_engine.ros.adapter.node import RosNode, Timer

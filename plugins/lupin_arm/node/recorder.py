@@ -14,7 +14,7 @@ from lupin_arm.joints import Pose
 from lupin_arm.library import MODES, Library, NotInLibrary, Sequence, StoreFailed, valid_name
 from lupin_arm.node.arm import Arm
 from lupin_arm.node.mark import Mark
-from lupin_arm.node.refused import Refused
+from lupin_arm.node.serving import Refused
 from lupin_arm.node.torque import Done
 from lupin_arm.recorder import Recording
 from lupin_engine.errors import nearest, shortened

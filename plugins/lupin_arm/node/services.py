@@ -7,10 +7,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from lupin_arm.node import calibration, library, power, presets, sliders
 from lupin_arm.node.arm import Arm
-from lupin_arm.node.hardware import Hardware
-from lupin_arm.node.mission import Mission
+from lupin_arm.node.calibration.procedure import serve_calibration
+from lupin_arm.node.gates import Gates, HardwareGate, MissionGate
+from lupin_arm.node.library import serve_library
+from lupin_arm.node.operator_services import serve_presets, serve_sliders, serve_torque
 from lupin_arm.node.settings import PARAMETERS
 from lupin_engine.ros.adapter.node import RosNode
 
@@ -26,12 +27,12 @@ def main(arguments: Sequence[str]) -> int:
 def serve_all(ros: RosNode) -> Arm:
     """Offer all services of the arm on a node that has its parameters; return what they all move."""
     values = ros.parameters()
-    hardware = Hardware(ros, values["hardware"])
+    hardware = HardwareGate(ros, values["hardware"])
     arm = Arm(ros, values)
-    presets.serve(ros, arm, values["preset_duration"])
-    sliders.serve(ros, arm, values["init_duration"])
-    power.serve(ros, arm)
-    mission = Mission(ros, values["mission_state_topic"])
-    library.serve(ros, arm, mission, values["library_path"])
-    calibration.serve(ros, arm, calibration.Gates(hardware, mission), values)
+    serve_presets(ros, arm, values["preset_duration"])
+    serve_sliders(ros, arm, values["init_duration"])
+    serve_torque(ros, arm)
+    mission = MissionGate(ros, values["mission_state_topic"])
+    serve_library(ros, arm, mission, values["library_path"])
+    serve_calibration(ros, arm, Gates(hardware, mission), values)
     return arm

@@ -1,4 +1,4 @@
-"""What the arm's services have in common."""
+"""What the services of the arm share: the refusal of a request, and when a request is too old."""
 
 from __future__ import annotations
 
@@ -6,6 +6,10 @@ from typing import Any
 
 #: Seconds after which a request is not carried out: a link is back, and nobody looks at the arm any more.
 STALE_AFTER_S = 2.0
+
+
+class Refused(Exception):
+    """A request that is not carried out, and nothing has changed; the text is the answer to the caller."""
 
 
 def refuse(response: Any, reason: str) -> Any:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from lupin_arm.node.calibration_chart import CHART
-from lupin_arm.node.hardware import SERVOS
+from lupin_arm.node.calibration.chart import CHART
+from lupin_arm.node.gates import SERVOS
 from lupin_engine.plugin.contract import Parameter
 from lupin_engine.plugin.types import ROS_NAME, TEXT, number_in, one_of
 

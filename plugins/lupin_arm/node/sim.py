@@ -21,7 +21,7 @@ from std_srvs.srv import SetBool
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from lupin_arm.joints import ARM, JAW_OPEN, Pose, jaw_from_degrees
-from lupin_arm.node.hardware import SERVOS
+from lupin_arm.node.gates import SERVOS
 from lupin_arm.presets import PRESETS
 from lupin_arm.simulated import SimulatedArm
 from lupin_arm.trajectory import LONGEST_S, Point, Trajectory, time_for
@@ -29,8 +29,8 @@ from lupin_engine.errors import LupinError, Problems
 from lupin_engine.plugin.contract import Parameter
 from lupin_engine.plugin.types import ANGLE, list_of
 from lupin_engine.plugin.wire import seconds_of
+from lupin_engine.ros.adapter.host import Repeater
 from lupin_engine.ros.adapter.node import Qos, RosNode, ServedGoal
-from lupin_engine.ros.adapter.repeater import Repeater
 
 #: Seconds between two messages while nothing moves, and while something does.
 REST_S, MOVE_S = 0.2, 0.05

@@ -27,8 +27,8 @@ from lupin_engine.errors import LupinError, Problems
 from lupin_engine.plugin.contract import Parameter
 from lupin_engine.plugin.types import BOOL, COUNT, NUMBER, POSE, TEXT, number_in, one_of
 from lupin_engine.plugin.wire import time_fields
+from lupin_engine.ros.adapter.host import Repeater
 from lupin_engine.ros.adapter.node import Qos, RosNode, ServedGoal
-from lupin_engine.ros.adapter.repeater import Repeater
 from lupin_greenhouse.poses import heading
 from lupin_sim.faults import Fault, Faults
 from lupin_sim.floor import Floor

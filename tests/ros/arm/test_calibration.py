@@ -10,9 +10,9 @@ import pytest
 from std_srvs.srv import SetBool
 
 from lupin_arm.calibration.offsets import HOMES
-from lupin_arm.node import calibration_servos as servos_module
 from lupin_arm.node import torque as torque_module
-from lupin_arm.node.calibration_servos import CUT_OFF, LIMP
+from lupin_arm.node.calibration import servos as servos_module
+from lupin_arm.node.calibration.servos import CUT_OFF, LIMP
 from lupin_engine.ros.adapter.node import RosNode
 from lupin_msgs.srv import CalibrateArm, SetArmPreset
 from tests.ros.arm.bench import CALIBRATE, GATE, POWER, Bench, refuse

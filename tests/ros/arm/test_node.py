@@ -19,8 +19,8 @@ from lupin_arm.node import arm as arm_module
 from lupin_arm.node import feedback as feedback_module
 from lupin_arm.node import gripper as gripper_module
 from lupin_arm.node import torque as torque_module
-from lupin_arm.node.hardware import Hardware
-from lupin_arm.node.refused import Refused
+from lupin_arm.node.gates import HardwareGate
+from lupin_arm.node.serving import Refused
 from lupin_arm.node.settings import PARAMETERS
 from lupin_arm.presets import PRESETS
 from lupin_arm.trajectory import VELOCITY_HINT, Point, Trajectory
@@ -608,19 +608,19 @@ def test_without_servos_nothing_can_be_switched(make_node: MakeNode, monkeypatch
 def test_what_needs_real_servos_is_refused_in_a_simulation(make_node: MakeNode) -> None:
     ros = make_node("lupin_arm")
     with pytest.raises(Refused) as refused:
-        Hardware(ros, "auto").require("calibration")
+        HardwareGate(ros, "auto").require("calibration")
     sign = "/io/servo/hiwonder/shoulder_lift/_set_offset"
     assert str(refused.value) == (
         f"calibration needs the real servos, and this is a simulation: there is no service {sign}"
     )
     with pytest.raises(Refused, match=r"parameter hardware is simulated$"):
-        Hardware(ros, "simulated").require("calibration")
-    Hardware(ros, "real").require("calibration")
+        HardwareGate(ros, "simulated").require("calibration")
+    HardwareGate(ros, "real").require("calibration")
 
 
 def test_hardware_is_there_when_its_services_are(make_node: MakeNode) -> None:
     ros, vendor = make_node("lupin_arm"), make_node("vendor")
-    hardware = Hardware(ros, "auto")
+    hardware = HardwareGate(ros, "auto")
     sign = "/io/servo/hiwonder/shoulder_lift/_set_offset"
     with pytest.raises(Refused, match="there is no service"):
         hardware.require("calibration")

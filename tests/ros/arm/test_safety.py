@@ -12,8 +12,8 @@ from lupin_arm import simulated as simulated_module
 from lupin_arm.node import arm as arm_module
 from lupin_arm.node import gripper as gripper_module
 from lupin_arm.node import torque as torque_module
-from lupin_arm.node.power import MOST_WAITING
-from lupin_arm.node.refused import Refused
+from lupin_arm.node.operator_services import MOST_WAITING
+from lupin_arm.node.serving import Refused
 from lupin_arm.presets import PRESETS
 from lupin_msgs.srv import SaveArmPose
 from tests.ros.arm.bench import GATE, LIBRARY, POWER, Bench

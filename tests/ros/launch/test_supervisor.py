@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from lupin_engine.ros.adapter import lifeline
+from lupin_engine.ros.adapter import process
 from lupin_engine.ros.launch.supervisor import Patience, Supervisor, group_lives, last_lines
 from tests.ros.launch.processes import until
 
@@ -130,7 +130,7 @@ def test_children_get_the_environment_and_the_lifeline(tmp_path: Path) -> None:
 def test_a_child_ends_when_its_supervisor_is_killed(tmp_path: Path) -> None:
     """`kill -9` of the supervisor closes the lifeline, however that happens."""
     child = (
-        "import signal; from lupin_engine.ros.adapter.lifeline import hold_on; hold_on(); "
+        "import signal; from lupin_engine.ros.adapter import process; process.end_with_supervisor(); "
         "print('up', flush=True); signal.pause()"
     )
     parent = (
@@ -153,11 +153,11 @@ def test_the_lifeline_ends_with_the_file(monkeypatch: pytest.MonkeyPatch) -> Non
     os.write(writer, b"chatter")
     os.close(writer)
     ended: list[int] = []
-    lifeline.watch(reader, lambda: ended.append(1))
+    process.watch_descriptor(reader, lambda: ended.append(1))
     assert ended == [1]
     os.close(reader)
-    monkeypatch.delenv(lifeline.SUPERVISED, raising=False)
-    assert lifeline.hold_on() is None
+    monkeypatch.delenv(process.SUPERVISED, raising=False)
+    assert process.end_with_supervisor() is None
 
 
 def test_the_last_lines_of_a_log(tmp_path: Path) -> None:

@@ -12,14 +12,12 @@ from typing import Any, NamedTuple
 
 from lupin_arm.calibration.offsets import Correction, refusals
 from lupin_arm.node.arm import Arm
-from lupin_arm.node.calibration_chart import CHART
-from lupin_arm.node.calibration_servos import Servos
-from lupin_arm.node.hardware import Hardware
+from lupin_arm.node.calibration.chart import CHART
+from lupin_arm.node.calibration.servos import Servos
+from lupin_arm.node.gates import Gates
 from lupin_arm.node.library import library_path
 from lupin_arm.node.mark import Mark
-from lupin_arm.node.mission import Mission
-from lupin_arm.node.refused import Refused
-from lupin_arm.node.serving import STALE_AFTER_S, refuse
+from lupin_arm.node.serving import STALE_AFTER_S, Refused, refuse
 from lupin_engine.errors import nearest, shortened
 from lupin_engine.machine.event import Event
 from lupin_engine.machine.step import Step
@@ -46,24 +44,6 @@ POSING = "POSING"
 LAST_WAIT_S = 3.0
 
 POSE_NOW = "the arm has no torque: bring it into its zero pose by hand, then commit"
-
-
-class Gates(NamedTuple):
-    """What must be so for a calibration: real servos, and no mission that moves the robot."""
-
-    hardware: Hardware
-    mission: Mission
-
-    def require(self) -> None:
-        """Let a calibration begin.
-
-        Raises:
-            Refused: this is a simulation, or a mission is running.
-        """
-        self.hardware.require("calibration")
-        reason = self.mission.refusal()
-        if reason is not None:
-            raise Refused(reason)
 
 
 class _Clock:
@@ -244,6 +224,6 @@ def _fill(response: CalibrateArm.Response, found: list[Correction]) -> None:
     response.diffs_observed = [one.difference for one in found]
 
 
-def serve(ros: RosNode, arm: Arm, gates: Gates, parameters: Mapping[str, Any]) -> Calibration:
+def serve_calibration(ros: RosNode, arm: Arm, gates: Gates, parameters: Mapping[str, Any]) -> Calibration:
     """Offer the service."""
     return Calibration(ros, arm, gates, parameters)

@@ -17,9 +17,9 @@ from std_srvs.srv import SetBool
 
 from lupin_arm.calibration.offsets import HOMES, STEP, STEPS, Correction, corrections, to_write
 from lupin_arm.node.arm import Arm
-from lupin_arm.node.hardware import SERVOS
+from lupin_arm.node.gates import SERVOS
 from lupin_arm.node.mark import Mark
-from lupin_arm.node.refused import Refused
+from lupin_arm.node.serving import Refused
 from lupin_arm.node.waiting import when_ready
 from lupin_engine.plugin.contract import Outlet
 from lupin_engine.ros.adapter.node import Failure, Qos, RosNode, ServiceCaller

@@ -1,0 +1,1 @@
+"""The calibration of the servos: its service, its chart, and what the chart does to the servos."""

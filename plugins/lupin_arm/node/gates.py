@@ -1,0 +1,95 @@
+"""What must hold before the arm may do certain things: real servos, and no mission under way.
+
+A calibration makes no sense in a simulation; an operator's sequences must not move the arm of a robot that
+drives by itself.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+from mirte_msgs.srv import SetServoOffset
+
+from lupin_arm.node.serving import Refused
+from lupin_engine.ros.adapter.node import Qos, RosNode
+from lupin_greenhouse.mission import SILENCE_S, is_under_way
+from lupin_msgs.msg import MissionState
+
+#: Where the vendor's servos have their services and topics.
+SERVOS = "/io/servo/hiwonder"
+#: A service that only real servos have; the simulated arm has nothing to calibrate.
+SIGN = f"{SERVOS}/shoulder_lift/_set_offset"
+
+
+class HardwareGate:
+    """The gate of what needs real servos."""
+
+    def __init__(self, ros: RosNode, said: str) -> None:
+        """`said` is the parameter: real, simulated, or auto: real where the servos' own services are."""
+        self._said = said
+        self._sign = ros.service(SetServoOffset, SIGN) if said == "auto" else None
+
+    @property
+    def present(self) -> bool:
+        """Whether this is a real robot."""
+        return self._said == "real" if self._sign is None else self._sign.ready()
+
+    def require(self, what: str) -> None:
+        """Refuse `what` where there are no real servos.
+
+        Raises:
+            Refused: this is a simulation, or the robot's drivers are not up.
+        """
+        if self.present:
+            return
+        why = f"there is no service {SIGN}" if self._sign else "parameter hardware is simulated"
+        raise Refused(f"{what} needs the real servos, and this is a simulation: {why}")
+
+
+class MissionGate:
+    """Listens to the orchestrator; `began(reason)` is called when a mission has begun."""
+
+    def __init__(self, ros: RosNode, topic: str) -> None:
+        self._ros = ros
+        self._state = ""
+        self._heard = float("-inf")
+        self._listeners: list[Callable[[str], None]] = []
+        ros.subscribe(MissionState, topic, Qos.LATCHED, self._on_state)
+
+    def listen(self, began: Callable[[str], None]) -> None:
+        """Call `began(reason)` whenever a mission begins."""
+        self._listeners.append(began)
+
+    def refusal(self) -> str | None:
+        """Say why the arm is not to be moved by hand now; None while no mission runs."""
+        fresh = self._ros.elapsed() - self._heard <= SILENCE_S
+        if fresh and is_under_way(self._state):
+            return f"a mission is running ({self._state}); abort it or wait for its end"
+        return None
+
+    def _on_state(self, message: MissionState) -> None:
+        before = self.refusal()
+        self._state, self._heard = message.lifecycle_state, self._ros.elapsed()
+        now = self.refusal()
+        if before is None and now is not None:
+            for listener in self._listeners:
+                listener(now)
+
+
+class Gates(NamedTuple):
+    """What must be so for a calibration: real servos, and no mission that moves the robot."""
+
+    hardware: HardwareGate
+    mission: MissionGate
+
+    def require(self) -> None:
+        """Let a calibration begin.
+
+        Raises:
+            Refused: this is a simulation, or a mission is running.
+        """
+        self.hardware.require("calibration")
+        reason = self.mission.refusal()
+        if reason is not None:
+            raise Refused(reason)
