@@ -1,9 +1,4 @@
-"""Finding installed plugins and their verbs: entry points, read from what the installers left on the path.
-
-`importlib.metadata` would read and parse the entry points of every installed package, at every start
-(docs/performance.md). Here a file is parsed only when it names the group. The rules are the same: folders are
-looked at in the order of `sys.path`, and of packages with one name the first counts.
-"""
+"""Finding installed plugins and their verbs by entry point."""
 
 from __future__ import annotations
 
@@ -11,8 +6,9 @@ import importlib
 import os
 import re
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, field
+from importlib import metadata
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -25,9 +21,6 @@ GROUP = "lupin.plugins"
 #: Entry points of this group name a click command, which becomes a verb of `lupin` by the entry point's name.
 VERBS = "lupin.verbs"
 
-#: What installers name the folders in which they describe a package: by wheels, and by what came before them.
-_DESCRIPTIONS = (".dist-info", ".egg-info")
-_SEPARATORS = re.compile(r"[-_.]+")
 #: What Python says of a name that a module does not have.
 _NO_NAME = re.compile(r"cannot import name '(\w+)' from '([\w.]+)'")
 #: A value in a pyproject.toml, in quotes of either kind; a remark may follow.
@@ -36,11 +29,10 @@ _QUOTED = re.compile(r"""(["'])(.*?)\1""")
 
 @dataclass(frozen=True)
 class Distribution:
-    """What was installed under one name: normalised name, version, and where it is described."""
+    """What was installed under one name."""
 
     name: str
     version: str
-    folder: Path
 
     def __str__(self) -> str:
         return f"{self.name} {self.version}".rstrip()
@@ -52,10 +44,16 @@ class EntryPoint:
 
     name: str
     value: str
-    distribution: Distribution | None = field(default=None, compare=False)
+    brought_by: metadata.Distribution | Distribution | None = field(default=None, compare=False, repr=False)
 
     def __str__(self) -> str:
         return f"{self.value} of {self.distribution}" if self.distribution else self.value
+
+    @property
+    def distribution(self) -> Distribution | None:
+        """The package that brought it; reading that takes longer than finding all entry points."""
+        found = self.brought_by
+        return Distribution(found.name, found.version) if isinstance(found, metadata.Distribution) else found
 
     @property
     def module(self) -> str:
@@ -91,18 +89,10 @@ class EntryPoint:
         return found
 
 
-def entry_points(path: Iterable[str] | None = None, group: str = GROUP) -> list[EntryPoint]:
-    """Return the entry points of a group by name; `path` is where to look, by default `sys.path`."""
-    seen: set[str] = set()
-    found: set[EntryPoint] = set()
-    for folder in sys.path if path is None else path:
-        for description in _descriptions(folder):
-            distribution = _described(description)
-            if distribution.name not in seen:
-                seen.add(distribution.name)
-                declared = _in_section(description / "entry_points.txt", f"[{group}]")
-                found.update(EntryPoint(name, value, distribution) for name, value in declared)
-    return sorted(found)
+def entry_points(group: str = GROUP) -> list[EntryPoint]:
+    """Return the entry points of a group by name."""
+    found = metadata.entry_points(group=group)
+    return sorted({EntryPoint(point.name, point.value, point.dist) for point in found})
 
 
 def find_entry_point(name: str) -> EntryPoint:
@@ -168,20 +158,6 @@ def source_file(module: str) -> str | None:
     return None
 
 
-def _described(description: Path) -> Distribution:
-    # The name of a package has no hyphen there; its version follows one.
-    name, version, *_ = [*description.name.rpartition(".")[0].split("-"), ""]
-    return Distribution(_SEPARATORS.sub("-", name).lower(), version, description)
-
-
-def _descriptions(folder: str) -> Iterator[Path]:
-    try:
-        names = sorted(os.listdir(folder or "."))
-    except OSError:
-        return  # a zip file, or what is not there
-    yield from (Path(folder, name) for name in names if name.endswith(_DESCRIPTIONS))
-
-
 def declared_in(project: Path) -> list[tuple[str, str]]:
     """Return name and value of the plugins that a pyproject.toml declares, installed or not."""
     headers = [f"[project.entry-points.{quote}{GROUP}{quote}]" for quote in "\"'"]
@@ -198,7 +174,7 @@ def _unquoted(value: str) -> str:
 
 
 def _in_section(file: Path, header: str) -> Iterator[tuple[str, str]]:
-    """Yield name and value of what stands below a header; most packages have none, many have no file."""
+    """Yield name and value of what stands below a header of a pyproject.toml."""
     try:
         text = file.read_text(encoding="utf-8", errors="replace")
     except OSError:

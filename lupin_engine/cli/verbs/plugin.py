@@ -205,7 +205,7 @@ def _in_folder(folder: Path) -> list[Subject]:
     if not file.is_file():
         raise UsageError(f"{str(folder)!r} has no pyproject.toml, so it declares no plugin")
     sys.path[:0] = [str(folder.resolve()), str(folder.resolve() / "src")]
-    project = Distribution(folder.resolve().name, "", folder)
+    project = Distribution(folder.resolve().name, "")
     found = [Subject(EntryPoint(name, value, project)) for name, value in declared_in(file)]
     if not found:
         wanted = '[project.entry-points."lupin.plugins"] with NAME = "MODULE:PLUGIN"'
