@@ -4,7 +4,7 @@
 #   ARGS="..."                   further arguments, for run and test
 
 .DEFAULT_GOAL := help
-.PHONY: help run test docs environment clean
+.PHONY: help run check test docs environment clean
 
 # Paths stay relative, so that a checkout may lie in a folder with blanks in its name.
 VENV_PYTHON := .venv/bin/python
@@ -13,7 +13,8 @@ export PYTHON
 help:
 	@echo "make run     run the inspection mission in the simulated greenhouse, the robot ten times as fast"
 	@echo "             (ARGS=\"--speed 1 --tags 1,5,12\" to run it another way)"
-	@echo "make test    run all tests, the linter and the type checker (ARGS=\"...\" for pytest)"
+	@echo "make check   the linter, the type checker, and the tests that need no ROS (ARGS=\"...\" for pytest)"
+	@echo "make test    the same, and all other tests"
 	@echo "make docs    build the documentation as a site: open site/index.html"
 	@echo "make clean   remove .venv and all caches of this checkout"
 	@echo "The first run, or the first test, prepares .venv; that takes a few minutes, later ones start at once."
@@ -26,9 +27,12 @@ environment:
 run: environment
 	@.venv/bin/lupin run inspection $(or $(ARGS),--speed 10)
 
+# Tests start hundreds of processes: modules compiled anew in each of them would double their time.
+check test: export PYTHONDONTWRITEBYTECODE =
+
 # Through the environment module, which completes the library path where ROS 2 came from apt.
-test: environment
-	@$(VENV_PYTHON) -m lupin_engine.ros.adapter.environment $(VENV_PYTHON) -m pytest $(ARGS)
+check test: environment
+	@$(VENV_PYTHON) -m lupin_engine.ros.adapter.environment $(VENV_PYTHON) tools/suite.py $@ $(ARGS)
 
 # The pages for authors are brought up to date first: what they show is what the commands print.
 docs: environment

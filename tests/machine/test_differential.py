@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 from typing import Any
 
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from transitions import MachineError
 
@@ -102,14 +102,12 @@ def compare(given_chart: Chart, sent: list[tuple[str, bool, bool]]) -> None:
         assert bench.leaves == leaves(model.state)
 
 
-@settings(max_examples=120, deadline=None)
 @given(charts(), events_of(EVENTS))
 def test_the_stock_machine_and_ours_agree(given_chart: Chart, sent: list[tuple[str, bool, bool]]) -> None:
     """Without parallel states, history and eventless transitions the library and SCXML mean the same."""
     compare(given_chart, sent)
 
 
-@settings(max_examples=100, deadline=None)
 @given(
     parallel_charts(),
     events_of((*(f"{name}.{event}" for name in REGIONS for event in EVENTS[:2]), "out", "back")),

@@ -8,7 +8,7 @@ import random
 from typing import Any
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from lupin_engine.chart.model import OPERATOR_REQUESTS
@@ -54,7 +54,6 @@ EVENTS = st.builds(Event, NAMES | st.text(max_size=12), DATA)
 HAPPENINGS = st.lists(EVENTS | st.sampled_from([0.5, 2.0, 10.0]), max_size=25)
 
 
-@settings(max_examples=150, deadline=None)
 @given(HAPPENINGS)
 def test_nothing_from_outside_breaks_a_machine(happenings: list[Event | float]) -> None:
     """A chart with all there is: every step ends in a legal configuration."""
@@ -67,7 +66,6 @@ def test_nothing_from_outside_breaks_a_machine(happenings: list[Event | float]) 
         assert legal(RICH, bench.machine.memory.configuration)
 
 
-@settings(max_examples=75, deadline=None)
 @given(HAPPENINGS)
 def test_nothing_from_outside_breaks_the_shipped_mission(happenings: list[Event | float]) -> None:
     """With real missions, readers and expressions; a refused request changes nothing."""

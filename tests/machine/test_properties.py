@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from lupin_engine.chart.model import OPERATOR_REQUESTS, Chart
@@ -149,7 +149,6 @@ class World:
         assert self.published == (sum(visit.closed for visit in walk.visits) if walk else 0)
 
 
-@settings(max_examples=150, deadline=None)
 @given(HAPPENINGS)
 def test_nothing_breaks_the_machine(happenings: list[Event | tuple[int, str] | float]) -> None:
     """One active child, no orphaned timer, one goal at the base, no drive while held, one outcome a visit."""

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 
 from lupin_engine.chart.model import Chart
 from lupin_engine.machine import machine as machines
@@ -60,7 +60,6 @@ def compare(one: Bench, other: Bench, happenings: list[Happening]) -> None:
         assert legal(one.machine.chart, one.machine.memory.configuration)
 
 
-@settings(max_examples=120, deadline=None)
 @given(charts(), HAPPENINGS)
 def test_shortcuts_change_nothing(given_chart: Chart, happenings: list[Happening]) -> None:
     """A machine with shortcuts and one without take the same steps, also when all have been learned."""
@@ -68,7 +67,6 @@ def test_shortcuts_change_nothing(given_chart: Chart, happenings: list[Happening
     compare(Bench(given_chart), Plodding(given_chart), happenings)
 
 
-@settings(max_examples=50, deadline=None)
 @given(RICH_HAPPENINGS)
 def test_shortcuts_change_nothing_beside_operations(happenings: list[Any]) -> None:
     """Nor where operations, walks, budgets and holds of other states are under way."""
@@ -80,7 +78,6 @@ def test_shortcuts_change_nothing_beside_operations(happenings: list[Any]) -> No
     assert quick.machine.snapshot() == plodding.machine.snapshot()
 
 
-@settings(max_examples=50, deadline=None)
 @given(charts(), HAPPENINGS)
 def test_what_is_not_kept_is_made_anew(given_chart: Chart, happenings: list[Happening]) -> None:
     """Beyond the number of rows and plans that are kept, steps cost more and are the same."""

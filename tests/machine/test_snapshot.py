@@ -7,7 +7,7 @@ import math
 from typing import Any
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from lupin_engine.machine import event as events
@@ -100,7 +100,6 @@ def _report(word: str, attempt: str) -> Event:
     )
 
 
-@settings(max_examples=120, deadline=None)
 @given(RICH_HAPPENINGS, RICH_HAPPENINGS)
 def test_who_is_restored_goes_on_as_before(before: list[Any], after: list[Any]) -> None:
     """Parallel states, history, for_each, budgets, walks, retries: all of it is in the snapshot."""
@@ -119,7 +118,6 @@ def test_who_is_restored_goes_on_as_before(before: list[Any], after: list[Any]) 
         assert other.machine.snapshot() == one.machine.snapshot()
 
 
-@settings(max_examples=60, deadline=None)
 @given(HAPPENINGS, HAPPENINGS)
 def test_the_shipped_mission_goes_on_after_a_restart(before: list[Any], after: list[Any]) -> None:
     """Wherever the process ends, the next one takes the steps that the first would have taken."""

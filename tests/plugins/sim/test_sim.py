@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from lupin_engine.errors import LupinError
@@ -105,7 +105,6 @@ ANYWHERE = np.random.default_rng(7).uniform((0.0, 0.0), (WIDTH, LENGTH), (1000, 
 PLACES = st.sampled_from([(x, y) for x, y in ANYWHERE if FLOOR.is_free(x, y)])
 
 
-@settings(max_examples=30)
 @given(start=PLACES, goal=PLACES)
 def test_a_path_ends_where_it_should_and_the_robot_fits_all_along(start: Point, goal: Point) -> None:
     path = FLOOR.path(start, goal)

@@ -1,0 +1,99 @@
+"""The test suite by parts, with the time of each at its end.
+
+    python tools/suite.py check [pytest arguments]   lint, types, and the tests that need nothing but Python
+    python tools/suite.py test [pytest arguments]    these, then the tests over ROS 2, Node.js and a broker
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+import threading
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TextIO
+
+ROOT = Path(__file__).parents[1]
+CORES = os.cpu_count() or 1
+#: What a test needs beside Python; see `markers` in pyproject.toml.
+MORE = "ros or node or browser or broker"
+PYTEST = ["pytest", "--durations=10"]
+LINT = ["ruff", "check"]
+TYPES = ["mypy"]
+# Tests over ROS 2 mostly wait. A module's nodes are started by one worker, so a file stays with one.
+QUICK = [*PYTEST, f"-n{CORES}", "-m", f"not ({MORE})", "--ignore=tests/ros"]
+ROS = [*PYTEST, f"-n{2 * CORES + 1}", "--dist=loadfile", "-m", MORE]
+
+NO_TESTS = 5
+_CLOSING = re.compile(r"^(\x1b\[\d+m)*=+ .* in [\d.]+s.* =+(\x1b\[\d+m)*$")
+
+
+@dataclass
+class Part:
+    """A command under way, or at its end."""
+
+    name: str
+    process: subprocess.Popen[str]
+    begun: float
+    lines: list[str]
+    seconds: float = 0.0
+
+    def read(self, to: TextIO | None) -> None:
+        """Take what it prints, to its end, and pass it on."""
+        assert self.process.stdout is not None
+        for line in self.process.stdout:
+            self.lines.append(line.rstrip("\n"))
+            if to is not None:
+                print(line, end="", file=to, flush=True)
+        self.process.wait()
+        self.seconds = time.monotonic() - self.begun
+
+    @property
+    def closing(self) -> str:
+        """The line that says how it went."""
+        said = [line for line in self.lines if line.strip()]
+        return next((line for line in reversed(said) if _CLOSING.match(line)), said[-1] if said else "")
+
+
+def start(name: str, module: list[str]) -> Part:
+    """Start a command of this environment."""
+    process = subprocess.Popen(
+        [sys.executable, "-m", *module], cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
+    )
+    return Part(name, process, time.monotonic(), [])
+
+
+def main() -> int:
+    """Run the parts, lint and types beside the quick tests; fail if any of them does."""
+    if sys.argv[1:2] not in (["check"], ["test"]):
+        print(__doc__, file=sys.stderr)
+        return 2
+    given = [*(["--color=yes"] if sys.stdout.isatty() else []), *sys.argv[2:]]
+    beside = [start("lint", LINT), start("types", TYPES)]
+    readers = [threading.Thread(target=part.read, args=(None,)) for part in beside]
+    for reader in readers:
+        reader.start()
+    tests = [start("quick tests", [*QUICK, *given])]
+    tests[0].read(sys.stdout)
+    for reader in readers:
+        reader.join()
+    for part in beside:
+        if part.process.returncode:
+            print(*part.lines, sep="\n")
+    if sys.argv[1] == "test":
+        tests.append(start("ROS tests", [*ROS, *given]))
+        tests[1].read(sys.stdout)
+    print("\nTime by part")
+    for part in [*beside, *tests]:
+        print(f"{part.name:12} {part.seconds:6.1f} s   {part.closing.strip(' =')}")
+    print(*(part.closing for part in tests), sep="\n", flush=True)
+    codes = [part.process.returncode for part in tests]
+    ran = [code for code in codes if code != NO_TESTS] or codes
+    return max(map(abs, [*ran, *(part.process.returncode for part in beside)]))
+
+
+if __name__ == "__main__":
+    sys.exit(main())
