@@ -10,7 +10,7 @@ from typing import Any
 from lupin_engine.errors import nearest
 from lupin_engine.harness.rules import result_problems
 from lupin_engine.plugin.contract import EventKind, LiveValue, Operation, Plugin
-from lupin_engine.plugin.types import Type, misfit
+from lupin_engine.plugin.types import Notation, Type, problems
 
 
 class ContractBroken(AssertionError):
@@ -146,6 +146,5 @@ class Referee:
         return self._plugin.operations[attempt.operation]
 
     def _fits(self, what: str, value: Any, kind: Type) -> None:
-        why = misfit(value, kind)
-        if why:
-            self.problems.append(f"{what}: {why}")
+        found = problems(value, kind, Notation.DATA)[:1]
+        self.problems.extend(f"{what}: {problem.at()}" for problem in found)

@@ -20,7 +20,7 @@ from lupin_engine.harness.sources import client_problems, node_problems, undecla
 from lupin_engine.plugin.contract import Argument, Code, LiveValue, Operation, Plugin
 from lupin_engine.plugin.discovery import EntryPoint, entry_points, find_entry_point, told
 from lupin_engine.plugin.registry import build_catalog, import_plugin, load_catalog, refuse_rivals
-from lupin_engine.plugin.types import Type, misfit
+from lupin_engine.plugin.types import Notation, Type, problems
 
 #: Arguments by operation, action or function; what is not given is made up from the types.
 Given = Mapping[str, Mapping[str, Any]]
@@ -277,9 +277,7 @@ def result_problems(operation: Operation, result: Mapping[str, Any]) -> Iterator
 
 
 def _mismatch(name: str, value: Any, kind: Type) -> Iterator[str]:
-    why = misfit(value, kind)
-    if why:
-        yield f"{name!r}: {why}"
+    yield from (f"{name!r}: {problem.at()}" for problem in problems(value, kind, Notation.DATA)[:1])
 
 
 def computes(subject: Subject) -> Iterator[str]:

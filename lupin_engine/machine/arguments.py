@@ -7,7 +7,7 @@ from typing import Any
 
 from lupin_engine.chart.expressions.evaluation import Environment, Expression, Value
 from lupin_engine.plugin.contract import Argument
-from lupin_engine.plugin.types import misfit, placed
+from lupin_engine.plugin.types import Notation, problems
 
 
 def evaluated(
@@ -26,7 +26,7 @@ def evaluated(
     arguments = {name: value.evaluate(env) for name, value in values.items()}
     for name, argument in declared.items():
         if isinstance(values.get(name), Expression):
-            why = misfit(arguments[name], argument.type)
-            if why:
-                raise ValueError(placed(name, why))
+            found = problems(arguments[name], argument.type, Notation.DATA)
+            if found:
+                raise ValueError(found[0].at(name))
     return arguments

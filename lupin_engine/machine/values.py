@@ -12,7 +12,7 @@ from lupin_engine.machine.core import Core
 from lupin_engine.machine.event import Event
 from lupin_engine.machine.memory import Reported
 from lupin_engine.machine.turn import Turn
-from lupin_engine.plugin.types import misfit
+from lupin_engine.plugin.types import Notation, problems
 
 
 class Values:
@@ -154,8 +154,8 @@ def _flaw(spec: Input, value: Any) -> str:
     if not fits or is_nan:
         return f"no {spec.type if spec.type.kind != 'any' else kind}"
     if kind in ("list", "record"):
-        inside = misfit(value, spec.type)
-        return f"no {spec.type} ({inside})" if inside else ""
+        inside = problems(value, spec.type, Notation.DATA)
+        return f"no {spec.type} ({inside[0].at()})" if inside else ""
     if spec.minimum is not None and value < spec.minimum:
         return "out of range"
     return "out of range" if spec.maximum is not None and value > spec.maximum else ""

@@ -30,7 +30,7 @@ from lupin_engine.plugin.contract import (
 )
 from lupin_engine.plugin.discovery import EntryPoint, entry_points
 from lupin_engine.plugin.shapes import misshapen
-from lupin_engine.plugin.types import BUILTIN_TYPES, UNITS, Type, convert
+from lupin_engine.plugin.types import BUILTIN_TYPES, UNITS, Type, convert, problems
 
 #: What names consist of: of most things; of functions and values; of types and codes.
 NAME = re.compile(r"[a-z][a-z0-9_]*")
@@ -217,12 +217,12 @@ def _refused(plugin: Plugin, reason: str) -> PluginError:
 def _verify(plugin: Plugin) -> None:
     """Check one plugin by itself, and tell all that is wrong with it, in the order of its declaration."""
     try:
-        problems = list(misshapen(plugin)) or list(_problems(plugin))
+        found = list(misshapen(plugin)) or list(_problems(plugin))
     except Exception as error:  # what stands there is not even of the kind that can be checked
         reason = f"{type(error).__name__}: {error}"
         raise _refused(plugin, f"it is not written as the contract wants it: {reason}") from error
-    if problems:
-        raise PluginError("\n".join(str(_refused(plugin, problem)) for problem in problems))
+    if found:
+        raise PluginError("\n".join(str(_refused(plugin, problem)) for problem in found))
 
 
 def _problems(plugin: Plugin) -> Iterator[str]:
@@ -370,16 +370,16 @@ def _unit_problems(where: str, unit: str) -> Iterator[str]:
 
 
 def _parameter_problems(where: str, parameter: Parameter) -> Iterator[str]:
-    problems = list(_type_problems(where, parameter.type))
+    found = list(_type_problems(where, parameter.type))
     mismatch = _mismatch(parameter.default, parameter.type)
     if mismatch:
-        problems.append(f"{where}: the default: {mismatch}")
-    if problems:
-        yield from problems
+        found.append(f"{where}: the default: {mismatch}")
+    if found:
+        yield from found
         return
-    problems = list(_range_problems(where, parameter.type, parameter.minimum, parameter.maximum))
-    if problems or (parameter.minimum is None and parameter.maximum is None):
-        yield from problems
+    found = list(_range_problems(where, parameter.type, parameter.minimum, parameter.maximum))
+    if found or (parameter.minimum is None and parameter.maximum is None):
+        yield from found
         return
     default = convert(parameter.default, parameter.type)
     if parameter.minimum is not None and default < parameter.minimum:
@@ -399,8 +399,4 @@ def _code_problems(where: str, codes: Iterable[Code]) -> Iterator[str]:
 def _mismatch(value: Any, wanted: Type) -> str | None:
     if not isinstance(wanted, Type):
         return None  # which has been told
-    try:
-        convert(value, wanted)
-    except ValueError as error:
-        return str(error)
-    return None
+    return next((problem.text for problem in problems(value, wanted)), None)

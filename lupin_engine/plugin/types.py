@@ -7,13 +7,14 @@ file is `120.0` in a value. Angles are radians, frames are `map` unless a field 
 
 from __future__ import annotations
 
+import enum
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from types import MappingProxyType
-from typing import Any
+from typing import Any, NamedTuple
 
 from lupin_engine.errors import meant, nearest, shortened
 
@@ -197,82 +198,161 @@ def _parse_quantity(text: str) -> tuple[float, str] | None:
     return float(match.group(1)) * factor, base
 
 
-def convert(value: Any, wanted: Type) -> Any:
-    """Return `value` as plain data of type `wanted`.
+class Notation(enum.Enum):
+    """How values are given, which decides what a number with a unit may look like."""
 
-    Numbers with a unit may be given as quantities in text (`"60 s"`); a bare number is taken to be in the
-    base unit, because parameters arrive as bare numbers from ROS. Records must have exactly their fields.
+    #: In a file: with the unit, such as `60 s`.
+    FILE = enum.auto()
+    #: As a setting: the same, or a bare number in the base unit, for so parameters arrive from ROS.
+    SETTING = enum.auto()
+    #: Between programs: a bare number in the base unit; further fields of a record do no harm.
+    DATA = enum.auto()
+
+
+class Fault(enum.Enum):
+    """In which way a value is not of a type."""
+
+    KIND = enum.auto()
+    NO_UNIT = enum.auto()
+    UNIT = enum.auto()
+    NOT_FINITE = enum.auto()
+    RANGE = enum.auto()
+    WORD = enum.auto()
+    PATTERN = enum.auto()
+    UNKNOWN_FIELD = enum.auto()
+    MISSING_FIELDS = enum.auto()
+
+
+class ValueProblem(NamedTuple):
+    """Why a part of a value is not of its type: `path` leads to it, by names of fields and numbers in lists.
+
+    `wanted` and `value` are the type and the value there; of a field that should not be, those of its record.
+    """
+
+    path: tuple[str | int, ...]
+    text: str
+    fault: Fault
+    wanted: Type
+    value: Any
+
+    def at(self, where: str = "") -> str:
+        """Return the text with the place before it; `where` is what the whole value is called."""
+        for step in self.path:
+            where += f"[{step}]" if isinstance(step, int) else f".{step}"
+        return f"{where}: {self.text}" if where else self.text
+
+
+def problems(value: Any, wanted: Type, notation: Notation = Notation.SETTING) -> list[ValueProblem]:
+    """Return why a value is not of a type, for each part of it; nothing when it is.
+
+    This is the one place that decides it; who asks formats the answer.
+    """
+    return list(_problems(value, wanted, notation, ()))
+
+
+def convert(value: Any, wanted: Type) -> Any:
+    """Return a setting as plain data of type `wanted`, numbers in their base unit.
 
     Raises:
         ValueError: the value is not of that type; the text says what was expected and what came.
     """
-    converter = _CONVERTERS[wanted.kind]
-    return converter(value, wanted)
+    problem = next(_problems(value, wanted, Notation.SETTING, ()), None)
+    if problem is not None:
+        raise ValueError(problem.text)
+    return converted(value, wanted)
 
 
-def misfit(told: Any, wanted: Type) -> str:
-    """Return why what a plugin tells is not of a type, with the place in it, or `''` when it is.
+def converted(value: Any, wanted: Type) -> Any:
+    """Return a value that has no `problems` as plain data."""
+    if wanted.kind == "number":
+        quantity = parse_quantity(value) if isinstance(value, str) else None
+        return float(value if quantity is None else quantity[0])
+    if wanted.kind == "list" and wanted.item is not None:
+        return [converted(element, wanted.item) for element in value]
+    if wanted.kind == "record":
+        return {name: converted(value[name], kind) for name, kind in wanted.fields.items()}
+    return value
 
-    Unlike in a file, a quantity in text is no number here; of a record, further fields do no harm.
-    """
-    if wanted.kind == "list" and wanted.item is not None and isinstance(told, (list, tuple)):
-        inner = ((f"[{index}]", misfit(element, wanted.item)) for index, element in enumerate(told))
-    elif wanted.kind == "record" and isinstance(told, Mapping):
-        missing = [name for name in wanted.fields if name not in told]
-        if missing:
-            return f"{' and '.join(missing)} of {wanted} left out"
-        inner = ((f".{name}", misfit(told[name], kind)) for name, kind in wanted.fields.items())
+
+def _problems(
+    value: Any, wanted: Type, notation: Notation, path: tuple[str | int, ...]
+) -> Iterator[ValueProblem]:
+    if wanted.kind == "any":
+        return
+    if wanted.kind == "list" and wanted.item is not None and isinstance(value, (list, tuple)):
+        for index, element in enumerate(value):
+            yield from _problems(element, wanted.item, notation, (*path, index))
+    elif wanted.kind == "record" and isinstance(value, Mapping):
+        for wrong, field, text in _wrong_fields(value, wanted, notation):
+            yield ValueProblem((*path, *field), text, wrong, wanted, value)
+        for name, kind in wanted.fields.items():
+            if name in value:
+                yield from _problems(value[name], kind, notation, (*path, name))
     else:
-        return _scalar_misfit(told, wanted)
-    where, why = next(((where, why) for where, why in inner if why), ("", ""))
-    return placed(where, why) if why else ""
+        fault, text = _SCALARS.get(wanted.kind, _no_scalar)(value, wanted, notation)
+        if fault is not None:
+            told = shortened(text, MAX_TOLD) if notation is Notation.DATA else text
+            yield ValueProblem(path, told, fault, wanted, value)
 
 
-def placed(where: str, why: str) -> str:
-    """Return what is wrong with a part of something (see `misfit`), with the part's place before it."""
-    return f"{where}{'' if why.startswith(('[', '.')) else ': '}{why}"
+def _wrong_fields(
+    value: Mapping[str, Any], wanted: Type, notation: Notation
+) -> Iterator[tuple[Fault, tuple[str, ...], str]]:
+    """Yield which fields of a record should not be there, and that some are not."""
+    text = f"expected {wanted} with the fields {', '.join(wanted.fields)}, got {value!r}"
+    if notation is not Notation.DATA:
+        for name in value:
+            if name not in wanted.fields:
+                yield Fault.UNKNOWN_FIELD, (name,), text
+    missing = [name for name in wanted.fields if name not in value]
+    if missing:
+        left_out = f"{' and '.join(missing)} of {wanted} left out"
+        yield Fault.MISSING_FIELDS, (), left_out if notation is Notation.DATA else text
 
 
-def _scalar_misfit(told: Any, wanted: Type) -> str:
-    try:
-        converted = convert(told, wanted)
-    except ValueError as problem:
-        return shortened(str(problem), MAX_TOLD)
-    is_quantity = isinstance(told, str) and not isinstance(converted, str)
-    return shortened(str(_wrong(told, wanted)), MAX_TOLD) if is_quantity else ""
+_Answer = tuple[Fault | None, str]
+_FINE: _Answer = (None, "")
 
 
-def _wrong(value: Any, wanted: Type, hint: str = "") -> ValueError:
-    return ValueError(f"expected {wanted}, got {value!r}{hint}")
+def _expected(wanted: Type, value: Any, hint: str = "", fault: Fault = Fault.KIND) -> _Answer:
+    return fault, f"expected {wanted}, got {value!r}{hint}"
 
 
-def _to_bool(value: Any, wanted: Type) -> bool:
-    if not isinstance(value, bool):
-        raise _wrong(value, wanted, "; write true or false" if isinstance(value, str) else "")
-    return value
+def _no_scalar(value: Any, wanted: Type, _: Notation) -> _Answer:
+    if wanted.kind != "record":
+        return _expected(wanted, value)
+    return Fault.KIND, f"expected {wanted} with the fields {', '.join(wanted.fields)}, got {value!r}"
 
 
-def _to_integer(value: Any, wanted: Type) -> int:
-    if isinstance(value, bool) or not isinstance(value, int):
-        raise _wrong(value, wanted)
-    _check_range(value, wanted, value)
-    return value
+def _bool(value: Any, wanted: Type, _: Notation) -> _Answer:
+    if isinstance(value, bool):
+        return _FINE
+    return _expected(wanted, value, "; write true or false" if isinstance(value, str) else "")
 
 
-def _to_number(value: Any, wanted: Type) -> float:
-    number = _from_quantity(value, wanted) if isinstance(value, str) else value
-    if isinstance(number, bool) or not isinstance(number, (int, float)) or not _is_finite(number):
-        raise _wrong(value, wanted)
-    _check_range(number, wanted, value)
-    return float(number)
-
-
-def _from_quantity(text: str, wanted: Type) -> float:
-    quantity = parse_quantity(text)
-    if quantity is None or quantity[1] != wanted.unit:
+def _number(value: Any, wanted: Type, notation: Notation) -> _Answer:
+    number = value
+    if isinstance(value, str) and wanted.kind == "number" and notation is not Notation.DATA:
+        quantity = parse_quantity(value)
         units = ", ".join(map(repr, units_of(wanted.unit)))
-        raise _wrong(text, wanted, f"; its units are {units}" if wanted.unit and units else "")
-    return quantity[0]
+        hint = f"; its units are {units}" if wanted.unit and units else ""
+        if quantity is None:
+            return _expected(wanted, value, hint)
+        if quantity[1] != wanted.unit:
+            return _expected(wanted, value, hint, Fault.UNIT)
+        number = quantity[0]
+    if isinstance(number, bool) or not isinstance(number, (int, float)):
+        return _expected(wanted, value)
+    if notation is Notation.FILE and wanted.unit and number is value:
+        return _expected(wanted, value, fault=Fault.NO_UNIT)
+    if wanted.kind == "integer" and not isinstance(number, int):
+        return _expected(wanted, value)
+    if wanted.kind == "number" and not _is_finite(number):
+        return _expected(wanted, value, fault=Fault.NOT_FINITE)
+    low, high = wanted.minimum, wanted.maximum
+    if (low is not None and number < low) or (high is not None and number > high):
+        return Fault.RANGE, f"expected {wanted} {_range(wanted, value)}, got {value!r}"
+    return _FINE
 
 
 def _is_finite(value: float) -> bool:
@@ -280,12 +360,6 @@ def _is_finite(value: float) -> bool:
         return math.isfinite(value)
     except OverflowError:  # an integer that no float can hold
         return False
-
-
-def _check_range(number: float, wanted: Type, written: Any) -> None:
-    low, high = wanted.minimum, wanted.maximum
-    if (low is not None and number < low) or (high is not None and number > high):
-        raise ValueError(f"expected {wanted} {_range(wanted, written)}, got {written!r}")
 
 
 def _range(kind: Type, written: Any) -> str:
@@ -302,41 +376,18 @@ def _range(kind: Type, written: Any) -> str:
     return f"of at least {low:g}{unit}" if low is not None else f"of at most {high:g}{unit}"
 
 
-def _to_text(value: Any, wanted: Type) -> str:
+def _text(value: Any, wanted: Type, _: Notation) -> _Answer:
     if not isinstance(value, str):
-        raise _wrong(value, wanted)
+        return _expected(wanted, value)
     if wanted.values and value not in wanted.values:
         guess = meant(value, wanted.values)
         text = f"expected one of {', '.join(wanted.values)}, got {value!r}"
-        raise ValueError(f"{text}; {guess}" if guess else text)
+        return Fault.WORD, f"{text}; {guess}" if guess else text
     if wanted.pattern and not re.fullmatch(wanted.pattern, value):
-        raise _wrong(value, wanted, f", such as {wanted.example}" if wanted.example else "")
-    return value
+        return _expected(
+            wanted, value, f", such as {wanted.example}" if wanted.example else "", Fault.PATTERN
+        )
+    return _FINE
 
 
-def _to_list(value: Any, wanted: Type) -> list[Any]:
-    if not isinstance(value, (list, tuple)) or wanted.item is None:
-        raise _wrong(value, wanted)
-    return [convert(element, wanted.item) for element in value]
-
-
-def _to_record(value: Any, wanted: Type) -> dict[str, Any]:
-    if not isinstance(value, Mapping) or set(value) != set(wanted.fields):
-        fields = ", ".join(wanted.fields)
-        raise ValueError(f"expected {wanted} with the fields {fields}, got {value!r}")
-    return {name: convert(value[name], kind) for name, kind in wanted.fields.items()}
-
-
-def _to_any(value: Any, _: Type) -> Any:
-    return value
-
-
-_CONVERTERS = {
-    "bool": _to_bool,
-    "integer": _to_integer,
-    "number": _to_number,
-    "text": _to_text,
-    "list": _to_list,
-    "record": _to_record,
-    "any": _to_any,
-}
+_SCALARS = {"bool": _bool, "integer": _number, "number": _number, "text": _text}

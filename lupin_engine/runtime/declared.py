@@ -9,7 +9,7 @@ from lupin_engine.machine import event as events
 from lupin_engine.machine.event import Event
 from lupin_engine.machine.memory import Attempt
 from lupin_engine.plugin.registry import Catalog
-from lupin_engine.plugin.types import Type, misfit, placed
+from lupin_engine.plugin.types import Notation, Type, problems
 
 #: A driver raised or broke its declaration, or the mission names a plugin that has no driver here.
 DRIVER_CODE = "driver_error"
@@ -49,6 +49,7 @@ def _misfits(told: Any, declared: Mapping[str, Type]) -> Iterator[str]:
         yield f"fields are expected, got {type(told).__name__}"
         return
     for name, kind in declared.items():
-        why = misfit(told[name], kind) if name in told else "left out"
-        if why:
-            yield placed(name, why)
+        if name in told:
+            yield from (problem.at(name) for problem in problems(told[name], kind, Notation.DATA))
+        else:
+            yield f"{name}: left out"

@@ -13,7 +13,7 @@ from lupin_engine.machine.machine import Machine
 from lupin_engine.machine.step import Step
 from lupin_engine.plugin.contract import EventKind, Operation
 from lupin_engine.plugin.registry import Catalog
-from lupin_engine.plugin.types import NUMBER, POSE, TEXT, Type, list_of, misfit
+from lupin_engine.plugin.types import NUMBER, POSE, TEXT, Notation, Type, list_of, problems
 from lupin_engine.runtime.clock import VirtualClock
 from lupin_engine.runtime.engine import Engine, EngineOutlet
 from tests.machine.charts import chart
@@ -102,9 +102,12 @@ def test_an_event_that_is_not_the_declared_one_is_not_taken_in(data: Any, why: s
 
 def test_a_quantity_in_text_is_for_files_only() -> None:
     """Missions would calculate with the text."""
-    assert misfit("60 s", Type("number", "duration", unit="s")) == "expected duration, got '60 s'"
+    assert (
+        problems("60 s", Type("number", "duration", unit="s"), Notation.DATA)[0].at()
+        == "expected duration, got '60 s'"
+    )
 
 
 def test_what_is_told_of_a_long_value_is_short() -> None:
     """It stands in the mission's state, on a wire."""
-    assert misfit("x" * 1000, NUMBER) == f"expected number, got '{'x' * 98}..."
+    assert problems("x" * 1000, NUMBER, Notation.DATA)[0].at() == f"expected number, got '{'x' * 98}..."

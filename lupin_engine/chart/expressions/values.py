@@ -7,9 +7,8 @@ request or a ROS parameter is not read here.
 
 from __future__ import annotations
 
-import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from lupin_engine.chart.documents import Node, show
@@ -21,7 +20,21 @@ from lupin_engine.chart.findings import Findings
 from lupin_engine.chart.source import Map, Seq, Text, map_at, text_at
 from lupin_engine.errors import Place, nearest
 from lupin_engine.plugin.contract import Argument
-from lupin_engine.plugin.types import ANY, BOOL, UNITS, Type, convert, parse_quantity
+from lupin_engine.plugin.types import (
+    ANY,
+    BOOL,
+    Fault,
+    Notation,
+    Type,
+    ValueProblem,
+    convert,
+    converted,
+    problems,
+    units_of,
+)
+
+#: The way to a part of a value: names of fields and numbers in lists.
+_Steps = tuple[str | int, ...]
 
 
 def read_value(
@@ -116,13 +129,16 @@ def read_guard(raw: Any, place: Place, scope: Scope, findings: Findings, path: s
 
 def read_constant(raw: Any, place: Place, wanted: Type, findings: Findings, path: str) -> Constant | None:
     """Read plain data of type `wanted`, numbers with the unit that the type has; None after findings."""
-    if not _fits(raw, place, wanted, findings, path):
-        return None
-    try:
-        return Constant(convert(plain(raw), wanted), place, wanted)
-    except ValueError as error:
-        findings.add(place, "wrong-type", path, str(error))
-        return None
+    found = problems(raw, wanted, Notation.FILE)
+    told = [problem for problem in found if not is_expression(problem.value)]
+    for problem in told:
+        _tell(problem, raw, place, findings, path)
+    inside = list(_expressions_in(raw, place))
+    for where, steps in inside:
+        if not any(p.fault is Fault.KIND and steps[: len(p.path)] == p.path for p in told):
+            hint = "an expression stands for the whole value here"
+            findings.add(where, "partial-expression", path, "an expression inside a list or record", hint)
+    return None if inside or found else Constant(converted(plain(raw), wanted), place, wanted)
 
 
 def plain(raw: Any) -> Any:
@@ -134,94 +150,73 @@ def plain(raw: Any) -> Any:
     return [plain(value) for value in raw] if isinstance(raw, list) else raw
 
 
-def _fits(raw: Any, place: Place, wanted: Type, findings: Findings, path: str) -> bool:
-    """Report where data and type part, at the innermost place; what is left for `convert` are ranges."""
-    if wanted.kind == "any":
-        return _is_plain(raw, place, findings, path)
+def _expressions_in(raw: Any, place: Place, steps: _Steps = ()) -> Iterator[tuple[Place, _Steps]]:
+    """Yield where expressions stand inside of a value, with the way to them; they may not be there."""
     if is_expression(raw):
-        hint = "an expression stands for the whole value here"
-        findings.add(place, "partial-expression", path, "an expression inside a list or record", hint)
-        return False
-    if wanted.kind in ("integer", "number"):
-        return _fits_number(raw, place, wanted, findings, path)
-    if wanted.kind == "list" and isinstance(raw, Seq) and wanted.item is not None:
-        fits = [_fits(v, p, wanted.item, findings, path) for v, p in zip(raw, raw.places, strict=True)]
-        return all(fits)
-    if wanted.kind == "record" and isinstance(raw, Map):
-        return _fits_record(raw, wanted, findings, path)
-    return _fits_scalar(raw, place, wanted, findings, path)
-
-
-def _fits_scalar(raw: Any, place: Place, wanted: Type, findings: Findings, path: str) -> bool:
-    if isinstance(raw, {"text": str, "bool": bool}.get(wanted.kind, ())):
-        return True
-    hint = ""
-    if wanted.kind == "text" and isinstance(raw, (int, float)):
-        hint = f"quote it: '{show(raw)}'"
-    elif wanted.kind == "bool":
-        hint = "write true or false"
-    elif wanted.kind == "record":
-        hint = f"write a mapping with {', '.join(wanted.fields)}" if wanted.fields else ""
-    findings.add(place, "wrong-type", path, f"expected {describe(wanted)}, got {show(raw)}", hint)
-    return False
-
-
-def _is_plain(raw: Any, place: Place, findings: Findings, path: str) -> bool:
-    children: list[tuple[Any, Place]] = []
-    if isinstance(raw, Map):
-        children = [(raw[key], raw.value_place(key)) for key in raw]
+        yield place, steps
+    elif isinstance(raw, Map):
+        for key in raw:
+            yield from _expressions_in(raw[key], raw.value_place(key), (*steps, key))
     elif isinstance(raw, Seq):
-        children = list(zip(raw, raw.places, strict=True))
-    for value, where in children:
-        if is_expression(value):
-            hint = "an expression stands for the whole value here"
-            findings.add(where, "partial-expression", path, "an expression inside a list or record", hint)
-            return False
-        if not _is_plain(value, where, findings, path):
-            return False
-    return True
+        for index, (value, where) in enumerate(zip(raw, raw.places, strict=True)):
+            yield from _expressions_in(value, where, (*steps, index))
 
 
-def _fits_number(raw: Any, place: Place, wanted: Type, findings: Findings, path: str) -> bool:
-    if isinstance(raw, str):
-        return _fits_quantity(raw, place, wanted, findings, path)
-    if isinstance(raw, bool) or not isinstance(raw, (int, float)):
-        findings.add(place, "wrong-type", path, f"expected {describe(wanted)}, got {show(raw)}")
-        return False
-    if wanted.unit:
-        problem = f"{show(raw)} has no unit, but {one(str(wanted))} needs one"
-        findings.add(place, "no-unit", path, problem, f"write '{show(raw)} {wanted.unit}'")
-        return False
-    if wanted.kind == "integer" and not isinstance(raw, int):
-        findings.add(place, "wrong-type", path, f"expected a whole number, got {show(raw)}")
-        return False
-    return _is_finite(raw, raw, place, findings, path)
+def _tell(problem: ValueProblem, raw: Any, place: Place, findings: Findings, path: str) -> None:
+    """Report what is wrong with a part of a value, where that part stands."""
+    fault, wanted = problem.fault, problem.wanted
+    for step in problem.path:
+        is_field = isinstance(raw, Map)
+        if is_field and fault is Fault.UNKNOWN_FIELD and step not in wanted.fields and raw is problem.value:
+            hint = nearest(str(step), wanted.fields)
+            findings.add(raw.key_place(step), "wrong-type", path, f"a {wanted} has no {step!r}", hint)
+            return
+        place = raw.value_place(step) if is_field else raw.place_of(step)
+        raw, path = raw[step], f"{path}.{step}" if is_field else path
+    if fault is Fault.MISSING_FIELDS:
+        missing = ", ".join(name for name in wanted.fields if name not in raw)
+        findings.add(raw.place, "wrong-type", path, f"this {wanted} has no {missing}")
+    elif wanted.kind in ("integer", "number"):
+        findings.add(place, *_wrong_number(problem, path))
+    elif fault is Fault.KIND:
+        text = f"expected {describe(wanted)}, got {show(raw)}"
+        findings.add(place, "wrong-type", path, text, _instead(raw, wanted))
+    else:
+        findings.add(place, "wrong-type", path, problem.text)
 
 
-def _fits_quantity(raw: str, place: Place, wanted: Type, findings: Findings, path: str) -> bool:
-    quantity = parse_quantity(raw)
-    if quantity is None or wanted.kind == "integer":
-        bare = _is_bare_number(raw) and not quantity
-        hint = f"write '{raw} {wanted.unit}'" if bare and wanted.unit else ""
-        rule = "no-unit" if hint else "wrong-type"
-        if wanted.minimum is not None and wanted.maximum is not None:
-            hint = f"write a number from {wanted.minimum:g} to {wanted.maximum:g}"
-        findings.add(place, rule, path, f"expected {describe(wanted)}, got {show(raw)}", hint)
-        return False
-    if quantity[1] != wanted.unit:
-        units = ", ".join(repr(unit) for unit, (base, _) in UNITS.items() if base == wanted.unit)
+def _instead(raw: Any, wanted: Type) -> str:
+    """Return what to write where a value is of another kind."""
+    if wanted.kind == "text" and isinstance(raw, (int, float)):
+        return f"quote it: '{show(raw)}'"
+    if wanted.kind == "bool":
+        return "write true or false"
+    return f"write a mapping with {', '.join(wanted.fields)}" if wanted.fields else ""
+
+
+def _wrong_number(problem: ValueProblem, path: str) -> tuple[str, str, str, str]:
+    """Return rule, path, problem and hint for what is no number, or not one of the type's."""
+    raw, wanted, fault = problem.value, problem.wanted, problem.fault
+    expected = f"expected {describe(wanted)}, got {show(raw)}"
+    if fault is Fault.RANGE:
+        return "wrong-type", path, problem.text, ""
+    if fault is Fault.NOT_FINITE:
+        return "wrong-type", path, f"{show(raw)} is too large", ""
+    if fault is Fault.NO_UNIT:
+        text = f"{show(raw)} has no unit, but {one(str(wanted))} needs one"
+        return "no-unit", path, text, f"write '{show(raw)} {wanted.unit}'"
+    if fault is Fault.UNIT:
+        units = ", ".join(map(repr, units_of(wanted.unit)))
         hint = f"its units are {units}" if wanted.unit else "write a number without a unit, or in %"
-        findings.add(place, "wrong-unit", path, f"expected {describe(wanted)}, got {show(raw)}", hint)
-        return False
-    return _is_finite(quantity[0], raw, place, findings, path)
-
-
-def _is_finite(value: float, raw: Any, place: Place, findings: Findings, path: str) -> bool:
-    """Report a number that is too large to be kept, such as `1e400 s`."""
-    if abs(value) < math.inf:
-        return True
-    findings.add(place, "wrong-type", path, f"{show(raw)} is too large")
-    return False
+        return "wrong-unit", path, expected, hint
+    if not isinstance(raw, str):
+        is_broken = wanted.kind == "integer" and isinstance(raw, float)
+        return "wrong-type", path, f"expected a whole number, got {show(raw)}" if is_broken else expected, ""
+    hint = f"write '{raw} {wanted.unit}'" if _is_bare_number(raw) and wanted.unit else ""
+    rule = "no-unit" if hint else "wrong-type"
+    if wanted.minimum is not None and wanted.maximum is not None:
+        hint = f"write a number from {wanted.minimum:g} to {wanted.maximum:g}"
+    return rule, path, expected, hint
 
 
 def _is_bare_number(raw: str) -> bool:
@@ -230,21 +225,6 @@ def _is_bare_number(raw: str) -> bool:
     except ValueError:
         return False
     return True
-
-
-def _fits_record(raw: Map, wanted: Type, findings: Findings, path: str) -> bool:
-    fits = True
-    for name in raw:
-        if name not in wanted.fields:
-            problem, hint = f"a {wanted} has no {name!r}", nearest(name, wanted.fields)
-            findings.add(raw.key_place(name), "wrong-type", path, problem, hint)
-            fits = False
-        elif not _fits(raw[name], raw.value_place(name), wanted.fields[name], findings, f"{path}.{name}"):
-            fits = False
-    missing = [name for name in wanted.fields if name not in raw]
-    if missing:
-        findings.add(raw.place, "wrong-type", path, f"this {wanted} has no {', '.join(missing)}")
-    return fits and not missing
 
 
 def read_arguments(
