@@ -27,8 +27,7 @@ from lupin_engine.chart.documents import LifecycleNode, MissionNode, read_docume
 from lupin_engine.chart.findings import Findings
 from lupin_engine.chart.rules.checks import check_composed
 from lupin_engine.chart.source import Map, read
-from lupin_engine.machine.plan import Planner, planner_of
-from lupin_engine.machine.structure import Structure
+from lupin_engine.machine.structure import DispatchTable, Structure, dispatch_table
 from lupin_engine.missions.folders import LIFECYCLE, default_missions_folder
 from lupin_engine.missions.load import forget, load_chart
 from lupin_engine.plugin.registry import Catalog, load_catalog
@@ -177,18 +176,18 @@ class Loading:
         assert not findings.all, findings.all[0]
         return composed
 
-    def structure(self, composed: Composed) -> Planner:
+    def structure(self, composed: Composed) -> DispatchTable:
         """Build what a machine runs on."""
-        return Planner(Structure(composed.chart))
+        return DispatchTable(Structure(composed.chart))
 
-    def whole(self) -> Planner:
+    def whole(self) -> DispatchTable:
         """Do all of it, as for a mission that nobody has read yet."""
         forget()
         return self.again()
 
-    def again(self) -> Planner:
+    def again(self) -> DispatchTable:
         """Load what may have been loaded before."""
-        return planner_of(load_chart(self._lifecycle, [self._mission], self._catalog))
+        return dispatch_table(load_chart(self._lifecycle, [self._mission], self._catalog))
 
 
 def _there(found: _T | None) -> _T:

@@ -17,11 +17,10 @@ from types import MappingProxyType
 from typing import Any
 
 from lupin_engine.chart.model import Chart
-from lupin_engine.machine.environment import World
 from lupin_engine.machine.event import Act, Cancel, Command, Publish, Report, Start
 from lupin_engine.machine.machine import Machine
-from lupin_engine.machine.step import Step
-from lupin_engine.machine.view import View
+from lupin_engine.machine.scope import World
+from lupin_engine.machine.step import Step, View
 from lupin_engine.missions.folders import LIFECYCLE, default_missions_folder
 from lupin_engine.missions.load import load_chart
 from lupin_engine.plugin.builtin import MISSING, READY

@@ -35,9 +35,9 @@ def check_request(loaded: LoadedMissions, given: Mapping[str, Any], tags: Sequen
             that is absent). The text has everything that is wrong.
     """
     # Drawing and checking need no machine, and it takes longer to import than they take.
-    from lupin_engine.machine.environment import Surroundings
     from lupin_engine.machine.memory import Memory
-    from lupin_engine.machine.request import read_request
+    from lupin_engine.machine.requests import read_request
+    from lupin_engine.machine.scope import EvaluationScope
     from lupin_engine.runtime.setup import make_world
 
     problems = Problems(UsageError)
@@ -46,7 +46,7 @@ def check_request(loaded: LoadedMissions, given: Mapping[str, Any], tags: Sequen
     with problems.collecting():
         world = make_world(loaded.chart, given)
         data = {"mission_type": loaded.names[0], "tag_sequence": list(tags), "discovery_goal": goal}
-        _, refusal = read_request(world, data, Surroundings(world, Memory()).at("", 0.0))
+        _, refusal = read_request(world, data, EvaluationScope(world, Memory()).at("", 0.0))
         if refusal is not None:
             problems.add(refusal.text)
     problems.tell()

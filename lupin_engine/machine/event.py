@@ -25,7 +25,7 @@ class Event:
         return self.name == "mission.start" or self.name.startswith("operator.")
 
     @property
-    def is_report(self) -> bool:
+    def is_attempt_event(self) -> bool:
         """Reports say how an attempt goes on, or that it has ended."""
         return self.name.startswith("attempt.")
 
@@ -45,8 +45,25 @@ _FIELDS: Mapping[str, Mapping[str, type | tuple[type, ...]]] = MappingProxyType(
 _END_OF_TIME = 1e12
 
 
-#: What a timer's shortcut is called with; it knows its own event.
-NO_EVENT = Event("")
+@dataclass(frozen=True, slots=True)
+class Trigger:
+    """Why something is evaluated: the event's data, the error of an attempt, a `for_each`'s element."""
+
+    event: Mapping[str, Any] = field(default_factory=lambda: NOTHING)
+    error: Mapping[str, str] = field(default_factory=lambda: NOTHING)
+    item: Any = None
+
+
+NO_TRIGGER = Trigger()
+
+
+@dataclass(frozen=True, slots=True)
+class InternalEvent:
+    """An event that the machine itself raises. With `state` only that state's transitions listen to it."""
+
+    name: str
+    state: str | None = None
+    trigger: Trigger = NO_TRIGGER
 
 
 def flaw(event: Event) -> str:
@@ -55,7 +72,7 @@ def flaw(event: Event) -> str:
         return f"the name of an event is no text: {reprlib.repr(event.name)}"
     fields = _FIELDS.get(event.name)
     if fields is None and not event.is_request:
-        return f"there is no report {event.name!r}" if event.is_report else ""
+        return f"there is no report {event.name!r}" if event.is_attempt_event else ""
     data = event.data
     if not isinstance(data, Mapping):
         return f"{event.name} has no fields"

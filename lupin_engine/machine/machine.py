@@ -1,17 +1,12 @@
 """The machine: one chart, its memory, and the step from an event at a time to commands.
 
 A macrostep is SCXML's: the event's transitions, then eventless ones, then internal events, until nothing
-more happens; then the operations of the states that stayed are begun. What SCXML lacks, in this order:
+more happens; then the operations of the states that stayed are begun. What SCXML lacks: holds (see `holds`),
+requests, which are resolved as a whole before anything changes (see `requests`), and invariants: one that
+does not hold when the machine has come to rest is an error, once.
 
-* a level that engages a hold goes before everything else;
-* while any hold is engaged, eventless transitions, levels, timers and the answers of operations wait, and
-  what moves the robot is cancelled; a transition is taken all the same where it says `during` (the hold
-  stays) or `releases` for every engaged hold;
-* a request is resolved as a whole before anything changes (see `answers`);
-* an invariant that does not hold when the machine has come to rest is an error, once.
-
-What depends on the configuration alone is prepared (see `plan`), and what needs no more than that is taken by
-a shortcut (see `shortcut`). Time is an argument of every call and must not go backwards.
+What depends on the configuration alone is compiled (see `structure`). Time is an argument of every call and
+must not go backwards.
 """
 
 from __future__ import annotations
@@ -19,51 +14,58 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, cast
 
-from lupin_engine.chart.model import Chart, Hold, Invariant, Kind, State, Transition
+from lupin_engine.chart.model import Chart, Invariant, Kind, State, Transition
 from lupin_engine.errors import reason
-from lupin_engine.machine.answers import Answers, consider
-from lupin_engine.machine.content import Content
-from lupin_engine.machine.core import Core, passes
-from lupin_engine.machine.environment import NO_CAUSE, Cause, Surroundings, World
-from lupin_engine.machine.event import NO_EVENT, NOTHING, Event, flaw
-from lupin_engine.machine.explain import Explainer, Possibility
+from lupin_engine.machine.actions import ExecutableContent
+from lupin_engine.machine.event import NO_TRIGGER, NOTHING, Event, InternalEvent, Trigger, flaw
+from lupin_engine.machine.holds import Holds, defer, passes
+from lupin_engine.machine.inputs import Inputs
 from lupin_engine.machine.memory import Memory, Timer
 from lupin_engine.machine.operations import Operations
-from lupin_engine.machine.plan import MAX_PLANS, Heard, Plan, Planner, Row, Shortcut, planner_of
-from lupin_engine.machine.reasons import Refusal
-from lupin_engine.machine.request import BAD_REQUEST
-from lupin_engine.machine.shortcut import shortcut
+from lupin_engine.machine.requests import BAD_REQUEST, Explainer, Possibility, Requests, consider
+from lupin_engine.machine.scope import EvaluationScope, World
 from lupin_engine.machine.snapshot import snapshot
-from lupin_engine.machine.step import Step
-from lupin_engine.machine.structure import ENGINE_EVENTS, EXECUTION_ERROR, FAULT, FAULT_RULE
+from lupin_engine.machine.step import (
+    EXECUTION_CODE,
+    Macrostep,
+    Moment,
+    Refusal,
+    Step,
+    View,
+    target_of,
+    view_of,
+)
+from lupin_engine.machine.structure import (
+    ENGINE_EVENTS,
+    EXECUTION_ERROR,
+    FAULT,
+    FAULT_RULE,
+    DispatchTable,
+    Microstep,
+    dispatch_table,
+)
 from lupin_engine.machine.timers import seconds
-from lupin_engine.machine.turn import EXECUTION_CODE, Signal, Turn
-from lupin_engine.machine.values import Values
-from lupin_engine.machine.view import View, target_of, view_of
 
 #: More microsteps than this in one step is a cycle of the chart, not work.
 MICROSTEP_LIMIT = 1000
-#: More events of plugins than this do not wait for a release.
-MAX_DEFERRED = 64
 #: The code of an invariant that does not hold.
 INVARIANT_CODE = "invariant_broken"
-
-_NO_ANSWERS: Mapping[Heard, Shortcut | None] = {}
 
 
 class Machine:
     """Runs one chart. Nothing here reads a clock, a file or a network."""
 
     __slots__ = (
+        "_active",
         "_content",
-        "_core",
+        "_holds",
+        "_inputs",
         "_operations",
-        "_planner",
-        "_row",
-        "_turn",
-        "answers",
-        "env",
+        "_requests",
+        "_step",
+        "_table",
         "memory",
+        "scope",
     )
 
     def __init__(self, world: World, memory: Memory | None = None) -> None:
@@ -74,64 +76,70 @@ class Machine:
             memory: what another machine of this chart remembered; this one goes on from there.
         """
         self.memory = memory or Memory()
-        self._planner: Planner = planner_of(world.chart)
-        self._core = core = Core(world, self.memory)
-        self.env: Surroundings = core.env
-        self._content = Content(core)
-        self._operations = Operations(core, self._content)
-        self._row = self._planner.row(self.memory.configuration)
-        self._turn = _NO_TURN
-        #: The shortcuts from here; none while the machine is not quiet.
-        self.answers: Mapping[Heard, Shortcut | None] = _NO_ANSWERS
+        self._table: DispatchTable = dispatch_table(world.chart)
+        self.scope = scope = EvaluationScope(world, self.memory)
+        self._content = ExecutableContent(scope)
+        self._operations = Operations(scope, self._content)
+        self._holds = Holds(scope, (self._content, self._operations))
+        self._requests = Requests(scope, self._holds, self._table.structure)
+        self._inputs = Inputs(scope)
+        self._active = self._table.configuration(self.memory.configuration)
+        self._step = _NO_STEP
 
     # -- the interface ----------------------------------------------------------------------------------
 
     @property
     def world(self) -> World:
         """What never changes while the machine lives."""
-        return self._core.world
+        return self.scope.world
 
     @property
     def chart(self) -> Chart:
         """The chart that it runs."""
-        return self._core.chart
+        return self.scope.chart
 
     def start(self, now: float) -> Step:
         """Enter the chart's initial states at time `now`, in seconds of the caller's clock."""
-        turn = self._open(Event("start"), now)
-        self._begin_context(turn)
-        Values(self._core).begin(turn)
-        self._microstep(self._planner.beginning(), NO_CAUSE)
+        step = self._open(Event("start"), now)
+        self._begin_context(step)
+        self._inputs.begin(step)
+        self._microstep(self._table.beginning(), NO_TRIGGER)
         return self._finish()
 
     def go_on(self, now: float) -> Step:
-        """Take over the memory of a machine of another chart (see `succession`): begin what is new here."""
-        turn = self._open(Event("loaded"), now)
-        self._begin_context(turn)
-        Values(self._core).go_on(turn)
+        """Take over the memory of a machine of another chart (see `reload`): begin what is new here."""
+        step = self._open(Event("loaded"), now)
+        self._begin_context(step)
+        self._inputs.go_on(step)
         return self._finish()
 
-    def _begin_context(self, turn: Turn) -> None:
+    def _begin_context(self, step: Macrostep) -> None:
         """Give the variables that have none their first value."""
         context = self.memory.context
-        for name, variable in self._core.chart.context.items():
+        for name, variable in self.chart.context.items():
             try:
                 if name not in context:
-                    context[name] = variable.default.evaluate(self._core.see("", turn))
+                    context[name] = variable.default.evaluate(self.scope.see("", step))
             except Exception as problem:
-                turn.fail("", f"{variable.place}: context {name}: {reason(problem)}")
+                step.fail("", f"{variable.place}: context {name}: {reason(problem)}")
 
     def handle(self, event: Event, now: float) -> Step:
         """Process one event from outside; deadlines before `now` must have been fired by `advance`."""
-        answer = self.answers.get(event.name)
-        if answer is not None:
-            memory = self.memory
-            taken = answer(memory, self.env, event, now)
-            if taken is not None:
-                self.answers = taken.answers
-                memory.sequence = sequence = memory.sequence + 1
-                return Step(sequence, now, event, taken.plans)
-        return self.macrostep(event, now)
+        step = self._open(event, now)
+        wrong = flaw(event)
+        if wrong and isinstance(event.name, str) and event.is_request:
+            step.accepted, step.refusal = False, Refusal(BAD_REQUEST, wrong)
+        elif wrong:
+            step.note(f"dropped: {wrong}")
+        elif event.is_request:
+            self._request(event)
+        elif event.name == "value":
+            self._inputs.observe(event, step)
+        elif event.is_attempt_event:
+            self._operations.report(event, step)
+        else:
+            self._happened(event)
+        return self._finish()
 
     @property
     def next_deadline(self) -> float | None:
@@ -141,340 +149,246 @@ class Machine:
 
     def advance(self, now: float) -> Step | None:
         """Fire the earliest deadline that is due at `now`; None when there is none."""
-        memory = self.memory
-        timers = memory.timers
+        timers = self.memory.timers
         if not timers or timers[0][0] > now:
             return None
-        timer = timers.pop(0)
-        answer = self.answers.get(timer[3])
-        if answer is not None:
-            taken = answer(memory, self.env, NO_EVENT, now)
-            if taken is not None:
-                self.answers = taken.answers
-                memory.sequence = sequence = memory.sequence + 1
-                return Step(sequence, now, taken.event, taken.plans)
-        return self._fire(timer, now)
+        return self._fire(timers.pop(0), now)
 
     @property
     def view(self) -> View:
         """What the machine shows of itself now."""
-        return view_of(self._core.chart, self.memory)
+        return view_of(self.chart, self.memory)
 
     def input_value(self, name: str, now: float) -> Any:
         """Return a live value as expressions see it, or None when it is unknown."""
-        inputs = self.env.inputs
+        inputs = self.scope.inputs
         inputs.now = now
         return inputs[name] if inputs.known(name) else None
 
     def snapshot(self) -> str:
         """Return everything that the machine remembers as JSON; see `snapshot.restore`."""
-        return snapshot(self._core.chart, self.memory)
+        return snapshot(self.chart, self.memory)
 
     def explain(self, now: float) -> tuple[Possibility, ...]:
         """Return what every request and event of the chart would do now, and why not; nothing changes."""
-        return Explainer(self._core, self._planner.structure, self._now()).explain(now)
+        return self._explainer().explain(now)
+
+    def _explainer(self) -> Explainer:
+        return Explainer(self.scope, self._holds, self._table.structure, self._active)
 
     # -- one step ---------------------------------------------------------------------------------------
 
-    def _now(self) -> Row:
-        return self._planner.row(self.memory.configuration)
-
-    def _open(self, event: Event, now: float) -> Turn:
-        self._row = self._now()
-        self._turn = Turn(event, now, self._row)
-        return self._turn
-
-    def macrostep(self, event: Event, now: float) -> Step:
-        """Process one event by the general algorithm."""
-        turn = self._open(event, now)
-        wrong = flaw(event)
-        if wrong and isinstance(event.name, str) and event.is_request:
-            turn.accepted, turn.refusal = False, Refusal(BAD_REQUEST, wrong)
-        elif wrong:
-            turn.note(f"dropped: {wrong}")
-        elif event.is_request:
-            self._request(event)
-        elif event.name == "value":
-            Values(self._core).observe(event, turn)
-        elif event.is_report:
-            self._operations.report(event, turn)
-        else:
-            self._happened(event)
-        return self._finish()
+    def _open(self, event: Event, now: float) -> Macrostep:
+        self._step = Macrostep(event, now)
+        return self._step
 
     def _happened(self, event: Event) -> None:
         """Take in an event of a plugin; while held it waits, unless all that listens to it may pass."""
-        turn, held = self._turn, self.memory.held
+        step, held = self._step, self.memory.held
         if event.name.partition(".")[0] in _OWN_EVENTS:
-            turn.note(f"dropped: {event.name!r} is the engine's own event, and nobody else's")
+            step.note(f"dropped: {event.name!r} is the engine's own event, and nobody else's")
             return
-        candidates = self._row.candidates(self._planner.structure, event.name)
-        if held and not all(passes(rule, held) for offered in candidates for rule in offered):
-            self._defer(event)
-            return
-        turn.signals.append(_as_signal(event))
-        self._learn(event.name, candidates)
-
-    def _defer(self, event: Event) -> None:
-        """Keep an event of a plugin for the release; of too many the oldest is dropped."""
-        deferred = self.memory.deferred
-        deferred.append(event)
-        self._turn.note(f"{event.name} waits for the release")
-        waiting = [index for index, other in enumerate(deferred) if not other.is_report]
-        if len(waiting) > MAX_DEFERRED:
-            oldest = deferred.pop(waiting[0])
-            self._turn.note(f"dropped: {oldest.name}, because more than {MAX_DEFERRED} events wait")
+        if held:
+            offered = self._active.candidates(event.name)
+            if not all(passes(rule, held) for rules in offered for rule in rules):
+                defer(self.memory, event, step)
+                return
+        step.queue.append(_as_internal(event))
 
     def _fire(self, timer: Timer, now: float) -> Step:
         _, _, kind, (owner, name) = timer
-        event = Event(f"timer.{kind}", {"owner": owner})
-        turn = self._open(event, now)
+        step = self._open(Event(f"timer.{kind}", {"owner": owner}), now)
         if kind in ("after", "budget"):
-            turn.signals.append(Signal(name, owner))
-            self._learn(timer[3], (self._planner.structure.rules_of(owner, name),), event)
+            step.queue.append(InternalEvent(name, owner))
         elif kind == "timeout":
-            self._operations.timed_out(owner, turn)
+            self._operations.timed_out(owner, step)
         elif kind == "retry":
-            self._operations.retry(owner, turn)
+            self._operations.retry(owner, step)
         elif kind == "fresh":
-            Values(self._core).grew_old(owner, turn)
+            self._inputs.grew_old(owner, step)
         else:
-            self._operations.abandon(owner, turn)
+            self._operations.abandon(owner, step)
         return self._finish()
 
-    def _learn(
-        self,
-        key: Heard,
-        candidates: Sequence[Sequence[Transition]],
-        fixed: Event | None = None,
-    ) -> None:
-        """Prepare a shortcut for an event that came for the first time in this row.
-
-        Not where transitions need no event: they may have become possible since, and would go first.
-        """
-        answers = self._row.answers
-        if key in answers or self._row.levels or len(answers) >= MAX_PLANS:
-            return
-        row = self._row
-        structure = self._planner.structure
-        answers[key] = shortcut(structure, candidates, lambda rules: self._plan(row, rules), fixed)
-
     def _finish(self) -> Step:
-        turn, memory = self._turn, self.memory
-        rests = self._comes_to_rest() or self._break_cycle()
+        step, memory = self._step, self.memory
+        if not self._comes_to_rest():
+            self._break_cycle()
         memory.sequence += 1
-        quiet = rests and not (memory.held or memory.deferred or memory.walks)
-        self.answers = self._row.answers if quiet else _NO_ANSWERS
-        turn.row = self._row
-        self._turn = _NO_TURN
-        self.env.forget()
-        return Step(memory.sequence, turn.now, turn.event, tuple(turn.plans), turn)
+        self._step = _NO_STEP
+        self.scope.forget()
+        return step.record(memory.sequence, memory.configuration)
 
     def _comes_to_rest(self) -> bool:
         return any(not self._progress() for _ in range(MICROSTEP_LIMIT))
 
-    def _break_cycle(self) -> bool:
-        """Lead a chart that never comes to rest to FAULT, which cancels what it did; say whether it rests."""
-        turn = self._turn
-        last = [name for plan in turn.plans[-20:] for name in plan.taken]
-        cycle = ", ".join(dict.fromkeys(last))
-        detail = f"the chart does not come to rest after {turn.event.name}: it repeats {cycle}"
+    def _break_cycle(self) -> None:
+        """Lead a chart that never comes to rest to FAULT, which cancels what it did."""
+        step = self._step
+        cycle = ", ".join(dict.fromkeys(step.taken[-20:]))
+        detail = f"the chart does not come to rest after {step.event.name}: it repeats {cycle}"
         error = {"code": EXECUTION_CODE, "detail": detail}
-        cause = Cause(event=error, error=error)
-        turn.note(detail)
-        turn.signals.clear()
-        self._core.report(EXECUTION_CODE, detail)
-        rules = self._listeners(Signal(EXECUTION_ERROR, None, cause))
+        trigger = Trigger(event=error, error=error)
+        step.note(detail)
+        step.queue.clear()
+        self.scope.record_code(EXECUTION_CODE, detail)
+        rules = self._listeners(InternalEvent(EXECUTION_ERROR, None, trigger))
         if not rules:
-            return False
-        self._take(rules, cause)
+            return
+        self._take(rules, trigger)
         if self._comes_to_rest():
-            return True
-        turn.note("nor does it after the error: it is left as it is")
-        turn.signals.clear()
-        return False
+            return
+        step.note("nor does it after the error: it is left as it is")
+        step.queue.clear()
 
     def _progress(self) -> bool:
         """Do the next thing of this macrostep; False when there is nothing left to do."""
-        turn, memory = self._turn, self.memory
-        if self._core.chart.holds and self._engage_levels():
+        step, memory = self._step, self.memory
+        if self._holds.engage_levels(step):
             return True
-        rules = self._enabled_levels() if self._row.levels else ()
+        rules = self._enabled_levels() if self._active.levels else ()
         if rules:
-            self._take(rules, NO_CAUSE)
+            self._take(rules, NO_TRIGGER)
             return True
-        if turn.signals:
-            self._signal(turn.signals.pop(0))
+        if step.queue:
+            self._offer(step.queue.pop(0))
             return True
         if memory.deferred and not memory.held:
             self._come_back_to(memory.deferred.pop(0))
             return True
-        if self._row.working and self._operations.begin_missing(self._row.working, turn):
+        if self._active.working and self._operations.begin_missing(self._active.working, step):
             return True
-        if self._core.chart.invariants:
+        if self.chart.invariants:
             self._watch_invariants()
-        return bool(turn.signals)
+        return bool(step.queue)
 
     def _come_back_to(self, event: Event) -> None:
         """Deal with what waited for the release."""
-        if event.is_report:
-            self._operations.report(event, self._turn)
+        if event.is_attempt_event:
+            self._operations.report(event, self._step)
         else:
-            self._turn.signals.append(_as_signal(event))
+            self._step.queue.append(_as_internal(event))
 
-    def _signal(self, signal: Signal) -> None:
+    def _offer(self, internal: InternalEvent) -> None:
         """Offer an internal event to its state, or to all active ones."""
-        raised = signal.cause.error.get("code") == EXECUTION_CODE
-        rules = self._listeners(signal)
+        raised = internal.trigger.error.get("code") == EXECUTION_CODE
+        rules = self._listeners(internal)
         if rules:
             if raised:
-                self._core.report(EXECUTION_CODE, signal.cause.error["detail"])
-            self._take(rules, signal.cause)
-        elif signal.state is not None and signal.state not in self.memory.configuration and not raised:
-            self._turn.note(f"dropped: {signal.name} of {signal.state}, which was left")
-        elif signal.name == "error":
-            self._turn.signals.append(Signal(EXECUTION_ERROR, None, signal.cause))
-        elif signal.name == EXECUTION_ERROR:
-            self._turn.note(f"nobody handles the error {signal.cause.error.get('detail', '')}")
+                self.scope.record_code(EXECUTION_CODE, internal.trigger.error["detail"])
+            self._take(rules, internal.trigger)
+        elif internal.state is not None and internal.state not in self.memory.configuration and not raised:
+            self._step.note(f"dropped: {internal.name} of {internal.state}, which was left")
+        elif internal.name == "error":
+            self._step.queue.append(InternalEvent(EXECUTION_ERROR, None, internal.trigger))
+        elif internal.name == EXECUTION_ERROR:
+            self._step.note(f"nobody handles the error {internal.trigger.error.get('detail', '')}")
         else:
-            self._say_why(signal)
+            self._say_why(internal)
 
-    def _listeners(self, signal: Signal) -> list[Transition]:
+    def _listeners(self, internal: InternalEvent) -> list[Transition]:
         """Return the transitions that an internal event causes, for each leaf one."""
-        rules = self._enabled(self._offered(signal), signal.cause)
+        rules = self._enabled(self._offered(internal), internal.trigger)
         # An error within FAULT does not lead there again, or a failing entry action would repeat for ever.
         in_fault = FAULT in self.memory.configuration
         return [rule for rule in rules if not (rule.id == FAULT_RULE and in_fault)]
 
-    def _offered(self, signal: Signal) -> Sequence[Sequence[Transition]]:
-        structure = self._planner.structure
-        if signal.state is None:
-            return self._row.candidates(structure, signal.name)
-        if signal.state in self.memory.configuration:
-            return (structure.rules_of(signal.state, signal.name),)
+    def _offered(self, internal: InternalEvent) -> Sequence[Sequence[Transition]]:
+        structure = self._table.structure
+        if internal.state is None:
+            return self._active.candidates(internal.name)
+        if internal.state in self.memory.configuration:
+            return (structure.rules_of(internal.state, internal.name),)
         return ()
 
-    def _say_why(self, signal: Signal) -> None:
+    def _say_why(self, internal: InternalEvent) -> None:
         """Tell why an event did nothing."""
-        rules = _distinct(self._offered(signal))
-        self._turn.why = tuple(consider(self._core, rule, self._turn, signal.cause) for rule in rules)
-        if not rules and signal.state is None:
-            self._turn.note(f"nobody listens to {signal.name}")
+        rules = _distinct(self._offered(internal))
+        self._step.why = tuple(consider(self.scope, rule, self._step, internal.trigger) for rule in rules)
+        if not rules and internal.state is None:
+            self._step.note(f"nobody listens to {internal.name}")
 
     # -- which transitions ------------------------------------------------------------------------------
 
-    def _enabled(self, candidates: Iterable[Sequence[Transition]], cause: Cause) -> list[Transition]:
+    def _enabled(self, candidates: Iterable[Sequence[Transition]], trigger: Trigger) -> list[Transition]:
         chosen = []
         for offered in candidates:
             for rule in offered:
                 guard = rule.guard
-                if guard is None or self._core.check(guard, rule.source, self._turn, cause):
+                if guard is None or self.scope.check(guard, rule.source, self._step, trigger):
                     chosen.append(rule)
                     break
         return chosen
 
     def _enabled_levels(self) -> list[Transition]:
         """Return the eventless transitions and the ones on a level of an input that can be taken now."""
-        held, inputs = self.memory.held, self.env.inputs
-        inputs.now = self._turn.now
+        held, inputs = self.memory.held, self.scope.inputs
+        inputs.now = self._step.now
         offered = [
             [r for r in rules if passes(r, held) and (not r.event or inputs.holds(r.event))]
-            for rules in self._row.levels
+            for rules in self._active.levels
         ]
-        return self._enabled(offered, NO_CAUSE) if any(offered) else []
+        return self._enabled(offered, NO_TRIGGER) if any(offered) else []
 
     # -- requests, holds --------------------------------------------------------------------------------
 
     def _request(self, event: Event) -> None:
-        turn = self._turn
-        answer = Answers(self._core, self._planner.structure).answer(event, self._row, turn)
-        turn.accepted = answer.refusal is None
-        if answer.refusal is not None:
-            turn.refusal = answer.refusal
-            explainer = Explainer(self._core, self._planner.structure, self._row)
-            turn.why = explainer.considered(event.name, turn.now, Cause(event=event.data))
+        step = self._step
+        found = self._requests.resolve(event, self._active, step)
+        step.accepted = found.refusal is None
+        if found.refusal is not None:
+            step.refusal = found.refusal
+            step.why = self._explainer().considered(event.name, step.now, Trigger(event=event.data))
             return
-        if answer.starts:
-            self._begin_mission(event, answer.values)
-        if answer.rules:
-            self._take(answer.rules, Cause(event=event.data))
-        for name in answer.releases:
-            self._release(name)
-        for name in answer.engages:
-            self._engage(self._core.chart.holds[name])
+        if found.starts:
+            self._begin_mission(event, found.values)
+        if found.rules:
+            self._take(found.rules, Trigger(event=event.data))
+        for name in found.holds.releases:
+            self._holds.release(name, step)
+        for name in found.holds.engages:
+            self._holds.engage(self.chart.holds[name], step)
 
     def _begin_mission(self, event: Event, values: dict[str, Any]) -> None:
         memory = self.memory
         memory.mission = str(event.data["mission_type"])
         memory.mission_id = str(event.data.get("mission_id", ""))
-        memory.started_at = self._turn.now
+        memory.started_at = self._step.now
         memory.request.clear()
         memory.request.update(values)
         for of_mission in (
             memory.waiting_actions,
-            memory.walks,
+            memory.itineraries,
             memory.history,
             memory.budgets,
             memory.handled,
         ):
             of_mission.clear()
-        memory.current_walk = ""
+        memory.current_itinerary = ""
         memory.code = memory.detail = ""
-        Values(self._core).begin_mission(self._turn)
-
-    def _engage_levels(self) -> bool:
-        """Engage the holds whose level is true; say whether there were any."""
-        inputs, held = self.env.inputs, self.memory.held
-        inputs.now = self._turn.now
-        rising = [
-            hold
-            for hold in self._core.chart.holds.values()
-            if hold.engage.startswith("input.") and hold.name not in held and inputs.holds(hold.engage)
-        ]
-        for hold in rising:
-            self._engage(hold)
-        return bool(rising)
-
-    def _engage(self, hold: Hold) -> None:
-        first = not self.memory.held
-        self.memory.held.append(hold.name)
-        self._turn.note(f"hold {hold.name} engaged")
-        self._core.report(hold.code, "")
-        if first:
-            self._core.timers.freeze(self._turn.now)
-            self._operations.suspend(self._turn)
-
-    def _release(self, name: str) -> None:
-        if name not in self.memory.held:
-            return
-        self.memory.held.remove(name)
-        self._turn.note(f"hold {name} released")
-        if not self.memory.held:
-            self._core.timers.thaw(self._turn.now)
-            self._content.release_actions(self._turn)
-            self._operations.resume(self._turn)
+        self._inputs.begin_mission(self._step)
 
     # -- invariants -------------------------------------------------------------------------------------
 
     def _watch_invariants(self) -> None:
         """Make an error of each invariant that holds no more."""
-        turn, broken = self._turn, self.memory.broken
-        for invariant in self._core.chart.invariants.values():
+        step, broken = self._step, self.memory.broken
+        for invariant in self.chart.invariants.values():
             breach = self._breach(invariant)
             if not breach and invariant.name in broken:
                 broken.remove(invariant.name)
             elif breach and invariant.name not in broken:
                 broken.append(invariant.name)
-                turn.note(breach)
-                self._core.report(INVARIANT_CODE, breach)
+                step.note(breach)
+                self.scope.record_code(INVARIANT_CODE, breach)
                 error = {"code": INVARIANT_CODE, "detail": breach}
-                turn.signals.append(Signal(EXECUTION_ERROR, None, Cause(event=error, error=error)))
+                step.queue.append(InternalEvent(EXECUTION_ERROR, None, Trigger(event=error, error=error)))
 
     def _breach(self, invariant: Invariant) -> str:
         """Return how an invariant is broken, or an empty text; one that cannot be evaluated is."""
         that, problem = invariant.that, ""
         try:
-            if that.evaluate(self._core.see("", self._turn)):
+            if that.evaluate(self.scope.see("", self._step)):
                 return ""
         except Exception as raised:
             problem = f": {reason(raised)}"
@@ -482,117 +396,121 @@ class Machine:
 
     # -- the microstep ----------------------------------------------------------------------------------
 
-    def _plan(self, row: Row, chosen: Sequence[Transition]) -> Plan:
-        return self._planner.plan(row, chosen, self.memory.mission, self._remembered, self._resume_child)
-
     def _remembered(self, history: State) -> tuple[str, ...]:
         return self.memory.history.get(history.name, ())
 
     def _resume_child(self, state: State) -> str | None:
         """Choose where a state goes on that comes back by history."""
         for rule in state.resume_at:
-            if rule.guard is None or self._core.check(rule.guard, rule.source, self._turn):
+            if rule.guard is None or self.scope.check(rule.guard, rule.source, self._step):
                 return rule.target
         return None
 
-    def _take(self, chosen: Sequence[Transition], cause: Cause) -> None:
-        self._microstep(self._plan(self._row, chosen), cause)
+    def _take(self, chosen: Sequence[Transition], trigger: Trigger) -> None:
+        mission = self.memory.mission
+        plan = self._table.microstep(self._active, chosen, mission, self._remembered, self._resume_child)
+        self._microstep(plan, trigger)
 
-    def _microstep(self, plan: Plan, cause: Cause) -> None:
-        """Carry out a plan: exits, the transitions' actions, entries; then the holds that they release."""
-        turn, memory, rules = self._turn, self.memory, plan.rules
+    def _microstep(self, plan: Microstep, trigger: Trigger) -> None:
+        """Carry out a microstep: exits, actions, entries; then the holds that its transitions release."""
+        step, memory, rules = self._step, self.memory, plan.rules
         memory.history.update(plan.remembers)
         for state, configuration in plan.exits:
-            self._exit(state, configuration, cause)
+            self._exit(state, configuration, trigger)
         for rule in rules:
             if rule.actions:
-                self._content.run(rule.actions, rule.source, cause, turn)
+                self._content.run(rule.actions, rule.source, trigger, step)
             if rule.code is not None:
-                self._core.report(rule.code, cause.error.get("detail", ""))
+                self.scope.record_code(rule.code, trigger.error.get("detail", ""))
         for state, configuration in plan.entries:
-            self._enter(state, configuration, cause, state.name in plan.back)
-        self._row = plan.row
-        turn.plans.append(plan)
+            self._enter(state, configuration, trigger, state.name in plan.back)
+        self._active = active = plan.leads_to
+        step.taken += plan.taken
+        step.exited += plan.exited
+        step.entered += plan.entered
         for name in dict.fromkeys(hold for rule in rules for hold in rule.releases):
-            self._release(name)
-        if not plan.row.passing:
-            turn.trail.append((plan.row, target_of(memory)))
+            self._holds.release(name, step)
+        if not active.passing:
+            target = target_of(memory)
+            step.trail.append(Moment(active.label, active.phase, target) if target else active.moment)
 
-    def _exit(self, state: State, configuration: tuple[str, ...], cause: Cause) -> None:
-        turn = self._turn
+    def _exit(self, state: State, configuration: tuple[str, ...], trigger: Trigger) -> None:
+        step = self._step
         if state.exit:
-            self._content.run(state.exit, state.name, cause, turn)
+            self._content.run(state.exit, state.name, trigger, step)
         self._content.forget_actions(state.name)
-        self._operations.end(state, turn)
+        self._operations.end(state, step)
         if state.timers:
-            self._core.timers.disarm("after", state.name)
+            self.scope.timers.disarm("after", state.name)
         if state.budget is not None:
             self._keep_budget(state.name)
         self.memory.configuration = configuration
 
     def _keep_budget(self, state: str) -> None:
         """Remember what a state has left, unless it was entered before the mission began."""
-        timers, known = self._core.timers, self.memory.budgets
+        timers, known = self.scope.timers, self.memory.budgets
         if state in known:
-            known[state] = timers.left("budget", state, self._turn.now) or 0.0
+            known[state] = timers.left("budget", state, self._step.now) or 0.0
         timers.disarm("budget", state)
 
-    def _enter(self, state: State, configuration: tuple[str, ...], cause: Cause, comes_back: bool) -> None:
+    def _enter(
+        self, state: State, configuration: tuple[str, ...], trigger: Trigger, comes_back: bool
+    ) -> None:
         self.memory.configuration = configuration
-        self._content.walks.begin(state, cause, self._turn, comes_back)
+        self._content.itineraries.begin(state, trigger, self._step, comes_back)
         if state.entry:
-            self._content.run(state.entry, state.name, cause, self._turn)
+            self._content.run(state.entry, state.name, trigger, self._step)
         if state.invoke is not None:
-            self._operations.enter(state.name, cause.event)
-        self._arm_timers(state, cause)
+            self._operations.enter(state.name, trigger.event)
+        self._arm_timers(state, trigger)
         if state.kind is Kind.FINAL:
             self._completed(state)
 
-    def _arm_timers(self, state: State, cause: Cause) -> None:
-        turn, known = self._turn, self.memory.budgets
+    def _arm_timers(self, state: State, trigger: Trigger) -> None:
+        step, known = self._step, self.memory.budgets
         for timer in (*state.timers, *((state.budget,) if state.budget else ())):
             kind = "budget" if timer is state.budget else "after"
             try:
                 delay = known.get(state.name) if kind == "budget" else None
                 if delay is None:
-                    delay = seconds(timer.after.evaluate(self._core.see(state.name, turn, cause)))
+                    delay = seconds(timer.after.evaluate(self.scope.see(state.name, step, trigger)))
             except Exception as problem:
-                turn.fail(state.name, f"{timer.place}: {kind}: {reason(problem)}")
+                step.fail(state.name, f"{timer.place}: {kind}: {reason(problem)}")
                 continue
             if kind == "budget":
                 known[state.name] = delay
-            self._core.timers.arm(kind, state.name, turn.now, delay, timer.event)
+            self.scope.timers.arm(kind, state.name, step.now, delay, timer.event)
 
     def _completed(self, final: State) -> None:
         """Raise `done` for the state that a final state ends, and for the parallel ones that end with it."""
-        states = self._core.chart.states
+        states = self.chart.states
         parent = states[final.parent or ""]
         if parent.parent is not None and states[parent.parent].slot:
             parent = states[parent.parent]  # a mission's end is the slot's end
-        self._turn.signals.append(Signal("done", parent.name))
+        self._step.queue.append(InternalEvent("done", parent.name))
         while parent.parent is not None:
             parent = states[parent.parent]
             if parent.kind is not Kind.PARALLEL or not self._is_final(parent.name):
                 break
-            self._turn.signals.append(Signal("done", parent.name))
+            self._step.queue.append(InternalEvent("done", parent.name))
 
     def _is_final(self, region: str) -> bool:
         """Say whether a region of a parallel state has come to its end (SCXML: isInFinalState)."""
-        state = self._core.chart.states[region]
+        state = self.chart.states[region]
         if state.kind is Kind.HISTORY:
             return True
         if state.kind is Kind.PARALLEL:
             return all(map(self._is_final, state.children))
         return any(
-            self._core.chart.states[child].kind is Kind.FINAL and child in self.memory.configuration
+            self.chart.states[child].kind is Kind.FINAL and child in self.memory.configuration
             for child in state.children
         )
 
 
-def _as_signal(event: Event) -> Signal:
+def _as_internal(event: Event) -> InternalEvent:
     """Return the internal event for one from outside; what are no fields are none."""
     data = event.data if isinstance(event.data, Mapping) else NOTHING
-    return Signal(event.name, None, Cause(event=data))
+    return InternalEvent(event.name, None, Trigger(event=data))
 
 
 def _distinct(candidates: Iterable[Sequence[Transition]]) -> list[Transition]:
@@ -603,4 +521,4 @@ def _distinct(candidates: Iterable[Sequence[Transition]]) -> list[Transition]:
 #: First words of events that come from the machine itself, never from outside.
 _OWN_EVENTS = ENGINE_EVENTS | {"", "input"}
 #: Between two steps nothing is collected.
-_NO_TURN = cast(Turn, None)
+_NO_STEP = cast(Macrostep, None)

@@ -31,7 +31,7 @@ class Visit:
 
 
 @dataclass(slots=True)
-class Walk:
+class Traversal:
     """An itinerary under way: the items, one visit for each, and where we are.
 
     `sweep` counts from 1, `sweeps` is how many there will be (0: no end). `past` counts the visits of earlier
@@ -153,8 +153,8 @@ class Memory:
     mission: str = ""
     mission_id: str = ""
     started_at: float | None = None
-    walks: dict[str, Walk] = field(default_factory=dict)
-    current_walk: str = ""
+    itineraries: dict[str, Traversal] = field(default_factory=dict)
+    current_itinerary: str = ""
     timers: list[Timer] = field(default_factory=list)
     frozen: list[Timer] = field(default_factory=list)
     budgets: dict[str, float] = field(default_factory=dict)
@@ -181,6 +181,6 @@ class Memory:
         return self.next_id
 
     @property
-    def walk(self) -> Walk | None:
+    def traversal(self) -> Traversal | None:
         """The itinerary entered last in this mission."""
-        return self.walks.get(self.current_walk)
+        return self.itineraries.get(self.current_itinerary)

@@ -24,14 +24,13 @@ from typing import Any
 from lupin_engine.chart.expressions.evaluation import UnknownInput
 from lupin_engine.chart.model import ForEach, Invoke, Retry, State
 from lupin_engine.errors import reason
-from lupin_engine.machine.arguments import evaluated
-from lupin_engine.machine.content import Content
-from lupin_engine.machine.core import Core, passes
-from lupin_engine.machine.environment import Cause
-from lupin_engine.machine.event import Cancel, Event, Start
+from lupin_engine.machine.actions import ExecutableContent
+from lupin_engine.machine.event import Cancel, Event, InternalEvent, Start, Trigger
+from lupin_engine.machine.holds import is_held_back, passes
 from lupin_engine.machine.memory import Attempt, Invocation, Phase
+from lupin_engine.machine.scope import EvaluationScope, evaluated
+from lupin_engine.machine.step import EXECUTION_CODE, Macrostep
 from lupin_engine.machine.timers import seconds
-from lupin_engine.machine.turn import EXECUTION_CODE, Signal, Turn
 from lupin_engine.plugin.contract import OnHold
 
 #: How long a cancelled attempt may keep its resource, in seconds (the reference's grace before docking).
@@ -75,323 +74,323 @@ LIFE: Mapping[tuple[Phase, str], Phase | None] = MappingProxyType(
 class Operations:
     """The invocations and attempts of one machine."""
 
-    __slots__ = ("_content", "_core")
+    __slots__ = ("_content", "_scope")
 
-    def __init__(self, core: Core, content: Content) -> None:
+    def __init__(self, scope: EvaluationScope, content: ExecutableContent) -> None:
         """Make the operations of a machine; `content` runs what a `for_each` does about an element's end."""
-        self._core = core
+        self._scope = scope
         self._content = content
 
     # -- invocations ------------------------------------------------------------------------------------
 
     def enter(self, state: str, event: Mapping[str, Any]) -> None:
         """Make the invocation of a state that is entered by an event; it begins at the end of the step."""
-        self._core.memory.invocations[state] = Invocation(self._name(), state, dict(event))
+        self._scope.memory.invocations[state] = Invocation(self._name(), state, dict(event))
 
-    def begin_missing(self, working: tuple[State, ...], turn: Turn) -> bool:
+    def begin_missing(self, working: tuple[State, ...], step: Macrostep) -> bool:
         """Begin what waits and what the active states have not begun; say whether there was any of that."""
-        begun = self._start_waiting(turn)
+        begun = self._start_waiting(step)
         for state in working:
-            if state.invoke is not None and not self._core.memory.invocations[state.name].begun:
-                self._begin(self._core.memory.invocations[state.name], turn)
+            if state.invoke is not None and not self._scope.memory.invocations[state.name].begun:
+                self._begin(self._scope.memory.invocations[state.name], step)
                 begun = True
             if state.for_each is not None:
-                begun = self._take_up(state.name, state.for_each, turn) or begun
+                begun = self._take_up(state.name, state.for_each, step) or begun
         return begun
 
     def _name(self) -> str:
-        return f"i{self._core.memory.fresh_id()}"
+        return f"i{self._scope.memory.fresh_id()}"
 
-    def _begin(self, invocation: Invocation, turn: Turn) -> None:
+    def _begin(self, invocation: Invocation, step: Macrostep) -> None:
         invocation.begun = True
-        self._core.memory.invocations[invocation.name] = invocation
-        if self._core.memory.held and self._invoke(invocation).operation.on_hold is OnHold.CANCEL:
+        self._scope.memory.invocations[invocation.name] = invocation
+        if is_held_back(self._scope.memory, self._invoke(invocation).operation):
             invocation.suspended = True
         else:
-            self._issue(invocation, turn)
+            self._issue(invocation, step)
 
-    def end(self, state: State, turn: Turn) -> None:
+    def end(self, state: State, step: Macrostep) -> None:
         """End the invocations of a state that is being left."""
         if state.invoke is None and state.for_each is None:
             return
-        invocations = self._core.memory.invocations
+        invocations = self._scope.memory.invocations
         for name in [name for name, found in invocations.items() if found.state == state.name]:
             invocation = invocations.pop(name)
             if invocation.attempt:
                 self._count(invocation, -1)
-            self._core.timers.disarm("retry", invocation.id)
-            self._cancel_current(invocation, turn)
+            self._scope.timers.disarm("retry", invocation.id)
+            self._cancel_current(invocation, step)
 
-    def suspend(self, turn: Turn) -> None:
+    def suspend(self, step: Macrostep) -> None:
         """A hold was engaged: cancel what moves the robot, and refund the try."""
-        for invocation in self._core.memory.invocations.values():
+        for invocation in self._scope.memory.invocations.values():
             if self._invoke(invocation).operation.on_hold is OnHold.CANCEL and invocation.attempt:
-                self._cancel_current(invocation, turn)
+                self._cancel_current(invocation, step)
                 invocation.tries -= 1
                 self._count(invocation, -1)
                 invocation.suspended = True
 
-    def resume(self, turn: Turn) -> None:
+    def resume(self, step: Macrostep) -> None:
         """The last hold was released: issue again what was suspended."""
-        for invocation in list(self._core.memory.invocations.values()):
+        for invocation in list(self._scope.memory.invocations.values()):
             if invocation.suspended:
                 invocation.suspended = False
-                self._issue(invocation, turn)
+                self._issue(invocation, step)
 
     # -- one invocation for each element ------------------------------------------------------------------
 
-    def _take_up(self, state: str, rule: ForEach, turn: Turn) -> bool:
+    def _take_up(self, state: str, rule: ForEach, step: Macrostep) -> bool:
         """Begin the operations of new elements, as many as may run at once; say whether there were any."""
-        memory = self._core.memory
+        memory = self._scope.memory
         if memory.held:
             return False
         try:
-            items = list(rule.items.evaluate(self._core.see(state, turn)))
-            limit = int(rule.limit.evaluate(self._core.see(state, turn))) if rule.limit else None
+            items = list(rule.items.evaluate(self._scope.see(state, step)))
+            limit = int(rule.limit.evaluate(self._scope.see(state, step))) if rule.limit else None
         except UnknownInput:
             return False  # nothing is known of the collection yet
         except Exception as problem:
-            turn.fail_once(state, f"{rule.place}: for_each: {reason(problem)}")
+            step.fail_once(state, f"{rule.place}: for_each: {reason(problem)}")
             return False
         new: dict[str, Any] = {}
         for item in items:
-            key = self._key(state, rule, item, turn)
+            key = self._key(state, rule, item, step)
             if key is not None and self._is_new(state, key):
                 new.setdefault(key, item)
         running = sum(1 for inv in memory.invocations.values() if inv.state == state and inv.key is not None)
         begun = list(new.items())[: None if limit is None else max(0, limit - running)]
         for key, item in begun:
-            self._begin(Invocation(self._name(), state, key=key, item=item), turn)
+            self._begin(Invocation(self._name(), state, key=key, item=item), step)
         return bool(begun)
 
-    def _key(self, state: str, rule: ForEach, item: Any, turn: Turn) -> str | None:
+    def _key(self, state: str, rule: ForEach, item: Any, step: Macrostep) -> str | None:
         """Return an element's key, or None when the element is not wanted, or cannot be judged now."""
-        env = self._core.see(state, turn, Cause(item=item))
+        env = self._scope.see(state, step, Trigger(item=item))
         try:
             wanted = rule.when is None or rule.when.evaluate(env)
             return str(rule.key.evaluate(env)) if wanted else None
         except UnknownInput:
             return None
         except Exception as problem:
-            turn.fail_once(state, f"{rule.place}: for_each: {reason(problem)}")
+            step.fail_once(state, f"{rule.place}: for_each: {reason(problem)}")
             return None
 
     def _is_new(self, state: str, key: str) -> bool:
-        memory = self._core.memory
+        memory = self._scope.memory
         return key not in memory.handled.get(state, ()) and f"{state}[{key}]" not in memory.invocations
 
-    def _end_element(self, invocation: Invocation, word: str, cause: Cause, turn: Turn) -> None:
+    def _end_element(self, invocation: Invocation, word: str, trigger: Trigger, step: Macrostep) -> None:
         """The operation for one element has ended for good: never take that element up again."""
-        rule = self._core.chart.states[invocation.state].for_each
+        rule = self._scope.chart.states[invocation.state].for_each
         assert rule is not None, f"{invocation.name} has no for_each"
-        self._core.memory.handled.setdefault(invocation.state, []).append(str(invocation.key))
-        del self._core.memory.invocations[invocation.name]
-        if cause.error.get("code") == EXECUTION_CODE:
-            turn.fail(invocation.state, cause.error["detail"])
+        self._scope.memory.handled.setdefault(invocation.state, []).append(str(invocation.key))
+        del self._scope.memory.invocations[invocation.name]
+        if trigger.error.get("code") == EXECUTION_CODE:
+            step.fail(invocation.state, trigger.error["detail"])
         actions = rule.on_done if word == "done" else rule.on_error
-        self._content.run(actions, invocation.state, cause, turn)
+        self._content.run(actions, invocation.state, trigger, step)
 
     # -- attempts ---------------------------------------------------------------------------------------
 
     def _invoke(self, invocation: Invocation) -> Invoke:
-        state = self._core.chart.states[invocation.state]
+        state = self._scope.chart.states[invocation.state]
         invoke = state.for_each.invoke if invocation.key is not None and state.for_each else state.invoke
         assert invoke is not None, f"{invocation.name} was invoked without an invoke"
         return invoke
 
-    def _issue(self, invocation: Invocation, turn: Turn) -> None:
+    def _issue(self, invocation: Invocation, step: Macrostep) -> None:
         """Make a new attempt, evaluating the arguments now; start it when its resources are free."""
         invoke = self._invoke(invocation)
-        env = self._core.see(invocation.state, turn, _cause(invocation))
+        env = self._scope.see(invocation.state, step, _cause(invocation))
         try:
             arguments = evaluated(invoke.arguments, invoke.operation.arguments, env)
             timeout = seconds(invoke.timeout.evaluate(env)) if invoke.timeout else None
         except Exception as problem:
             self._signal(
-                "error", invocation, _failure(EXECUTION_CODE, f"{invoke.place}: {reason(problem)}"), turn
+                "error", invocation, _failure(EXECUTION_CODE, f"{invoke.place}: {reason(problem)}"), step
             )
             return
-        number = f"a{self._core.memory.fresh_id()}"
+        number = f"a{self._scope.memory.fresh_id()}"
         uses = invoke.operation.uses
         attempt = Attempt(number, invocation.name, invoke.name, arguments, uses, Phase.WAITING, "", timeout)
-        self._core.memory.attempts[number] = attempt
+        self._scope.memory.attempts[number] = attempt
         invocation.attempt = number
         invocation.tries += 1
         self._count(invocation, 1)
         other = self._before(attempt)
         if other is None:
-            self._start(attempt, turn)
+            self._start(attempt, step)
         else:
-            turn.note(f"{attempt.operation} waits until {other.operation} has ended")
+            step.note(f"{attempt.operation} waits until {other.operation} has ended")
 
     def _count(self, invocation: Invocation, by: int) -> None:
         """Count a try, or take it back, for the visit that it serves: the open one of a state around it."""
-        walk = self._core.memory.walk
-        if walk is None or walk.visit is None or walk.visit.closed:
+        traversal = self._scope.memory.traversal
+        if traversal is None or traversal.visit is None or traversal.visit.closed:
             return
-        if walk.state in (invocation.state, *self._core.chart.ancestors(invocation.state)):
-            name, tries = self._invoke(invocation).name, walk.visit.tries
+        if traversal.state in (invocation.state, *self._scope.chart.ancestors(invocation.state)):
+            name, tries = self._invoke(invocation).name, traversal.visit.tries
             tries[name] = tries.get(name, 0) + by
 
-    def _move(self, attempt: Attempt, word: str, turn: Turn) -> None:
+    def _move(self, attempt: Attempt, word: str, step: Macrostep) -> None:
         """Lead an attempt on in its life; one that has ended is forgotten, and its resources are free."""
         phase = LIFE[attempt.phase, word]
         if phase is not None:
             attempt.phase = phase
             return
-        self._core.timers.disarm("timeout", attempt.id)
-        self._core.timers.disarm("cancel", attempt.id)
-        del self._core.memory.attempts[attempt.id]
+        self._scope.timers.disarm("timeout", attempt.id)
+        self._scope.timers.disarm("cancel", attempt.id)
+        del self._scope.memory.attempts[attempt.id]
 
     def _before(self, attempt: Attempt) -> Attempt | None:
         """Return the earlier attempt that still uses what this one needs."""
-        earlier = takewhile(lambda other: other is not attempt, self._core.memory.attempts.values())
+        earlier = takewhile(lambda other: other is not attempt, self._scope.memory.attempts.values())
         busy = (other for other in earlier if other.phase is not Phase.LOST)
         return next((other for other in busy if set(other.uses) & set(attempt.uses)), None)
 
-    def _start(self, attempt: Attempt, turn: Turn) -> None:
-        self._move(attempt, "resource free", turn)
-        serves = self._core.memory.invocations[attempt.invocation]
+    def _start(self, attempt: Attempt, step: Macrostep) -> None:
+        self._move(attempt, "resource free", step)
+        serves = self._scope.memory.invocations[attempt.invocation]
         command = Start(attempt.id, attempt.operation, attempt.arguments, serves.state, serves.tries)
-        turn.commands.append(command)
+        step.commands.append(command)
         if attempt.timeout is not None:
-            self._core.timers.arm("timeout", attempt.id, turn.now, attempt.timeout)
+            self._scope.timers.arm("timeout", attempt.id, step.now, attempt.timeout)
 
-    def _start_waiting(self, turn: Turn) -> bool:
+    def _start_waiting(self, step: Macrostep) -> bool:
         """Start the attempts whose resources have become free; say whether there were any."""
-        waiting = [found for found in self._core.memory.attempts.values() if found.phase is Phase.WAITING]
+        waiting = [found for found in self._scope.memory.attempts.values() if found.phase is Phase.WAITING]
         free = [attempt for attempt in waiting if self._before(attempt) is None]
         for attempt in free:
-            self._start(attempt, turn)
+            self._start(attempt, step)
         return bool(free)
 
-    def _cancel_current(self, invocation: Invocation, turn: Turn) -> None:
-        attempt = self._core.memory.attempts.get(invocation.attempt or "")
+    def _cancel_current(self, invocation: Invocation, step: Macrostep) -> None:
+        attempt = self._scope.memory.attempts.get(invocation.attempt or "")
         invocation.attempt = None
         if attempt is None:
             return
-        self._core.timers.disarm("timeout", attempt.id)
+        self._scope.timers.disarm("timeout", attempt.id)
         if attempt.phase is Phase.WAITING:
-            self._move(attempt, "not wanted", turn)
-        elif not self._forget_answer(attempt, turn):
-            turn.commands.append(Cancel(attempt.id, attempt.operation))
-            self._core.timers.arm("cancel", attempt.id, turn.now, CANCEL_DEADLINE)
-            self._move(attempt, "not wanted", turn)
+            self._move(attempt, "not wanted", step)
+        elif not self._forget_answer(attempt, step):
+            step.commands.append(Cancel(attempt.id, attempt.operation))
+            self._scope.timers.arm("cancel", attempt.id, step.now, CANCEL_DEADLINE)
+            self._move(attempt, "not wanted", step)
 
-    def _forget_answer(self, attempt: Attempt, turn: Turn) -> bool:
+    def _forget_answer(self, attempt: Attempt, step: Macrostep) -> bool:
         """Drop the answer that waits for a release, if the attempt has one."""
-        deferred = self._core.memory.deferred
+        deferred = self._scope.memory.deferred
         waiting = [event for event in deferred if _is_about(event, attempt)]
         for event in waiting:
             deferred.remove(event)
             kind = event.name.removeprefix("attempt.")
-            self._drop(kind, attempt.id, turn)
-            self._move(attempt, kind, turn)
+            self._drop(kind, attempt.id, step)
+            self._move(attempt, kind, step)
         return bool(waiting)
 
     # -- what servers and clocks say --------------------------------------------------------------------
 
-    def report(self, event: Event, turn: Turn) -> None:
+    def report(self, event: Event, step: Macrostep) -> None:
         """Take in what a server says of an attempt."""
         kind = event.name.removeprefix("attempt.")
-        attempt = self._core.memory.attempts.get(event.data["attempt"])
+        attempt = self._scope.memory.attempts.get(event.data["attempt"])
         if attempt is None:
-            self._drop(kind, event.data["attempt"], turn)
+            self._drop(kind, event.data["attempt"], step)
         elif attempt.phase in (Phase.CANCELLING, Phase.LOST):
-            self._report_unwanted(kind, attempt, turn)
+            self._report_unwanted(kind, attempt, step)
         elif kind == "progress":
             attempt.detail = event.data["detail"]
         elif (attempt.phase, kind) not in LIFE or self._has_answered(attempt):
-            turn.note(f"dropped: {kind} of attempt {attempt.id}, which is {attempt.phase.value}")
+            step.note(f"dropped: {kind} of attempt {attempt.id}, which is {attempt.phase.value}")
         elif kind == "accepted":
-            self._move(attempt, kind, turn)
-        elif self._core.memory.held and not self._may_pass(attempt, kind):
-            self._core.timers.disarm("timeout", attempt.id)
-            self._core.memory.deferred.append(event)
-            turn.note(f"the answer of {attempt.operation} waits for the release")
+            self._move(attempt, kind, step)
+        elif self._scope.memory.held and not self._may_pass(attempt, kind):
+            self._scope.timers.disarm("timeout", attempt.id)
+            self._scope.memory.deferred.append(event)
+            step.note(f"the answer of {attempt.operation} waits for the release")
         else:
-            self._end_current(kind, attempt, event.data, turn)
+            self._end_current(kind, attempt, event.data, step)
 
     def _has_answered(self, attempt: Attempt) -> bool:
-        return any(_is_about(event, attempt) for event in self._core.memory.deferred)
+        return any(_is_about(event, attempt) for event in self._scope.memory.deferred)
 
     def _may_pass(self, attempt: Attempt, kind: str) -> bool:
         """Say whether the engaged holds let through whatever may follow the end of an operation.
 
         All of its transitions, for which one is taken is only known when the answer is looked at.
         """
-        state = self._core.chart.states.get(attempt.invocation)
+        state = self._scope.chart.states.get(attempt.invocation)
         rules = [rule for rule in state.transitions if rule.event == _ENDS[kind]] if state else []
-        return bool(rules) and all(passes(rule, self._core.memory.held) for rule in rules)
+        return bool(rules) and all(passes(rule, self._scope.memory.held) for rule in rules)
 
-    def _drop(self, kind: str, attempt: str, turn: Turn) -> None:
+    def _drop(self, kind: str, attempt: str, step: Macrostep) -> None:
         if kind in ("done", "failed"):
-            self._core.memory.dropped += 1
-            turn.note(f"dropped: {kind} of attempt {attempt}, which nobody waits for")
+            self._scope.memory.dropped += 1
+            step.note(f"dropped: {kind} of attempt {attempt}, which nobody waits for")
 
-    def _report_unwanted(self, kind: str, attempt: Attempt, turn: Turn) -> None:
+    def _report_unwanted(self, kind: str, attempt: Attempt, step: Macrostep) -> None:
         if kind == "progress":
             return
         if kind == "accepted":
-            turn.commands.append(Cancel(attempt.id, attempt.operation))
-            turn.note(f"{attempt.operation} was accepted after its cancel: cancelled again")
-        self._drop(kind, attempt.id, turn)
-        self._move(attempt, kind, turn)
+            step.commands.append(Cancel(attempt.id, attempt.operation))
+            step.note(f"{attempt.operation} was accepted after its cancel: cancelled again")
+        self._drop(kind, attempt.id, step)
+        self._move(attempt, kind, step)
 
-    def _end_current(self, kind: str, attempt: Attempt, data: Mapping[str, Any], turn: Turn) -> None:
-        invocation = self._core.memory.invocations[attempt.invocation]
+    def _end_current(self, kind: str, attempt: Attempt, data: Mapping[str, Any], step: Macrostep) -> None:
+        invocation = self._scope.memory.invocations[attempt.invocation]
         invocation.attempt = None
-        self._move(attempt, kind, turn)
+        self._move(attempt, kind, step)
         if kind == "done":
-            self._signal("done", invocation, Cause(event=data["result"]), turn)
+            self._signal("done", invocation, Trigger(event=data["result"]), step)
         elif kind == "failed":
-            self._failed(invocation, data["code"], data["detail"] or attempt.detail, turn)
+            self._failed(invocation, data["code"], data["detail"] or attempt.detail, step)
         else:
-            self._failed(invocation, CANCELLED_CODE, "ended by the server", turn)
+            self._failed(invocation, CANCELLED_CODE, "ended by the server", step)
 
-    def timed_out(self, attempt_id: str, turn: Turn) -> None:
+    def timed_out(self, attempt_id: str, step: Macrostep) -> None:
         """The attempt took too long: cancel it and count it as failed."""
-        attempt = self._core.memory.attempts[attempt_id]
-        invocation = self._core.memory.invocations[attempt.invocation]
+        attempt = self._scope.memory.attempts[attempt_id]
+        invocation = self._scope.memory.invocations[attempt.invocation]
         invoke = self._invoke(invocation)
-        self._cancel_current(invocation, turn)
-        self._failed(invocation, invoke.timeout_code or "timeout", attempt.detail, turn)
+        self._cancel_current(invocation, step)
+        self._failed(invocation, invoke.timeout_code or "timeout", attempt.detail, step)
 
-    def abandon(self, attempt_id: str, turn: Turn) -> None:
+    def abandon(self, attempt_id: str, step: Macrostep) -> None:
         """The cancel was never confirmed: stop waiting for it. A late accept is still cancelled."""
-        attempts = self._core.memory.attempts
+        attempts = self._scope.memory.attempts
         attempt = attempts[attempt_id]
-        self._move(attempt, "no answer in time", turn)
-        turn.note(f"{attempt.operation} did not confirm its cancel in {CANCEL_DEADLINE:g} s")
+        self._move(attempt, "no answer in time", step)
+        step.note(f"{attempt.operation} did not confirm its cancel in {CANCEL_DEADLINE:g} s")
         lost = [found.id for found in attempts.values() if found.phase is Phase.LOST]
         for oldest in lost[:-MAX_LOST]:
             del attempts[oldest]
 
-    def retry(self, invocation_id: str, turn: Turn) -> None:
+    def retry(self, invocation_id: str, step: Macrostep) -> None:
         """The back-off is over: try again."""
-        invocations = self._core.memory.invocations.values()
-        self._issue(next(found for found in invocations if found.id == invocation_id), turn)
+        invocations = self._scope.memory.invocations.values()
+        self._issue(next(found for found in invocations if found.id == invocation_id), step)
 
-    def _failed(self, invocation: Invocation, code: str, detail: str, turn: Turn) -> None:
-        self._core.report(code, detail)
-        if not self._try_again(invocation, code, turn):
-            self._signal("error", invocation, _failure(code, detail), turn)
+    def _failed(self, invocation: Invocation, code: str, detail: str, step: Macrostep) -> None:
+        self._scope.record_code(code, detail)
+        if not self._try_again(invocation, code, step):
+            self._signal("error", invocation, _failure(code, detail), step)
 
-    def _try_again(self, invocation: Invocation, code: str, turn: Turn) -> bool:
+    def _try_again(self, invocation: Invocation, code: str, step: Macrostep) -> bool:
         rule = self._invoke(invocation).retry
         if rule is None or code in rule.unless:
             return False
-        env = self._core.see(invocation.state, turn, _cause(invocation))
+        env = self._scope.see(invocation.state, step, _cause(invocation))
         try:
             attempts = int(rule.attempts.evaluate(env))
             pause = self._pause(rule, invocation, env)
         except Exception as problem:
-            turn.note(f"{rule.attempts.place}: retry: {reason(problem)}")
+            step.note(f"{rule.attempts.place}: retry: {reason(problem)}")
             return False
         if invocation.tries >= attempts:
             return False
-        turn.note(f"try {invocation.tries} failed ({code}); next in {pause:g} s")
-        self._core.timers.arm("retry", invocation.id, turn.now, pause)
+        step.note(f"try {invocation.tries} failed ({code}); next in {pause:g} s")
+        self._scope.timers.arm("retry", invocation.id, step.now, pause)
         return True
 
     def _pause(self, rule: Retry, invocation: Invocation, env: Mapping[str, Any]) -> float:
@@ -403,28 +402,28 @@ class Operations:
         pause = float(rule.backoff.evaluate(env)) if rule.backoff else 0.0
         factor = float(rule.factor.evaluate(env)) if rule.factor else 1.0
         jitter = float(rule.jitter.evaluate(env)) if rule.jitter else 0.0
-        drawn = f"{self._core.world.seed}/{self._core.memory.mission_id}/{invocation.id}/{invocation.tries}"
+        drawn = f"{self._scope.world.seed}/{self._scope.memory.mission_id}/{invocation.id}/{invocation.tries}"
         share = zlib.crc32(drawn.encode(errors="replace")) / 0xFFFFFFFF
         return seconds(pause * factor ** (invocation.tries - 1) * (1.0 + jitter * (2.0 * share - 1.0)))
 
-    def _signal(self, word: str, invocation: Invocation, cause: Cause, turn: Turn) -> None:
+    def _signal(self, word: str, invocation: Invocation, trigger: Trigger, step: Macrostep) -> None:
         """Tell the state how its operation ended; for an element it is dealt with at once."""
         if invocation.key is None:
-            turn.signals.append(Signal(word, invocation.state, cause))
+            step.queue.append(InternalEvent(word, invocation.state, trigger))
         else:
-            with_item = Cause(cause.event, cause.error, invocation.item)
-            self._end_element(invocation, word, with_item, turn)
+            with_item = Trigger(trigger.event, trigger.error, invocation.item)
+            self._end_element(invocation, word, with_item, step)
 
 
 def _is_about(event: Event, attempt: Attempt) -> bool:
-    return event.is_report and bool(event.data["attempt"] == attempt.id)
+    return event.is_attempt_event and bool(event.data["attempt"] == attempt.id)
 
 
-def _cause(invocation: Invocation) -> Cause:
+def _cause(invocation: Invocation) -> Trigger:
     """Return what the expressions of an invocation see as event and element."""
-    return Cause(event=invocation.event, item=invocation.item)
+    return Trigger(event=invocation.event, item=invocation.item)
 
 
-def _failure(code: str, detail: str) -> Cause:
+def _failure(code: str, detail: str) -> Trigger:
     error = {"code": code, "detail": detail}
-    return Cause(event=error, error=error)
+    return Trigger(event=error, error=error)

@@ -17,7 +17,7 @@ from lupin_engine.errors import LupinError
 from lupin_engine.machine.memory import Memory, Timer
 
 #: Raised when the form of snapshots changes.
-VERSION = 1
+VERSION = 2
 
 
 class SnapshotError(LupinError):
@@ -103,7 +103,7 @@ def _mentions(chart: Chart, memory: Memory) -> Mapping[str, tuple[Iterable[str],
         "hold": (memory.held, chart.holds),
         "input": ({*memory.inputs, *memory.heard, *memory.before}, chart.inputs),
         "invariant": (memory.broken, chart.invariants),
-        "itinerary in state": (memory.walks, _with(chart, "itinerary")),
+        "itinerary in state": (memory.itineraries, _with(chart, "itinerary")),
         "operation in state": ({i.state for i in invocations if i.key is None}, _with(chart, "invoke")),
         "for_each in state": ({i.state for i in invocations if i.key is not None}, _with(chart, "for_each")),
         "timer in state": ((owner for kind, owner in timers if kind == "after"), _with(chart, "timers")),

@@ -1,116 +1,271 @@
-"""The record of one step: what happened, what follows, and why nothing happened if nothing did."""
+"""What a machine tells: the record of one step and why nothing happened in it, and what can be seen now."""
 
 from __future__ import annotations
 
-from lupin_engine.machine.event import Command, Event
-from lupin_engine.machine.plan import Plan
-from lupin_engine.machine.reasons import Considered, Refusal
-from lupin_engine.machine.turn import Turn
-from lupin_engine.machine.view import Moment
+from dataclasses import dataclass
+
+from lupin_engine.chart.model import Chart
+from lupin_engine.errors import Place
+from lupin_engine.machine.event import Command, Event, InternalEvent, Trigger
+from lupin_engine.machine.memory import Memory, Phase
+
+#: The code of an expression or action that raised.
+EXECUTION_CODE = "execution_error"
 
 
-class Step:
-    """One macrostep: a view over the plans that were carried out, made to cost little when nobody looks.
+@dataclass(frozen=True)
+class Refusal:
+    """Why a request changed nothing: a declared code and a sentence for the operator."""
 
-    `sequence` counts from 1, `time` is the caller's. Of a step that only took prepared transitions there is
-    no more than that; what else a step can hold is in its `Turn`. Nothing in it changes any more.
+    code: str
+    text: str
+
+
+@dataclass(frozen=True)
+class Considered:
+    """A transition that listens to an event, and what keeps it from being taken.
+
+    `held` names the hold that it does not pass. `parts` are the operands of the guard's outermost and/or/not
+    (or the whole guard) with what each of them is now; a text says what could not be evaluated.
     """
 
-    __slots__ = ("_plans", "_turn", "event", "sequence", "time")
+    transition: str
+    place: Place
+    guard: str
+    holds: bool
+    held: str = ""
+    parts: tuple[tuple[str, object], ...] = ()
 
-    def __init__(
-        self, sequence: int, time: float, event: Event, plans: tuple[Plan, ...], turn: Turn | None = None
-    ) -> None:
-        self.sequence = sequence
-        self.time = time
-        self.event = event
-        self._plans = plans
-        self._turn = turn
+    def __str__(self) -> str:
+        if self.held:
+            return f"{self.transition} ({self.place}) waits: {self.held} is engaged"
+        if self.holds:
+            return f"{self.transition} ({self.place}) can be taken"
+        values = ", ".join(f"{text} is {_shown(value)}" for text, value in self.parts)
+        return f"{self.transition} ({self.place}): {self.guard} is false: {values}"
 
-    @property
-    def taken(self) -> tuple[str, ...]:
-        """The ids of the transitions taken, in their order."""
-        plans = self._plans
-        return plans[0].taken if len(plans) == 1 else tuple(n for plan in plans for n in plan.taken)
 
-    @property
-    def exited(self) -> tuple[str, ...]:
-        """The full names of the states left, in their order."""
-        plans = self._plans
-        return plans[0].exited if len(plans) == 1 else tuple(n for plan in plans for n in plan.exited)
+def _shown(value: object) -> str:
+    return str(value).lower() if isinstance(value, bool) else str(value)
 
-    @property
-    def entered(self) -> tuple[str, ...]:
-        """The full names of the states entered, in their order."""
-        plans = self._plans
-        return plans[0].entered if len(plans) == 1 else tuple(n for plan in plans for n in plan.entered)
 
-    @property
-    def configuration(self) -> tuple[str, ...]:
-        """The active states afterwards, in document order."""
-        row = self._plans[-1].row if self._plans else self._turn.row if self._turn else None
-        return row.configuration if row else ()
+@dataclass(frozen=True, slots=True)
+class Moment:
+    """What was published-worthy between two microsteps: short phases are seen although a step passes them."""
 
-    @property
-    def commands(self) -> tuple[Command, ...]:
-        """What is to be done now, in this order."""
-        return tuple(self._turn.commands) if self._turn else ()
+    lifecycle: str
+    phase: str
+    target: str
 
-    @property
-    def accepted(self) -> bool | None:
-        """The answer to a request; None for every other event."""
-        return self._turn.accepted if self._turn else None
 
-    @property
-    def refusal(self) -> Refusal | None:
-        """Why a request was not accepted."""
-        return self._turn.refusal if self._turn else None
+@dataclass(frozen=True, slots=True, repr=False)
+class Step:
+    """One macrostep, as the log stores it.
 
-    @property
-    def notes(self) -> tuple[str, ...]:
-        """What was dropped, deferred or blocked and why, in sentences."""
-        return tuple(self._turn.notes) if self._turn else ()
+    `sequence` counts from 1, `time` is the caller's. `taken` are the ids of the transitions, `exited` and
+    `entered` full names of states, all in their order; `configuration` are the active states afterwards, in
+    document order. `accepted` is the answer to a request (None for every other event), `refusal` why it was
+    not accepted. `notes` say what was dropped, deferred or blocked and why. `why` are the transitions that
+    listen to the event, when none was taken. `trail` is what was to be seen after each microstep, the last
+    one being now.
+    """
 
-    @property
-    def why(self) -> tuple[Considered, ...]:
-        """The transitions that listen to the event, when none was taken."""
-        return self._turn.why if self._turn else ()
-
-    @property
-    def trail(self) -> tuple[Moment, ...]:
-        """What was to be seen after each microstep, the last one being now."""
-        if self._turn is not None:
-            seen = [Moment(row.label, row.phase, target) for row, target in self._turn.trail]
-        else:
-            seen = [plan.row.moment for plan in self._plans if not plan.row.passing]
-        return tuple(dict.fromkeys(seen))
+    sequence: int
+    time: float
+    event: Event
+    configuration: tuple[str, ...]
+    taken: tuple[str, ...] = ()
+    exited: tuple[str, ...] = ()
+    entered: tuple[str, ...] = ()
+    commands: tuple[Command, ...] = ()
+    notes: tuple[str, ...] = ()
+    trail: tuple[Moment, ...] = ()
+    accepted: bool | None = None
+    refusal: Refusal | None = None
+    why: tuple[Considered, ...] = ()
 
     @property
     def changed(self) -> bool:
         """Whether anything but the clock and the live values moved."""
-        return bool(self._plans or self.commands)
-
-    def _facts(self) -> tuple[object, ...]:
-        return (
-            self.sequence,
-            self.time,
-            self.event,
-            self.taken,
-            self.exited,
-            self.entered,
-            self.commands,
-            self.configuration,
-            self.accepted,
-            self.refusal,
-            self.notes,
-            self.trail,
-        )
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, Step) and self._facts() == other._facts()
-
-    __hash__ = None  # type: ignore[assignment]  # equal by content, which may hold what cannot be hashed
+        return bool(self.exited or self.entered or self.taken or self.commands)
 
     def __repr__(self) -> str:
         what = ", ".join(self.taken) or ", ".join(self.notes) or "nothing"
         return f"<Step {self.sequence} at {self.time:g}: {self.event.name}: {what}>"
+
+
+class Macrostep:
+    """The step in the making. `queue` are SCXML's internal events, `failed` errors told in this step."""
+
+    __slots__ = (
+        "accepted",
+        "commands",
+        "entered",
+        "event",
+        "exited",
+        "failed",
+        "microsteps",
+        "notes",
+        "now",
+        "queue",
+        "refusal",
+        "taken",
+        "trail",
+        "why",
+    )
+
+    def __init__(self, event: Event, now: float) -> None:
+        self.event = event
+        self.now = now
+        self.commands: list[Command] = []
+        self.taken: tuple[str, ...] = ()
+        self.exited: tuple[str, ...] = ()
+        self.entered: tuple[str, ...] = ()
+        self.microsteps = 0
+        self.notes: list[str] = []
+        self.trail: list[Moment] = []
+        self.queue: list[InternalEvent] = []
+        self.failed: list[str] = []
+        self.why: tuple[Considered, ...] = ()
+        self.accepted: bool | None = None
+        self.refusal: Refusal | None = None
+
+    def note(self, text: str) -> None:
+        """Say something about this step, once."""
+        if text not in self.notes:
+            self.notes.append(text)
+
+    def fail(self, state: str, detail: str) -> None:
+        """Something written in `state` raised: an error for its `on_error`, else for the chart."""
+        self.note(detail)
+        error = {"code": EXECUTION_CODE, "detail": detail}
+        self.queue.append(InternalEvent("error", state, Trigger(event=error, error=error)))
+
+    def fail_once(self, state: str, detail: str) -> None:
+        """As `fail`, for what is evaluated in every microstep: however often it raises, the error is one."""
+        if detail not in self.failed:
+            self.failed.append(detail)
+            self.fail(state, detail)
+
+    def record(self, sequence: int, configuration: tuple[str, ...]) -> Step:
+        """Return what happened, complete."""
+        return Step(
+            sequence,
+            self.now,
+            self.event,
+            configuration,
+            self.taken,
+            self.exited,
+            self.entered,
+            tuple(self.commands),
+            tuple(self.notes),
+            tuple(dict.fromkeys(self.trail)),
+            self.accepted,
+            self.refusal,
+            self.why,
+        )
+
+
+@dataclass(frozen=True)
+class Attempting:
+    """An operation under way: which try, how far, and when it times out (None: never, or frozen)."""
+
+    state: str
+    operation: str
+    tries: int
+    phase: str
+    detail: str
+    deadline: float | None
+
+
+@dataclass(frozen=True)
+class View:
+    """The machine at one moment. `lifecycle` is the published top state, `phase` the innermost phase.
+
+    `cancelling` are the operations that nobody wants any more and whose end the server has not confirmed.
+    `code` and `detail` are what was reported last. `paused`: held, or in a state that waits for the operator.
+    """
+
+    configuration: tuple[str, ...]
+    lifecycle: str
+    phase: str
+    mission: str
+    mission_id: str
+    started_at: float | None
+    target: str
+    total: int
+    completed: int
+    failed: int
+    unreachable: int
+    skipped: int
+    code: str
+    detail: str
+    held: tuple[str, ...]
+    paused: bool
+    attempts: tuple[Attempting, ...]
+    cancelling: tuple[str, ...]
+    dropped: int
+
+
+def moment_of(chart: Chart, memory: Memory) -> Moment:
+    """Return the published part of the configuration: outermost label, innermost phase, current target."""
+    states = [chart.states[name] for name in memory.configuration]
+    return Moment(
+        lifecycle=next((state.label for state in states if state.label), ""),
+        phase=next((state.phase for state in reversed(states) if state.phase), ""),
+        target=target_of(memory),
+    )
+
+
+def view_of(chart: Chart, memory: Memory) -> View:
+    """Return what `memory` shows."""
+    moment = moment_of(chart, memory)
+    traversal = memory.traversal
+    return View(
+        configuration=memory.configuration,
+        lifecycle=moment.lifecycle,
+        phase=moment.phase,
+        mission=memory.mission,
+        mission_id=memory.mission_id,
+        started_at=memory.started_at,
+        target=moment.target,
+        total=len(traversal.items) if traversal else 0,
+        completed=traversal.count("OK") if traversal else 0,
+        failed=traversal.count("SCAN_FAILED") if traversal else 0,
+        unreachable=traversal.count("UNREACHABLE") if traversal else 0,
+        skipped=traversal.count("SKIPPED") if traversal else 0,
+        code=memory.code,
+        detail=memory.detail,
+        held=tuple(memory.held),
+        paused=bool(memory.held) or any(chart.states[name].paused for name in memory.configuration),
+        attempts=tuple(_attempting(memory)),
+        cancelling=tuple(a.operation for a in memory.attempts.values() if a.phase is Phase.CANCELLING),
+        dropped=memory.dropped,
+    )
+
+
+def target_of(memory: Memory) -> str:
+    """Return the target being processed: only while the state that itineraries is active."""
+    traversal = memory.traversal
+    if traversal is None or traversal.state not in memory.configuration or traversal.visit is None:
+        return ""
+    return traversal.visit.target
+
+
+def _attempting(memory: Memory) -> list[Attempting]:
+    deadlines = {owner: due for due, _, kind, (owner, _) in memory.timers if kind == "timeout"}
+    shown = []
+    for invocation in memory.invocations.values():
+        attempt = memory.attempts.get(invocation.attempt or "")
+        if attempt is not None:
+            shown.append(
+                Attempting(
+                    invocation.state,
+                    attempt.operation,
+                    invocation.tries,
+                    attempt.phase.value,
+                    attempt.detail,
+                    deadlines.get(attempt.id),
+                )
+            )
+    return shown

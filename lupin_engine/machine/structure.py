@@ -18,11 +18,13 @@ Nothing here depends on data: which guards hold is asked of the caller.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from typing import Any
+from functools import lru_cache
+from typing import Any, TypeAlias
 
 from transitions.extensions.nesting import HierarchicalMachine, NestedState, NestedTransition
 
 from lupin_engine.chart.model import Chart, Kind, State, Transition
+from lupin_engine.machine.step import Moment
 
 ROOT = "chart"
 #: The top-level state that an unhandled error leads to, if the lifecycle has it.
@@ -78,7 +80,7 @@ def build_machine(chart: Chart) -> ChartMachine:
 def _add_children(chart: Chart, above: ChartState) -> None:
     """Add the states inside a state.
 
-    Not by `add_states`, which walks through the whole tree to tell models that are not there.
+    Not by `add_states`, which itineraries through the whole tree to tell models that are not there.
     """
     for child in _proper_children(chart, above.rule):
         inner = ChartState(child, _library_initial(chart, child))
@@ -384,3 +386,187 @@ def matches(pattern: str, event: str) -> bool:
     if pattern == "*":
         return bool(event) and event.partition(".")[0] not in ENGINE_EVENTS
     return pattern.endswith(".*") and event.startswith(pattern[:-1])
+
+
+#: How many configurations, and how many microsteps of each, are kept. Beyond that they are made anew every
+#: time, to the same effect: a chart with many parallel regions has more configurations than memory.
+MAX_CONFIGURATIONS = 4096
+MAX_MICROSTEPS = 1024
+
+#: The full names of active states, in document order.
+States: TypeAlias = tuple[str, ...]
+
+
+class Configuration:
+    """A configuration and what follows from it alone.
+
+    `label` and `phase` are published. `levels` are, for each leaf, the transitions that need no event.
+    `working` are the states with an operation. In a `passing` one a final state is active, or a helper (named
+    in lower case): nobody should see it.
+    """
+
+    __slots__ = (
+        "_candidates",
+        "_structure",
+        "label",
+        "leaves",
+        "levels",
+        "microsteps",
+        "moment",
+        "passing",
+        "phase",
+        "states",
+        "working",
+    )
+
+    def __init__(self, structure: Structure, active: States) -> None:
+        states = [structure.chart.states[name] for name in active]
+        self._structure = structure
+        self.states = active
+        self.leaves = structure.leaves(active)
+        self.label = next((state.label for state in states if state.label), "")
+        self.phase = next((state.phase for state in reversed(states) if state.phase), "")
+        self.moment = Moment(self.label, self.phase, "")
+        self.levels = tuple(filter(None, (structure.level_rules(leaf) for leaf in self.leaves)))
+        self.working = tuple(state for state in states if state.invoke or state.for_each)
+        self.passing = self.label.islower() or any(state.kind is Kind.FINAL for state in states)
+        self.microsteps: dict[tuple[str, ...], Microstep] = {}
+        self._candidates: dict[str, tuple[tuple[Transition, ...], ...]] = {}
+
+    def candidates(self, event: str) -> tuple[tuple[Transition, ...], ...]:
+        """Return for each active leaf the transitions that may answer `event`, in order of preference."""
+        found = self._candidates.get(event)
+        if found is None:
+            found = tuple(self._structure.candidates(leaf, event) for leaf in self.leaves)
+            if len(self._candidates) < MAX_MICROSTEPS:
+                self._candidates[event] = found
+        return found
+
+
+class Microstep:
+    """Transitions taken together from one configuration: SCXML's microstep without its data.
+
+    `exits` and `entries` pair each state with the configuration once it was left or entered. `remembers` is
+    what the history states of what is left will stand for. `back` are the entered states that history
+    brought back.
+    """
+
+    __slots__ = (
+        "back",
+        "entered",
+        "entries",
+        "exited",
+        "exits",
+        "leads_to",
+        "remembers",
+        "rules",
+        "taken",
+    )
+
+    def __init__(
+        self,
+        rules: tuple[Transition, ...],
+        exits: tuple[tuple[State, States], ...],
+        entries: tuple[tuple[State, States], ...],
+        leads_to: Configuration,
+        remembers: tuple[tuple[str, States], ...] = (),
+        back: frozenset[str] = frozenset(),
+    ) -> None:
+        self.rules = rules
+        self.exits = exits
+        self.entries = entries
+        self.leads_to = leads_to
+        self.remembers = remembers
+        self.back = back
+        self.taken = tuple(rule.id for rule in rules if rule.id)
+        self.exited = tuple(state.name for state, _ in exits)
+        self.entered = tuple(state.name for state, _ in entries)
+
+
+@lru_cache(maxsize=32)
+def dispatch_table(chart: Chart) -> DispatchTable:
+    """Return the dispatch table that all machines of a chart share."""
+    return DispatchTable(Structure(chart))
+
+
+class DispatchTable:
+    """Makes and keeps the configurations and microsteps of one chart."""
+
+    def __init__(self, structure: Structure) -> None:
+        self.structure = structure
+        self._known: dict[States, Configuration] = {}
+        self._beginning: Microstep | None = None
+
+    def configuration(self, states: States) -> Configuration:
+        """Return the configuration of some active states, given in document order."""
+        found = self._known.get(states)
+        if found is None:
+            found = Configuration(self.structure, states)
+            if len(self._known) < MAX_CONFIGURATIONS:
+                self._known[states] = found
+        return found
+
+    def beginning(self) -> Microstep:
+        """Return the microstep that enters the states in which the chart starts."""
+        if self._beginning is None:
+            start = Transition("", "start", "", self.structure.chart.states[""].place, target="")
+            self._beginning = self._make(self.configuration(()), [start], "", lambda _: (), lambda _: None)
+        return self._beginning
+
+    def microstep(
+        self,
+        active: Configuration,
+        chosen: Sequence[Transition],
+        mission: str,
+        remembered: Callable[[State], States],
+        resume: Callable[[State], str | None],
+    ) -> Microstep:
+        """Return what taking the chosen transitions does; of those in conflict only the preferred ones count.
+
+        Args:
+            active: where they are taken.
+            chosen: the first enabled one of each leaf, in document order of the leaves.
+            mission: chooses the branch of the slot.
+            remembered: what a history state stands for now.
+            resume: the child in which a state goes on that comes back by history.
+        """
+        key = (mission, *[rule.id for rule in chosen])
+        found = active.microsteps.get(key)
+        if found is None:
+            found = self._make(active, chosen, mission, remembered, resume)
+            depends = any(map(self.structure.is_to_history, found.rules))
+            if len(active.microsteps) < MAX_MICROSTEPS and not depends:
+                active.microsteps[key] = found
+        return found
+
+    def _make(
+        self,
+        active: Configuration,
+        chosen: Sequence[Transition],
+        mission: str,
+        remembered: Callable[[State], States],
+        resume: Callable[[State], str | None],
+    ) -> Microstep:
+        structure = self.structure
+        rules = structure.without_conflicts(active.states, chosen)
+        left = structure.exits(active.states, rules)
+        kept = tuple(name for name in active.states if name not in left)
+        remembers = structure.remembers(active.states, left)
+        now = dict(remembers)  # what is left just now is the past of who comes back in the same step
+        entered, back = structure.entry_set(
+            rules,
+            kept,
+            mission,
+            lambda past: now[past.name] if past.name in now else remembered(past),
+            resume,
+        )
+        exits, configuration = [], list(active.states)
+        for name in left:
+            configuration.remove(name)
+            exits.append((structure.chart.states[name], tuple(configuration)))
+        entries = []
+        for name in entered:
+            configuration = sorted([*configuration, name], key=structure.order.__getitem__)
+            entries.append((structure.chart.states[name], tuple(configuration)))
+        leads_to = self.configuration(tuple(configuration)) if left or entered else active
+        return Microstep(rules, tuple(exits), tuple(entries), leads_to, remembers, back)

@@ -13,7 +13,7 @@ from typing import Any
 
 from lupin_engine.chart.model import OPERATOR_REQUESTS, Chart
 from lupin_engine.errors import LupinError, nearest
-from lupin_engine.machine.environment import World
+from lupin_engine.machine.scope import World
 from lupin_engine.plugin.types import ANY, DURATION, Type, convert
 from lupin_engine.replay import panels as looks
 from lupin_engine.replay.rewind import Move, Rewindable, effect, go_on, wait_until

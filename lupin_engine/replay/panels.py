@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 
 from lupin_engine.chart.model import Chart, Transition
-from lupin_engine.machine.explain import Possibility
-from lupin_engine.machine.reasons import Considered
-from lupin_engine.machine.view import View
+from lupin_engine.machine.requests import Possibility
+from lupin_engine.machine.step import Considered, View
 from lupin_engine.replay.story import TonedLine
 from lupin_engine.sim.narration import short_name, shorten
 from lupin_engine.sim.simulation import Simulation

@@ -12,7 +12,7 @@ from geometry_msgs.msg import Point, Pose, Quaternion
 
 from lupin_engine.errors import Severity
 from lupin_engine.machine.event import Publish
-from lupin_engine.machine.view import View
+from lupin_engine.machine.step import View
 from lupin_engine.plugin.contract import Code
 from lupin_engine.plugin.wire import filled_in, pose_fields, time_fields
 from lupin_msgs.msg import MissionState, Observation, SensorReading, TagReading

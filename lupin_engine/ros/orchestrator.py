@@ -20,9 +20,8 @@ from std_srvs.srv import Trigger
 from lupin_engine.chart.model import OPERATOR_REQUESTS
 from lupin_engine.errors import LupinError
 from lupin_engine.machine.event import Event, Publish, Report
-from lupin_engine.machine.step import Step
-from lupin_engine.machine.succession import is_idle, successor
-from lupin_engine.machine.view import Moment, View
+from lupin_engine.machine.reload import is_idle, successor
+from lupin_engine.machine.step import Moment, Step, View
 from lupin_engine.missions.load import LoadedMissions
 from lupin_engine.plugin.builtin import BUILTIN
 from lupin_engine.plugin.clients import make_client

@@ -54,8 +54,8 @@ def _default(field: Field, machine: Machine, now: float) -> Any:
     """Return what a field is when nobody gives it; None when that cannot be said now."""
     assert field.default is not None
     try:
-        return field.default.evaluate(machine.env.at("", now))
+        return field.default.evaluate(machine.scope.at("", now))
     except Exception:  # an input that is not known yet, or whatever a plugin's function raises
         return None
     finally:
-        machine.env.forget()
+        machine.scope.forget()

@@ -11,9 +11,7 @@ from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, Validatio
 from pydantic_core.core_schema import ValidationInfo
 
 from lupin_engine.machine.event import Act, Cancel, Command, Event, Publish, Report, Start
-from lupin_engine.machine.reasons import Refusal
-from lupin_engine.machine.step import Step
-from lupin_engine.machine.view import Moment, View
+from lupin_engine.machine.step import Moment, Refusal, Step, View
 
 _NAMES = {Start: "start", Cancel: "cancel", Act: "act", Publish: "publish", Report: "report"}
 

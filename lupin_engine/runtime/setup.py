@@ -7,8 +7,8 @@ from typing import Any
 
 from lupin_engine.chart.model import Chart
 from lupin_engine.errors import UsageError
-from lupin_engine.machine.environment import World
 from lupin_engine.machine.machine import Machine
+from lupin_engine.machine.scope import World
 from lupin_engine.plugin.contract import Parameter
 from lupin_engine.plugin.parameters import sorted_out
 

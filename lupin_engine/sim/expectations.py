@@ -8,8 +8,7 @@ from typing import Any
 from lupin_engine.chart.model import Chart
 from lupin_engine.machine.event import Act, Cancel, Command, Publish, Start
 from lupin_engine.machine.memory import Visit
-from lupin_engine.machine.step import Step
-from lupin_engine.machine.view import View
+from lupin_engine.machine.step import Step, View
 from lupin_engine.sim.failure import Failure
 from lupin_engine.sim.narration import shorten
 from lupin_engine.sim.order import ROUNDING, Order, seconds

@@ -17,7 +17,7 @@ from lupin_engine.chart.findings import Findings
 from lupin_engine.chart.model import Chart
 from lupin_engine.chart.source import Map, parse, read
 from lupin_engine.errors import ChartError, UsageError
-from lupin_engine.machine.environment import World
+from lupin_engine.machine.scope import World
 from lupin_engine.missions.folders import (
     MISSIONS,
     default_missions_folder,

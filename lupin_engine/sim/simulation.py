@@ -13,13 +13,12 @@ from typing import Any
 
 from lupin_engine.chart.model import Chart
 from lupin_engine.errors import LupinError
-from lupin_engine.machine.environment import World
 from lupin_engine.machine.event import Event, Start
 from lupin_engine.machine.machine import Machine
 from lupin_engine.machine.memory import Visit
+from lupin_engine.machine.scope import World
 from lupin_engine.machine.snapshot import restore
-from lupin_engine.machine.step import Step
-from lupin_engine.machine.view import View, target_of
+from lupin_engine.machine.step import Step, View, target_of
 from lupin_engine.runtime.clock import VirtualClock
 from lupin_engine.runtime.engine import Engine, EngineOutlet
 from lupin_engine.runtime.history import History
@@ -413,7 +412,7 @@ class Simulation:
                         self._plan(index, happening)
 
     def _result(self, cut_off: bool) -> Run:
-        walk = self._machine.memory.walk
+        walk = self._machine.memory.traversal
         return Run(
             chart=self._machine.chart,
             history=self.history,

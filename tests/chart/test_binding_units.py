@@ -15,7 +15,7 @@ from lupin_engine.bindings.reader import check_definition
 from lupin_engine.chart.expressions.evaluation import Expression
 from lupin_engine.chart.findings import Findings
 from lupin_engine.errors import Place
-from lupin_engine.machine.arguments import evaluated
+from lupin_engine.machine.scope import evaluated
 from lupin_engine.missions.folders import LIFECYCLE
 from lupin_engine.missions.load import check_chart
 from lupin_engine.plugin.registry import Catalog

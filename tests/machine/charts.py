@@ -34,9 +34,9 @@ from lupin_engine.chart.model import (
 )
 from lupin_engine.errors import Place, Severity
 from lupin_engine.machine import event as events
-from lupin_engine.machine.environment import World
 from lupin_engine.machine.event import Event, Start
 from lupin_engine.machine.machine import Machine
+from lupin_engine.machine.scope import World
 from lupin_engine.machine.snapshot import restore
 from lupin_engine.machine.step import Step
 from lupin_engine.plugin.contract import Action, Argument, Code, OnHold, Operation

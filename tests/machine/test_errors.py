@@ -10,7 +10,7 @@ import pytest
 
 from lupin_engine.chart.model import Chart
 from lupin_engine.machine import event as events
-from lupin_engine.machine.reasons import Refusal
+from lupin_engine.machine.step import Refusal
 from tests.machine.charts import PAUSE, Bench, chart, fails, legal
 
 BAD = ("arm.preset", {"name": fails})

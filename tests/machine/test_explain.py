@@ -9,8 +9,8 @@ import pytest
 
 from lupin_engine.machine import event as events
 from lupin_engine.machine.event import Event
-from lupin_engine.machine.explain import Possibility
-from lupin_engine.machine.reasons import Considered
+from lupin_engine.machine.requests import Possibility
+from lupin_engine.machine.step import Considered
 from tests.machine.charts import PAUSE, PLACE, Bench, chart, expression, fails
 from tests.machine.test_properties import START, World
 

@@ -14,9 +14,9 @@ from hypothesis import strategies as st
 from lupin_engine.chart.model import OPERATOR_REQUESTS
 from lupin_engine.machine import event as events
 from lupin_engine.machine.event import Event
-from lupin_engine.machine.machine import MAX_DEFERRED
+from lupin_engine.machine.holds import MAX_DEFERRED
 from lupin_engine.machine.operations import CANCEL_DEADLINE, MAX_LOST
-from lupin_engine.machine.reasons import Refusal
+from lupin_engine.machine.step import Refusal
 from tests.machine.charts import PAUSE, Bench, chart, legal
 from tests.machine.test_properties import World
 from tests.machine.test_snapshot import RICH
@@ -237,12 +237,11 @@ def test_answers_that_wait_are_not_dropped_for_events() -> None:
 
 
 def test_names_without_number_teach_nothing_without_bound() -> None:
-    """Events that nobody listens to are learned up to a number, in each row."""
+    """What an event's name finds is kept up to a number, in each configuration."""
     bench = Bench(chart({"A": {"on": {"nav.*": {"do": "wave"}}}}))
     for number in range(3000):
         bench.machine.handle(Event(f"nav.{number}"), 0.0)
-    row = bench.machine._row
-    assert (len(row.answers), len(row._candidates)) == (1024, 1024)
+    assert len(bench.machine._active._candidates) == 1024
 
 
 def test_a_name_that_is_no_text_is_dropped() -> None:

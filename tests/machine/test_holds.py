@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from lupin_engine.machine import event as events
-from lupin_engine.machine.reasons import Refusal
+from lupin_engine.machine.step import Refusal
 from tests.machine.charts import PAUSE, Bench, chart
 
 ESTOP: dict[str, Any] = {

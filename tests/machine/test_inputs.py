@@ -282,7 +282,7 @@ def test_a_value_with_levels_shows_both() -> None:
     """`input.x.value` and `input.x.LEVEL`; all inputs together are a mapping."""
     bench = Bench(chart({"A": {}}, inputs={"x": {"initial": 1, "levels": {"low": (2, None)}}, "y": {}}))
     assert bench.machine.input_value("x", 0.0) == {"value": 1, "low": True}
-    assert (list(bench.machine.env.inputs), len(bench.machine.env.inputs)) == (["x", "y"], 2)
+    assert (list(bench.machine.scope.inputs), len(bench.machine.scope.inputs)) == (["x", "y"], 2)
 
 
 def test_a_transition_on_a_level_that_is_unknown_waits() -> None:

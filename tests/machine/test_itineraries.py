@@ -9,8 +9,8 @@ import pytest
 from lupin_engine.chart.model import Chart
 from lupin_engine.machine import event as events
 from lupin_engine.machine.event import Publish
-from lupin_engine.machine.memory import Visit, Walk
-from lupin_engine.machine.walks import identity_of
+from lupin_engine.machine.itineraries import identity_of
+from lupin_engine.machine.memory import Traversal, Visit
 from tests.machine.charts import PAUSE, Bench, chart, expression, fails, said
 
 CLOSE = ("itinerary.close", {"status": "OK"})
@@ -218,7 +218,7 @@ def test_sweeps_that_cannot_be_computed_are_an_error() -> None:
 def test_a_walk_knows_its_last_sweep() -> None:
     """Asked of the walk itself: zero sweeps never have a last one."""
     sweeps = [
-        Walk("W", [], [], sweep=sweep, sweeps=sweeps).is_last_sweep
+        Traversal("W", [], [], sweep=sweep, sweeps=sweeps).is_last_sweep
         for sweep, sweeps in ((1, 1), (1, 2), (9, 0))
     ]
     assert sweeps == [True, False, False]
@@ -323,7 +323,7 @@ def driving() -> Bench:
 
 def tries(bench: Bench) -> list[dict[str, int]]:
     """Return how often each operation was tried for each target."""
-    walked = bench.machine.memory.walk
+    walked = bench.machine.memory.traversal
     assert walked is not None
     return [dict(found.tries) for found in walked.visits]
 

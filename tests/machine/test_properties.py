@@ -145,7 +145,7 @@ class World:
         if step.event.name == "mission.start" and step.accepted:
             self.published = 0
         self.published += sum(isinstance(command, Publish) for command in step.commands)
-        walk = self.memory.walk
+        walk = self.memory.traversal
         assert self.published == (sum(visit.closed for visit in walk.visits) if walk else 0)
 
 

@@ -7,9 +7,8 @@ from typing import Any
 
 import pytest
 
-from lupin_engine.machine.reasons import Refusal
-from lupin_engine.machine.request import _together
-from lupin_engine.machine.step import Step
+from lupin_engine.machine.requests import _together
+from lupin_engine.machine.step import Refusal, Step
 from lupin_engine.plugin.contract import Code
 from lupin_engine.plugin.types import COUNT, TEXT, Type, list_of
 from tests.machine.charts import Bench, chart, value
@@ -79,7 +78,7 @@ def test_a_mission_is_read_before_it_starts() -> None:
         "m1",
         ["MISSION.Inspection.DRIVE"],
     )
-    assert [visit.target for visit in memory.walk.visits] == ["2", "1"] if memory.walk else False
+    assert [visit.target for visit in memory.traversal.visits] == ["2", "1"] if memory.traversal else False
 
 
 @pytest.mark.parametrize("data", [{}, {"tags": []}, {"tags": None, "goal": 0}])
@@ -185,7 +184,7 @@ def test_a_new_mission_begins_with_nothing_of_the_last() -> None:
     bench.send("finish")
     assert bench.leaves == ["READY"]
     start(bench, tags=["1"])
-    walk = bench.machine.memory.walk
+    walk = bench.machine.memory.traversal
     assert walk is not None
     assert [visit.target for visit in walk.visits] == ["1"]
     assert bench.machine.view.code == ""

@@ -12,8 +12,8 @@ import pytest
 from lupin_engine.chart.model import Chart
 from lupin_engine.machine.event import Event, Start, done, observed
 from lupin_engine.machine.machine import Machine
+from lupin_engine.machine.reload import is_idle, successor
 from lupin_engine.machine.snapshot import SnapshotError
-from lupin_engine.machine.succession import is_idle, successor
 from lupin_engine.missions.folders import default_missions_folder, mission_files
 from lupin_engine.missions.load import load_chart
 from lupin_engine.runtime.setup import make_machine, make_world

@@ -7,22 +7,19 @@ from typing import Any
 import pytest
 
 from lupin_engine.machine.event import Act, Event, Publish, accepted, cancelled, done, failed, progress
-from lupin_engine.machine.explain import Possibility
-from lupin_engine.machine.machine import Machine
-from lupin_engine.machine.memory import Phase, Visit, Walk
+from lupin_engine.machine.memory import Phase, Traversal, Visit
 from lupin_engine.machine.operations import CANCEL_DEADLINE
-from lupin_engine.machine.reasons import Considered, Refusal
+from lupin_engine.machine.requests import Possibility
 from lupin_engine.machine.snapshot import shift
-from lupin_engine.machine.step import Step
-from lupin_engine.machine.view import Moment
+from lupin_engine.machine.step import Considered, Moment, Refusal
 from lupin_engine.plugin.types import NUMBER, TEXT
-from tests.machine.charts import PAUSE, PLACE, Bench, chart, expression, fails, value
+from tests.machine.charts import PAUSE, PLACE, Bench, chart, fails, value
 
 # -- events -----------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
-    ("name", "is_request", "is_report"),
+    ("name", "is_request", "is_attempt_event"),
     [
         ("mission.start", True, False),
         ("operator.abort", True, False),
@@ -31,10 +28,12 @@ from tests.machine.charts import PAUSE, PLACE, Bench, chart, expression, fails, 
         ("mission.over", False, False),
     ],
 )
-def test_an_event_is_a_request_a_report_or_neither(name: str, is_request: bool, is_report: bool) -> None:
+def test_an_event_is_a_request_of_an_attempt_or_neither(
+    name: str, is_request: bool, is_attempt_event: bool
+) -> None:
     """Requests are answered; reports are about an attempt."""
     event = Event(name)
-    assert (event.is_request, event.is_report) == (is_request, is_report)
+    assert (event.is_request, event.is_attempt_event) == (is_request, is_attempt_event)
 
 
 # -- what expressions see ------------------------------------------------------------------------------------
@@ -245,7 +244,7 @@ def test_an_event_waits_when_any_of_its_transitions_does() -> None:
 
 
 def test_what_was_taken_before_waits_while_held_all_the_same() -> None:
-    """No shortcut leads past a hold."""
+    """What was compiled before does not lead past a hold."""
     bench = Bench(chart({"A": {"on": {"go": "B"}}, "B": {"on": {"back": "A"}}}, holds={"pause": PAUSE}))
     for event in ("go", "back", "go", "back", "operator.pause", "go"):
         bench.send(event)
@@ -375,7 +374,8 @@ def test_an_explanation_names_all_that_is_considered_or_taken() -> None:
 def test_a_machine_that_did_nothing_has_nothing_to_tell() -> None:
     """No code, no mission, no target."""
     memory = Bench(chart({"A": {}})).machine.memory
-    assert (memory.code, memory.detail, memory.mission, memory.mission_id, memory.current_walk) == ("",) * 5
+    found = (memory.code, memory.detail, memory.mission, memory.mission_id, memory.current_itinerary)
+    assert found == ("",) * 5
 
 
 def test_the_phases_of_an_attempt_have_names() -> None:
@@ -388,7 +388,7 @@ def test_the_phases_of_an_attempt_have_names() -> None:
 
 def test_a_walk_is_at_its_first_target_in_its_only_sweep() -> None:
     """What nothing else was said of; past its last target it has none."""
-    walk = Walk("W", ["a"], [Visit("a")])
+    walk = Traversal("W", ["a"], [Visit("a")])
     assert (walk.index, walk.sweep, walk.sweeps, walk.leaves_open, walk.item) == (0, 1, 1, False, "a")
     walk.index = 1
     assert (walk.item, walk.visit, walk.remaining) == (None, None, 0)
@@ -634,7 +634,7 @@ def test_every_sweep_goes_in_the_order_and_its_targets_are_seen_so() -> None:
 def test_sweeps_that_cannot_be_computed_are_one() -> None:
     """The list is walked once; a chart without FAULT stays."""
     bench = Bench(chart({"W": {"itinerary": {"items": ["a"], "sweeps": fails}}}))
-    walk = bench.machine.memory.walk
+    walk = bench.machine.memory.traversal
     assert walk is not None
     assert (walk.sweeps, walk.is_last_sweep) == (1, True)
 
@@ -687,64 +687,3 @@ def test_an_end_passes_a_hold_where_its_transition_does(word: str, leaf: str) ->
         bench.send("operator.pause")
         bench.send(ENDS[word](bench.attempt))
         assert bench.leaves == [expected]
-
-
-# -- shortcuts ----------------------------------------------------------------------------------------------
-
-
-class Slow(Machine):
-    """A machine that takes no shortcuts."""
-
-    __slots__ = ()
-
-    def handle(self, event: Event, now: float) -> Step:
-        """Always by the general algorithm."""
-        return self.macrostep(event, now)
-
-    def advance(self, now: float) -> Step | None:
-        """Always by the general algorithm."""
-        self.answers = {}
-        return super().advance(now)
-
-
-class SlowBench(Bench):
-    """A bench with such a machine."""
-
-    machine_type = Slow
-
-
-def fresh(env: Any) -> Any:
-    """Return whether `x` is known."""
-    return env["known"]("x")
-
-
-SEEN = ("set", {"in_c": expression(lambda env: env["in_state"](["C"]), "in_state(C)")})
-
-
-def test_shortcuts_count_set_and_arm_as_the_general_algorithm_does() -> None:
-    """Guards, variables, deadlines and live values, three times round: after the first all was learned."""
-    n, odd = (lambda env: env["context"]["n"] + 1), (lambda env: env["context"]["n"] % 2 == 1)
-    one, two = ("set", {"n": n}), ("set", {"n": n, "m": n})
-    rules = [{"target": "C", "guard": odd}, {"target": "B"}]
-    states = {
-        "A": {"after": {5.0: "B", 7.0: "C"}, "on": {"go": "B", "choose": rules}},
-        "B": {"on": {"back": {"target": "A", "do": one}, "old": {"target": "A", "guard": fresh}}},
-        "C": {"on": {"back": {"target": "A", "do": two}, "here": {"target": "D", "do": SEEN}}},
-        "D": {"after": {1.0: "A"}, "on": {"go": {"target": "A", "code": "told"}}},
-    }
-    context = {"n": 0, "m": 0, "in_c": None}
-    given = chart(states, context=context, codes={"told": "told"}, inputs={"x": {"freshness": 40.0}})
-    quick, slow = Bench(given), SlowBench(given)
-    for bench in (quick, slow):
-        bench.observe("x", 1, 0.0)
-        for _ in range(3):
-            for event in ("go", "back", "choose", "back", "choose", "here", "go", "choose", "old", "back"):
-                bench.send(event)
-                bench.wait(0.5)
-            bench.wait(13.0)
-            bench.send("back")
-            bench.send("back")
-    assert quick.machine.answers != {}
-    assert quick.steps == slow.steps
-    assert quick.machine.memory == slow.machine.memory
-    assert [step.sequence for step in quick.steps] == [*range(1, len(quick.steps) + 1)]

@@ -8,8 +8,8 @@ from typing import Any
 
 import pytest
 
-from lupin_engine.machine.environment import World
 from lupin_engine.machine.machine import Machine
+from lupin_engine.machine.scope import World
 from lupin_engine.machine.step import Step
 from lupin_engine.plugin.contract import EventKind, Operation
 from lupin_engine.plugin.registry import Catalog

@@ -9,9 +9,9 @@ from typing import Any
 import pytest
 
 from lupin_engine.errors import LupinError, UsageError
-from lupin_engine.machine.environment import World
 from lupin_engine.machine.event import Event
 from lupin_engine.machine.machine import Machine
+from lupin_engine.machine.scope import World
 from lupin_engine.machine.step import Step
 from lupin_engine.plugin.contract import Parameter
 from lupin_engine.plugin.types import COUNT, DURATION, NUMBER, TEXT

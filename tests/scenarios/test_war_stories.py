@@ -20,11 +20,11 @@ import yaml
 
 from lupin_engine.machine import operations
 from lupin_engine.machine.event import Publish, Start
+from lupin_engine.machine.inputs import Inputs
+from lupin_engine.machine.itineraries import Itineraries
 from lupin_engine.machine.memory import Phase, Visit
 from lupin_engine.machine.operations import Operations
 from lupin_engine.machine.timers import Timers
-from lupin_engine.machine.values import Values
-from lupin_engine.machine.walks import Walks
 from lupin_engine.missions.folders import default_missions_folder
 from lupin_engine.plugin.contract import OnHold
 from lupin_engine.plugin.registry import Catalog
@@ -113,8 +113,8 @@ def _path(state: str) -> tuple[str, ...]:
 def stale_answers_speak(patch: pytest.MonkeyPatch) -> None:
     """An answer is taken in whoever asked for it."""
 
-    def report(self: Operations, kind: str, attempt: Any, turn: Any) -> None:
-        self._end_current(kind, attempt, {"result": {}}, turn)
+    def report(self: Operations, kind: str, attempt: Any, step: Any) -> None:
+        self._end_current(kind, attempt, {"result": {}}, step)
 
     patch.setattr(Operations, "_report_unwanted", report)
 
@@ -133,9 +133,9 @@ def no_deadline_before_acceptance(patch: pytest.MonkeyPatch) -> None:
     """A request that nobody answers never times out."""
     start = Operations._start
 
-    def begin(self: Operations, attempt: Any, turn: Any) -> None:
-        start(self, attempt, turn)
-        self._core.timers.disarm("timeout", attempt.id)
+    def begin(self: Operations, attempt: Any, step: Any) -> None:
+        start(self, attempt, step)
+        self._scope.timers.disarm("timeout", attempt.id)
 
     patch.setattr(Operations, "_start", begin)
 
@@ -163,10 +163,10 @@ def late_accepts_are_kept(patch: pytest.MonkeyPatch) -> None:
     """A goal that is accepted after its cancel is driven to."""
     report = Operations._report_unwanted
 
-    def keep(self: Operations, kind: str, attempt: Any, turn: Any) -> None:
-        before = len(turn.commands)
-        report(self, kind, attempt, turn)
-        del turn.commands[before:]
+    def keep(self: Operations, kind: str, attempt: Any, step: Any) -> None:
+        before = len(step.commands)
+        report(self, kind, attempt, step)
+        del step.commands[before:]
 
     patch.setattr(Operations, "_report_unwanted", keep)
 
@@ -175,9 +175,9 @@ def confirmed_cancels_free_nothing(patch: pytest.MonkeyPatch) -> None:
     """Only the watchdog lets the next drive begin."""
     report = Operations._report_unwanted
 
-    def wait(self: Operations, kind: str, attempt: Any, turn: Any) -> None:
+    def wait(self: Operations, kind: str, attempt: Any, step: Any) -> None:
         if kind != "cancelled":
-            report(self, kind, attempt, turn)
+            report(self, kind, attempt, step)
 
     patch.setattr(Operations, "_report_unwanted", wait)
 
@@ -186,11 +186,11 @@ def results_are_answered_by_a_new_goal(patch: pytest.MonkeyPatch) -> None:
     """A goal that nobody wants any more is sent again when it fails."""
     report = Operations._report_unwanted
 
-    def send_again(self: Operations, kind: str, attempt: Any, turn: Any) -> None:
+    def send_again(self: Operations, kind: str, attempt: Any, step: Any) -> None:
         if kind == "failed":
-            turn.commands.append(Start(attempt.id, attempt.operation, attempt.arguments))
+            step.commands.append(Start(attempt.id, attempt.operation, attempt.arguments))
         else:
-            report(self, kind, attempt, turn)
+            report(self, kind, attempt, step)
 
     patch.setattr(Operations, "_report_unwanted", send_again)
 
@@ -199,12 +199,12 @@ def answers_go_to_whoever_waits(patch: pytest.MonkeyPatch) -> None:
     """A late answer is booked on what is asked just then."""
     report = Operations._report_unwanted
 
-    def book(self: Operations, kind: str, attempt: Any, turn: Any) -> None:
-        asked = [found for found in self._core.memory.attempts.values() if found.phase is Phase.ACCEPTED]
+    def book(self: Operations, kind: str, attempt: Any, step: Any) -> None:
+        asked = [found for found in self._scope.memory.attempts.values() if found.phase is Phase.ACCEPTED]
         if kind == "done" and asked:
-            self._end_current(kind, asked[0], {"result": {}}, turn)
+            self._end_current(kind, asked[0], {"result": {}}, step)
         else:
-            report(self, kind, attempt, turn)
+            report(self, kind, attempt, step)
 
     patch.setattr(Operations, "_report_unwanted", book)
 
@@ -217,17 +217,17 @@ def holds_keep_no_answer(patch: pytest.MonkeyPatch) -> None:
 def failures_name_no_target(patch: pytest.MonkeyPatch) -> None:
     """Only a reading is published with the id of its tag."""
 
-    def publish(self: Walks, visit: Visit, turn: Any, source: str = "") -> None:
+    def publish(self: Itineraries, visit: Visit, step: Any, source: str = "") -> None:
         target = visit.target if visit.status == "OK" else ""
         told = (target, visit.status, visit.code, visit.detail, visit.reading)
-        turn.commands.append(Publish(source, self._core.memory.mission_id, *told))
+        step.commands.append(Publish(source, self._scope.memory.mission_id, *told))
 
-    patch.setattr(Walks, "publish", publish)
+    patch.setattr(Itineraries, "publish", publish)
 
 
 def old_finds_count_again(patch: pytest.MonkeyPatch) -> None:
     """Whatever is reported in a mission is of that mission."""
-    patch.setattr(Values, "_news", lambda self, spec, value: value)
+    patch.setattr(Inputs, "_news", lambda self, spec, value: value)
 
 
 def aborted_is_called_canceled(patch: pytest.MonkeyPatch) -> None:

@@ -19,7 +19,7 @@ from lupin_engine.plugin.registry import load_catalog
 
 if TYPE_CHECKING:
     from lupin_engine.chart.model import Chart
-    from lupin_engine.machine.environment import World
+    from lupin_engine.machine.scope import World
     from lupin_engine.replay.timeline import Timeline
     from lupin_engine.sim.simulation import Run, Script
 

@@ -13,7 +13,7 @@ from builtin_interfaces.msg import Time
 
 from lupin_engine.errors import Severity
 from lupin_engine.machine.event import Publish
-from lupin_engine.machine.view import View
+from lupin_engine.machine.step import View
 from lupin_engine.plugin.contract import Code
 from lupin_engine.plugin.wire import SMALLEST_W
 from lupin_engine.ros import messages

@@ -13,11 +13,11 @@ from collections.abc import Mapping
 from typing import TypeVar
 
 from lupin_engine.chart.model import Chart
-from lupin_engine.machine.environment import World
 from lupin_engine.machine.machine import Machine
 from lupin_engine.machine.memory import Memory, Phase, Timer
-from lupin_engine.machine.plan import planner_of
+from lupin_engine.machine.scope import World
 from lupin_engine.machine.snapshot import restore, snapshot
+from lupin_engine.machine.structure import dispatch_table
 from lupin_engine.plugin.builtin import BUILTIN
 
 _T = TypeVar("_T")
@@ -33,8 +33,7 @@ def is_idle(machine: Machine) -> bool:
     running = [a.operation for a in memory.attempts.values() if a.phase is not Phase.LOST]
     if running:
         return all(name.partition(".")[0] == BUILTIN for name in running)
-    planner = planner_of(chart)
-    offered = planner.row(memory.configuration).candidates(planner.structure, START)
+    offered = dispatch_table(chart).configuration(memory.configuration).candidates(START)
     return not memory.invocations and any(rule.target is not None for rules in offered for rule in rules)
 
 
@@ -62,7 +61,7 @@ def _forget(memory: Memory, before: Chart, chart: Chart) -> None:
     memory.budgets.clear()
     memory.handled.clear()
     walking = {name for name, state in chart.states.items() if state.itinerary}
-    memory.walks = _kept(memory.walks, dict.fromkeys(walking))
+    memory.itineraries = _kept(memory.itineraries, dict.fromkeys(walking))
     memory.context = _kept(memory.context, same_variables)
     heard = {name: found for name, found in memory.inputs.items() if found.reported}
     memory.inputs = _kept(heard, same_inputs)

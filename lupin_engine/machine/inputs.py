@@ -8,74 +8,74 @@ from typing import Any
 
 from lupin_engine.chart.model import Input, Level
 from lupin_engine.errors import reason
-from lupin_engine.machine.core import Core
 from lupin_engine.machine.event import Event
 from lupin_engine.machine.memory import Reported
-from lupin_engine.machine.turn import Turn
+from lupin_engine.machine.scope import EvaluationScope
+from lupin_engine.machine.step import Macrostep
 from lupin_engine.plugin.types import Notation, problems
 
 
-class Values:
+class Inputs:
     """The live values of one machine."""
 
-    __slots__ = ("_core",)
+    __slots__ = ("_scope",)
 
-    def __init__(self, core: Core) -> None:
-        self._core = core
+    def __init__(self, scope: EvaluationScope) -> None:
+        self._scope = scope
 
-    def begin(self, turn: Turn) -> None:
+    def begin(self, step: Macrostep) -> None:
         """Set what the chart starts with."""
-        for spec in self._core.chart.inputs.values():
-            self._begin(spec, turn)
+        for spec in self._scope.chart.inputs.values():
+            self._begin(spec, step)
 
-    def go_on(self, turn: Turn) -> None:
+    def go_on(self, step: Macrostep) -> None:
         """Begin what is not known, and compare what is known with the levels as they are now."""
-        for spec in self._core.chart.inputs.values():
-            known = self._core.memory.inputs.get(spec.name)
+        for spec in self._scope.chart.inputs.values():
+            known = self._scope.memory.inputs.get(spec.name)
             if known is None or _flaw(spec, known.value):
-                self._core.memory.inputs.pop(spec.name, None)
-                self._begin(spec, turn)
+                self._scope.memory.inputs.pop(spec.name, None)
+                self._begin(spec, step)
             else:
-                self._set(spec, known, turn)
+                self._set(spec, known, step)
 
-    def begin_mission(self, turn: Turn) -> None:
+    def begin_mission(self, step: Macrostep) -> None:
         """Forget what was reported before the mission of those inputs that are about it.
 
         Of a list the last report is remembered all the same: who tells it again has nothing new to tell.
         """
-        memory = self._core.memory
-        for spec in self._core.chart.inputs.values():
+        memory = self._scope.memory
+        for spec in self._scope.chart.inputs.values():
             if spec.of_mission:
                 if spec.name in memory.heard:
                     memory.before[spec.name] = memory.heard.pop(spec.name)
                 memory.inputs.pop(spec.name, None)
                 for level in spec.levels:
                     memory.levels.pop(f"input.{spec.name}.{level.name}", None)
-                self._core.timers.disarm("fresh", spec.name)
-                self._begin(spec, turn)
+                self._scope.timers.disarm("fresh", spec.name)
+                self._begin(spec, step)
 
-    def _begin(self, spec: Input, turn: Turn) -> None:
+    def _begin(self, spec: Input, step: Macrostep) -> None:
         if spec.initial is not None:
-            self._set(spec, Reported(spec.initial, turn.now, reported=False), turn)
+            self._set(spec, Reported(spec.initial, step.now, reported=False), step)
 
-    def observe(self, event: Event, turn: Turn) -> None:
+    def observe(self, event: Event, step: Macrostep) -> None:
         """Take in a report; one that is older than the last, or out of the declared range, is dropped."""
         data = event.data
-        for spec in self._core.chart.inputs.values():
+        for spec in self._scope.chart.inputs.values():
             if spec.value != data["name"]:
                 continue
-            known = self._core.memory.inputs.get(spec.name)
+            known = self._scope.memory.inputs.get(spec.name)
             flaw = _flaw(spec, data["value"])
             if flaw:
-                turn.note(f"dropped: input.{spec.name} is {flaw}: {reprlib.repr(data['value'])}")
+                step.note(f"dropped: input.{spec.name} is {flaw}: {reprlib.repr(data['value'])}")
             elif spec.of_mission and not self._is_of_mission(data["stamp"]):
                 if spec.type.kind == "list":
-                    self._core.memory.before[spec.name] = list(data["value"])
-                turn.note(f"dropped: a report of input.{spec.name} from before the mission")
+                    self._scope.memory.before[spec.name] = list(data["value"])
+                step.note(f"dropped: a report of input.{spec.name} from before the mission")
             elif known is not None and known.reported and data["stamp"] < known.stamp:
-                turn.note(f"dropped: a report of input.{spec.name} that is older than the last")
+                step.note(f"dropped: a report of input.{spec.name} that is older than the last")
             else:
-                self._set(spec, Reported(self._news(spec, data["value"]), data["stamp"]), turn)
+                self._set(spec, Reported(self._news(spec, data["value"]), data["stamp"]), step)
 
     def _news(self, spec: Input, value: Any) -> Any:
         """Return what counts of a report: of a list about the mission, what was not the same before it.
@@ -84,54 +84,54 @@ class Values:
         """
         if not spec.of_mission or spec.type.kind != "list":
             return value
-        self._core.memory.heard[spec.name] = list(value)
-        before = self._core.memory.before.get(spec.name, ())
+        self._scope.memory.heard[spec.name] = list(value)
+        before = self._scope.memory.before.get(spec.name, ())
         return [item for item in value if item not in before]
 
     def _is_of_mission(self, stamp: float) -> bool:
-        started = self._core.memory.started_at
+        started = self._scope.memory.started_at
         return started is not None and stamp >= started
 
-    def _set(self, spec: Input, found: Reported, turn: Turn) -> None:
-        known = self._core.memory.inputs.get(spec.name)
-        self._core.memory.inputs[spec.name] = found
+    def _set(self, spec: Input, found: Reported, step: Macrostep) -> None:
+        known = self._scope.memory.inputs.get(spec.name)
+        self._scope.memory.inputs[spec.name] = found
         for level in spec.levels:
             name = f"input.{spec.name}.{level.name}"
             try:
-                self._core.memory.levels[name] = self._is_reached(level, name, found.value, turn)
+                self._scope.memory.levels[name] = self._is_reached(level, name, found.value, step)
             except Exception as problem:
-                turn.fail("", f"{level.place}: level {level.name}: {reason(problem)}")
-        self._watch_age(spec, known, found, turn)
+                step.fail("", f"{level.place}: level {level.name}: {reason(problem)}")
+        self._watch_age(spec, known, found, step)
 
-    def _watch_age(self, spec: Input, known: Reported | None, found: Reported, turn: Turn) -> None:
+    def _watch_age(self, spec: Input, known: Reported | None, found: Reported, step: Macrostep) -> None:
         """Look again when the value will have grown old; a newer report is looked for only then."""
         if spec.freshness is None:
             return
-        timers = self._core.timers
+        timers = self._scope.timers
         if known is not None and found.stamp < known.stamp:
             timers.disarm("fresh", spec.name)
-        if timers.left("fresh", spec.name, turn.now) is None:
+        if timers.left("fresh", spec.name, step.now) is None:
             timers.arm("fresh", spec.name, found.stamp, spec.freshness)
 
-    def _is_reached(self, level: Level, name: str, value: float, turn: Turn) -> bool:
+    def _is_reached(self, level: Level, name: str, value: float, step: Macrostep) -> bool:
         """Compare a value with a level; a level that was reached is left only beyond its hysteresis."""
-        env = self._core.see("", turn)
+        env = self._scope.see("", step)
         margin = 0.0
-        if level.hysteresis is not None and self._core.memory.levels.get(name, False):
+        if level.hysteresis is not None and self._scope.memory.levels.get(name, False):
             margin = float(level.hysteresis.evaluate(env))
         if level.below is not None:
             return value < float(level.below.evaluate(env)) + margin
         assert level.above is not None, f"{name} has no bound"
         return value > float(level.above.evaluate(env)) - margin
 
-    def grew_old(self, name: str, turn: Turn) -> None:
+    def grew_old(self, name: str, step: Macrostep) -> None:
         """A value that was to be looked at again is unknown now, unless a newer one came: then look later."""
-        spec, found = self._core.chart.inputs[name], self._core.memory.inputs[name]
+        spec, found = self._scope.chart.inputs[name], self._scope.memory.inputs[name]
         assert spec.freshness is not None, f"input.{name} does not grow old"
-        if turn.now < found.stamp + spec.freshness:
-            self._core.timers.arm("fresh", name, found.stamp, spec.freshness)
+        if step.now < found.stamp + spec.freshness:
+            self._scope.timers.arm("fresh", name, found.stamp, spec.freshness)
         else:
-            turn.note(f"input.{name} is unknown: last reported {turn.now - found.stamp:g} s ago")
+            step.note(f"input.{name} is unknown: last reported {step.now - found.stamp:g} s ago")
 
 
 #: What a value of a kind is made of.

@@ -1,0 +1,142 @@
+"""Holds: suspensions of the whole chart. The rule of holds, all of it kept here:
+
+* a request or the level of an input engages one; a level goes before everything else in a step;
+* while any is engaged, eventless transitions, levels, timers about the chart, the ends of operations and the
+  events of plugins wait, and no element of a `for_each` is taken up; what moves the robot is cancelled, or
+  waits if it would begin now (operations with `on_hold: cancel`, actions that move);
+* a transition is taken all the same where it says `during` (the hold stays) or `releases` for every engaged
+  hold; an event or an end waits unless all transitions that listen to it may pass;
+* what waits goes on, in this order, when the last hold is released: timers, actions, operations, events.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from typing import Protocol
+
+from lupin_engine.chart.expressions.evaluation import Expression
+from lupin_engine.chart.model import Hold, Transition
+from lupin_engine.machine.event import Event
+from lupin_engine.machine.memory import Memory
+from lupin_engine.machine.scope import EvaluationScope
+from lupin_engine.machine.step import Macrostep
+from lupin_engine.plugin.contract import OnHold, Operation
+
+#: More events of plugins than this do not wait for a release.
+MAX_DEFERRED = 64
+
+
+class Suspendable(Protocol):
+    """A part of the machine that a hold stops."""
+
+    def suspend(self, step: Macrostep) -> None:
+        """The first hold was engaged."""
+
+    def resume(self, step: Macrostep) -> None:
+        """The last hold was released."""
+
+
+@dataclass(slots=True)
+class HoldChanges:
+    """The holds that a request engages and releases; `refused` is the first code that speaks against it."""
+
+    engages: list[str] = field(default_factory=list)
+    releases: list[str] = field(default_factory=list)
+    refused: str = ""
+
+
+def passes(rule: Transition, held: Iterable[str]) -> bool:
+    """Say whether holds let a transition through."""
+    return all(hold in rule.during or hold in rule.releases for hold in held)
+
+
+def blocking_hold(rule: Transition, held: Iterable[str]) -> str | None:
+    """Return the first of some holds that does not let a transition through."""
+    return next((hold for hold in held if not passes(rule, (hold,))), None)
+
+
+def is_held_back(memory: Memory, operation: Operation) -> bool:
+    """Say whether an operation must not begin now, because it moves the robot."""
+    return bool(memory.held) and operation.on_hold is OnHold.CANCEL
+
+
+def defer(memory: Memory, event: Event, step: Macrostep) -> None:
+    """Keep an event of a plugin for the release; of too many the oldest is dropped."""
+    deferred = memory.deferred
+    deferred.append(event)
+    step.note(f"{event.name} waits for the release")
+    waiting = [index for index, other in enumerate(deferred) if not other.is_attempt_event]
+    if len(waiting) > MAX_DEFERRED:
+        oldest = deferred.pop(waiting[0])
+        step.note(f"dropped: {oldest.name}, because more than {MAX_DEFERRED} events wait")
+
+
+class Holds:
+    """The holds of one machine."""
+
+    __slots__ = ("_levels", "_parts", "_scope")
+
+    def __init__(self, scope: EvaluationScope, parts: Sequence[Suspendable]) -> None:
+        """Make the holds of a machine; `parts` are what they stop, in the order in which it goes on."""
+        self._scope = scope
+        self._parts = parts
+        self._levels = [hold for hold in scope.chart.holds.values() if hold.engage.startswith("input.")]
+
+    def engage_levels(self, step: Macrostep) -> bool:
+        """Engage the holds whose level is true; say whether there were any."""
+        inputs, held = self._scope.inputs, self._scope.memory.held
+        inputs.now = step.now
+        rising = [hold for hold in self._levels if hold.name not in held and inputs.holds(hold.engage)]
+        for hold in rising:
+            self.engage(hold, step)
+        return bool(rising)
+
+    def engage(self, hold: Hold, step: Macrostep) -> None:
+        """Engage a hold; the first one stops the chart."""
+        scope = self._scope
+        first = not scope.memory.held
+        scope.memory.held.append(hold.name)
+        step.note(f"hold {hold.name} engaged")
+        scope.record_code(hold.code, "")
+        if first:
+            scope.timers.freeze(step.now)
+            for part in self._parts:
+                part.suspend(step)
+
+    def release(self, name: str, step: Macrostep) -> None:
+        """Release a hold if it is engaged; after the last one what it stopped goes on."""
+        held = self._scope.memory.held
+        if name not in held:
+            return
+        held.remove(name)
+        step.note(f"hold {name} released")
+        if not held:
+            self._scope.timers.thaw(step.now)
+            for part in self._parts:
+                part.resume(step)
+
+    def asked(self, event: Event, step: Macrostep) -> HoldChanges:
+        """Return what a request would do with the holds, or the code that it is refused with."""
+        found = HoldChanges()
+        for hold in self._scope.chart.holds.values():
+            code = self._ask(hold, event.name, found, step)
+            found.refused = found.refused or code
+        return found
+
+    def _ask(self, hold: Hold, request: str, found: HoldChanges, step: Macrostep) -> str:
+        engaged = hold.name in self._scope.memory.held
+        if engaged and request in hold.release:
+            if not self._allows(hold.release_guard, step):
+                return hold.code
+            found.releases.append(hold.name)
+        elif request == hold.engage:
+            if engaged:
+                return hold.code
+            if not self._allows(hold.engage_guard, step):
+                return hold.engage_code or hold.code
+            found.engages.append(hold.name)
+        return ""
+
+    def _allows(self, guard: Expression | None, step: Macrostep) -> bool:
+        return guard is None or self._scope.check(guard, "", step)

@@ -1,0 +1,150 @@
+"""Itineraries: the lists that states traversal, one target after the other, sweep after sweep."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from lupin_engine.chart.expressions.evaluation import UnknownInput
+from lupin_engine.chart.model import Itinerary, State
+from lupin_engine.errors import reason
+from lupin_engine.machine.event import Publish, Trigger
+from lupin_engine.machine.memory import Traversal, Visit
+from lupin_engine.machine.scope import EvaluationScope, traversal_of
+from lupin_engine.machine.step import Macrostep
+
+
+class OpenVisit(Exception):
+    """An itinerary was to go on although its current visit has no outcome."""
+
+
+class Itineraries:
+    """The itineraries of one machine."""
+
+    __slots__ = ("_scope",)
+
+    def __init__(self, scope: EvaluationScope) -> None:
+        self._scope = scope
+
+    def begin(self, state: State, trigger: Trigger, step: Macrostep, comes_back: bool) -> None:
+        """Lay out the itinerary of a state that is entered; one brought back by history goes on with it."""
+        rule, memory = state.itinerary, self._scope.memory
+        if rule is None:
+            return
+        if not (comes_back and state.name in memory.itineraries):
+            traversal = Traversal(state.name, [], [], sweeps=self._sweeps(state, rule, trigger, step))
+            traversal.leaves_open = rule.leaves_open
+            self._lay_out(traversal, self._items(state, rule, trigger, step))
+            memory.itineraries[state.name] = traversal
+            self._choose(traversal, 0, step)
+        memory.current_itinerary = state.name
+
+    def of(self, state: str) -> Traversal | None:
+        """Return the itinerary that `state` works on."""
+        return traversal_of(self._scope.chart, self._scope.memory, state)
+
+    def advance(self, traversal: Traversal | None, step: Macrostep) -> None:
+        """Go on to the next target; refused when there is none.
+
+        Raises:
+            OpenVisit: the current visit has no outcome. Going on as if it had would traversal to it for ever.
+        """
+        if traversal is None or traversal.visit is None:
+            step.note("itinerary.advance refused: there is no target to go on from")
+        elif not traversal.visit.closed:
+            raise OpenVisit("the current visit is open: close it before going on")
+        elif traversal.index + 1 < len(traversal.items) or traversal.is_last_sweep:
+            traversal.index += 1
+            self._choose(traversal, traversal.index, step)
+        else:
+            self._sweep_again(traversal, step)
+
+    def close(self, traversal: Traversal | None, outcome: Mapping[str, Any], step: Macrostep) -> None:
+        """Give the current visit its outcome and publish it; refused the second time."""
+        visit = traversal.visit if traversal else None
+        if traversal is None or visit is None or visit.closed:
+            step.note("itinerary.close refused: the current visit is closed already")
+        else:
+            self._close(traversal, visit, outcome, step)
+
+    def close_rest(self, traversal: Traversal | None, outcome: Mapping[str, Any], step: Macrostep) -> None:
+        """Close every open visit of an itinerary in order, unless it leaves them open."""
+        if traversal is None or traversal.leaves_open:
+            return
+        for visit in traversal.visits:
+            if not visit.closed:
+                self._close(traversal, visit, outcome, step)
+
+    def publish(self, visit: Visit, step: Macrostep, source: str = "") -> None:
+        """Tell the world what became of a target; the mission is the source unless another one is named."""
+        memory = self._scope.memory
+        told = (visit.target, visit.status, visit.code, visit.detail, visit.reading)
+        step.commands.append(Publish(source or memory.mission, memory.mission_id, *told))
+
+    def _close(self, traversal: Traversal, visit: Visit, outcome: Mapping[str, Any], step: Macrostep) -> None:
+        visit.status = outcome["status"]
+        visit.code = outcome.get("code", "")
+        visit.detail = outcome.get("detail", "")
+        visit.reading = outcome.get("reading")
+        rule = self._scope.chart.states[traversal.state].itinerary
+        self.publish(visit, step, rule.source if rule else "")
+
+    # -- laying out -------------------------------------------------------------------------------------
+
+    def _lay_out(self, traversal: Traversal, items: list[Any]) -> None:
+        traversal.items = items
+        traversal.visits = [Visit(identity_of(item)) for item in items]
+        traversal.index = 0
+
+    def _sweep_again(self, traversal: Traversal, step: Macrostep) -> None:
+        """Begin the next sweep with what the list is now; one that became empty stays as it was."""
+        state = self._scope.chart.states[traversal.state]
+        assert state.itinerary is not None, f"{traversal.state} itineraries without an itinerary"
+        for visit in traversal.visits:
+            traversal.past[visit.status] = traversal.past.get(visit.status, 0) + 1
+        traversal.sweep += 1
+        self._lay_out(traversal, self._items(state, state.itinerary, Trigger(), step) or traversal.items)
+        self._choose(traversal, 0, step)
+
+    def _items(self, state: State, rule: Itinerary, trigger: Trigger, step: Macrostep) -> list[Any]:
+        try:
+            return list(rule.items.evaluate(self._scope.see(state.name, step, trigger)))
+        except Exception as problem:
+            step.fail(state.name, f"{rule.place}: itinerary: {reason(problem)}")
+            return []
+
+    def _sweeps(self, state: State, rule: Itinerary, trigger: Trigger, step: Macrostep) -> int:
+        if rule.sweeps is None:
+            return 1
+        try:
+            return int(rule.sweeps.evaluate(self._scope.see(state.name, step, trigger)))
+        except Exception as problem:
+            step.fail(state.name, f"{rule.place}: sweeps: {reason(problem)}")
+            return 1
+
+    def _choose(self, traversal: Traversal, index: int, step: Macrostep) -> None:
+        """Move the target that is next by the itinerary's order to `index`."""
+        rule = self._scope.chart.states[traversal.state].itinerary
+        if rule is None or rule.order is None or index >= len(traversal.items):
+            return
+        try:
+            ranks = [self._rank(rule, traversal, item, step) for item in traversal.items[index:]]
+        except UnknownInput as unknown:
+            step.note(f"{rule.order.place}: order: {unknown}; the list's own order counts")
+            return
+        except Exception as problem:
+            step.fail(traversal.state, f"{rule.order.place}: order: {reason(problem)}")
+            return
+        best = index + ranks.index(min(ranks))
+        traversal.items.insert(index, traversal.items.pop(best))
+        traversal.visits.insert(index, traversal.visits.pop(best))
+
+    def _rank(self, rule: Itinerary, traversal: Traversal, item: Any, step: Macrostep) -> float:
+        assert rule.order is not None
+        self._scope.see(traversal.state, step)
+        return float(rule.order.evaluate(self._scope.with_target(item)))
+
+
+def identity_of(item: Any) -> str:
+    """Return what an element is called in messages: its `id`, or itself."""
+    return str(item["id"]) if isinstance(item, dict) and "id" in item else str(item)

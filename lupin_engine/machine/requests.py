@@ -1,0 +1,323 @@
+"""Requests: resolved as a whole before anything changes; what could be asked for now, and why not the rest.
+
+In this order: the chart's refusals, then the holds that the request engages or releases, then its
+transitions. Refused means that nothing changed, not even a hold.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from lupin_engine.chart.expressions.evaluation import Environment, UnknownInput
+from lupin_engine.chart.model import REQUESTS, Field, Transition
+from lupin_engine.errors import nearest, reason, shortened
+from lupin_engine.machine.event import NO_TRIGGER, Event, Trigger
+from lupin_engine.machine.holds import HoldChanges, Holds, blocking_hold
+from lupin_engine.machine.scope import EvaluationScope, World
+from lupin_engine.machine.step import Considered, Macrostep, Refusal, moment_of
+from lupin_engine.machine.structure import ENGINE_EVENTS, Configuration, Structure
+from lupin_engine.plugin.types import Type, convert
+
+#: The code of a request that nothing answers here.
+NOT_POSSIBLE = "not_possible"
+UNKNOWN_MISSION = "unknown_mission"
+BAD_REQUEST = "bad_request"
+#: Wrong elements of a list that are told of.
+MAX_PROBLEMS = 5
+#: How eventless transitions are called where an event's name is expected.
+ALWAYS = "always"
+
+
+@dataclass(slots=True)
+class Resolution:
+    """What a request would do: transitions, holds, the request's values; or why it is refused."""
+
+    rules: tuple[Transition, ...] = ()
+    holds: HoldChanges = field(default_factory=HoldChanges)
+    starts: bool = False
+    values: dict[str, Any] = field(default_factory=dict)
+    refusal: Refusal | None = None
+
+
+class Requests:
+    """Resolves the requests of one machine without changing anything."""
+
+    __slots__ = ("_holds", "_scope", "_structure")
+
+    def __init__(self, scope: EvaluationScope, holds: Holds, structure: Structure) -> None:
+        self._scope = scope
+        self._holds = holds
+        self._structure = structure
+
+    def resolve(self, event: Event, active: Configuration, step: Macrostep, dry: bool = False) -> Resolution:
+        """Return what a request does here. With `dry` the fields of a mission's request are not looked at."""
+        holds = self._holds.asked(event, step)
+        found = Resolution(holds=holds)
+        found.rules, code = self._transitions(event, active, holds.releases, step)
+        code = code or holds.refused
+        targets = (self._scope.chart.states[rule.target] for rule in found.rules if rule.target is not None)
+        found.starts = any(target.slot for target in targets)
+        if code:
+            found.refusal = self._refusal(event, code)
+        elif found.starts and not dry:
+            env = self._scope.see("", step, Trigger(event=event.data))
+            found.values, found.refusal = read_request(self._scope.world, event.data, env)
+        if found.refusal is None and not (found.rules or holds.engages or holds.releases):
+            found.refusal = self._impossible(event)
+        return found
+
+    def _transitions(
+        self, event: Event, active: Configuration, released: Sequence[str], step: Macrostep
+    ) -> tuple[tuple[Transition, ...], str]:
+        """Return the transitions that answer a request, or none and the code of the first refusal."""
+        staying = [hold for hold in self._scope.memory.held if hold not in released]
+        trigger = Trigger(event=event.data)
+        chosen = []
+        for offered in active.candidates(event.name):
+            rule = next((r for r in offered if self._is_enabled(r, trigger, step)), None)
+            if rule is None:
+                continue
+            hold = blocking_hold(rule, staying)
+            if rule.refuse is not None or hold is not None:
+                return (), rule.refuse or self._scope.chart.holds[hold or ""].code
+            chosen.append(rule)
+        return tuple(chosen), ""
+
+    def _is_enabled(self, rule: Transition, trigger: Trigger, step: Macrostep) -> bool:
+        return rule.guard is None or self._scope.check(rule.guard, rule.source, step, trigger)
+
+    def _refusal(self, event: Event, code: str) -> Refusal:
+        label = self._scope.chart.codes[code].label if code in self._scope.chart.codes else code
+        return Refusal(code, f"{_verb(event)} refused: {label}")
+
+    def _impossible(self, event: Event) -> Refusal:
+        """Say where a request would be possible, from the chart."""
+        chart = self._scope.chart
+        here = moment_of(chart, self._scope.memory)
+        where = {
+            "a running mission" if state.slot else state.label or state.local_name
+            for state in chart.states.values()
+            if any(rule.refuse is None for rule in self._structure.rules_of(state.name, event.name))
+        } - {here.lifecycle}
+        text = f"{_verb(event)} is not possible in {f'{here.lifecycle} {here.phase}'.strip() or 'this state'}"
+        resumes = any(event.name in hold.release for hold in chart.holds.values())
+        if resumes and event.name != "mission.start":
+            text += " because nothing is paused"
+        elif where:
+            text += "; it is possible in " + ", ".join(sorted(where))
+        return Refusal(NOT_POSSIBLE, text)
+
+
+def _verb(event: Event) -> str:
+    return event.name.rpartition(".")[2]
+
+
+def consider(
+    scope: EvaluationScope, rule: Transition, step: Macrostep, trigger: Trigger = NO_TRIGGER
+) -> Considered:
+    """Return what keeps a transition from being taken, or that nothing does."""
+    blocking = blocking_hold(rule, scope.memory.held) or ""
+    if rule.guard is None:
+        return Considered(rule.id, rule.place, "", holds=True, held=blocking)
+    source, parts = rule.guard.source, rule.guard.parts or ((rule.guard.source, rule.guard.evaluate),)
+    value, problem = _value(scope, rule.guard.evaluate, rule, step, trigger)
+    if value and not problem:
+        return Considered(rule.id, rule.place, source, holds=True, held=blocking)
+    values = [(text, _value(scope, part, rule, step, trigger)) for text, part in parts]
+    told = tuple((text, problem or value) for text, (value, problem) in values)
+    return Considered(rule.id, rule.place, source, holds=False, held=blocking, parts=told)
+
+
+def _value(
+    scope: EvaluationScope, part: Any, rule: Transition, step: Macrostep, trigger: Trigger
+) -> tuple[object, str]:
+    """Return what a part of a guard is, and what keeps it from being evaluated."""
+    try:
+        return part(scope.see(rule.source, step, trigger)), ""
+    except UnknownInput as unknown:
+        return None, str(unknown)
+    except Exception as problem:
+        return None, f"an error: {reason(problem)}"
+
+
+def read_request(
+    world: World, data: Mapping[str, Any], env: Environment
+) -> tuple[dict[str, Any], Refusal | None]:
+    """Return the mission's request values, or the first reason to refuse.
+
+    Args:
+        world: gives the missions and the readers of plugin types.
+        data: the event's fields; `mission_type` names the mission, an empty or absent field means default.
+        env: what defaults are evaluated in.
+    """
+    mission = world.chart.missions.get(data.get("mission_type", ""))
+    if mission is None:
+        name = data.get("mission_type", "")
+        hint = nearest(shortened(name), world.chart.missions)
+        return {}, Refusal(UNKNOWN_MISSION, f"unknown mission_type {shortened(name)!r}; {hint}")
+    values: dict[str, Any] = {}
+    for asked in mission.request.values():
+        value, refusal = _read_field(world, asked, data.get(asked.name), env)
+        if refusal is not None:
+            return {}, refusal
+        values[asked.name] = value
+    return values, None
+
+
+def _read_field(world: World, field: Field, given: Any, env: Environment) -> tuple[Any, Refusal | None]:
+    try:
+        value = (
+            field.default.evaluate(env)
+            if _absent(given) and field.default
+            else _read(world, field.type, given)
+        )
+    except ValueError as problem:
+        return None, Refusal(_code_of(world, field.type), str(problem))
+    except Exception as problem:
+        # A default that cannot be computed, or data of a shape no reader expects: nothing has changed yet.
+        return None, Refusal(BAD_REQUEST, f"{field.place}: {field.name}: {reason(problem)}")
+    if field.not_empty is not None and not value:
+        return None, Refusal(field.not_empty, world.chart.codes[field.not_empty].label)
+    if field.minimum is not None and value < field.minimum:
+        return None, Refusal(BAD_REQUEST, f"{field.name} must be at least {field.minimum:g}, got {value!r}")
+    return value, None
+
+
+def _absent(given: Any) -> bool:
+    """A request has no optional fields on the wire: empty and zero mean that nothing was given."""
+    return given is None or given in ("", 0) or given == []
+
+
+def _read(world: World, wanted: Type, given: Any) -> Any:
+    if wanted.kind == "list" and wanted.item is not None and isinstance(given, list):
+        return _read_list(world, wanted.item, given)
+    if wanted.name in world.readers:
+        return world.readers[wanted.name](given)
+    return convert(given, wanted)
+
+
+def _read_list(world: World, item: Type, given: list[Any]) -> list[Any]:
+    """Read every element, so that all wrong ones are told at once."""
+    values, problems = [], []
+    for element in given:
+        try:
+            values.append(_read(world, item, element))
+        except ValueError as problem:
+            problems.append(str(problem))
+    if problems:
+        raise ValueError(_together(problems))
+    return values
+
+
+def _together(problems: list[str]) -> str:
+    """Join problems; what is allowed ("...; what is allowed") is said once when it is the same for all."""
+    left_out = f" and {len(problems) - MAX_PROBLEMS} more" if len(problems) > MAX_PROBLEMS else ""
+    problems = problems[:MAX_PROBLEMS]
+    told = [problem.partition("; ") for problem in problems]
+    allowed = {tail for _, _, tail in told}
+    if len(allowed) > 1:
+        return "; ".join(problems) + left_out
+    return "; ".join(filter(None, (", ".join(head for head, _, _ in told) + left_out, *allowed)))
+
+
+def _code_of(world: World, wanted: Type) -> str:
+    """Return the code that a wrong value of this type is refused with."""
+    name = wanted.item.name if wanted.item is not None else wanted.name
+    return f"unknown_{name}" if f"unknown_{name}" in world.chart.codes else BAD_REQUEST
+
+
+@dataclass(frozen=True)
+class Possibility:
+    """What an event would do if it came now.
+
+    The level of an input is no event that comes: it is possible when it is true, which `level` says. `taken`
+    are the transitions that the event would take, `engages` and `releases` the holds. `refusal` says why a
+    request would be refused. `considered` are the transitions that listen to the event, each with what keeps
+    it from being taken.
+    """
+
+    event: str
+    possible: bool
+    taken: tuple[str, ...] = ()
+    engages: tuple[str, ...] = ()
+    releases: tuple[str, ...] = ()
+    refusal: Refusal | None = None
+    considered: tuple[Considered, ...] = ()
+    level: bool | None = None
+
+    def __str__(self) -> str:
+        if self.refusal is not None:
+            return f"{self.event}: {self.refusal.text}"
+        if self.level is False and self.considered:
+            return f"{self.event}: it is not true now"
+        if not self.possible:
+            return f"{self.event}: " + ("; ".join(map(str, self.considered)) or "nobody listens to it here")
+        holds = [f"engages {name}" for name in self.engages] + [f"releases {name}" for name in self.releases]
+        return f"{self.event}: {', '.join((*self.taken, *holds))}"
+
+
+class Explainer:
+    """Tells what one machine could do in a configuration, without changing anything."""
+
+    __slots__ = ("_active", "_requests", "_scope", "_structure")
+
+    def __init__(
+        self, scope: EvaluationScope, holds: Holds, structure: Structure, active: Configuration
+    ) -> None:
+        self._scope = scope
+        self._requests = Requests(scope, holds, structure)
+        self._structure = structure
+        self._active = active
+
+    def explain(self, now: float) -> tuple[Possibility, ...]:
+        """Return for every request and every event of the chart what it would do at time `now`.
+
+        Requests come first, then the other events by name, with `always` for transitions without one; how
+        operations end and time passes is not asked for. What a mission's request must carry is
+        looked at only when it comes, and a guard that reads the event's data sees none.
+        """
+        others = [n for n in (*self._structure.events, "") if n not in REQUESTS and not _is_internal(n)]
+        found = [self._request(name, now) for name in REQUESTS] + [self._event(name, now) for name in others]
+        return tuple(one for one in found if one.considered or one.event != ALWAYS)
+
+    def considered(self, event: str, now: float, trigger: Trigger = NO_TRIGGER) -> tuple[Considered, ...]:
+        """Return the transitions that listen to an event here, and what keeps each from being taken."""
+        step = Macrostep(Event(event), now)
+        offered = self._active.candidates(event)
+        rules = {rule.id: rule for some in offered for rule in some}
+        return tuple(consider(self._scope, rule, step, trigger) for rule in rules.values())
+
+    def _request(self, name: str, now: float) -> Possibility:
+        step = Macrostep(Event(name), now)
+        found = self._requests.resolve(step.event, self._active, step, dry=True)
+        taken = tuple(dict.fromkeys(rule.id for rule in found.rules))
+        return Possibility(
+            event=name,
+            possible=found.refusal is None,
+            taken=taken,
+            engages=tuple(found.holds.engages),
+            releases=tuple(found.holds.releases),
+            refusal=found.refusal,
+            considered=self.considered(name, now),
+        )
+
+    def _event(self, name: str, now: float) -> Possibility:
+        found = self.considered(name, now)
+        ready = {one.transition for one in found if one.holds and not one.held}
+        first = [
+            next((rule.id for rule in offered if rule.id in ready), "")
+            for offered in self._active.candidates(name)
+        ]
+        level = self._level(name, now) if name.startswith("input.") else None
+        taken = () if level is False else tuple(dict.fromkeys(filter(None, first)))
+        return Possibility(name or ALWAYS, bool(taken), taken, considered=found, level=level)
+
+    def _level(self, name: str, now: float) -> bool:
+        self._scope.inputs.now = now
+        return self._scope.inputs.holds(name)
+
+
+def _is_internal(event: str) -> bool:
+    return event.partition(".")[0] in ENGINE_EVENTS

@@ -1,0 +1,217 @@
+"""The evaluation scope: what an expression sees, and what the parts of one machine share."""
+
+from __future__ import annotations
+
+from collections import ChainMap
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import Any
+
+from lupin_engine.chart.expressions.evaluation import Environment, Expression, UnknownInput, Value
+from lupin_engine.chart.model import Chart
+from lupin_engine.errors import Severity, reason
+from lupin_engine.machine.event import NO_TRIGGER, NOTHING, Trigger
+from lupin_engine.machine.memory import Memory, Traversal
+from lupin_engine.machine.step import Macrostep
+from lupin_engine.machine.structure import FAULT
+from lupin_engine.machine.timers import Timers
+from lupin_engine.plugin.contract import Argument
+from lupin_engine.plugin.types import Notation, problems
+
+
+@dataclass(frozen=True)
+class World:
+    """What never changes while a machine lives: chart, checked parameters, bound functions and readers.
+
+    `seed` is what the jitter of retries is drawn from.
+    """
+
+    chart: Chart
+    parameters: Mapping[str, Any]
+    functions: Mapping[str, Callable[..., Any]] = field(default_factory=dict)
+    readers: Mapping[str, Callable[[Any], Any]] = field(default_factory=dict)
+    seed: int = 0
+
+
+class LiveInputs(Mapping[str, Any]):
+    """The live values at the moment `now`; reading one that is not known raises `UnknownInput`."""
+
+    __slots__ = ("_chart", "_memory", "now")
+
+    def __init__(self, chart: Chart, memory: Memory) -> None:
+        self._chart = chart
+        self._memory = memory
+        self.now = 0.0
+
+    def __getitem__(self, name: str) -> Any:
+        if not self.known(name):
+            raise UnknownInput(name)
+        value = self._memory.inputs[name].value
+        levels = self._chart.inputs[name].levels
+        if not levels:
+            return value
+        known = self._memory.levels
+        return {"value": value, **{v.name: known.get(f"input.{name}.{v.name}", False) for v in levels}}
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._chart.inputs)
+
+    def __len__(self) -> int:
+        return len(self._chart.inputs)
+
+    def known(self, name: str) -> bool:
+        """Say whether the input was reported, and not too long ago."""
+        found = self._memory.inputs.get(name)
+        if found is None:
+            return False
+        freshness = self._chart.inputs[name].freshness
+        return freshness is None or self.now < found.stamp + freshness
+
+    def holds(self, event: str) -> bool:
+        """Say whether the level that an `input.NAME` or `input.NAME.LEVEL` event stands for is true."""
+        name, _, level = event.removeprefix("input.").partition(".")
+        if not self.known(name):
+            return False
+        return self._memory.levels.get(event, False) if level else self._memory.inputs[name].value is True
+
+
+class EvaluationScope(dict[str, Any]):
+    """What every expression of one machine sees; one object for the machine's whole life.
+
+    Making a mapping for each evaluation would cost more than most evaluations. What few expressions ask for
+    is looked up only when it is read: the itinerary depends on the state that the expression is written in.
+    """
+
+    __slots__ = ("_state", "_trigger", "chart", "inputs", "memory", "timers", "world")
+
+    def __init__(self, world: World, memory: Memory) -> None:
+        self.world = world
+        self.chart: Chart = world.chart
+        self.memory = memory
+        self.timers = Timers(memory)
+        self._state = ""
+        self._trigger = NO_TRIGGER
+        self.inputs = LiveInputs(world.chart, memory)
+        super().__init__()
+        self["event"] = NOTHING
+        self["param"] = world.parameters
+        self["input"] = self.inputs
+        self["context"] = memory.context
+        self["request"] = memory.request
+
+    def at(self, state: str, now: float, trigger: Trigger = NO_TRIGGER) -> Environment:
+        """Return what an expression written in `state` sees now; good until the next call."""
+        self._state = state
+        self.inputs.now = now
+        self._trigger = trigger
+        self["event"] = trigger.event
+        return self
+
+    def forget(self) -> None:
+        """Let go of what the last step was about."""
+        self._trigger = NO_TRIGGER
+        self["event"] = NOTHING
+
+    def see(self, state: str, step: Macrostep, trigger: Trigger = NO_TRIGGER) -> Environment:
+        """Return what an expression written in `state` sees now; good until the next call."""
+        return self.at(state, step.now, trigger)
+
+    def check(self, guard: Expression, state: str, step: Macrostep, trigger: Trigger = NO_TRIGGER) -> bool:
+        """Evaluate a condition; with an unknown input it is false, any other failure is an error as well."""
+        try:
+            return bool(guard.evaluate(self.see(state, step, trigger)))
+        except UnknownInput as unknown:
+            step.note(f"{guard.place}: {guard.source}: {unknown}")
+        except Exception as problem:
+            step.fail_once(state, f"{guard.place}: {guard.source}: {reason(problem)}")
+        return False
+
+    def record_code(self, code: str, detail: str) -> None:
+        """Remember a code for `last_error`; what is mere information does not replace a warning.
+
+        In FAULT nothing less severe than its reason does: an emergency stop there must not hide what failed.
+        """
+        declared = self.chart.codes.get(code)
+        shown = self.chart.codes.get(self.memory.code) if FAULT in self.memory.configuration else None
+        least = shown.severity if shown else Severity.WARN
+        if declared is None or declared.severity >= least:
+            self.memory.code, self.memory.detail = code, detail
+
+    def __missing__(self, root: str) -> Any:
+        found = _ASKED_SELDOM.get(root)
+        if found is None:
+            raise KeyError(root)
+        return found(self)
+
+    def with_target(self, target: Any) -> Environment:
+        """Return what an expression sees for which `target` is the target."""
+        return ChainMap({"target": target}, self)
+
+    def traversal(self) -> Traversal | None:
+        """Return the itinerary that the state works on in which the expression is written."""
+        return traversal_of(self.chart, self.memory, self._state)
+
+    def in_state(self, names: Iterable[str]) -> bool:
+        """Say whether one of the states is active."""
+        return any(name in self.memory.configuration for name in names)
+
+
+#: Roots of the environment that are worked out when they are read.
+_ASKED_SELDOM: Mapping[str, Callable[[EvaluationScope], Any]] = MappingProxyType(
+    {
+        "error": lambda env: env._trigger.error,
+        "item": lambda env: env._trigger.item,
+        "target": lambda env: getattr(env.traversal(), "item", None),
+        "itinerary": lambda env: _itinerary(env.traversal()),
+        "known": lambda env: env.inputs.known,
+        "held": lambda env: env.memory.held.__contains__,
+        "in_state": lambda env: env.in_state,
+        "functions": lambda env: env.world.functions,
+    }
+)
+
+
+def traversal_of(chart: Chart, memory: Memory, state: str) -> Traversal | None:
+    """Return the itinerary that `state` works on: its own or its ancestors', else the mission's last one."""
+    if not memory.itineraries:
+        return None
+    for name in (state, *chart.ancestors(state)):
+        if name in memory.itineraries:
+            return memory.itineraries[name]
+    return memory.traversal
+
+
+def _itinerary(traversal: Traversal | None) -> Mapping[str, Any]:
+    if traversal is None:
+        return {"open": False, "remaining": 0, "total": 0, "closed": 0, "sweep": 0}
+    visit = traversal.visit
+    return {
+        "open": visit is not None and not visit.closed,
+        "remaining": traversal.remaining,
+        "total": len(traversal.items),
+        "closed": sum(1 for visit in traversal.visits if visit.closed),
+        "sweep": traversal.sweep,
+    }
+
+
+def evaluated(
+    values: Mapping[str, Value], declared: Mapping[str, Argument], env: Environment
+) -> dict[str, Any]:
+    """Return the arguments as they are now.
+
+    Kinds and units were checked at load, and so was the range of what is written out; the range of what is
+    worked out is known only here. Without this look a plugin would get what its catalog rules out, on the
+    robot and not in the simulation, whose mocks do not look.
+
+    Raises:
+        ValueError: one is outside its range, or not finite; the text begins with its name.
+        Exception: an expression fails.
+    """
+    arguments = {name: value.evaluate(env) for name, value in values.items()}
+    for name, argument in declared.items():
+        if isinstance(values.get(name), Expression):
+            found = problems(arguments[name], argument.type, Notation.DATA)
+            if found:
+                raise ValueError(found[0].at(name))
+    return arguments
