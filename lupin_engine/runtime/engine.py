@@ -6,10 +6,8 @@ queue and are stepped after it, so a step never runs inside another.
 
 from __future__ import annotations
 
-import contextlib
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping
-from itertools import takewhile
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from lupin_engine.machine import event as events
@@ -48,15 +46,13 @@ class Engine:
 
     def start(self) -> None:
         """Enter the chart's initial states."""
-        with self._busy():
-            self._carry_out(self.machine.start(self.clock.now()))
+        self._carry_out(self.machine.start(self.clock.now()))
         self.drain()
 
     def go_on_with(self, machine: Machine) -> None:
         """Run another machine from here on, which goes on from this one's memory."""
         self.machine = machine
-        with self._busy():
-            self._carry_out(machine.go_on(self.clock.now()))
+        self._carry_out(machine.go_on(self.clock.now()))
         self.drain()
 
     def post(self, event: Event) -> None:
@@ -66,9 +62,8 @@ class Engine:
     def request(self, event: Event) -> Step:
         """Step a request now and return its step, which holds the answer."""
         self.drain()
-        with self._busy():
-            step = self.machine.handle(event, self.clock.now())
-            self._carry_out(step)
+        step = self.machine.handle(event, self.clock.now())
+        self._carry_out(step)
         self.drain()
         return step
 
@@ -76,18 +71,8 @@ class Engine:
         """Fire what is due and step every queued event; events queued meanwhile are stepped as well."""
         if self._stepping:
             return
-        with self._busy():
-            while self._fire_due() or self._take_next():
-                pass
-
-    @contextlib.contextmanager
-    def _busy(self) -> Iterator[None]:
-        """Mark that a step is under way: what drivers report meanwhile waits in the queue."""
-        self._stepping = True
-        try:
-            yield
-        finally:
-            self._stepping = False
+        while self._fire_due() or self._take_next():
+            pass
 
     @property
     def next_deadline(self) -> float | None:
@@ -111,17 +96,23 @@ class Engine:
     def _carry_out(self, step: Step) -> None:
         """Stop what must stop, tell of the step, do the rest; a listener that fails keeps nothing from that.
 
-        Telling takes longer than anything else here, and a robot drives on meanwhile.
+        Telling takes longer than anything else here, and a robot drives on meanwhile. What drivers report
+        while a step is carried out waits in the queue.
         """
-        commands = [command for command in step.commands if isinstance(command, (Start, Cancel, Act))]
-        first = list(takewhile(lambda command: isinstance(command, Cancel), commands))
-        for command in first:
-            self._send(command)
+        self._stepping = True
         try:
-            self.listener(step)
+            commands = [command for command in step.commands if isinstance(command, (Start, Cancel, Act))]
+            first = 0
+            while first < len(commands) and isinstance(commands[first], Cancel):
+                self._send(commands[first])
+                first += 1
+            try:
+                self.listener(step)
+            finally:
+                for command in commands[first:]:
+                    self._send(command)
         finally:
-            for command in commands[len(first) :]:
-                self._send(command)
+            self._stepping = False
 
     def _send(self, command: Command) -> None:
         """Hand a command to its driver; a driver that fails is an error of the attempt, not of the loop."""

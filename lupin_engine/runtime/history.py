@@ -105,11 +105,11 @@ class History:
                 self.lifecycles.append(moment.lifecycle)
         for command in step.commands:
             self._follow(command, step)
-        if tuple(held) != self._held:
+        if (held or self._held) and tuple(held) != self._held:
             self.holds += [(step, name) for name in held if name not in self._held]
             self._held = tuple(held)
             self.held.append((step.time, self._held))
-        if tuple(broken) != self._broken:
+        if (broken or self._broken) and tuple(broken) != self._broken:
             self.broken += [(step, name) for name in broken if name not in self._broken]
             self._broken = tuple(broken)
 
