@@ -87,11 +87,11 @@ class ScenarioItem(pytest.Item):
         """Return what `lupin test` would print; anything else that is raised is a defect, told as such."""
         if not isinstance(excinfo.value, Unmet):
             return super().repr_failure(excinfo, style)
-        from lupin_engine.sim.failure import report
+        from lupin_engine.sim.failure import failure_lines
 
         result = excinfo.value.result
         seed = f"with --lupin-seed {result.seed}:" if result.seed is not None and result.failures else ""
-        lines = (line for _, line in report(result.failures))
+        lines = (line for _, line in failure_lines(result.failures))
         return "\n".join((*filter(None, (result.promise, seed, result.problem)), *lines))
 
     def reportinfo(self) -> tuple[Path, int, str]:
@@ -169,8 +169,7 @@ def pytest_terminal_summary(terminalreporter: Any, config: pytest.Config) -> Non
     reached = config.stash[_REACHED]
     if not reached or not config.option.lupin_coverage:
         return
-    from lupin_engine.replay.coverage import Coverage
-    from lupin_engine.replay.coverage_text import coverage_lines
+    from lupin_engine.replay.coverage import Coverage, coverage_lines
 
     coverage, missions = Coverage(), _suite(config).missions
     for mission, counts in reached.items():

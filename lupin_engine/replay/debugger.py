@@ -15,7 +15,7 @@ from lupin_engine.chart.model import OPERATOR_REQUESTS, Chart
 from lupin_engine.errors import LupinError, nearest
 from lupin_engine.machine.scope import World
 from lupin_engine.plugin.types import ANY, DURATION, Type, convert
-from lupin_engine.replay import panels as looks
+from lupin_engine.replay import panels
 from lupin_engine.replay.rewind import Move, Rewindable, effect, go_on, wait_until
 from lupin_engine.replay.story import TonedLine, laid_out, usual_columns
 from lupin_engine.sim.narration import tell
@@ -262,24 +262,24 @@ class Debugger:
         """Tell what is possible now, and why not the rest."""
         found = {p.event: p for p in self.simulation.machine.explain(self.simulation.now)}
         if not words:
-            return looks.possibilities(self._chart, found.values())
+            return panels.possibilities(self._chart, found.values())
         name = f"operator.{words[0]}" if f"operator.{words[0]}" in found else words[0]
         if name not in found:
             names = {*found, *(event.removeprefix("operator.") for event in found)}
             raise Wrong(f"nothing listens to {name!r}; {nearest(name, names)}")
-        return looks.possibility(self._chart, found[name])
+        return panels.possibility(self._chart, found[name])
 
     def where(self, words: list[str]) -> list[TonedLine]:
         """Tell where the machine is and what is under way."""
-        return looks.where(self._chart, self.simulation.machine.view)
+        return panels.where(self._chart, self.simulation.machine.view)
 
     def inputs(self, words: list[str]) -> list[TonedLine]:
         """Tell the live values."""
-        return looks.inputs(self._chart, self.simulation)
+        return panels.inputs(self._chart, self.simulation)
 
     def timers(self, words: list[str]) -> list[TonedLine]:
         """Tell what will happen by itself."""
-        return looks.timers(self._chart, self.simulation)
+        return panels.timers(self._chart, self.simulation)
 
     def history(self, words: list[str]) -> list[TonedLine]:
         """Tell the moves that led here."""
@@ -293,7 +293,7 @@ class Debugger:
         if words:
             command = self._command(words[0])
             return [[(command.usage, "bold")], [(f"  {command.about}", "")]]
-        return [looks.labelled(command.usage, command.about, width=32) for command in COMMANDS.values()]
+        return [panels.labelled(command.usage, command.about, width=32) for command in COMMANDS.values()]
 
     def quit(self, words: list[str]) -> list[TonedLine]:
         """End the debugger."""

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from html import escape
+from typing import Any
 
 from lupin_engine.replay.timeline import Bar, Curve, Timeline
 from lupin_engine.replay.timeline_rows import (
@@ -47,6 +48,9 @@ _COLOURS = {
 }
 _KINDS = {STATE: "#4c6ef5", PHASE: "#8c9eff", HOLD: "#e0b31e", FLAG: "#cf4458"}
 _LINE, _OPEN_VISIT = "#3b7dd8", "#c3cad2"
+#: The style of a heading, and of a text that stands over lines.
+_TITLE: Mapping[str, Any] = {"font_size": 16, "font_weight": 600}
+_HALO: Mapping[str, Any] = {"stroke": "#ffffff", "stroke_width": 3, "paint_order": "stroke"}
 _LEGEND = (DONE, FAILED, TIMED_OUT, CANCELLED, OPEN)
 
 
@@ -86,13 +90,13 @@ class _Drawing:
     def body(self) -> Iterator[str]:
         """Yield what is drawn, from back to front."""
         yield _rect(0, 0, WIDTH, self._height, "#ffffff")
-        yield _text(16, 28, self._lanes.title or "not started", size=16, bold=True)
-        yield _text(WIDTH - _RIGHT, 28, self._subtitle(), anchor="end", colour=_PALE)
+        yield _text(16, 28, self._lanes.title or "not started", **_TITLE)
+        yield _text(WIDTH - _RIGHT, 28, self._subtitle(), _PALE, text_anchor="end")
         yield from self._axis()
         yield from self._events()
         top = self._plot_top
         for name, rows in self._groups:
-            yield _text(16, top + 14, name, colour=_PALE, size=10, bold=True)
+            yield _text(16, top + 14, name, _PALE, font_size=10, font_weight=600)
             for row in rows:
                 yield from self._row(row, top)
                 top += _height(row)
@@ -113,7 +117,7 @@ class _Drawing:
         for time in marks(self._seconds, 12):
             x = self._x(time)
             yield _line(x, self._plot_top, x, bottom, _GRID)
-            yield _text(x, bottom + 16, axis_text(time, self._seconds), anchor="middle", colour=_PALE)
+            yield _text(x, bottom + 16, axis_text(time, self._seconds), _PALE, text_anchor="middle")
 
     def _events(self) -> Iterator[str]:
         for tick, row in self._ticks:
@@ -124,14 +128,14 @@ class _Drawing:
             if row is not None:
                 label = tick_text(tick)
                 fits = x + 4 + _width(label) <= WIDTH
-                where, anchor = (x + 3, "") if fits else (x - 3, "end")
-                yield _text(where, top, label, anchor=anchor, colour=colour, halo=True)
+                where, anchor = (x + 3, {}) if fits else (x - 3, {"text_anchor": "end"})
+                yield _text(where, top, label, colour, **anchor, **_HALO)
             yield "</g>"
 
     # -- rows -----------------------------------------------------------------------------------------------
 
     def _row(self, row: TimelineRow, top: float) -> Iterator[str]:
-        yield _text(_LEFT - 8, top + 14, _fitted(row.name, _LEFT - 70), anchor="end")
+        yield _text(_LEFT - 8, top + 14, _fitted(row.name, _LEFT - 70), text_anchor="end")
         if row.curve is not None:
             yield from self._curve(row.curve, top)
         for bar in row.bars:
@@ -149,7 +153,7 @@ class _Drawing:
             yield _rect(wanted, top, end - wanted, _BAR, "#ffffff", ' fill-opacity="0.55"')
         label = next((text for text in inside(bar, kind) if _width(text, 10) <= width - 6), "")
         if label:
-            yield _text(x + width / 2, top + 11, label, anchor="middle", colour="#ffffff", size=10)
+            yield _text(x + width / 2, top + 11, label, "#ffffff", text_anchor="middle", font_size=10)
         yield "</g>"
 
     def _curve(self, curve: Curve, top: float) -> Iterator[str]:
@@ -161,7 +165,7 @@ class _Drawing:
 
         for value in (low, high):
             yield _line(_LEFT, y(value), WIDTH - _RIGHT, y(value), _GRID)
-            yield _text(WIDTH - _RIGHT + 3, y(value) + 3, f"{value:.3g}", colour=_PALE, size=8)
+            yield _text(WIDTH - _RIGHT + 3, y(value) + 3, f"{value:.3g}", _PALE, font_size=8)
         points = list(curve.points)
         path = f"M{self._x(points[0][0]):.1f} {y(points[0][1]):.1f}"
         for time, value in points[1:]:
@@ -177,7 +181,7 @@ class _Drawing:
             entries.append(("retry", "#ffffff", f' stroke="{_INK}" stroke-width="1.2"'))
         for name, colour, edge in entries:
             yield _rect(x, y - 9, 12, 10, colour, f' rx="2"{edge}')
-            yield _text(x + 17, y, name, colour=_PALE)
+            yield _text(x + 17, y, name, _PALE)
             x += 40 + _width(name)
 
 
@@ -209,18 +213,7 @@ def _line(x1: float, y1: float, x2: float, y2: float, colour: str, dashed: bool 
     return f'<line {ends} stroke="{colour}"{dashes}/>'
 
 
-def _text(
-    x: float,
-    y: float,
-    text: str,
-    anchor: str = "",
-    colour: str = _INK,
-    size: float = 11,
-    bold: bool = False,
-    halo: bool = False,
-) -> str:
-    more = f' text-anchor="{anchor}"' if anchor else ""
-    more += f' font-size="{size:g}"' if size != 11 else ""
-    more += ' font-weight="600"' if bold else ""
-    more += ' stroke="#ffffff" stroke-width="3" paint-order="stroke"' if halo else ""
+def _text(x: float, y: float, text: str, colour: str = _INK, **style: Any) -> str:
+    """Return a text; `style` are further attributes, with `_` for `-`."""
+    more = "".join(f' {name.replace("_", "-")}="{value}"' for name, value in style.items())
     return f'<text x="{x:.1f}" y="{y:.1f}" fill="{colour}"{more}>{escape(text)}</text>'

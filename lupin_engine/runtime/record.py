@@ -3,35 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from types import MappingProxyType
-from typing import Annotated, Any, cast
+from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, ValidationError, field_validator
 from pydantic_core.core_schema import ValidationInfo
 
 from lupin_engine.machine.event import Act, Cancel, Command, Event, Publish, Report, Start
-from lupin_engine.machine.step import Moment, Refusal, Step, View
+from lupin_engine.machine.step import Refusal, Step, View
 
 _NAMES = {Start: "start", Cancel: "cancel", Act: "act", Publish: "publish", Report: "report"}
-
-
-@dataclass(frozen=True)
-class _RecordedStep:
-    """A step that was read back."""
-
-    sequence: int
-    time: float
-    event: Event
-    configuration: tuple[str, ...] = ()
-    taken: tuple[str, ...] = ()
-    exited: tuple[str, ...] = ()
-    entered: tuple[str, ...] = ()
-    commands: tuple[Command, ...] = ()
-    notes: tuple[str, ...] = ()
-    trail: tuple[Moment, ...] = ()
-    accepted: bool | None = None
-    refusal: Refusal | None = None
 
 
 def step_record(step: Step) -> dict[str, Any]:
@@ -167,7 +149,7 @@ def read_step(record: Any) -> Step:
         found = _StepRecord.model_validate(record)
     except ValidationError as problem:
         raise ValueError(problem.errors()[0]["loc"][0]) from None
-    recorded = _RecordedStep(
+    return Step(
         sequence=found.sequence,
         time=found.time,
         event=Event(found.event, found.data),
@@ -180,5 +162,3 @@ def read_step(record: Any) -> Step:
         accepted=found.accepted,
         refusal=found.refusal,
     )
-    # A step is made of plans, which no record holds; it has the same parts.
-    return cast("Step", recorded)

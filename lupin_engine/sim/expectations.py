@@ -9,10 +9,9 @@ from lupin_engine.chart.model import Chart
 from lupin_engine.machine.event import Act, Cancel, Command, Publish, Start
 from lupin_engine.machine.memory import Visit
 from lupin_engine.machine.step import Step, View
-from lupin_engine.sim.failure import Failure
+from lupin_engine.sim.failure import Failure, FailureMaker
 from lupin_engine.sim.narration import shorten
 from lupin_engine.sim.order import ROUNDING, Order, seconds
-from lupin_engine.sim.reporter import Reporter
 from lupin_engine.sim.scenario_file import (
     END,
     OPEN,
@@ -38,7 +37,7 @@ class Comparison:
         self._expect: ExpectNode = scenario.expect
         self._run = run
         self._chart: Chart = run.chart
-        self._reporter = Reporter(run)
+        self._maker = FailureMaker(run)
 
     def failures(self) -> Iterator[Failure]:
         """Yield what differs; then also the mocks that had no part in it, for one may be meant otherwise."""
@@ -51,7 +50,7 @@ class Comparison:
         expect, run = self._expect, self._run
         yield from self._moments()
         yield from self._same("lifecycle", expect.lifecycle, run.history.lifecycles)
-        yield from Order(expect, run, self._reporter).failures()
+        yield from Order(expect, run, self._maker).failures()
         yield from self._visits("visits", expect.visits, run.visits)
         yield from self._visits(
             "published", expect.published, [publish for _, publish in run.history.published]
@@ -74,7 +73,7 @@ class Comparison:
     def _same(self, word: str, expected: Any, actual: Any) -> Iterator[Failure]:
         if expected is not None and expected != actual:
             place, last = self._expect.at(word), self._run.view.configuration[-1:]
-            yield self._reporter.failure(place, word, expected, actual, states=last)
+            yield self._maker.failure(place, word, expected, actual, concerned=last)
 
     # -- at a moment ------------------------------------------------------------------------------------
 
@@ -90,7 +89,7 @@ class Comparison:
         around = self._run.steps[seen.steps - 1] if seen.steps else None
         for key, index, expected, actual, states in (*self._states(node, seen), *self._values(node, seen)):
             what = f"{key} at {seen.time:.1f} s"
-            yield self._reporter.failure(node.at(key, index), what, expected, actual, around, states)
+            yield self._maker.failure(node.at(key, index), what, expected, actual, around, states)
 
     def _states(self, node: MomentNode, seen: Seen) -> Iterator[Difference]:
         active = seen.view.configuration
@@ -98,7 +97,7 @@ class Comparison:
         leaves = [name for name in active if name not in parents]
         for index, name in enumerate(node.state):
             if not any(is_named(one, name) for one in active):
-                yield "state", index, name, leaves, self._reporter.called(name)
+                yield "state", index, name, leaves, self._maker.called(name)
         for index, name in enumerate(node.not_state):
             found = [one for one in active if is_named(one, name)]
             if found:
@@ -140,7 +139,7 @@ class Comparison:
         place = self._expect.at(word, first if node is not None else None)
         actual = [_told(visit, node) for node, visit in pairs if visit is not None]
         around = self._publication(word, first, visit)
-        yield self._reporter.failure(place, word, list(map(str, expected)), actual, around)
+        yield self._maker.failure(place, word, list(map(str, expected)), actual, around)
 
     def _publication(self, word: str, index: int, visit: Visit | Publish | None) -> Step | None:
         """Return the step of a publication: that of its number, or the last about a visit's target."""
@@ -155,7 +154,7 @@ class Comparison:
             if not _is_in(wanted, count):
                 place = self._expect.value_at("statuses", status)
                 actual = f"{count} of {len(self._run.history.published)}"
-                yield self._reporter.failure(place, f"statuses: {status}", wanted, actual)
+                yield self._maker.failure(place, f"statuses: {status}", wanted, actual)
 
     def _refused(self) -> Iterator[Failure]:
         wanted, refused = self._expect.refused, self._run.history.refused
@@ -166,7 +165,7 @@ class Comparison:
                 expected = _wanted_refusal(node) if node else "no further refusal"
                 actual = _refusal(step) if step else "no further refusal"
                 place = self._expect.at("refused", index if node else None)
-                yield self._reporter.failure(place, "refused", expected, actual, step)
+                yield self._maker.failure(place, "refused", expected, actual, step)
 
     def _appeared(
         self, word: str, expected: Sequence[str] | None, found: Sequence[tuple[Step, str]]
@@ -182,13 +181,13 @@ class Comparison:
         known: Mapping[str, Any] = self._chart.holds if word == "holds" else self._chart.invariants
         what = "the hold" if word == "holds" else "the invariant"
         pieces = [(f"{what} {name}", known[name].place) for name in actual[first : first + 1]]
-        yield self._reporter.failure(place, word, list(expected), actual, around, concerned=pieces)
+        yield self._maker.failure(place, word, list(expected), actual, around, pieces)
 
     def _notes(self) -> Iterator[Failure]:
         noted = [note for step in self._run.steps for note in step.notes] if self._expect.notes else []
         for index, wanted in enumerate(self._expect.notes):
             if not any(wanted in note for note in noted):
-                yield self._reporter.failure(self._expect.at("notes", index), "notes", wanted, noted)
+                yield self._maker.failure(self._expect.at("notes", index), "notes", wanted, noted)
 
     # -- how often, how long ----------------------------------------------------------------------------
 
@@ -200,12 +199,12 @@ class Comparison:
             if not _is_in(expected, len(steps)):
                 place, last = self._expect.value_at(key, name), steps[-1] if steps else None
                 states = [s.name for s in self._chart.states.values() if s.invoke and s.invoke.name == name]
-                yield self._reporter.failure(place, f"{key}: {name}", expected, len(steps), last, states)
+                yield self._maker.failure(place, f"{key}: {name}", expected, len(steps), last, states)
 
     def _dropped(self) -> Iterator[Failure]:
         expected, dropped = self._expect.dropped, self._run.view.dropped
         if expected is not None and not _is_in(expected, dropped):
-            yield self._reporter.failure(self._expect.at("dropped"), "dropped", expected, dropped)
+            yield self._maker.failure(self._expect.at("dropped"), "dropped", expected, dropped)
 
     def _lasted(self) -> Iterator[Failure]:
         lasted = self._run.seconds
@@ -213,7 +212,7 @@ class Comparison:
             given = getattr(self._expect, word)
             limit = seconds(given)
             if limit is not None and sign * (lasted - limit) > ROUNDING:
-                yield self._reporter.failure(self._expect.at(word), word, given, f"{lasted:.1f} s")
+                yield self._maker.failure(self._expect.at(word), word, given, f"{lasted:.1f} s")
 
     # -- what never happened ----------------------------------------------------------------------------
 
@@ -224,11 +223,11 @@ class Comparison:
             nth = f" {happening.nth} times" if happening.nth > 1 else ""
             name = happening.state or happening.operation or ""
             verb = "entered" if happening.state else "started"
-            states = self._reporter.called(name) if happening.state else []
+            states = self._maker.called(name) if happening.state else []
             expected = f"{name} is {verb}{nth}, for something to happen then"
             actual = f"{verb} {self._beginnings(happening)} times"
             place = self._scenario.at("when", number)
-            yield self._reporter.failure(place, "when", expected, actual, states=states)
+            yield self._maker.failure(place, "when", expected, actual, concerned=states)
 
     def _beginnings(self, happening: Happening) -> int:
         """Return how often what a happening waited for took place."""
@@ -245,7 +244,7 @@ class Comparison:
             expected = f"{operation} is under way" if is_end else f"the server of {operation} is gone"
             around = next((step for step in reversed(self._run.steps) if step.time <= time), None)
             place, actual = self._scenario.at("when", happening.number), f"not so at {time:.1f} s"
-            yield self._reporter.failure(place, "when", expected, actual, around)
+            yield self._maker.failure(place, "when", expected, actual, around)
 
     def _unspent(self) -> Iterator[Failure]:
         """What a mock had left is no mistake by itself: it may say what must not happen."""

@@ -5,11 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import Any
 
+from lupin_engine.machine.step import Step
 from lupin_engine.plugin.types import DURATION, convert
-from lupin_engine.sim.failure import Failure
-from lupin_engine.sim.reporter import Entry, Reporter
+from lupin_engine.sim.failure import Failure, FailureMaker
 from lupin_engine.sim.scenario_file import ExpectNode, LeadsNode, NeverNode, PassNode
 from lupin_engine.sim.simulation import Run, is_named
+
+#: A state that was entered, with the step that did it.
+Entry = tuple[Step, str]
 
 #: So that 26.1 s of sums of tenths is 26.1 s.
 ROUNDING = 1e-6
@@ -23,8 +26,8 @@ def seconds(duration: Any) -> float | None:
 class Order:
     """What was expected of the order against what came."""
 
-    def __init__(self, expect: ExpectNode, run: Run, reporter: Reporter) -> None:
-        self._expect, self._run, self._reporter = expect, run, reporter
+    def __init__(self, expect: ExpectNode, run: Run, maker: FailureMaker) -> None:
+        self._expect, self._run, self._maker = expect, run, maker
         self._entered: list[Entry] = run.history.entered
 
     def failures(self) -> Iterator[Failure]:
@@ -45,7 +48,7 @@ class Order:
         states = [state.name for state in self._run.chart.states.values() if state.phase == wanted[reached]]
         what = f"phases: {wanted[reached]} is not published{_after(wanted, reached)}"
         place = self._expect.at("phases", reached)
-        yield self._reporter.failure(place, what, wanted, actual, last, states[:1])
+        yield self._maker.failure(place, what, wanted, actual, last, states[:1])
 
     # -- in this order ----------------------------------------------------------------------------------
 
@@ -83,16 +86,16 @@ class Order:
         """Tell that a state is not entered when it should be, or not at all."""
         nodes = self._expect.passes
         node, names = nodes[number], [one.state for one in nodes]
-        place, states = self._expect.at("passes", number), self._reporter.called(node.state)
+        place, states = self._expect.at("passes", number), self._maker.called(node.state)
         last = self._entered[before[0]][0] if before[0] >= 0 else None
         late = [step for step, name in self._entered[before[0] + 1 :] if is_named(name, node.state)]
         what = f"passes: {node.state} is not entered{_limits(node)}{_after(names, number)}"
         if not late:
             entered = list(dict.fromkeys(name.rpartition(".")[2] for _, name in self._entered if name))
-            return self._reporter.failure(place, what, names, entered, last, states)
+            return self._maker.failure(place, what, names, entered, last, states)
         since = f", counted from {last.time:.1f} s" if last is not None else ""
         actual = f"{node.state} at {', '.join(f'{step.time:.1f} s' for step in late)}"
-        return self._reporter.failure(
+        return self._maker.failure(
             place, what, f"{node.state}{_limits(node)}{since}", actual, late[0], states
         )
 
@@ -111,7 +114,7 @@ class Order:
                 place, what = self._expect.at("leads_to", index), f"leads_to: {node.to}"
                 expected = f"{node.to} follows every {node.from_}{limit}"
                 actual = f"{node.from_} at {step.time:.1f} s, {follows}"
-                yield self._reporter.failure(place, what, expected, actual, step, [name])
+                yield self._maker.failure(place, what, expected, actual, step, [name])
 
     def _left_alone(self, node: LeadsNode) -> Iterator[tuple[int, float | None]]:
         """Yield the entries that are not followed in time, and after how long they are; None: never."""
@@ -135,7 +138,7 @@ class Order:
                 since = f" after {node.after}" if node.after else ""
                 place, expected = self._expect.at("never", index), f"{node.state} is not entered{since}"
                 actual = f"entered {name} at {step.time:.1f} s"
-                yield self._reporter.failure(place, f"never: {node.state}", expected, actual, step, [name])
+                yield self._maker.failure(place, f"never: {node.state}", expected, actual, step, [name])
 
     def _unwanted(self, node: NeverNode) -> Entry | None:
         """Return the first entry that should not be."""

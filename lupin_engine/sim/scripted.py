@@ -13,9 +13,9 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+from lupin_engine.machine.scope import World
 from lupin_engine.plugin.builtin import MISSING, READY
 from lupin_engine.plugin.contract import Operation, Outlet
-from lupin_engine.plugin.registry import Catalog
 from lupin_engine.sim.agenda import Agenda
 
 #: Two numbers are the same when they differ by less than this share, or by so little beside 0: nobody writes
@@ -180,24 +180,22 @@ class Stage:
     """All servers of one simulation.
 
     Args:
-        target: tells the itinerary's current target, for rules that name one.
+        world: what the machine works with; its seed is what everything is drawn from that comes by chance.
         now: tells the time.
-        seed: what everything is drawn from that comes by chance.
+        target: tells the itinerary's current target, for rules that name one.
     """
 
     def __init__(
         self,
-        catalog: Catalog,
-        parameters: Mapping[str, Any],
+        world: World,
         rules: Iterable[Rule],
         agenda: Agenda,
         now: Callable[[], float],
         target: Callable[[], str],
-        seed: int = 0,
     ) -> None:
-        self._catalog = catalog
-        self._parameters = parameters
-        self._servers = [_Server(rule, number, seed) for number, rule in enumerate(rules)]
+        self._catalog = world.chart.catalog
+        self._parameters = world.parameters
+        self._servers = [_Server(rule, number, world.seed) for number, rule in enumerate(rules)]
         self._agenda = agenda
         self._now = now
         self._target = target

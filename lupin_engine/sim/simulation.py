@@ -229,13 +229,11 @@ class Simulation:
         self._world = replace(world or make_world(chart, parameters), seed=script.seed)
         self._machine = Machine(self._world)
         self._stage = Stage(
-            chart.catalog,
-            self._world.parameters,
+            self._world,
             script.rules,
             self._agenda,
             self._clock.now,
             lambda: target_of(self._machine.memory),
-            script.seed,
         )
         drivers: dict[str, Any] = {}
         self._engine = Engine(self._machine, self._clock, drivers, self._stepped)

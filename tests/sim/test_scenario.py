@@ -9,7 +9,7 @@ import pytest
 
 from lupin_engine.errors import ChartError, UsageError
 from lupin_engine.missions.folders import LIFECYCLE, default_missions_folder
-from lupin_engine.sim.failure import report
+from lupin_engine.sim.failure import failure_lines
 from lupin_engine.sim.scenario import Missions, Scenario, load_scenario, scenario_files
 from lupin_engine.sim.scenario_file import CountNode, ScenarioNode, VisitNode
 from lupin_engine.sim.simulation import Run
@@ -347,7 +347,7 @@ def test_a_failure_shows_both_files_and_what_happened_around_it(tmp_path: Path) 
         + "when:\n  - {on: READING, request: operator.skip_current}\nexpect: {visits: [1 OK], final: FAULT}\n"
     )
     scenario = loaded(tmp_path, text)
-    lines = [line for _, line in report(scenario.failures(scenario.run()))]
+    lines = [line for _, line in failure_lines(scenario.failures(scenario.run()))]
     assert lines[0] == f"{tmp_path}/x.scenario.yaml:6:19: visits"
     assert lines[3:5] == [
         "      6 | expect: {visits: [1 OK], final: FAULT}",

@@ -15,10 +15,10 @@ from lupin_engine.replay.coverage import (
     CoverageObserver,
     Key,
     add_up,
+    coverage_lines,
     items,
     reached,
 )
-from lupin_engine.replay.coverage_text import coverage_lines
 from lupin_engine.sim.scenario import load_scenario
 from lupin_engine.sim.suite import Result, Suite
 from tests import shipped

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from lupin_engine.sim.failure import report
+from lupin_engine.sim.failure import failure_lines
 from lupin_engine.sim.scenario import Missions, load_scenario
 from lupin_engine.sim.scenario_file import ExpectNode, OutcomeNode, WhenNode
 from tests import shipped
@@ -30,7 +30,7 @@ def test_a_scenario_of_the_page(
     file = tmp_path / (fails or "x.scenario.yaml")
     file.write_text(text, encoding="utf-8")
     scenario = load_scenario(file, shipped.catalog(), MISSIONS)
-    found = "\n".join(line for _, line in report(scenario.failures(scenario.run())))
+    found = "\n".join(line for _, line in failure_lines(scenario.failures(scenario.run())))
     if fails:
         assert any(found.startswith(told) for told in REPORTS)
     else:

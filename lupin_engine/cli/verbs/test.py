@@ -192,7 +192,7 @@ def _show(result: Result, quiet: bool) -> None:
     elif result.failures or not quiet:
         word = click.style("FAIL ", fg="red") if result.failures else click.style("ok   ", fg="green")
         click.echo(f"{word} {result.name}: {result.promise} ({_how(result)})")
-    for kind, line in failure.report(result.failures):
+    for kind, line in failure.failure_lines(result.failures):
         click.echo(click.style(line, **styles.get(kind, {})))
 
 
@@ -207,7 +207,7 @@ def _how(result: Result) -> str:
 
 
 def _sum_up(results: Sequence[Result], coverage: Coverage | None) -> None:
-    from lupin_engine.replay.coverage_text import coverage_lines
+    from lupin_engine.replay.coverage import coverage_lines
 
     if coverage is not None:
         click.echo("\n".join(("", *coverage_lines(coverage), "")))
