@@ -16,7 +16,7 @@ from lupin_engine.chart.compose.declare import NAME
 from lupin_engine.chart.compose.tree import Draft
 from lupin_engine.chart.documents import Node
 from lupin_engine.chart.model import Kind
-from lupin_engine.chart.rules.index import FAULT
+from lupin_engine.chart.semantics import FAULT
 from lupin_engine.editor.folder import Folder
 from lupin_engine.editor.grammar import Meaning
 from lupin_engine.editor.mentions import STATES, Mention, mentions_in

@@ -15,6 +15,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, cast
 
 from lupin_engine.chart.model import Chart, Invariant, Kind, State, Transition
+from lupin_engine.chart.semantics import ENGINE_EVENTS, EXECUTION_ERROR, FAULT
 from lupin_engine.errors import reason
 from lupin_engine.machine.actions import ExecutableContent
 from lupin_engine.machine.event import NO_TRIGGER, NOTHING, Event, InternalEvent, Trigger, flaw
@@ -36,9 +37,6 @@ from lupin_engine.machine.step import (
     view_of,
 )
 from lupin_engine.machine.structure import (
-    ENGINE_EVENTS,
-    EXECUTION_ERROR,
-    FAULT,
     FAULT_RULE,
     DispatchTable,
     Microstep,

@@ -12,12 +12,13 @@ from typing import Any
 
 from lupin_engine.chart.expressions.evaluation import Environment, UnknownInput
 from lupin_engine.chart.model import REQUESTS, Field, Transition
+from lupin_engine.chart.semantics import ENGINE_EVENTS
 from lupin_engine.errors import nearest, reason, shortened
 from lupin_engine.machine.event import NO_TRIGGER, Event, Trigger
 from lupin_engine.machine.holds import HoldChanges, Holds, blocking_hold
 from lupin_engine.machine.scope import EvaluationScope, World
 from lupin_engine.machine.step import Considered, Macrostep, Refusal, moment_of
-from lupin_engine.machine.structure import ENGINE_EVENTS, Configuration, Structure
+from lupin_engine.machine.structure import Configuration, Structure
 from lupin_engine.plugin.types import Type, convert
 
 #: The code of a request that nothing answers here.

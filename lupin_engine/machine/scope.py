@@ -10,11 +10,11 @@ from typing import Any
 
 from lupin_engine.chart.expressions.evaluation import Environment, Expression, UnknownInput, Value
 from lupin_engine.chart.model import Chart
+from lupin_engine.chart.semantics import FAULT
 from lupin_engine.errors import Severity, reason
 from lupin_engine.machine.event import NO_TRIGGER, NOTHING, Trigger
 from lupin_engine.machine.memory import Memory, Traversal
 from lupin_engine.machine.step import Macrostep
-from lupin_engine.machine.structure import FAULT
 from lupin_engine.machine.timers import Timers
 from lupin_engine.plugin.contract import Argument
 from lupin_engine.plugin.types import Notation, problems

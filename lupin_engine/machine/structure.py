@@ -1,39 +1,31 @@
-"""The chart as a `transitions.HierarchicalMachine`, and SCXML's questions answered from its objects.
+"""What is compiled from a chart, and the object model of `transitions` that it is compiled from.
 
-The library's machine holds the states, the transitions and their guards: one machine per chart, one root
-state, every transition at machine level under its full name, no automatic transitions. That layout avoids
-what the library does differently from SCXML when transitions are declared inside a parallel state. What it
-answers differently in any layout, this module decides, by SCXML's algorithm (W3C SCXML 1.0, appendix D):
+The library's `HierarchicalMachine` holds the states, the transitions and their guards: one machine per chart,
+one root state, every transition at machine level under its full name, no automatic transitions. It is filled
+when a chart is loaded and read once; it dispatches nothing but in the property test that compares it with
+`Machine`. What an event does follows `chart.semantics`, because the library departs from SCXML in parallel
+regions and in the order of a transition's parts, and takes 40 us an event.
 
-* an event is offered to every active leaf, in document order, from the leaf outwards; the first transition
-  whose guard holds is taken; one that would leave a region which a chosen one already leaves is dropped,
-  unless its source lies deeper;
-* the states left are the active ones below the transition's domain, children before parents, last first;
-* the states entered are those between the domain and the target, parents first, with the default
-  children of whatever is entered and not named.
-
-Nothing here depends on data: which guards hold is asked of the caller.
+A `Configuration` is what follows from the active states alone; a `Microstep` what taking certain transitions
+there does. Both are made when they are first needed and shared by all machines of a chart. What depends on
+data (which guards hold, what a history state remembers) is asked of the caller.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from functools import lru_cache
 from typing import Any, TypeAlias
 
 from transitions.extensions.nesting import HierarchicalMachine, NestedState, NestedTransition
 
 from lupin_engine.chart.model import Chart, Kind, State, Transition
+from lupin_engine.chart.semantics import EXECUTION_ERROR, FAULT, Semantics, matches
 from lupin_engine.machine.step import Moment
 
 ROOT = "chart"
-#: The top-level state that an unhandled error leads to, if the lifecycle has it.
-FAULT = "FAULT"
-EXECUTION_ERROR = "error.execution"
-#: The id of the transition that leads there.
+#: The id of the transition that leads to FAULT.
 FAULT_RULE = "engine.fault"
-#: First words of the events that the engine makes for one state; `*` does not mean them.
-ENGINE_EVENTS = frozenset({"done", "error", "after", "budget"})
 
 
 class ChartState(NestedState):
@@ -141,17 +133,12 @@ def _conditions(rule: Transition) -> Any:
     return [lambda event_data: bool(guard.evaluate(event_data.kwargs["environment"]))]
 
 
-class Structure:
-    """SCXML's answers for one chart, read once from the library's machine."""
+class Structure(Semantics):
+    """SCXML's answers for one chart, with the transitions read once from the library's machine."""
 
     def __init__(self, chart: Chart) -> None:
-        self.chart = chart
+        super().__init__(chart)
         self.machine = build_machine(chart)
-        self.order: dict[str, int] = {name: index for index, name in enumerate(chart.states)}
-        self._lineage: dict[str, tuple[str, ...]] = {}
-        for name, state in chart.states.items():  # parents come before their children
-            above = () if state.parent is None else self._lineage[state.parent]
-            self._lineage[name] = (name, *above)
         self._rules = self._collect_rules()
 
     def _collect_rules(self) -> dict[str, tuple[Transition, ...]]:
@@ -171,21 +158,19 @@ class Structure:
         order = {rule.id: index for index, rule in enumerate(written)}
         return tuple(sorted(found, key=lambda rule: order.get(rule.id, len(order))))
 
-    # -- which transitions ------------------------------------------------------------------------------
-
     def rules_of(self, state: str, event: str) -> tuple[Transition, ...]:
         """Return the transitions of one state that listen to `event`, in the order written."""
         return tuple(rule for rule in self._rules[state] if matches(rule.event, event))
 
     def candidates(self, leaf: str, event: str) -> tuple[Transition, ...]:
         """Return the transitions that may answer `event` while `leaf` is active, in order of preference."""
-        return tuple(rule for state in self._lineage[leaf] for rule in self.rules_of(state, event))
+        return tuple(rule for state in self.lineage[leaf] for rule in self.rules_of(state, event))
 
     def level_rules(self, leaf: str) -> tuple[Transition, ...]:
         """Return the eventless transitions and those on the level of an input, in order of preference."""
         return tuple(
             rule
-            for state in self._lineage[leaf]
+            for state in self.lineage[leaf]
             for rule in self._rules[state]
             if rule.event == "" or rule.event.startswith("input.")
         )
@@ -195,197 +180,6 @@ class Structure:
         """The names of the events that some transition listens to, patterns left out, sorted."""
         names = {rule.event for rules in self._rules.values() for rule in rules if rule.event}
         return tuple(sorted(name for name in names if not name.endswith("*")))
-
-    def leaves(self, configuration: Iterable[str]) -> tuple[str, ...]:
-        """Return the active states without active children, in document order."""
-        active = set(configuration)
-        parents = {self.chart.states[name].parent for name in active}
-        return tuple(sorted((name for name in active if name not in parents), key=self.order.__getitem__))
-
-    def without_conflicts(
-        self, configuration: tuple[str, ...], chosen: Sequence[Transition]
-    ) -> tuple[Transition, ...]:
-        """Drop transitions that would leave what an earlier or deeper one leaves (SCXML: preemption)."""
-        kept: list[Transition] = []
-        for rule in {rule.id: rule for rule in chosen}.values():
-            leaving = self.exits(configuration, [rule])
-            clashing = [k for k in kept if set(leaving) & set(self.exits(configuration, [k]))]
-            if any(not self.is_below(rule.source, k.source) for k in clashing):
-                continue
-            kept = [k for k in kept if k not in clashing]
-            kept.append(rule)
-        return tuple(kept)
-
-    # -- which states -----------------------------------------------------------------------------------
-
-    def is_below(self, name: str, ancestor: str) -> bool:
-        """Say whether `name` is a proper descendant of `ancestor`."""
-        return ancestor in self._lineage[name][1:]
-
-    def is_to_history(self, rule: Transition) -> bool:
-        """Say whether where a transition leads depends on the past."""
-        return rule.target is not None and self.chart.states[rule.target].kind is Kind.HISTORY
-
-    def domain(self, rule: Transition, target: str) -> str:
-        """Return the innermost compound state that holds source and target and is itself not left.
-
-        A history state counts as itself, a child of the state whose past it is: what is left must not depend
-        on what is remembered.
-        """
-        source = self.chart.states[rule.source]
-        if rule.internal and source.kind is Kind.COMPOUND and self.is_below(target, rule.source):
-            return rule.source
-        for ancestor in self._lineage[rule.source][1:]:
-            compound = self.chart.states[ancestor].kind is Kind.COMPOUND
-            if compound and self.is_below(target, ancestor):
-                return ancestor
-        return ""
-
-    def exits(self, configuration: tuple[str, ...], rules: Iterable[Transition]) -> tuple[str, ...]:
-        """Return the states left, children before parents, later siblings first."""
-        left: set[str] = set()
-        for rule in rules:
-            if rule.target is None:
-                continue
-            domain = self.domain(rule, rule.target)
-            left.update(name for name in configuration if self.is_below(name, domain))
-        return tuple(sorted(left, key=self.order.__getitem__, reverse=True))
-
-    def entry_set(
-        self,
-        rules: Iterable[Transition],
-        kept: Iterable[str],
-        mission: str,
-        remembered: Callable[[State], tuple[str, ...]],
-        resume: Callable[[State], str | None],
-    ) -> tuple[tuple[str, ...], frozenset[str]]:
-        """Return the states entered, parents before children, in document order; and those that history
-        brings back.
-
-        Args:
-            rules: transitions that are taken together.
-            kept: what stays active.
-            mission: the default child of the slot is its mission's.
-            remembered: the states that a history state stands for; none: its parent is entered anew.
-            resume: the child to enter when a state comes back by history; None: its default child.
-        """
-        entry = _Entry(self, mission, resume)
-        for rule in rules:
-            if rule.target is not None:
-                entry.follow(rule, rule.target, remembered)
-        entered = set(entry.entered).difference(kept)
-        return tuple(sorted(entered, key=self.order.__getitem__)), frozenset(entry.back)
-
-    def default_child(self, state: State, mission: str) -> str:
-        """Return the child that a compound state begins with; the slot with the branch of its mission."""
-        if state.slot and mission:
-            return self.chart.missions[mission].state
-        return state.initial or state.children[0]
-
-    def remembers(
-        self, configuration: tuple[str, ...], exits: Iterable[str]
-    ) -> tuple[tuple[str, tuple[str, ...]], ...]:
-        """Return what the history states of the states left will stand for."""
-        leaving = set(exits)
-        return tuple(
-            (child, self._descendants(configuration, name, self.chart.states[child].depth, leaving))
-            for name in leaving
-            for child in self.chart.states[name].children
-            if self.chart.states[child].kind is Kind.HISTORY
-        )
-
-    def _descendants(
-        self, configuration: tuple[str, ...], name: str, depth: int | None, among: set[str]
-    ) -> tuple[str, ...]:
-        """Return the active descendants `depth` levels down (None: the leaves), or leaves above that."""
-        leaves = set(self.leaves(among))
-        base = len(self._lineage[name]) - 1
-        return tuple(
-            state
-            for state in configuration
-            if state in among
-            and self.is_below(state, name)
-            and (state in leaves if depth is None else self._at_depth(state, base + depth, leaves))
-        )
-
-    def _at_depth(self, state: str, depth: int, leaves: set[str]) -> bool:
-        level = len(self._lineage[state]) - 1
-        return level == depth or (level < depth and state in leaves)
-
-    def lineage(self, name: str) -> tuple[str, ...]:
-        """Return a state and its ancestors, innermost first, the root included."""
-        return self._lineage[name]
-
-    def regions(self, name: str) -> list[str]:
-        """Return the children of a state that can be active."""
-        children = self.chart.states[name].children
-        return [child for child in children if self.chart.states[child].kind is not Kind.HISTORY]
-
-
-class _Entry:
-    """SCXML's computeEntrySet: collects what is entered together."""
-
-    def __init__(self, structure: Structure, mission: str, resume: Callable[[State], str | None]) -> None:
-        self._structure = structure
-        self._mission = mission
-        self._resume = resume
-        self.entered: dict[str, None] = {}
-        self.back: set[str] = set()
-
-    def follow(self, rule: Transition, name: str, remembered: Callable[[State], tuple[str, ...]]) -> None:
-        """Enter the target of a transition, or what its history state stands for."""
-        target = self._structure.chart.states[name]
-        past = remembered(target) if target.kind is Kind.HISTORY else ()
-        domain = self._structure.domain(rule, name)
-        targets = past or self._anew(target, domain)
-        for state in targets:
-            self._enter(state, domain, targets, bool(past))
-        for state in past:
-            self.back.update(self._structure.lineage(state))
-
-    def _anew(self, target: State, domain: str) -> tuple[str, ...]:
-        """Return the target; for a history without memory what it says, else what its parent begins with."""
-        if target.kind is not Kind.HISTORY:
-            return (target.name,)
-        if target.initial is not None:
-            return (target.initial,)
-        parent = target.parent or ""
-        return (self._child(self._structure.chart.states[parent]) if parent == domain else parent,)
-
-    def _child(self, state: State) -> str:
-        return self._structure.default_child(state, self._mission)
-
-    def _enter(self, name: str, domain: str, targets: Sequence[str], resuming: bool) -> None:
-        """Enter a state, what it begins with, and what lies between the domain and it."""
-        self._enter_defaults(name, resuming)
-        for ancestor in self._structure.lineage(name)[1:]:
-            if ancestor == domain:
-                break
-            self.entered[ancestor] = None
-            if self._structure.chart.states[ancestor].kind is Kind.PARALLEL:
-                for region in self._structure.regions(ancestor):
-                    named = any(t == region or self._structure.is_below(t, region) for t in targets)
-                    if not named and region not in self.entered:
-                        self._enter_defaults(region, resuming=False)
-
-    def _enter_defaults(self, name: str, resuming: bool) -> None:
-        self.entered[name] = None
-        state = self._structure.chart.states[name]
-        if state.kind is Kind.PARALLEL:
-            for region in self._structure.regions(name):
-                self._enter_defaults(region, resuming=False)
-        elif state.kind is Kind.COMPOUND:
-            chosen = (self._resume(state) if resuming else None) or self._child(state)
-            self._enter(chosen, name, (chosen,), resuming=False)
-
-
-def matches(pattern: str, event: str) -> bool:
-    """Say whether a transition's event pattern (`a.b`, `a.*`, `*`) covers an event's name."""
-    if pattern == event:
-        return True
-    if pattern == "*":
-        return bool(event) and event.partition(".")[0] not in ENGINE_EVENTS
-    return pattern.endswith(".*") and event.startswith(pattern[:-1])
 
 
 #: How many configurations, and how many microsteps of each, are kept. Beyond that they are made anew every

@@ -23,12 +23,12 @@ from lupin_engine.chart.rules.index import (
     Index,
     always_taken,
     condition,
-    covers,
     groups_of,
     line_of,
     local,
     told,
 )
+from lupin_engine.chart.semantics import matches
 from lupin_engine.errors import Diagnostic
 
 _NEVER = "this can never be taken"
@@ -75,7 +75,7 @@ def _goes_before(earlier: Transition, later: Transition) -> bool:
     A hold lets eventless transitions and levels through one by one; requests and answers are decided by the
     first whose guard holds, whatever is held.
     """
-    if not covers(earlier.event, later.event):
+    if not matches(earlier.event, later.event):
         return False
     if later.event and not later.event.startswith("input."):
         return True
@@ -230,7 +230,8 @@ def _region(index: Index, transition: Transition, parallel: str) -> str:
 def _clashes(index: Index, parallel: str, group: Sequence[Transition]) -> Iterator[Diagnostic]:
     told_of: set[str] = set()
     for leaver in group:
-        if leaver.id in told_of or index.inside(index.domain(leaver, leaver.target or ""), parallel):
+        domain = index.semantics.domain(leaver, leaver.target or "")
+        if leaver.id in told_of or index.inside(domain, parallel):
             continue
         others = (t for t in group if _region(index, t, parallel) != _region(index, leaver, parallel))
         other = next((t for t in others if not exclusive(condition(leaver), condition(t))), None)

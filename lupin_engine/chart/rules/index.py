@@ -16,14 +16,11 @@ from lupin_engine.chart.expressions.guards import TRUE, Condition, Every, condit
 from lupin_engine.chart.expressions.names import inputs_read
 from lupin_engine.chart.model import Invoke, Kind, State, Transition
 from lupin_engine.chart.rules.written import Call, Read, Texts, calls_of, reads_of
+from lupin_engine.chart.semantics import FAULT, Semantics, matches
 from lupin_engine.errors import Diagnostic, Place
 
 #: Beginnings of events that only the state they belong to hears.
 OF_ONE_STATE = ("done", "error", "after.", "budget")
-#: Beginnings of those that no wildcard listens to: the engine's own.
-_OWN = (*OF_ONE_STATE, "input.")
-#: The top-level state that an error leads to when nobody handles it.
-FAULT = "FAULT"
 
 
 @dataclass(frozen=True)
@@ -48,8 +45,8 @@ class Index:
         self.mistaken = {(place.file, place.line) for place in mistaken}
         self.chart = composed.chart
         self.states = tuple(composed.chart.states.values())
-        #: Every state's own name and its ancestors', innermost first.
-        self.lineage: dict[str, tuple[str, ...]] = {}
+        self.semantics = Semantics(self.chart)
+        self.lineage = self.semantics.lineage
         #: States with more than one transition.
         self.crowded: list[State] = []
         #: States that hold others and have transitions.
@@ -65,8 +62,6 @@ class Index:
             self._enter(state)
 
     def _enter(self, state: State) -> None:
-        parent = state.parent
-        self.lineage[state.name] = (state.name,) if parent is None else (state.name, *self.lineage[parent])
         if state.kind is Kind.PARALLEL:
             self.parallel.append(state)
         if state.invoke is not None:
@@ -98,8 +93,7 @@ class Index:
 
     def regions(self, state: State) -> list[State]:
         """Return the children of a state that are no history."""
-        children = (self.chart.states[name] for name in state.children)
-        return [child for child in children if child.kind is not Kind.HISTORY]
+        return [self.chart.states[name] for name in self.semantics.regions(state.name)]
 
     def begun(self, state: State) -> list[str]:
         """Return the children that are entered with a state when nothing else is said."""
@@ -112,15 +106,6 @@ class Index:
         yield name
         for child in self.begun(self.chart.states[name]):
             yield from self.entered(child)
-
-    def domain(self, transition: Transition, target: str) -> str:
-        """Return the innermost compound state that holds source and target and is itself not left."""
-        states, lineage = self.chart.states, self.lineage[target]
-        source = states[transition.source]
-        if transition.internal and source.kind is Kind.COMPOUND and source.name in lineage[1:]:
-            return source.name
-        above = (name for name in self.lineage[source.name][1:] if name in lineage[1:])
-        return next((name for name in above if states[name].kind is Kind.COMPOUND), "")
 
     @cached_property
     def reached(self) -> set[str]:
@@ -232,15 +217,6 @@ class Index:
         return Texts([*((read.mission, read.expression.source) for read in self.reads), *handed])
 
 
-def covers(pattern: str, event: str) -> bool:
-    """Tell whether a pattern listens to everything that another one listens to."""
-    if pattern == event:
-        return True
-    if pattern == "*":
-        return bool(event) and not event.startswith(_OWN)
-    return pattern.endswith(".*") and event.startswith(pattern[:-1])
-
-
 def always_taken(transition: Transition) -> bool:
     """Tell whether a transition is taken whenever its event occurs, as far as its guard goes."""
     return transition.guard is None or constant(transition.guard.source) is True
@@ -266,7 +242,7 @@ def groups_of(transitions: Sequence[Transition]) -> Iterator[list[Transition]]:
         yield from (group for group in by_event.values() if len(group) > 1)
         return
     for event, group in by_event.items():
-        wider = [pattern for pattern in wild if pattern != event and covers(pattern, event)]
+        wider = [pattern for pattern in wild if pattern != event and matches(pattern, event)]
         if wider:
             group = [t for t in transitions if t.event == event or t.event in wider]
         if len(group) > 1:

@@ -123,7 +123,7 @@ class _Loops:
         found = {"held"} if transition.releases else set()
         if transition.target is not None:
             found.add("in_state")
-            domain = self._index.domain(transition, transition.target)
+            domain = self._index.semantics.domain(transition, transition.target)
             left = [name for name in self._index.lineage[transition.source] if self._below(name, domain)]
             entered = [name for name in self._index.lineage[transition.target] if self._below(name, domain)]
             states = self._index.chart.states

@@ -6,7 +6,8 @@ from collections.abc import Iterator
 
 from lupin_engine.chart.expressions.evaluation import Constant
 from lupin_engine.chart.findings import warning
-from lupin_engine.chart.rules.index import Index, covers
+from lupin_engine.chart.rules.index import Index
+from lupin_engine.chart.semantics import matches
 from lupin_engine.errors import Diagnostic, Place
 
 # -- parameters -------------------------------------------------------------------------------------------
@@ -40,7 +41,7 @@ def unheard_event(index: Index) -> Iterator[Diagnostic]:
     for call in raised:
         value = call.action.arguments["event"]
         event = value.value if isinstance(value, Constant) else ""
-        if event not in patterns and not any(covers(pattern, event) for pattern in wild):
+        if event not in patterns and not any(matches(pattern, event) for pattern in wild):
             problem, hint = (
                 f"nothing listens to {event!r}",
                 f"write 'on: {{{event}: STATE}}' somewhere, or remove it",

@@ -14,7 +14,8 @@ from itertools import takewhile
 
 from lupin_engine.chart.expressions.guards import Condition, fact, negate, possible
 from lupin_engine.chart.model import ActionCall, Kind, State, Transition
-from lupin_engine.chart.rules.index import OF_ONE_STATE, Index, always_taken, condition, covers, local
+from lupin_engine.chart.rules.index import OF_ONE_STATE, Index, always_taken, condition, local
+from lupin_engine.chart.semantics import matches
 from lupin_engine.errors import Diagnostic
 
 #: What a visit may be.
@@ -123,7 +124,7 @@ class _Walk:
             for transition in state.transitions:
                 if (restless and transition.event) or not self._hears(leaf, transition):
                     continue
-                if not any(covers(event, transition.event) for event in sure):
+                if not any(matches(event, transition.event) for event in sure):
                     yield self._step_from(leaf, transition)
                 if always_taken(transition) and not transition.event.startswith(OF_ONE_STATE):
                     sure.append(transition.event)
@@ -148,7 +149,7 @@ class _Walk:
         if transition.target is None:
             return replace(step, leaves=(leaf.name,))
         if self._leaving:
-            path = self._path(leaf.name, self._index.domain(transition, transition.target))
+            path = self._path(leaf.name, self._index.semantics.domain(transition, transition.target))
             left = [call for state in path for call in self._leaving.get(state.name, ())]
             return replace(step, calls=(*left, *step.calls))
         return step
@@ -167,7 +168,7 @@ class _Walk:
         if target.kind is Kind.HISTORY:
             leaves = tuple(self._leaves_in(target.parent or ""))
             return _Step(transition, tuple(when), tuple(calls), leaves, vague=True)
-        domain = self._index.domain(transition, target.name)
+        domain = self._index.semantics.domain(transition, target.name)
         begun = [self._inside[name] for name in self._index.entered(target.name) if name in self._inside]
         for state in {s.name: s for s in (*self._path(target.name, domain)[::-1], *begun)}.values():
             calls += _walking(f"{state.name}.entry", state.entry)

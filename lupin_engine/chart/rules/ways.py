@@ -7,7 +7,8 @@ from collections.abc import Iterable, Iterator, Sequence
 from lupin_engine.chart.expressions.evaluation import Constant
 from lupin_engine.chart.model import Chart, Kind, State
 from lupin_engine.chart.rules.graph import components
-from lupin_engine.chart.rules.index import FAULT, Index
+from lupin_engine.chart.rules.index import Index
+from lupin_engine.chart.semantics import FAULT
 from lupin_engine.errors import Diagnostic, Severity
 
 # -- never-happens, no-deadline ---------------------------------------------------------------------------

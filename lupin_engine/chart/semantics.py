@@ -1,0 +1,224 @@
+"""Statechart semantics without data, by SCXML's algorithm (W3C SCXML 1.0, appendix D).
+
+* The states left are the active ones below the transition's domain, children before parents, last first.
+* The states entered are those between the domain and the target, parents first, with the default children
+  of whatever is entered and not named.
+* Of transitions that would leave the same state one is taken: whose source lies deeper, else the first.
+
+Checker and machine use the same rules. Which guards hold and what history remembers is asked of the caller.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+
+from lupin_engine.chart.model import Chart, Kind, State, Transition
+
+#: The top-level state that an unhandled error leads to, if the lifecycle has it.
+FAULT = "FAULT"
+EXECUTION_ERROR = "error.execution"
+#: First words of the events that the engine makes for one state.
+ENGINE_EVENTS = frozenset({"done", "error", "after", "budget"})
+
+
+def matches(pattern: str, event: str) -> bool:
+    """Say whether an event pattern (`a.b`, `a.*`, `*`) covers an event's name, or all that a pattern covers.
+
+    `*` means neither the engine's own events nor the levels of inputs.
+    """
+    if pattern == event:
+        return True
+    if pattern == "*":
+        first = event.partition(".")[0]
+        return bool(event) and first not in ENGINE_EVENTS and first != "input"
+    return pattern.endswith(".*") and event.startswith(pattern[:-1])
+
+
+class Semantics:
+    """SCXML's answers for one chart."""
+
+    def __init__(self, chart: Chart) -> None:
+        self.chart = chart
+        #: Document order.
+        self.order: dict[str, int] = {name: index for index, name in enumerate(chart.states)}
+        #: Every state's own name and its ancestors', innermost first, the root included.
+        self.lineage: dict[str, tuple[str, ...]] = {}
+        for name, state in chart.states.items():  # parents come before their children
+            above = () if state.parent is None else self.lineage[state.parent]
+            self.lineage[name] = (name, *above)
+
+    def leaves(self, configuration: Iterable[str]) -> tuple[str, ...]:
+        """Return the active states without active children, in document order."""
+        active = set(configuration)
+        parents = {self.chart.states[name].parent for name in active}
+        return tuple(sorted((name for name in active if name not in parents), key=self.order.__getitem__))
+
+    def is_below(self, name: str, ancestor: str) -> bool:
+        """Say whether `name` is a proper descendant of `ancestor`."""
+        return ancestor in self.lineage[name][1:]
+
+    def is_to_history(self, rule: Transition) -> bool:
+        """Say whether where a transition leads depends on the past."""
+        return rule.target is not None and self.chart.states[rule.target].kind is Kind.HISTORY
+
+    def domain(self, rule: Transition, target: str) -> str:
+        """Return the innermost compound state that holds source and target and is itself not left.
+
+        A history state counts as itself, a child of the state whose past it is: what is left must not depend
+        on what is remembered.
+        """
+        source = self.chart.states[rule.source]
+        if rule.internal and source.kind is Kind.COMPOUND and self.is_below(target, rule.source):
+            return rule.source
+        for ancestor in self.lineage[rule.source][1:]:
+            compound = self.chart.states[ancestor].kind is Kind.COMPOUND
+            if compound and self.is_below(target, ancestor):
+                return ancestor
+        return ""
+
+    def exits(self, configuration: tuple[str, ...], rules: Iterable[Transition]) -> tuple[str, ...]:
+        """Return the states left, children before parents, later siblings first."""
+        left: set[str] = set()
+        for rule in rules:
+            if rule.target is None:
+                continue
+            domain = self.domain(rule, rule.target)
+            left.update(name for name in configuration if self.is_below(name, domain))
+        return tuple(sorted(left, key=self.order.__getitem__, reverse=True))
+
+    def entry_set(
+        self,
+        rules: Iterable[Transition],
+        kept: Iterable[str],
+        mission: str,
+        remembered: Callable[[State], tuple[str, ...]],
+        resume: Callable[[State], str | None],
+    ) -> tuple[tuple[str, ...], frozenset[str]]:
+        """Return the states entered, parents before children, in document order; and those that history
+        brings back.
+
+        Args:
+            rules: transitions that are taken together.
+            kept: what stays active.
+            mission: the default child of the slot is its mission's.
+            remembered: the states that a history state stands for; none: its parent is entered anew.
+            resume: the child to enter when a state comes back by history; None: its default child.
+        """
+        entry = _Entry(self, mission, resume)
+        for rule in rules:
+            if rule.target is not None:
+                entry.follow(rule, rule.target, remembered)
+        entered = set(entry.entered).difference(kept)
+        return tuple(sorted(entered, key=self.order.__getitem__)), frozenset(entry.back)
+
+    def default_child(self, state: State, mission: str) -> str:
+        """Return the child that a compound state begins with; the slot with the branch of its mission."""
+        if state.slot and mission:
+            return self.chart.missions[mission].state
+        return state.initial or state.children[0]
+
+    def remembers(
+        self, configuration: tuple[str, ...], exits: Iterable[str]
+    ) -> tuple[tuple[str, tuple[str, ...]], ...]:
+        """Return what the history states of the states left will stand for."""
+        leaving = set(exits)
+        return tuple(
+            (child, self._descendants(configuration, name, self.chart.states[child].depth, leaving))
+            for name in leaving
+            for child in self.chart.states[name].children
+            if self.chart.states[child].kind is Kind.HISTORY
+        )
+
+    def _descendants(
+        self, configuration: tuple[str, ...], name: str, depth: int | None, among: set[str]
+    ) -> tuple[str, ...]:
+        """Return the active descendants `depth` levels down (None: the leaves), or leaves above that."""
+        leaves = set(self.leaves(among))
+        base = len(self.lineage[name]) - 1
+        return tuple(
+            state
+            for state in configuration
+            if state in among
+            and self.is_below(state, name)
+            and (state in leaves if depth is None else self._at_depth(state, base + depth, leaves))
+        )
+
+    def _at_depth(self, state: str, depth: int, leaves: set[str]) -> bool:
+        level = len(self.lineage[state]) - 1
+        return level == depth or (level < depth and state in leaves)
+
+    def regions(self, name: str) -> list[str]:
+        """Return the children of a state that can be active."""
+        children = self.chart.states[name].children
+        return [child for child in children if self.chart.states[child].kind is not Kind.HISTORY]
+
+    def without_conflicts(
+        self, configuration: tuple[str, ...], chosen: Sequence[Transition]
+    ) -> tuple[Transition, ...]:
+        """Drop transitions that would leave what an earlier or deeper one leaves (SCXML: preemption)."""
+        kept: list[Transition] = []
+        for rule in {rule.id: rule for rule in chosen}.values():
+            leaving = self.exits(configuration, [rule])
+            clashing = [k for k in kept if set(leaving) & set(self.exits(configuration, [k]))]
+            if any(not self.is_below(rule.source, k.source) for k in clashing):
+                continue
+            kept = [k for k in kept if k not in clashing]
+            kept.append(rule)
+        return tuple(kept)
+
+
+class _Entry:
+    """SCXML's computeEntrySet: collects what is entered together."""
+
+    def __init__(self, semantics: Semantics, mission: str, resume: Callable[[State], str | None]) -> None:
+        self._semantics = semantics
+        self._mission = mission
+        self._resume = resume
+        self.entered: dict[str, None] = {}
+        self.back: set[str] = set()
+
+    def follow(self, rule: Transition, name: str, remembered: Callable[[State], tuple[str, ...]]) -> None:
+        """Enter the target of a transition, or what its history state stands for."""
+        target = self._semantics.chart.states[name]
+        past = remembered(target) if target.kind is Kind.HISTORY else ()
+        domain = self._semantics.domain(rule, name)
+        targets = past or self._anew(target, domain)
+        for state in targets:
+            self._enter(state, domain, targets, bool(past))
+        for state in past:
+            self.back.update(self._semantics.lineage[state])
+
+    def _anew(self, target: State, domain: str) -> tuple[str, ...]:
+        """Return the target; for a history without memory what it says, else what its parent begins with."""
+        if target.kind is not Kind.HISTORY:
+            return (target.name,)
+        if target.initial is not None:
+            return (target.initial,)
+        parent = target.parent or ""
+        return (self._child(self._semantics.chart.states[parent]) if parent == domain else parent,)
+
+    def _child(self, state: State) -> str:
+        return self._semantics.default_child(state, self._mission)
+
+    def _enter(self, name: str, domain: str, targets: Sequence[str], resuming: bool) -> None:
+        """Enter a state, what it begins with, and what lies between the domain and it."""
+        self._enter_defaults(name, resuming)
+        for ancestor in self._semantics.lineage[name][1:]:
+            if ancestor == domain:
+                break
+            self.entered[ancestor] = None
+            if self._semantics.chart.states[ancestor].kind is Kind.PARALLEL:
+                for region in self._semantics.regions(ancestor):
+                    named = any(t == region or self._semantics.is_below(t, region) for t in targets)
+                    if not named and region not in self.entered:
+                        self._enter_defaults(region, resuming=False)
+
+    def _enter_defaults(self, name: str, resuming: bool) -> None:
+        self.entered[name] = None
+        state = self._semantics.chart.states[name]
+        if state.kind is Kind.PARALLEL:
+            for region in self._semantics.regions(name):
+                self._enter_defaults(region, resuming=False)
+        elif state.kind is Kind.COMPOUND:
+            chosen = (self._resume(state) if resuming else None) or self._child(state)
+            self._enter(chosen, name, (chosen,), resuming=False)
