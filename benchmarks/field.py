@@ -20,7 +20,7 @@ from importlib.util import find_spec
 
 import numpy as np
 
-from lupin_twin.field import DEFAULTS, Floats, Grid, Interpolation, interpolate
+from lupin_twin.field import DEFAULTS, FieldGrid, Floats, Interpolation, interpolate
 from lupin_twin.heatmap import Heatmap, Heatmaps, Request
 from lupin_twin.records import Pin, Reading
 from lupin_twin.state import Twin
@@ -37,12 +37,12 @@ def samples_of(count: int) -> tuple[Floats, Floats]:
 
 def ours(positions: Floats, values: Floats) -> Floats:
     """Return the field by the twin's own method."""
-    return interpolate(Grid.over(0.0, 0.0, WIDTH, HEIGHT, RESOLUTION), positions, values).values
+    return interpolate(FieldGrid.over(0.0, 0.0, WIDTH, HEIGHT, RESOLUTION), positions, values).values
 
 
 def one_changed(positions: Floats, values: Floats) -> Callable[[], object]:
     """Return what keeps a field up to date of which one sample, in its middle, changes with every call."""
-    followed = Interpolation(Grid.over(0.0, 0.0, WIDTH, HEIGHT, RESOLUTION))
+    followed = Interpolation(FieldGrid.over(0.0, 0.0, WIDTH, HEIGHT, RESOLUTION))
     followed.update(positions, values)
     middle = int(np.argmin(np.hypot(*(positions - (WIDTH / 2, HEIGHT / 2)).T)))
     changing = values.copy()
@@ -58,7 +58,7 @@ def by_tree(positions: Floats, values: Floats) -> Floats:
     """Return the field by way of scipy's cKDTree, which is built anew, as new samples would need."""
     from scipy.spatial import cKDTree
 
-    tree, grid = cKDTree(positions), Grid.over(0.0, 0.0, WIDTH, HEIGHT, RESOLUTION)
+    tree, grid = cKDTree(positions), FieldGrid.over(0.0, 0.0, WIDTH, HEIGHT, RESOLUTION)
     cells = np.full((grid.height, grid.width), np.nan)
     for row, y in enumerate(grid.y):
         centres = np.column_stack((grid.x, np.full(grid.width, y)))

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator
 
 from lupin_engine.chart.expressions.evaluation import Constant, UnknownInput, Value
 from lupin_engine.chart.model import ActionCall, Chart, ForEach, Hold, Invoke, Itinerary, State, Transition
-from lupin_engine.diagram.picture import Cause, Label, Line, Role
+from lupin_engine.diagram.picture import Label, LineRole, TextLine, TransitionCause
 
 #: Longest guard, value or list of actions, in characters.
 WIDTH = 44
@@ -16,7 +16,7 @@ _PREFIXES = ("operator.", "mission.")
 _CANNOT = (KeyError, TypeError, ValueError, ArithmeticError, UnknownInput)
 
 
-class Words:
+class ElementTexts:
     """Says what a chart's states and transitions say, with the parameters' defaults filled in."""
 
     def __init__(self, chart: Chart) -> None:
@@ -29,10 +29,10 @@ class Words:
         event = self._event(rule) or ("" if guard else "always")
         return Label(event, _cause(rule.event), guard, _actions(rule.actions), frozenset({rule.id}))
 
-    def lines(self, state: State) -> Iterator[Line]:
+    def lines(self, state: State) -> Iterator[TextLine]:
         """Yield what a state does, ways aside."""
         if state.itinerary is not None:
-            yield from (Line(text, Role.NOTE) for text in self._itinerary(state.itinerary))
+            yield from (TextLine(text, LineRole.NOTE) for text in self._itinerary(state.itinerary))
         if state.for_each is not None:
             yield from self._for_each(state.for_each)
         if state.invoke is not None:
@@ -65,19 +65,19 @@ class Words:
             sweeps = self._short(itinerary.sweeps)
             yield f"sweeps: {'without end' if sweeps == '0' else sweeps}"
 
-    def _for_each(self, found: ForEach) -> Iterator[Line]:
+    def _for_each(self, found: ForEach) -> Iterator[TextLine]:
         limit = f", {self._short(found.limit)} at a time" if found.limit else ""
-        yield Line(f"for each {found.name} of {self._short(found.items)}{limit}", Role.NOTE)
+        yield TextLine(f"for each {found.name} of {self._short(found.items)}{limit}", LineRole.NOTE)
         if found.when is not None:
-            yield Line(f"[{_cut(found.when.source)}]", Role.NOTE)
+            yield TextLine(f"[{_cut(found.when.source)}]", LineRole.NOTE)
         yield from self._invoke(found.invoke)
         yield from _doings(("done", found.on_done), ("error", found.on_error))
 
-    def _invoke(self, invoke: Invoke) -> Iterator[Line]:
+    def _invoke(self, invoke: Invoke) -> Iterator[TextLine]:
         limit = f" ≤ {self.seconds(invoke.timeout)}" if invoke.timeout else ""
-        yield Line(f"do / {invoke.name}{limit}", Role.WORK)
+        yield TextLine(f"do / {invoke.name}{limit}", LineRole.WORK)
         if invoke.retry is not None:
-            yield Line(f"tries: {self._short(invoke.retry.attempts)}", Role.NOTE)
+            yield TextLine(f"tries: {self._short(invoke.retry.attempts)}", LineRole.NOTE)
 
     def _short(self, value: Value) -> str:
         if isinstance(value, Constant):
@@ -98,24 +98,26 @@ def plain_event(event: str) -> str:
     return event
 
 
-def hold_line(hold: Hold) -> Line:
+def hold_line(hold: Hold) -> TextLine:
     """Return what engages and what releases a hold."""
     release = " or ".join(plain_event(event) for event in hold.release)
-    return Line(f"hold {hold.name}: from {plain_event(hold.engage)} until {release}", Role.NOTE)
+    return TextLine(f"hold {hold.name}: from {plain_event(hold.engage)} until {release}", LineRole.NOTE)
 
 
-def _cause(event: str) -> Cause:
+def _cause(event: str) -> TransitionCause:
     if event.startswith("after.") or event == "budget":
-        return Cause.TIME
+        return TransitionCause.TIME
     if event.startswith(_PREFIXES):
-        return Cause.OPERATOR
-    return {"": Cause.ALWAYS, "done": Cause.DONE, "error": Cause.ERROR}.get(event, Cause.EVENT)
+        return TransitionCause.OPERATOR
+    return {"": TransitionCause.ALWAYS, "done": TransitionCause.DONE, "error": TransitionCause.ERROR}.get(
+        event, TransitionCause.EVENT
+    )
 
 
-def _doings(*doings: tuple[str, Iterable[ActionCall]]) -> Iterator[Line]:
+def _doings(*doings: tuple[str, Iterable[ActionCall]]) -> Iterator[TextLine]:
     for word, actions in doings:
         if actions:
-            yield Line(f"{word} / {_actions(actions)}", Role.ACTION)
+            yield TextLine(f"{word} / {_actions(actions)}", LineRole.ACTION)
 
 
 def _actions(actions: Iterable[ActionCall]) -> str:

@@ -6,7 +6,7 @@ import itertools
 from collections.abc import Iterator
 
 from lupin_engine.chart.model import Kind
-from lupin_engine.diagram.picture import Arrow, Box, Picture, Tone
+from lupin_engine.diagram.picture import Arrow, Picture, StateBox, Tone
 
 #: What would end or change a label, and what stands for it.
 _ESCAPES = {"#": "#35;", ";": "#59;", "<": "#lt;", ">": "#gt;", '"': "#quot;", "{": "#123;", "}": "#125;"}
@@ -21,17 +21,17 @@ _TONES = {
 
 def mermaid(picture: Picture) -> str:
     """Return the text of a picture."""
-    return _Writer(picture).text()
+    return _MermaidWriter(picture).text()
 
 
-class _Writer:
+class _MermaidWriter:
     def __init__(self, picture: Picture) -> None:
         self._picture = picture
         self._ids: dict[str, str] = {}
         for box in picture.every():
             self._ids[box.name] = self._new_id(box)
 
-    def _new_id(self, box: Box) -> str:
+    def _new_id(self, box: StateBox) -> str:
         """Return a short name that no other state has: the last parts of its own, as many as are needed."""
         parts = box.name.split(".")
         taken = set(self._ids.values())
@@ -49,7 +49,7 @@ class _Writer:
         lines += [f"    {line}" for line in self._tones()]
         return "\n".join(lines) + "\n"
 
-    def _within(self, boxes: tuple[Box, ...], initial: str | None) -> Iterator[str]:
+    def _within(self, boxes: tuple[StateBox, ...], initial: str | None) -> Iterator[str]:
         for box in boxes:
             yield from self._box(box)
         if initial is not None:
@@ -58,7 +58,7 @@ class _Writer:
             if box.kind is Kind.FINAL:
                 yield f"{self._ids[box.name]} --> [*]"
 
-    def _box(self, box: Box) -> Iterator[str]:
+    def _box(self, box: StateBox) -> Iterator[str]:
         label = "<br/>".join(_escaped(line) for line in (box.title, *box.text))
         if not box.children:
             yield f'state "{label}" as {self._ids[box.name]}'
@@ -67,7 +67,7 @@ class _Writer:
         yield from (f"    {line}" for line in self._inside(box))
         yield "}"
 
-    def _inside(self, box: Box) -> Iterator[str]:
+    def _inside(self, box: StateBox) -> Iterator[str]:
         if box.kind is not Kind.PARALLEL:
             yield from self._within(box.children, box.initial)
             return

@@ -12,8 +12,8 @@ from collections.abc import Iterable, Iterator
 from itertools import accumulate
 
 from lupin_engine.chart.model import Chart, Kind, State, Transition
-from lupin_engine.diagram.descriptions import Words, hold_line
-from lupin_engine.diagram.picture import Arrow, Box, Label, Line, Picture, Role, Tone
+from lupin_engine.diagram.descriptions import ElementTexts, hold_line
+from lupin_engine.diagram.picture import Arrow, Label, LineRole, Picture, StateBox, TextLine, Tone
 from lupin_engine.errors import UsageError, nearest
 
 #: Boxes in a picture that one still reads without a finger on it.
@@ -66,7 +66,7 @@ def _title(chart: Chart) -> str:
     return ", ".join(chart.missions) or chart.name
 
 
-def _levels(boxes: Iterable[Box]) -> Iterator[int]:
+def _levels(boxes: Iterable[StateBox]) -> Iterator[int]:
     row = list(boxes)
     while row:
         yield len(row)
@@ -77,7 +77,7 @@ class _Outliner:
     def __init__(self, chart: Chart, focus: str | None, depth: int | None, whole: bool) -> None:
         self._chart = chart
         self._states = chart.states
-        self._words = Words(chart)
+        self._words = ElementTexts(chart)
         only = next(iter(chart.missions.values())).state if len(chart.missions) == 1 else ""
         self._wrapper = "" if whole or only == focus else only
         self._focus = focus
@@ -106,12 +106,12 @@ class _Outliner:
             found += self._states[name].children if name == self._wrapper else [name]
         return found
 
-    def _box(self, state: State, level: int) -> Box:
+    def _box(self, state: State, level: int) -> StateBox:
         self._shown[state.name] = state.name
         pale = self._focus is not None and not self._inside(state.name)
         collapsed = pale or level == self._depth
         children = self._children(state)
-        return Box(
+        return StateBox(
             state.name,
             self._title_of(state),
             state,
@@ -144,20 +144,20 @@ class _Outliner:
         first = state.initial or next(iter(state.children), None)
         return self._initial(self._states[first]) if first and first == self._wrapper else first
 
-    def _lines(self, state: State, collapsed: bool) -> Iterator[Line]:
+    def _lines(self, state: State, collapsed: bool) -> Iterator[TextLine]:
         for each in (state, self._states[self._wrapper]) if self._wraps(state) else (state,):
             yield from self._words.lines(each)
             within = f"{state.name}."
             yield from (way for way in self._ways(each) if not (collapsed and way.target.startswith(within)))
 
-    def _ways(self, state: State) -> Iterator[Line]:
+    def _ways(self, state: State) -> Iterator[TextLine]:
         """Yield the ways of a state that have no arrow."""
         for rule in (*state.transitions, *state.resume_at):
             target = rule.target
             if target is None and rule.actions:
-                yield Line("", Role.WAY, self._words.label(rule))
+                yield TextLine("", LineRole.WAY, self._words.label(rule))
             elif target is not None and not self._has_arrow(self._end(rule.source), self._end(target)):
-                yield Line("", Role.WAY, self._words.label(rule), target)
+                yield TextLine("", LineRole.WAY, self._words.label(rule), target)
 
     # -- a state and what is around it ------------------------------------------------------------------
 

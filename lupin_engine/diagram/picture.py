@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from lupin_engine.chart.model import Chart, Kind, State
 
 
-class Cause(enum.Enum):
+class TransitionCause(enum.Enum):
     """What leads along a way; pictures colour by it."""
 
     DONE = "done"
@@ -29,7 +29,7 @@ class Tone(enum.Enum):
     NEVER = "never"
 
 
-class Role(enum.Enum):
+class LineRole(enum.Enum):
     """What a line of text in a box is about."""
 
     WORK = "work"
@@ -43,7 +43,7 @@ class Label:
     """Why a way is gone: `event [guard] / actions`. `ids` are the transitions that it stands for."""
 
     event: str
-    cause: Cause
+    cause: TransitionCause
     guard: str = ""
     actions: str = ""
     ids: frozenset[str] = frozenset()
@@ -60,11 +60,11 @@ class Label:
 
 
 @dataclass(frozen=True)
-class Line:
+class TextLine:
     """A line of text in a box. A way without an arrow has its label; `target` is where it leads, in full."""
 
     text: str
-    role: Role
+    role: LineRole
     label: Label | None = None
     target: str = ""
 
@@ -75,7 +75,7 @@ class Line:
 
 
 @dataclass(frozen=True)
-class Box:
+class StateBox:
     """A state. `lines` stand under its name; `initial` names the child that is entered first, in full.
 
     `hidden` is how many states a collapsed box does not show; `count` how often a run entered it.
@@ -84,8 +84,8 @@ class Box:
     name: str
     title: str
     state: State
-    lines: tuple[Line, ...] = ()
-    children: tuple[Box, ...] = ()
+    lines: tuple[TextLine, ...] = ()
+    children: tuple[StateBox, ...] = ()
     initial: str | None = None
     hidden: int = 0
     tone: Tone = Tone.PLAIN
@@ -114,7 +114,7 @@ class Box:
         found = (phase, paused, *map(str, self.lines), self.more, times(self.count))
         return tuple(line for line in found if line)
 
-    def below(self) -> Iterator[Box]:
+    def below(self) -> Iterator[StateBox]:
         """Yield this box and all within it, in the order of the file."""
         yield self
         for child in self.children:
@@ -131,7 +131,7 @@ class Arrow:
     tone: Tone = Tone.PLAIN
 
     @property
-    def cause(self) -> Cause | None:
+    def cause(self) -> TransitionCause | None:
         """What leads along all of its ways; None when that differs."""
         causes = {label.cause for label in self.labels}
         return next(iter(causes)) if len(causes) == 1 else None
@@ -145,14 +145,14 @@ class Picture:
     """
 
     title: str
-    boxes: tuple[Box, ...]
+    boxes: tuple[StateBox, ...]
     initial: str | None
     arrows: tuple[Arrow, ...]
     chart: Chart = field(repr=False)
-    notes: tuple[Line, ...] = ()
+    notes: tuple[TextLine, ...] = ()
     run: str = ""
 
-    def every(self) -> Iterator[Box]:
+    def every(self) -> Iterator[StateBox]:
         """Yield all boxes, in the order of the file."""
         for top in self.boxes:
             yield from top.below()

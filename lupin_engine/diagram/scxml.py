@@ -14,7 +14,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from lupin_engine.chart.expressions.evaluation import Constant, UnknownInput, Value
 from lupin_engine.chart.model import ActionCall, Chart, Invoke, Kind, State, Timer, Transition
 from lupin_engine.diagram.outline import find_state
-from lupin_engine.diagram.picture import Box, Picture, Role
+from lupin_engine.diagram.picture import LineRole, Picture, StateBox
 from lupin_engine.diagram.xml_text import escape, quoted
 from lupin_engine.errors import UsageError
 
@@ -26,11 +26,11 @@ _IN_STATE = re.compile(r"in_state\('([^']+)'\)")
 
 def scxml(picture: Picture) -> str:
     """Return the text of a picture; it must show the whole chart."""
-    writer = _Writer(picture)
+    writer = _ScxmlWriter(picture)
     return "\n".join(['<?xml version="1.0" encoding="UTF-8"?>', *writer.document()]) + "\n"
 
 
-class _Writer:
+class _ScxmlWriter:
     def __init__(self, picture: Picture) -> None:
         self._picture = picture
         self._chart: Chart = picture.chart
@@ -52,7 +52,7 @@ class _Writer:
             yield from (f"  {line}" for line in self._box(box, root.transitions))
         yield "</scxml>"
 
-    def _box(self, box: Box, more: Iterable[Transition] = ()) -> Iterator[str]:
+    def _box(self, box: StateBox, more: Iterable[Transition] = ()) -> Iterator[str]:
         state = box.state
         if state.kind is Kind.HISTORY:
             kind = "shallow" if state.depth == 1 else "deep"
@@ -60,7 +60,7 @@ class _Writer:
             inside.append(f"<transition{_attributes(target=self._begins(state))}/>")
             yield from _element("history", {"id": _id(state.name), "type": kind}, inside)
             return
-        inside = [f"<!-- {_comment(str(line))} -->" for line in box.lines if line.role is Role.NOTE]
+        inside = [f"<!-- {_comment(str(line))} -->" for line in box.lines if line.role is LineRole.NOTE]
         inside += [f"<!-- {_comment(str(line))} -->" for line in box.lines if str(line).startswith("resume")]
         inside += _element("onentry", {}, [*self._timers(state), *self._actions(state.entry)])
         cancels = [f"<cancel{_attributes(sendid=self._timer(state, timer))}/>" for timer in _clocks(state)]

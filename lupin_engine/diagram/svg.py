@@ -12,8 +12,17 @@ from dataclasses import dataclass
 
 from lupin_engine.chart.model import Kind
 from lupin_engine.diagram.layout.cluster import Point
-from lupin_engine.diagram.layout.compound import CompoundEdge, CompoundNode, Layout, Rect, lay_out
-from lupin_engine.diagram.picture import Arrow, Box, Cause, Line, Picture, Role, Tone, times
+from lupin_engine.diagram.layout.compound import CompoundEdge, CompoundNode, GraphLayout, Rect, lay_out
+from lupin_engine.diagram.picture import (
+    Arrow,
+    LineRole,
+    Picture,
+    StateBox,
+    TextLine,
+    Tone,
+    TransitionCause,
+    times,
+)
 from lupin_engine.diagram.text_metrics import text_width
 from lupin_engine.diagram.xml_text import escape, quoted
 
@@ -23,19 +32,19 @@ _BORDER, _BAR, _VISITED, _VISITED_BAR = "#475569", "#e8edf4", "#15803d", "#d6f0d
 _AMBER, _FAINT = "#b45309", "#b6bfcc"
 #: Cause -> colour of the line, and of its text.
 _COLOURS = {
-    Cause.DONE: ("#475569", _INK),
-    Cause.EVENT: ("#475569", _INK),
-    Cause.ERROR: ("#dc2626", "#b91c1c"),
-    Cause.OPERATOR: ("#2563eb", "#1d4ed8"),
-    Cause.TIME: ("#d97706", _AMBER),
-    Cause.ALWAYS: (_PALE, _SOFT),
+    TransitionCause.DONE: ("#475569", _INK),
+    TransitionCause.EVENT: ("#475569", _INK),
+    TransitionCause.ERROR: ("#dc2626", "#b91c1c"),
+    TransitionCause.OPERATOR: ("#2563eb", "#1d4ed8"),
+    TransitionCause.TIME: ("#d97706", _AMBER),
+    TransitionCause.ALWAYS: (_PALE, _SOFT),
 }
 _LEGEND = {
-    Cause.DONE: "done, event",
-    Cause.ERROR: "error",
-    Cause.OPERATOR: "request",
-    Cause.TIME: "time",
-    Cause.ALWAYS: "no event",
+    TransitionCause.DONE: "done, event",
+    TransitionCause.ERROR: "error",
+    TransitionCause.OPERATOR: "request",
+    TransitionCause.TIME: "time",
+    TransitionCause.ALWAYS: "no event",
 }
 
 _TITLE, _NAME, _TEXT, _SMALL = 17.0, 13.0, 11.0, 9.5
@@ -58,17 +67,17 @@ _ROUND, _AIR = 26, 12
 
 def svg(picture: Picture) -> str:
     """Return a picture as the text of an SVG file."""
-    return _Drawing(picture).text()
+    return _SvgDrawing(picture).text()
 
 
-def plan(picture: Picture) -> tuple[CompoundNode, list[CompoundEdge], Layout]:
+def plan(picture: Picture) -> tuple[CompoundNode, list[CompoundEdge], GraphLayout]:
     """Return what stands where in the drawing of a picture, and what was to be placed."""
-    drawing = _Drawing(picture)
+    drawing = _SvgDrawing(picture)
     return drawing.root, drawing.links, drawing.layout
 
 
 @dataclass(frozen=True)
-class _Text:
+class _TextBlock:
     """A line of text with its colour."""
 
     text: str
@@ -95,13 +104,13 @@ def _n(number: float) -> str:
 # -- what stands in a box and beside a line -------------------------------------------------------------
 
 
-def _label_texts(arrow: Arrow) -> list[_Text]:
+def _label_texts(arrow: Arrow) -> list[_TextBlock]:
     found = []
     for label in arrow.labels:
         # A way that was never gone may stand beside one that was.
         faint = arrow.tone is Tone.VISITED and not label.count
         colour = _FAINT if faint else _COLOURS[label.cause][1]
-        found += [_Text(line, colour) for line in _broken(label.parts)]
+        found += [_TextBlock(line, colour) for line in _broken(label.parts)]
     return found
 
 
@@ -119,39 +128,43 @@ def _broken(parts: Iterable[str]) -> list[str]:
     return lines
 
 
-def _line_text(line: Line) -> _Text:
+def _line_text(line: TextLine) -> _TextBlock:
     if line.label is not None:
-        return _Text(str(line), _COLOURS[line.label.cause][1])
-    return _Text(str(line), {Role.WORK: _INK, Role.ACTION: _SOFT, Role.NOTE: _SOFT}[line.role])
+        return _TextBlock(str(line), _COLOURS[line.label.cause][1])
+    return _TextBlock(
+        str(line), {LineRole.WORK: _INK, LineRole.ACTION: _SOFT, LineRole.NOTE: _SOFT}[line.role]
+    )
 
 
-def _texts(box: Box) -> list[_Text]:
+def _texts(box: StateBox) -> list[_TextBlock]:
     found = [_line_text(line) for line in box.lines]
-    return [*found, _Text(box.more, _SOFT)] if box.more else found
+    return [*found, _TextBlock(box.more, _SOFT)] if box.more else found
 
 
-def _badges(box: Box) -> list[tuple[_Text, str]]:
+def _badges(box: StateBox) -> list[tuple[_TextBlock, str]]:
     """Return the badges of a box with the colours behind them."""
     found = []
     if box.phase:
-        found.append((_Text(box.phase, "#0f766e", _SMALL, True), "#ccf0ea"))
+        found.append((_TextBlock(box.phase, "#0f766e", _SMALL, True), "#ccf0ea"))
     if box.state.paused:
-        found.append((_Text("paused", _AMBER, _SMALL, True), "#fdebc8"))
+        found.append((_TextBlock("paused", _AMBER, _SMALL, True), "#fdebc8"))
     if box.count:
-        found.append((_Text(times(box.count), "#ffffff", _SMALL, True), _VISITED))
+        found.append((_TextBlock(times(box.count), "#ffffff", _SMALL, True), _VISITED))
     return found
 
 
-def _name(box: Box) -> _Text:
-    return _Text(box.title, _INK, _NAME, True)
+def _name(box: StateBox) -> _TextBlock:
+    return _TextBlock(box.title, _INK, _NAME, True)
 
 
-def _bar_width(box: Box) -> float:
+def _bar_width(box: StateBox) -> float:
     badges = sum(text.width + 10 + 6 for text, _ in _badges(box))
     return _name(box).width + (badges + 8 if badges else 0) + 2 * _PAD
 
 
-def _block(box: Box, initial: bool, loops: dict[str, float], among_regions: bool = False) -> CompoundNode:
+def _block(
+    box: StateBox, initial: bool, loops: dict[str, float], among_regions: bool = False
+) -> CompoundNode:
     """Return a box as the layout sees it."""
     above = _DOT_ROOM if initial else 0
     if box.kind is Kind.HISTORY:
@@ -172,14 +185,14 @@ def _block(box: Box, initial: bool, loops: dict[str, float], among_regions: bool
     return CompoundNode(box.name, math.ceil(width), heading, children, above, 0, row, box.initial)
 
 
-def _size(texts: Sequence[_Text]) -> tuple[int, int]:
+def _size(texts: Sequence[_TextBlock]) -> tuple[int, int]:
     return math.ceil(max(text.width for text in texts)), len(texts) * (_LEADING - 1) + 2
 
 
 # -- the drawing ----------------------------------------------------------------------------------------
 
 
-class _Drawing:
+class _SvgDrawing:
     def __init__(self, picture: Picture) -> None:
         self._picture = picture
         self._loops = {a.source: _label_texts(a) for a in picture.arrows if a.source == a.target}
@@ -195,12 +208,12 @@ class _Drawing:
         ]
         self.layout = lay_out(self.root, self.links)
 
-    def _head(self) -> Iterator[_Text]:
-        yield _Text(self._picture.title, _INK, _TITLE, True)
+    def _head(self) -> Iterator[_TextBlock]:
+        yield _TextBlock(self._picture.title, _INK, _TITLE, True)
         for note in self._picture.notes:
             yield _line_text(note)
         if self._picture.run:
-            yield _Text(self._picture.run, _VISITED)
+            yield _TextBlock(self._picture.run, _VISITED)
 
     def text(self) -> str:
         layout = self.layout
@@ -230,7 +243,7 @@ class _Drawing:
 
     # -- boxes ------------------------------------------------------------------------------------------
 
-    def _box(self, box: Box, level: int, region: bool = False) -> Iterator[str]:
+    def _box(self, box: StateBox, level: int, region: bool = False) -> Iterator[str]:
         opacity = {Tone.PALE: ' opacity="0.5"', Tone.NEVER: ' opacity="0.5"'}.get(box.tone, "")
         yield f"<g data-state={quoted(box.name)}>"
         yield f"<g{opacity}>" if opacity else "<g>"
@@ -252,7 +265,7 @@ class _Drawing:
             yield from self._initial(box.initial)
         yield "</g>"
 
-    def _state(self, box: Box, rect: Rect, level: int, region: bool) -> Iterator[str]:
+    def _state(self, box: StateBox, rect: Rect, level: int, region: bool) -> Iterator[str]:
         border, bar = (_VISITED, _VISITED_BAR) if box.tone is Tone.VISITED else (_BORDER, _BAR)
         texts = _texts(box)
         if not region:
@@ -273,7 +286,7 @@ class _Drawing:
             y = rect.y + _BAR_HEIGHT + 15 + number * _LEADING
             yield from _timed(text, rect.x + _PAD, y)
 
-    def _name(self, box: Box, rect: Rect, bar: int) -> Iterator[str]:
+    def _name(self, box: StateBox, rect: Rect, bar: int) -> Iterator[str]:
         name = _name(box)
         badges = _badges(box)
         baseline = rect.y + bar / 2 + 4.7
@@ -288,20 +301,20 @@ class _Drawing:
             yield text.at(x + 5, baseline - 1.4)
             x += width + 6
 
-    def _history(self, box: Box, rect: Rect) -> Iterator[str]:
+    def _history(self, box: StateBox, rect: Rect) -> Iterator[str]:
         x, y = rect.x + rect.width / 2, rect.y + rect.height / 2
         yield f'<circle cx="{_n(x)}" cy="{_n(y)}" r="{_ROUND // 2}" fill="#ffffff" stroke="{_BORDER}"/>'
-        text = _Text(box.title, _INK, 12, True)
+        text = _TextBlock(box.title, _INK, 12, True)
         yield text.at(x - text.width / 2, y + 4.3)
 
-    def _final(self, box: Box, rect: Rect) -> Iterator[str]:
+    def _final(self, box: StateBox, rect: Rect) -> Iterator[str]:
         colour = _VISITED if box.tone is Tone.VISITED else _INK
         place = f'x="{rect.x}" y="{rect.y}" width="{rect.width}" height="{rect.height}"'
         yield f'<rect {place} rx="{rect.height / 2:g}" fill="#ffffff" stroke="{_BORDER}"/>'
         yield from _ring(rect.x + 15, rect.y + rect.height / 2, colour)
         yield from self._name(box, Rect(rect.x + 15, rect.y, rect.width - 15, rect.height), rect.height)
 
-    def _separators(self, box: Box, rect: Rect) -> Iterator[str]:
+    def _separators(self, box: StateBox, rect: Rect) -> Iterator[str]:
         drawn = [child.name for child in box.children if child.kind is not Kind.HISTORY]
         regions = [self.layout.rects[name] for name in drawn]
         top = min(region.y for region in regions)
@@ -320,7 +333,7 @@ class _Drawing:
 
     # -- ways -------------------------------------------------------------------------------------------
 
-    def _loop(self, box: Box, rect: Rect) -> Iterator[str]:
+    def _loop(self, box: StateBox, rect: Rect) -> Iterator[str]:
         texts = self._loops.get(box.name)
         if texts is None:
             return
@@ -345,20 +358,20 @@ class _Drawing:
 
     # -- legend -----------------------------------------------------------------------------------------
 
-    def _legend(self) -> list[Cause]:
+    def _legend(self) -> list[TransitionCause]:
         met = {label.cause for arrow in self._picture.arrows for label in arrow.labels}
-        met = {Cause.DONE if cause is Cause.EVENT else cause for cause in met}
+        met = {TransitionCause.DONE if cause is TransitionCause.EVENT else cause for cause in met}
         return [cause for cause in _LEGEND if cause in met]
 
     @staticmethod
-    def _legend_width(legend: Sequence[Cause]) -> float:
+    def _legend_width(legend: Sequence[TransitionCause]) -> float:
         return _MARGIN + sum(text_width(_LEGEND[cause], _TEXT) + 46 for cause in legend)
 
     @staticmethod
-    def _legend_pieces(legend: Sequence[Cause], y: int) -> Iterator[str]:
+    def _legend_pieces(legend: Sequence[TransitionCause], y: int) -> Iterator[str]:
         x = float(_MARGIN)
         for cause in legend:
-            text = _Text(_LEGEND[cause], _SOFT)
+            text = _TextBlock(_LEGEND[cause], _SOFT)
             yield from _line([(round(x), y - 4), (round(x) + 20, y - 4)], _COLOURS[cause][0], 1.4)
             yield text.at(x + 26, y)
             x += text.width + 46
@@ -370,13 +383,13 @@ def _ids(arrow: Arrow) -> str:
 
 def _colour(arrow: Arrow) -> str:
     cause = arrow.cause
-    return _COLOURS[Cause.DONE if cause is None else cause][0]
+    return _COLOURS[TransitionCause.DONE if cause is None else cause][0]
 
 
 def _weight(arrow: Arrow) -> float:
     if arrow.tone is Tone.VISITED:
         return 2.4
-    return 1.1 if arrow.cause is Cause.ERROR else 1.3
+    return 1.1 if arrow.cause is TransitionCause.ERROR else 1.3
 
 
 def _faint(arrow: Arrow) -> str:
@@ -401,14 +414,14 @@ def _bar(rect: Rect, fill: str) -> str:
     return f'<path d="{path}" fill="{fill}"/>'
 
 
-def _timed(text: _Text, x: float, y: float) -> Iterator[str]:
+def _timed(text: _TextBlock, x: float, y: float) -> Iterator[str]:
     """Draw a line of text; a deadline in it stands out."""
     work, sign, limit = text.text.partition(" ≤ ")
     if not sign or not work.startswith("do / "):
         yield text.at(x, y)
         return
-    yield _Text(work, text.colour).at(x, y)
-    yield _Text(f"≤ {limit}", _AMBER).at(x + text_width(f"{work} ", _TEXT), y)
+    yield _TextBlock(work, text.colour).at(x, y)
+    yield _TextBlock(f"≤ {limit}", _AMBER).at(x + text_width(f"{work} ", _TEXT), y)
 
 
 def _line(corners: Sequence[Point], colour: str, weight: float) -> Iterator[str]:

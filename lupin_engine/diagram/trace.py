@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
-from lupin_engine.diagram.picture import Arrow, Box, Label, Line, Picture, Tone
+from lupin_engine.diagram.picture import Arrow, Label, Picture, StateBox, TextLine, Tone
 from lupin_engine.errors import UsageError
 
 
@@ -84,14 +84,14 @@ def check_fits(picture: Picture, counts: Counts, name: str) -> None:
         )
 
 
-def _box(box: Box, counts: Counts) -> Box:
+def _box(box: StateBox, counts: Counts) -> StateBox:
     count = counts.states.get(box.name, 0)
     within = tuple(_box(child, counts) for child in box.children)
     lines = tuple(_line(line, counts) for line in box.lines)
     return replace(box, children=within, lines=lines, count=count, tone=_tone(count))
 
 
-def _line(line: Line, counts: Counts) -> Line:
+def _line(line: TextLine, counts: Counts) -> TextLine:
     return line if line.label is None else replace(line, label=_label(line.label, counts))
 
 

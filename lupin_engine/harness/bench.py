@@ -18,7 +18,7 @@ from typing import Any
 from lupin_engine.errors import LupinError, PluginError
 from lupin_engine.harness.domains import claimed_domain
 from lupin_engine.harness.examples import arguments_for, defaults_of
-from lupin_engine.harness.referee import Attempt, ContractBroken, Referee, Untried
+from lupin_engine.harness.referee import ContractBroken, Referee, RefereedAttempt, Untried
 from lupin_engine.harness.rules import Given, as_told, changes
 from lupin_engine.plugin.clients import make_client
 from lupin_engine.plugin.contract import Argument, Driver, Plugin
@@ -308,7 +308,7 @@ class Bench:
         known = self.referee.attempts[attempt]
         self.until(lambda: known.reports, f"{attempt} is to be accepted")
 
-    def until_ended(self, attempt: str) -> Attempt:
+    def until_ended(self, attempt: str) -> RefereedAttempt:
         """Wait until an attempt has ended."""
         known = self.referee.attempts[attempt]
         self.until(lambda: known.ended, f"the end of {attempt}")

@@ -23,7 +23,7 @@ import pytest
 from lupin_engine.errors import PluginError, UsageError, nearest
 from lupin_engine.harness.live import apply, cases
 from lupin_engine.harness.referee import ContractBroken
-from lupin_engine.harness.rules import RULES, Given, Subject, find_subject, problems_with
+from lupin_engine.harness.rules import RULES, Given, PluginUnderTest, find_subject, problems_with
 from lupin_engine.plugin.registry import load_catalog
 
 if TYPE_CHECKING:
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from lupin_engine.ros.adapter.node import RosNode
 
 
-def _subject(plugin: str, arguments: Given = MappingProxyType({})) -> Subject:
+def _subject(plugin: str, arguments: Given = MappingProxyType({})) -> PluginUnderTest:
     """Return what a class tests; it fails in one line when that is not there, or cannot be imported."""
     try:
         subject = find_subject(plugin, arguments)

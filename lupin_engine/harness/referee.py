@@ -22,7 +22,7 @@ class Untried(ContractBroken):
 
 
 @dataclass
-class Attempt:
+class RefereedAttempt:
     """What became of an attempt: `reports` are the words about it in order, without progress."""
 
     operation: str
@@ -51,7 +51,7 @@ class Referee:
     def __init__(self, plugin: Plugin, again: Callable[[str], None] = lambda _: None) -> None:
         self._plugin = plugin
         self._again = again
-        self.attempts: dict[str, Attempt] = {}
+        self.attempts: dict[str, RefereedAttempt] = {}
         self.values: list[tuple[str, Any]] = []
         self.events: list[tuple[str, Mapping[str, Any]]] = []
         self.problems: list[str] = []
@@ -60,7 +60,7 @@ class Referee:
     def begin(self, operation: str) -> str:
         """Return the name of a new attempt."""
         name = f"{operation}_{len(self.attempts) + 1}"
-        self.attempts[name] = Attempt(operation)
+        self.attempts[name] = RefereedAttempt(operation)
         return name
 
     def accepted(self, attempt: str) -> None:
@@ -122,7 +122,7 @@ class Referee:
             return
         self._fits(f"event {name!r}", data, Type("record", name, fields=declared.fields))
 
-    def _hears(self, word: str, attempt: str) -> Attempt | None:
+    def _hears(self, word: str, attempt: str) -> RefereedAttempt | None:
         """Note a report about an attempt; None when nobody knows the attempt."""
         known = self._known(word, attempt)
         if known is not None:
@@ -131,7 +131,7 @@ class Referee:
             known.reports.append(word)
         return known
 
-    def _known(self, word: str, attempt: str) -> Attempt | None:
+    def _known(self, word: str, attempt: str) -> RefereedAttempt | None:
         self._open(f"{word!r} of {attempt}")
         known = self.attempts.get(attempt)
         if known is None:
@@ -142,7 +142,7 @@ class Referee:
         if self.closed:
             self.problems.append(f"{what} is reported after close")
 
-    def _operation(self, attempt: Attempt) -> Operation:
+    def _operation(self, attempt: RefereedAttempt) -> Operation:
         return self._plugin.operations[attempt.operation]
 
     def _fits(self, what: str, value: Any, kind: Type) -> None:

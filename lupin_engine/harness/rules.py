@@ -36,7 +36,7 @@ _ADDRESS = re.compile(r" at 0x[0-9a-f]+")
 
 
 @dataclass(frozen=True)
-class Subject:
+class PluginUnderTest:
     """The plugin that is checked: its entry point, and arguments to try things with."""
 
     point: EntryPoint
@@ -61,16 +61,16 @@ class Subject:
         return arguments_for(declared, self.arguments.get(name, {}))
 
 
-def find_subject(name: str, arguments: Given = MappingProxyType({})) -> Subject:
+def find_subject(name: str, arguments: Given = MappingProxyType({})) -> PluginUnderTest:
     """Return an installed plugin, by the name of its entry point.
 
     Raises:
         UsageError: there is none; the text has the nearest name.
     """
-    return Subject(find_entry_point(name), arguments)
+    return PluginUnderTest(find_entry_point(name), arguments)
 
 
-def registered(subject: Subject) -> Iterator[str]:
+def registered(subject: PluginUnderTest) -> Iterator[str]:
     """The registry takes it, alone and beside all that is installed, under the name of its entry point."""
     plugin = subject.plugin
     if plugin.name != subject.point.name:
@@ -135,7 +135,7 @@ def as_told(plugin: object) -> dict[str, str]:
     return found
 
 
-def loads_without_ros(subject: Subject) -> Iterator[str]:
+def loads_without_ros(subject: PluginUnderTest) -> Iterator[str]:
     """Loading the catalog imports nothing of ROS: a laptop must be able to check missions with it."""
     point, loaded = subject.point, subject.elsewhere
     if isinstance(loaded, str):
@@ -145,7 +145,7 @@ def loads_without_ros(subject: Subject) -> Iterator[str]:
         yield f"loading {point.module} imports {module}; import it in the client or the node only"
 
 
-def stays_the_same(subject: Subject) -> Iterator[str]:
+def stays_the_same(subject: PluginUnderTest) -> Iterator[str]:
     """Loading it again, in another process, gives the same catalog: what was checked is what runs."""
     if isinstance(subject.elsewhere, Elsewhere):
         for name, one, other in changes(as_told(subject.plugin), subject.elsewhere.catalog):
@@ -169,7 +169,7 @@ def _differs(one: str | None, other: str | None) -> str:
     return f"not the same each time it is loaded: {one[around]!r}, then {other[around]!r}"
 
 
-def names_modules(subject: Subject) -> Iterator[str]:
+def names_modules(subject: PluginUnderTest) -> Iterator[str]:
     """Client and nodes are where the catalog says, and can be called as the engine calls them."""
     plugin = subject.plugin
     if plugin.client:
@@ -178,13 +178,13 @@ def names_modules(subject: Subject) -> Iterator[str]:
         yield from (f"node {name!r}: {text}" for text in node_problems(target))
 
 
-def reports_what_is_declared(subject: Subject) -> Iterator[str]:
+def reports_what_is_declared(subject: PluginUnderTest) -> Iterator[str]:
     """Codes, live values, events and parameters that the client writes out are those of the catalog."""
     if subject.plugin.client:
         yield from undeclared(subject.plugin)
 
 
-def documented(subject: Subject) -> Iterator[str]:
+def documented(subject: PluginUnderTest) -> Iterator[str]:
     """What it offers is described: sentences for things, phrases for arguments, values and parameters."""
     plugin = subject.plugin
     yield from _sentence("the plugin", plugin.doc)
@@ -216,7 +216,7 @@ def _phrase(what: str, doc: str) -> Iterator[str]:
         yield f"{what}: {doc!r} is a phrase: leave out the full stop"
 
 
-def labelled(subject: Subject) -> Iterator[str]:
+def labelled(subject: PluginUnderTest) -> Iterator[str]:
     """Codes have labels that say more to an operator than their names."""
     for where, code in _codes(subject.plugin):
         if code.label.strip() in ("", code.name):
@@ -230,7 +230,7 @@ def _codes(plugin: Plugin) -> Iterator[tuple[str, Code]]:
         yield f"reader {name!r}", reader.code
 
 
-def mocked(subject: Subject) -> Iterator[str]:
+def mocked(subject: PluginUnderTest) -> Iterator[str]:
     """In a simulation every operation gives all that it declares, in the right types."""
     plugin = subject.plugin
     parameters = defaults_of(plugin.parameters)
@@ -280,7 +280,7 @@ def _mismatch(name: str, value: Any, kind: Type) -> Iterator[str]:
     yield from (f"{name!r}: {problem.at()}" for problem in problems(value, kind, Notation.DATA)[:1])
 
 
-def computes(subject: Subject) -> Iterator[str]:
+def computes(subject: PluginUnderTest) -> Iterator[str]:
     """Functions bind with the default parameters and are pure: same in, same out, nothing changed."""
     plugin = subject.plugin
     for name, function in plugin.functions.items():
@@ -312,7 +312,7 @@ def _outcome(bound: Callable[..., Any], arguments: Mapping[str, Any]) -> tuple[A
         return None, str(refused) or "refused"
 
 
-def reads(subject: Subject) -> Iterator[str]:
+def reads(subject: PluginUnderTest) -> Iterator[str]:
     """Readers take whatever a request carries: they return, or raise ValueError with a text."""
     plugin = subject.plugin
     for name, reader in plugin.readers.items():
@@ -334,7 +334,7 @@ def reads(subject: Subject) -> Iterator[str]:
 
 
 #: name -> rule; its docstring says what is demanded.
-RULES: Mapping[str, Callable[[Subject], Iterator[str]]] = MappingProxyType(
+RULES: Mapping[str, Callable[[PluginUnderTest], Iterator[str]]] = MappingProxyType(
     {
         rule.__name__: rule
         for rule in (
@@ -358,7 +358,7 @@ RULES_FIRST = registered.__name__
 UNTRIED = "it cannot be tried"
 
 
-def problems_with(rule: str, subject: Subject) -> list[str]:
+def problems_with(rule: str, subject: PluginUnderTest) -> list[str]:
     """Return what breaks a rule; nothing where it is kept."""
     try:
         return list(RULES[rule](subject))
@@ -366,7 +366,7 @@ def problems_with(rule: str, subject: Subject) -> list[str]:
         return [f"{UNTRIED}: {type(problem).__name__}: {problem}"]
 
 
-def findings(subject: Subject) -> dict[str, list[str]]:
+def findings(subject: PluginUnderTest) -> dict[str, list[str]]:
     """Return what breaks each rule, by the rule's name; an empty list where it is kept.
 
     Of a catalog that the registry refuses the other rules tell only what they can see.

@@ -19,7 +19,7 @@ from std_srvs.srv import Trigger
 
 from lupin_engine.chart.model import OPERATOR_REQUESTS
 from lupin_engine.ros.adapter.network import Kind, interfaces
-from lupin_engine.ros.adapter.node import Failure, Qos, RosNode, ServiceCaller
+from lupin_engine.ros.adapter.node import CallFailure, Qos, RosNode, ServiceCaller
 from lupin_engine.ros.names import (
     OBSERVATIONS_TOPIC,
     START_SERVICE,
@@ -139,7 +139,7 @@ class Operator:
 
 
 def _answer(outcome: Any) -> Answer:
-    if isinstance(outcome, Failure):
+    if isinstance(outcome, CallFailure):
         return Answer(False, outcome.detail, reached=False)
     if hasattr(outcome, "mission_id"):
         return Answer(outcome.accepted, outcome.error_message, outcome.mission_id)

@@ -29,7 +29,7 @@ from lupin_engine.plugin.contract import Driver, Parameter
 from lupin_engine.plugin.registry import load_catalog
 from lupin_engine.plugin.types import NUMBER, TEXT, list_of
 from lupin_engine.ros import messages
-from lupin_engine.ros.adapter.node import Qos, RosNode, Timer
+from lupin_engine.ros.adapter.node import Qos, RosNode, RosTimer
 from lupin_engine.ros.bindings.client import BoundClient
 from lupin_engine.ros.folder import LOOK_PERIOD_S, MissionsFolder
 from lupin_engine.ros.names import NODE, OBSERVATIONS_TOPIC, START_SERVICE, STATE_TOPIC, request_service
@@ -117,7 +117,7 @@ class Orchestrator:
         self._published: tuple[object, ...] = ()
         self._noted: dict[str, tuple[str, ...]] = {}
         self._started: Time | None = None
-        self._deadline: tuple[float, Timer] | None = None
+        self._deadline: tuple[float, RosTimer] | None = None
         drivers.update(_clients(ros, loaded, chart.plugins, self._outlet, machine.world.parameters))
         drivers[BUILTIN] = Readiness(drivers, self._outlet, ros.steady_timer, ros.now)
         self._drivers = drivers

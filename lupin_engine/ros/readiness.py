@@ -9,7 +9,7 @@ from typing import Any
 
 from lupin_engine.plugin.builtin import MISSING
 from lupin_engine.plugin.contract import Driver, Outlet
-from lupin_engine.ros.adapter.host import Timer
+from lupin_engine.ros.adapter.host import TimerHandle
 
 #: How often the drivers are asked, in seconds.
 POLL_PERIOD_S = 0.2
@@ -24,7 +24,7 @@ class Readiness:
         self,
         drivers: Mapping[str, Driver],
         outlet: Outlet,
-        every: Callable[[float, Callable[[], None]], Timer],
+        every: Callable[[float, Callable[[], None]], TimerHandle],
         now: Callable[[], float],
     ) -> None:
         """`every(period, callback)` starts a repeating timer, `now` tells the node's time."""

@@ -7,7 +7,7 @@ from functools import partial
 from typing import Any
 
 from lupin_engine.plugin.contract import Outlet
-from lupin_engine.ros.adapter.node import Failure, RosNode
+from lupin_engine.ros.adapter.node import CallFailure, RosNode
 from lupin_msgs.srv import SetArmPreset
 
 #: When a preset that nobody answered is given up, in seconds. The server answers when it has sent the arm
@@ -54,8 +54,8 @@ class ArmClient:
     def close(self) -> None:
         """Nothing: answers are only logged."""
 
-    def _on_answer(self, name: str, answer: SetArmPreset.Response | Failure) -> None:
-        if isinstance(answer, Failure):
+    def _on_answer(self, name: str, answer: SetArmPreset.Response | CallFailure) -> None:
+        if isinstance(answer, CallFailure):
             reason = f"{answer.code}: {answer.detail}"
             self._ros.log.warning("arm preset not answered", preset=name, reason=reason)
         elif not answer.success:

@@ -61,7 +61,7 @@ class StoreFailed(LupinError):
     """The library could not be written; what was to be written is not lost by that."""
 
 
-class Pose(BaseModel):
+class StoredPose(BaseModel):
     """A pose of the arm in radians, and of the jaw where it has one."""
 
     model_config = _MODEL
@@ -99,7 +99,7 @@ class Sequence(BaseModel):
         return self
 
 
-Entry = TypeVar("Entry", Pose, Sequence)
+Entry = TypeVar("Entry", StoredPose, Sequence)
 
 
 def valid_name(text: str) -> str:
@@ -115,7 +115,7 @@ def valid_name(text: str) -> str:
     return name
 
 
-def checked_pose(arm: Iterable[float], gripper: float | None, created: str) -> tuple[Pose, list[str]]:
+def checked_pose(arm: Iterable[float], gripper: float | None, created: str) -> tuple[StoredPose, list[str]]:
     """Return a pose within the limits, and what had to be changed for that.
 
     Raises:
@@ -137,15 +137,15 @@ def checked_pose(arm: Iterable[float], gripper: float | None, created: str) -> t
     ]
     if gripper is not None and jaw is not None and abs(gripper - jaw) > ROUNDING:
         told.append(f"the gripper is beyond its limit, kept as {jaw_to_degrees(jaw):g} deg")
-    return Pose(arm=list(inside), gripper=jaw, created=created), told
+    return StoredPose(arm=list(inside), gripper=jaw, created=created), told
 
 
-def beyond_limits(entry: Pose | Sequence) -> str:
+def beyond_limits(entry: StoredPose | Sequence) -> str:
     """Say what of an entry is beyond the limits of the arm, '' when nothing is.
 
     Nothing that was saved here is; but the file can be written by hand.
     """
-    moments: Iterable[Pose | Waypoint] = entry.waypoints if isinstance(entry, Sequence) else [entry]
+    moments: Iterable[StoredPose | Waypoint] = entry.waypoints if isinstance(entry, Sequence) else [entry]
     for number, moment in enumerate(moments, start=1):
         problem = _beyond_limits(moment.arm, moment.gripper)
         if problem:
@@ -173,7 +173,7 @@ class Library:
     def __init__(self, path: Path) -> None:
         self.path = path
         self._told: list[str] = []
-        self._poses: dict[str, Pose] = {}
+        self._poses: dict[str, StoredPose] = {}
         self._sequences: dict[str, Sequence] = {}
         self._others: dict[str, Any] = {}  # what a program that knows more has put into the file
         self._unusable = ""
@@ -210,7 +210,7 @@ class Library:
         ]
         return {"poses": poses, "sequences": sequences}
 
-    def pose(self, name: str) -> Pose:
+    def pose(self, name: str) -> StoredPose:
         """Return a pose that can be moved to.
 
         Raises:
@@ -244,7 +244,7 @@ class Library:
             raise NotInLibrary(f"the library is full: {MAX_ENTRIES} {kind}s; delete some")
         return name
 
-    def save_pose(self, name: str, pose: Pose, overwrite: bool) -> str:
+    def save_pose(self, name: str, pose: StoredPose, overwrite: bool) -> str:
         """Keep a pose; what is overwritten leaves its note. Return the name.
 
         Raises:
@@ -293,7 +293,7 @@ class Library:
 
     # --- entries ------------------------------------------------------------------------------------------
 
-    def _of(self, kind: str) -> Mapping[str, Pose | Sequence]:
+    def _of(self, kind: str) -> Mapping[str, StoredPose | Sequence]:
         return self._poses if kind == "pose" else self._sequences
 
     def _found(self, kind: str, name: str, entries: Mapping[str, Entry]) -> Entry:
@@ -305,7 +305,7 @@ class Library:
             raise NotInLibrary(f"{kind} {name!r} is beyond the limits: {wrong}; record it again or delete it")
         return entries[name]
 
-    def _save(self, kind: str, name: str, entry: Pose | Sequence, overwrite: bool) -> str:
+    def _save(self, kind: str, name: str, entry: StoredPose | Sequence, overwrite: bool) -> str:
         name = self.check_free(kind, name, overwrite)
         entries = self._of(kind)
         if name in entries:
@@ -327,7 +327,7 @@ class Library:
         try:
             if not self._take_in(self.path):
                 self._recover("is missing")
-        except _Corrupt as problem:
+        except _CorruptLibrary as problem:
             self._recover(f"cannot be read ({problem}), {self._put_aside()}")
         except OSError as error:
             # Nothing is taken for an empty library that may be full: the next save would be the end of it.
@@ -358,8 +358,8 @@ class Library:
             )
             return True
         if version != VERSION or isinstance(version, bool):
-            raise _Corrupt(f"its version is {version!r}, not {VERSION}")
-        self._poses = _entries(data, "poses", Pose, wrong)
+            raise _CorruptLibrary(f"its version is {version!r}, not {VERSION}")
+        self._poses = _entries(data, "poses", StoredPose, wrong)
         self._sequences = _entries(data, "sequences", Sequence, wrong)
         self._others = {key: value for key, value in data.items() if key not in _KEYS}
         if wrong:
@@ -385,7 +385,7 @@ class Library:
     def _recover(self, what: str) -> None:
         """Take the newest backup that can be read; without one the library is empty, and says so if told."""
         for backup in self._backups():
-            with contextlib.suppress(_Corrupt, OSError):
+            with contextlib.suppress(_CorruptLibrary, OSError):
                 if self._take_in(backup):
                     self._told.append(f"{self.path.name} {what}; taken from {backup.name}")
                     return
@@ -416,7 +416,7 @@ class Library:
         self._persist(poses, sequences)
         self._poses, self._sequences = poses, sequences
 
-    def _persist(self, poses: Mapping[str, Pose], sequences: Mapping[str, Sequence]) -> None:
+    def _persist(self, poses: Mapping[str, StoredPose], sequences: Mapping[str, Sequence]) -> None:
         try:
             content = self._text(poses, sequences).encode()
             if len(content) > MAX_BYTES:
@@ -428,7 +428,7 @@ class Library:
             raise StoreFailed(f"{self.path} cannot be written: {reason}; nothing was changed") from None
         self._seen = _identity(self.path)
 
-    def _text(self, poses: Mapping[str, Pose], sequences: Mapping[str, Sequence]) -> str:
+    def _text(self, poses: Mapping[str, StoredPose], sequences: Mapping[str, Sequence]) -> str:
         """Return the file, an entry a line; hours of movements are written in a moment so."""
         others = [(key, json.dumps(value)) for key, value in self._others.items()]
         own = [("version", str(VERSION)), ("poses", _lines(poses)), ("sequences", _lines(sequences))]
@@ -438,7 +438,7 @@ class Library:
 _KEYS = ("version", "poses", "sequences")
 
 
-class _Corrupt(Exception):
+class _CorruptLibrary(Exception):
     """The file is no library."""
 
 
@@ -470,13 +470,13 @@ def _object(raw: bytes, wrong: list[str]) -> dict[str, Any]:
     try:
         data = json.loads(raw, object_pairs_hook=once)
     except (ValueError, RecursionError) as error:  # bytes that are no text raise a ValueError, too
-        raise _Corrupt(f"no JSON: {error}") from None
+        raise _CorruptLibrary(f"no JSON: {error}") from None
     if not isinstance(data, dict):
-        raise _Corrupt(f"a {type(data).__name__} instead of an object")
+        raise _CorruptLibrary(f"a {type(data).__name__} instead of an object")
     return data
 
 
-def _lines(entries: Mapping[str, Pose | Sequence]) -> str:
+def _lines(entries: Mapping[str, StoredPose | Sequence]) -> str:
     lines = (f"\n  {json.dumps(name)}: {entry.model_dump_json()}" for name, entry in entries.items())
     return "{" + ",".join(lines) + "}"
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from lupin_arm.joints import Pose
 from lupin_arm.library import NotInLibrary, Sequence
-from lupin_arm.trajectory import Sample, Trajectory, replay
+from lupin_arm.trajectory import Trajectory, TrajectorySample, replay
 
 #: The jaw is commanded where a recording moves it farther than this since the last command, in radians.
 JAW_MOVED = 0.05
@@ -42,7 +42,7 @@ def plan(sequence: Sequence, speed: float, start: Pose) -> Replay:
     Raises:
         NotInLibrary: the speed is no number.
     """
-    samples = [Sample(waypoint.t, waypoint.arm) for waypoint in sequence.waypoints]
+    samples = [TrajectorySample(waypoint.t, waypoint.arm) for waypoint in sequence.waypoints]
     try:
         trajectory = replay(samples, speed, start)
     except ValueError as reason:

@@ -19,7 +19,7 @@ CLOCK_SET_S = 1.0
 _MOMENT_S = 0.001
 
 
-class Recording:
+class PoseRecording:
     """The poses of one recording; times begin with the first of them.
 
     A pose comes with its stamp, which is what the arm's own computer says, and with the time of its arrival

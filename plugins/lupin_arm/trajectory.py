@@ -88,7 +88,7 @@ class Trajectory:
 
 
 @dataclass(frozen=True)
-class Sample:
+class TrajectorySample:
     """A pose that was recorded, and when: seconds after the recording began."""
 
     time: float
@@ -127,7 +127,7 @@ def clamp_speed(speed: float) -> float:
     return 1.0 if speed == 0.0 else min(max(speed, SLOWEST), FASTEST)
 
 
-def replay(samples: Sequence[Sample], speed: float, start: Pose) -> Trajectory:
+def replay(samples: Sequence[TrajectorySample], speed: float, start: Pose) -> Trajectory:
     """Return the motion along recorded poses, after a move from `start` to the first of them.
 
     The first point comes after that move at an ordinary pace, each later one as long after the one before it

@@ -54,7 +54,7 @@ def _simulator(parameters: Parameters, clocks: Clocks, tell: Tell) -> Backend:
 
 
 def _greenhouse(parameters: Parameters, clocks: Clocks = REAL_CLOCKS) -> greenhouse.Greenhouse:
-    settings = greenhouse.Settings(
+    settings = greenhouse.SimulatorSettings(
         tag_file=_layout(parameters),
         sim_config_file=parameters["sim_config_file"],
         debug_time_of_day=parameters["debug_time_of_day"],
@@ -65,7 +65,7 @@ def _greenhouse(parameters: Parameters, clocks: Clocks = REAL_CLOCKS) -> greenho
 
 
 def _recorded(parameters: Parameters, clocks: Clocks, _: Tell) -> Backend:
-    settings = recorded.Settings(
+    settings = recorded.ReplaySettings(
         file=parameters["recording_file"],
         clock=parameters["recording_clock"],
         max_age=parameters["max_age"],
@@ -98,8 +98,8 @@ def _check_mqtt(parameters: Parameters) -> None:
     problems.tell()
 
 
-def _broker(parameters: Parameters) -> mqtt.Settings:
-    return mqtt.Settings(
+def _broker(parameters: Parameters) -> mqtt.MqttSettings:
+    return mqtt.MqttSettings(
         host=parameters["mqtt_host"],
         port=parameters["mqtt_port"],
         topic=parameters["mqtt_topic"],

@@ -9,7 +9,7 @@ from typing import Any
 from lupin_bridge.catalog import SCAN_FAILED, UNKNOWN_TAG
 from lupin_engine.plugin.contract import Outlet
 from lupin_engine.plugin.wire import seconds_of
-from lupin_engine.ros.adapter.node import Failure, RosNode
+from lupin_engine.ros.adapter.node import CallFailure, RosNode
 from lupin_engine.ros.adapter.service_driver import Done, Failed, ServiceDriver, ServiceOperation
 from lupin_msgs.msg import TagReading
 from lupin_msgs.srv import GetTagReading
@@ -27,8 +27,8 @@ def _request(arguments: Mapping[str, Any]) -> GetTagReading.Request:
     return GetTagReading.Request(tag_id=arguments["tag_id"])
 
 
-def _outcome(arguments: Mapping[str, Any], answer: GetTagReading.Response | Failure) -> Done | Failed:
-    if isinstance(answer, Failure):
+def _outcome(arguments: Mapping[str, Any], answer: GetTagReading.Response | CallFailure) -> Done | Failed:
+    if isinstance(answer, CallFailure):
         return Failed(SCAN_FAILED.name, answer.detail)
     if answer.status == GetTagReading.Response.STATUS_OK:
         if answer.reading.tag_id not in (arguments["tag_id"], ""):  # it would stand on the wrong plant

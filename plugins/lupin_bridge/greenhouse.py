@@ -35,7 +35,7 @@ _TIME_KEY = "timestamp"
 
 
 @dataclass(frozen=True)
-class Settings:
+class SimulatorSettings:
     """Where the simulator's files are and how its clock runs; the defaults are the package's own.
 
     `debug_time_of_day` (hours) from 0 on fixes the time; `debug_seed` from 0 on makes the noise repeatable
@@ -57,7 +57,9 @@ class Greenhouse:
         LupinError: a file cannot be used; the text names it.
     """
 
-    def __init__(self, settings: Settings = Settings(), clocks: Clocks = REAL_CLOCKS) -> None:
+    def __init__(
+        self, settings: SimulatorSettings = SimulatorSettings(), clocks: Clocks = REAL_CLOCKS
+    ) -> None:
         self._clocks = clocks
         self._simulator = _simulator(settings)
         self._tags = tuple(self._simulator.tags())
@@ -113,7 +115,7 @@ class Greenhouse:
         return f"the simulator failed: {type(error).__name__}: {error}"
 
 
-def _simulator(settings: Settings) -> GreenhouseSimulator:
+def _simulator(settings: SimulatorSettings) -> GreenhouseSimulator:
     # Imported late: the package brings matplotlib, which a catalog or a client does not need.
     try:
         from greenhouse_sim import GreenhouseSimulator
@@ -143,7 +145,7 @@ def _existing(file: str, what: str) -> Path | None:
     return path
 
 
-def _adjust_clock(simulator: GreenhouseSimulator, settings: Settings) -> None:
+def _adjust_clock(simulator: GreenhouseSimulator, settings: SimulatorSettings) -> None:
     time = simulator.sim_config["time"]
     if settings.speedup_factor > 0:
         time["speedup_factor"] = settings.speedup_factor

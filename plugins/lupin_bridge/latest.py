@@ -6,7 +6,7 @@ import threading
 from dataclasses import dataclass
 
 from lupin_bridge.backend import Clocks, Measurement
-from lupin_bridge.topics import Sample
+from lupin_bridge.topics import SensorSample
 from lupin_bridge.units import unit_of
 
 #: Without a layout any name may be a tag; more than this many are somebody's mistake, or worse.
@@ -35,7 +35,7 @@ class Latest:
         self._lock = threading.Lock()
         self._tags: dict[str, dict[str, _Kept]] = {}
 
-    def put(self, tag: str, sample: Sample) -> bool:
+    def put(self, tag: str, sample: SensorSample) -> bool:
         """Keep a value unless a later one is there; False when there is no room for another tag or sensor."""
         now = self._clocks.wall()
         stamp = now if sample.stamp is None else min(sample.stamp, now)

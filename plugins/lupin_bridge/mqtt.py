@@ -31,7 +31,7 @@ from lupin_bridge.backend import (
 )
 from lupin_bridge.latest import Latest
 from lupin_bridge.stamps import time_of_day
-from lupin_bridge.topics import Rejected, Sample, Template, samples
+from lupin_bridge.topics import Rejected, SensorSample, Template, samples
 from lupin_engine.errors import LupinError, Problems, Severity, shortened
 
 if TYPE_CHECKING:
@@ -62,7 +62,7 @@ MAX_TOLD = 100
 
 
 @dataclass(frozen=True)
-class Settings:
+class MqttSettings:
     """Which broker, which topics, and how to come in; `port` 0 is the usual one.
 
     `max_age` is in seconds; `retry` is the first and the longest pause between attempts to connect, in
@@ -81,7 +81,7 @@ class Settings:
     retry: tuple[int, int] = (1, 30)
 
 
-def check(settings: Settings) -> None:
+def check(settings: MqttSettings) -> None:
     """Look whether settings can be used; nobody is connected to.
 
     Raises:
@@ -108,7 +108,7 @@ class Mqtt:
     """
 
     def __init__(
-        self, settings: Settings, sensors: Sensors | None, tell: Tell, clocks: Clocks = REAL_CLOCKS
+        self, settings: MqttSettings, sensors: Sensors | None, tell: Tell, clocks: Clocks = REAL_CLOCKS
     ) -> None:
         """`sensors` are those of a layout, which alone are served; without one whatever is heard."""
         check(settings)
@@ -252,7 +252,7 @@ class Mqtt:
             if not self._latest.put(tag, sample):
                 raise Rejected("too many tags or sensors")
 
-    def _refuse_ageless(self, sample: Sample) -> None:
+    def _refuse_ageless(self, sample: SensorSample) -> None:
         """Refuse what the broker has kept and may be from yesterday: it would look new at each connection."""
         if sample.stamp is None:
             raise Rejected("retained, but without a stamp", "nobody knows how old it is")
@@ -276,11 +276,11 @@ def _new_client() -> Client:
     return mqtt.Client(CallbackAPIVersion.VERSION2)
 
 
-def _port(settings: Settings) -> int:
+def _port(settings: MqttSettings) -> int:
     return settings.port or (TLS_PORT if settings.tls else PORT)
 
 
-def _aim(client: Client, settings: Settings) -> None:
+def _aim(client: Client, settings: MqttSettings) -> None:
     """Tell the client where the broker is; it connects once its loop runs."""
     host, port = settings.host, _port(settings)
     if _NO_HOST.search(host) or host.count(":") == 1:  # an address of IPv6 has more
@@ -293,7 +293,7 @@ def _aim(client: Client, settings: Settings) -> None:
         raise LupinError(f"mqtt_host {host!r}, port {port}: {error}") from None
 
 
-def _secure(client: Client, settings: Settings) -> None:
+def _secure(client: Client, settings: MqttSettings) -> None:
     """Encrypt the connection where that is wanted.
 
     Raises:

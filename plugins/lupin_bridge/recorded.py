@@ -21,7 +21,7 @@ from lupin_bridge.backend import (
     unknown_tag,
 )
 from lupin_bridge.catalog import RECORDING_CLOCKS
-from lupin_bridge.recording import Recording, load_recording
+from lupin_bridge.recording import SensorRecording, load_recording
 from lupin_bridge.stamps import time_of_day
 from lupin_bridge.units import unit_of
 
@@ -32,7 +32,7 @@ _LONGEST_S = 1e9
 
 
 @dataclass(frozen=True)
-class Settings:
+class ReplaySettings:
     """Which file is replayed, and how.
 
     `clock` is one of RECORDING_CLOCKS. `fixed_hour` from 0 on holds the replay at that hour of its first day;
@@ -53,7 +53,9 @@ class Recorded:
         LupinError: the file cannot be used; the text has every mistake with its place.
     """
 
-    def __init__(self, settings: Settings, sensors: Sensors | None, clocks: Clocks = REAL_CLOCKS) -> None:
+    def __init__(
+        self, settings: ReplaySettings, sensors: Sensors | None, clocks: Clocks = REAL_CLOCKS
+    ) -> None:
         """`sensors` are those of a layout, which alone are served; without one whatever is recorded."""
         self._recording = load_recording(settings.file)
         self._settings = settings
@@ -91,7 +93,7 @@ class Recorded:
         """Nothing is held open."""
 
 
-def _replay(recording: Recording, settings: Settings, clocks: Clocks) -> Callable[[], float]:
+def _replay(recording: SensorRecording, settings: ReplaySettings, clocks: Clocks) -> Callable[[], float]:
     """Return the function that says which moment of the recording is now."""
     first_day = datetime.fromtimestamp(recording.first).date()
     if settings.fixed_hour >= 0.0:

@@ -51,7 +51,7 @@ class Series:
 
 
 @dataclass(frozen=True)
-class Recording:
+class SensorRecording:
     """The series of every sensor by tag and sensor name, and the first and last stamp of all."""
 
     series: Mapping[str, Mapping[str, Series]]
@@ -59,7 +59,7 @@ class Recording:
     last: float
 
 
-def load_recording(file: str) -> Recording:
+def load_recording(file: str) -> SensorRecording:
     """Read a recording.
 
     Raises:
@@ -79,11 +79,11 @@ def load_recording(file: str) -> Recording:
     stamps = [stamp for own in series.values() for one in own.values() for stamp in one.stamps]
     if not stamps:
         raise LupinError(f"recording {file} has no readings")
-    return Recording(series, min(stamps), max(stamps))
+    return SensorRecording(series, min(stamps), max(stamps))
 
 
 @dataclass(frozen=True)
-class _Row:
+class _CsvRow:
     """The cells of a row, and the text from which they come, which begins in `line`."""
 
     line: int
@@ -203,7 +203,7 @@ def _is_long(columns: Iterable[str]) -> bool:
     return bool({SENSOR, VALUE}.intersection(columns))
 
 
-def _rows(text: str, mistakes: _Mistakes) -> Iterator[_Row]:
+def _rows(text: str, mistakes: _Mistakes) -> Iterator[_CsvRow]:
     """Yield the rows that are not empty; a quoted cell may go over several lines."""
     lines = text.split("\n")
     reader = csv.reader(io.StringIO(text))
@@ -211,7 +211,7 @@ def _rows(text: str, mistakes: _Mistakes) -> Iterator[_Row]:
     try:
         for cells in reader:
             if any(cells):
-                yield _Row(begin + 1, lines[begin : reader.line_num], cells)
+                yield _CsvRow(begin + 1, lines[begin : reader.line_num], cells)
             begin = reader.line_num
     except csv.Error as error:  # a cell of more than 128 KiB: a quote that is never closed
         mistakes.add((begin + 1, 1), f"this and what follows is no CSV: {error}")
@@ -228,7 +228,7 @@ def _quoted(names: Iterable[str]) -> str:
     return ", ".join(repr(shortened(name)) for name in names)
 
 
-def _long(row: _Row, columns: Mapping[str, int], mistakes: _Mistakes) -> Iterator[_Value]:
+def _long(row: _CsvRow, columns: Mapping[str, int], mistakes: _Mistakes) -> Iterator[_Value]:
     """Yield the one value of a row, unless a cell is wrong."""
     sensor, written = row.cell(columns[SENSOR]), row.cell(columns[VALUE])
     unit = row.cell(columns[UNIT]) if UNIT in columns else ""
@@ -245,7 +245,7 @@ def _long(row: _Row, columns: Mapping[str, int], mistakes: _Mistakes) -> Iterato
         yield _Value(tag, sensor, stamp, row.line, value)
 
 
-def _wide(row: _Row, columns: Mapping[str, int], mistakes: _Mistakes) -> Iterator[_Value]:
+def _wide(row: _CsvRow, columns: Mapping[str, int], mistakes: _Mistakes) -> Iterator[_Value]:
     """Yield the values of a row; one for each cell of a sensor that is not empty."""
     if KIND in columns and row.cell(columns[KIND]) != "reading":
         return
@@ -266,14 +266,14 @@ def _wide(row: _Row, columns: Mapping[str, int], mistakes: _Mistakes) -> Iterato
             yield _Value(tag, sensor, stamp, row.line, value)
 
 
-def _name(row: _Row, index: int, column: str, mistakes: _Mistakes) -> str:
+def _name(row: _CsvRow, index: int, column: str, mistakes: _Mistakes) -> str:
     name = row.cell(index)
     if not name:
         mistakes.add(row.place(index), f"no {column}")
     return name
 
 
-def _stamp(row: _Row, index: int, mistakes: _Mistakes) -> float | None:
+def _stamp(row: _CsvRow, index: int, mistakes: _Mistakes) -> float | None:
     try:
         return seconds_since_1970(row.cell(index))
     except ValueError as error:

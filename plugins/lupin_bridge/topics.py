@@ -34,7 +34,7 @@ class Rejected(ValueError):
 
 
 @dataclass(frozen=True)
-class Sample:
+class SensorSample:
     """A value in the unit of its sensor; `stamp` is when it was measured, if the message tells."""
 
     sensor: str
@@ -90,7 +90,7 @@ class Template:
 
 def samples(
     payload: bytes, sensor: str, allowed: Iterable[str] | None = None
-) -> tuple[list[Sample], list[Rejected]]:
+) -> tuple[list[SensorSample], list[Rejected]]:
     """Read a payload: of one `sensor`, or where that is '' of those of the `allowed` sensors that it names.
 
     Returns what can be used, and why the rest cannot.
@@ -104,12 +104,12 @@ def samples(
     if not isinstance(data, dict):
         raise Rejected("no JSON object", "the topic has no {sensor}, so the payload must name them")
     stamp = _stamp(data)
-    found: list[Sample] = []
+    found: list[SensorSample] = []
     wrong: list[Rejected] = []
     for name in QUANTITIES if allowed is None else allowed:
         try:
             if data.get(name) is not None:  # gateways write null for what they do not know
-                found.append(Sample(name, _checked(name, data[name], ""), stamp))
+                found.append(SensorSample(name, _checked(name, data[name], ""), stamp))
         except Rejected as reason:
             wrong.append(reason)
     if not found and not wrong:
@@ -117,15 +117,15 @@ def samples(
     return found, wrong
 
 
-def _one(data: object, sensor: str) -> Sample:
+def _one(data: object, sensor: str) -> SensorSample:
     if not isinstance(data, dict):
-        return Sample(sensor, _checked(sensor, data, ""))
+        return SensorSample(sensor, _checked(sensor, data, ""))
     if "value" not in data:
         raise Rejected("no 'value' in it")
     unit = data.get("unit", "")
     if not isinstance(unit, str):
         raise Rejected("unit is no text")
-    return Sample(sensor, _checked(sensor, data["value"], unit), _stamp(data))
+    return SensorSample(sensor, _checked(sensor, data["value"], unit), _stamp(data))
 
 
 def _decoded(payload: bytes) -> object:

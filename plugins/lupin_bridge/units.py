@@ -14,7 +14,7 @@ UNKNOWN_LIMIT = 1e9
 
 
 @dataclass(frozen=True)
-class Quantity:
+class UnitRange:
     """A unit, the range of what can be, and other units as (factor, offset): value · factor + offset."""
 
     unit: str
@@ -24,9 +24,9 @@ class Quantity:
 
 
 #: The ranges are what can be at all, not what is good for plants: outside of them a sensor is broken.
-QUANTITIES: Mapping[str, Quantity] = MappingProxyType(
+QUANTITIES: Mapping[str, UnitRange] = MappingProxyType(
     {
-        "temperature": Quantity(
+        "temperature": UnitRange(
             "°C",
             -60.0,
             100.0,
@@ -40,10 +40,10 @@ QUANTITIES: Mapping[str, Quantity] = MappingProxyType(
             },
         ),
         # Sensors that are wet show a little more than 100 %.
-        "humidity": Quantity("%", 0.0, 110.0, {"%rh": (1.0, 0.0), "1": (100.0, 0.0)}),
-        "co2": Quantity("ppm", 0.0, 100_000.0, {"%": (10_000.0, 0.0)}),
-        "light": Quantity("lx", 0.0, 300_000.0, {"lux": (1.0, 0.0), "klx": (1000.0, 0.0)}),
-        "soil_moisture": Quantity("1", 0.0, 1.0, {"%": (0.01, 0.0), "m³/m³": (1.0, 0.0)}),
+        "humidity": UnitRange("%", 0.0, 110.0, {"%rh": (1.0, 0.0), "1": (100.0, 0.0)}),
+        "co2": UnitRange("ppm", 0.0, 100_000.0, {"%": (10_000.0, 0.0)}),
+        "light": UnitRange("lx", 0.0, 300_000.0, {"lux": (1.0, 0.0), "klx": (1000.0, 0.0)}),
+        "soil_moisture": UnitRange("1", 0.0, 1.0, {"%": (0.01, 0.0), "m³/m³": (1.0, 0.0)}),
     }
 )
 
@@ -74,7 +74,7 @@ def checked(sensor: str, value: float, unit: str = "") -> float:
     return converted
 
 
-def _conversion(sensor: str, quantity: Quantity, unit: str) -> tuple[float, float]:
+def _conversion(sensor: str, quantity: UnitRange, unit: str) -> tuple[float, float]:
     written = unit.strip().lower()
     if written in ("", quantity.unit.lower()):
         return 1.0, 0.0

@@ -35,7 +35,7 @@ Point = tuple[float, float]
 Quaternion = tuple[float, float, float, float]
 
 
-class Source(str, enum.Enum):
+class ApproachSource(str, enum.Enum):
     """Which rule gave an approach pose."""
 
     GEOMETRY = "geometry"
@@ -56,7 +56,7 @@ class Approach:
     x: float
     y: float
     yaw: float
-    source: Source
+    source: ApproachSource
     table: str | None
     standoff: float
 
@@ -106,20 +106,20 @@ def approach(
     own = override or Override()
     distance = clamp_standoff(standoff if own.standoff is None else own.standoff)
     if own.goal_x is not None and own.goal_y is not None and own.yaw is not None:
-        return Approach(own.goal_x, own.goal_y, own.yaw, Source.OVERRIDE, None, distance)
+        return Approach(own.goal_x, own.goal_y, own.yaw, ApproachSource.OVERRIDE, None, distance)
     point = np.array(tag, dtype=float)
     index = tables.nearest(point)
     table = None if index is None else tables.ids[index]
     clear = None if index is None else _clear_goal(point, tables, index, distance)
     if clear is None:
         yaw = fallback_yaw if own.yaw is None else own.yaw
-        return Approach(tag[0], tag[1], yaw, Source.FALLBACK, table, 0.0)
+        return Approach(tag[0], tag[1], yaw, ApproachSource.FALLBACK, table, 0.0)
     goal, used = clear
     return Approach(
         x=float(goal[0]) if own.goal_x is None else own.goal_x,
         y=float(goal[1]) if own.goal_y is None else own.goal_y,
         yaw=_bearing(goal, point) if own.yaw is None else own.yaw,
-        source=Source.GEOMETRY if own == Override() else Source.OVERRIDE,
+        source=ApproachSource.GEOMETRY if own == Override() else ApproachSource.OVERRIDE,
         table=table,
         standoff=used,
     )
@@ -152,12 +152,12 @@ def approach_discovered(
     qx, qy, qz, qw = facing
     point = np.array(tag, dtype=float)
     normal = np.array([2.0 * (qx * qz + qw * qy), 2.0 * (qy * qz - qw * qx)])
-    source = Source.DISCOVERED_NORMAL
+    source = ApproachSource.DISCOVERED_NORMAL
     if np.hypot(*normal) < DEGENERATE_M and robot is not None:
-        normal, source = np.array(robot, dtype=float) - point, Source.DISCOVERED_ROBOT
+        normal, source = np.array(robot, dtype=float) - point, ApproachSource.DISCOVERED_ROBOT
     length = float(np.hypot(*normal))
     if length < DEGENERATE_M:
-        return Approach(tag[0], tag[1], fallback_yaw, Source.FALLBACK, None, 0.0)
+        return Approach(tag[0], tag[1], fallback_yaw, ApproachSource.FALLBACK, None, 0.0)
     goal = point + distance * normal / length
     return Approach(float(goal[0]), float(goal[1]), _bearing(goal, point), source, None, distance)
 

@@ -13,7 +13,7 @@ from typing import Any
 from lupin_engine.plugin.contract import Outlet
 from lupin_greenhouse.frames import Frames
 from lupin_greenhouse.poses import heading
-from lupin_nav.frontier import Frontier, Grid, Point, Survey, Thresholds, make_grid, survey
+from lupin_nav.frontier import Frontier, OccupancyGrid, Point, Survey, Thresholds, make_grid, survey
 
 #: Where the robot is, or None while nobody knows.
 Whereabouts = Callable[[], Point | None]
@@ -47,7 +47,7 @@ class Explorer:
         self._localizer = localizer
         self._thresholds = thresholds_of(parameters)
         self._frames = Frames()
-        self._grid: Grid | None = None
+        self._grid: OccupancyGrid | None = None
         self._map_came = False
         self._waiting: dict[str, _Waiting] = {}
 

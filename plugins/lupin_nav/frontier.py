@@ -34,7 +34,7 @@ Point = tuple[float, float]
 
 
 @dataclass(frozen=True)
-class Grid:
+class OccupancyGrid:
     """An occupancy grid: `cells[row, column]`, metres a cell, and where the corner of cell (0, 0) lies."""
 
     cells: Cells
@@ -104,18 +104,20 @@ class Survey:
 
 def make_grid(
     data: ArrayLike, width: int, height: int, resolution: float, origin: Sequence[float] = (0.0, 0.0)
-) -> Grid | None:
+) -> OccupancyGrid | None:
     """Return the grid of row-major `data`; None when size, resolution or origin (x, y[, yaw]) are none."""
     if width <= 0 or height <= 0 or not (math.isfinite(resolution) and resolution > 0.0):
         return None
     flat = np.asarray(data, dtype=np.int8).reshape(-1)
     if flat.size < width * height or not all(map(math.isfinite, origin)):
         return None
-    return Grid(flat[: width * height].reshape(height, width), float(resolution), *map(float, origin))
+    return OccupancyGrid(
+        flat[: width * height].reshape(height, width), float(resolution), *map(float, origin)
+    )
 
 
 def survey(
-    grid: Grid,
+    grid: OccupancyGrid,
     robot: Point | None = None,
     thresholds: Thresholds | None = None,
     avoid: Sequence[Point] = (),

@@ -38,7 +38,7 @@ class Size:
 
 
 @dataclass(frozen=True, eq=False)
-class Box:
+class PlanterBox:
     """A box on the plane: the middle of its front face, its unit normal into the aisle, its size."""
 
     origin: Array
@@ -61,13 +61,13 @@ class Box:
         """Return the corners (x, y): front at f = 1, front at f = -1, back at -1, back at 1."""
         return self.place((1.0, -1.0, -1.0, 1.0), (0.0, 0.0, 1.0, 1.0))
 
-    def is_like(self, other: Box, shift: float, turn: float) -> bool:
+    def is_like(self, other: PlanterBox, shift: float, turn: float) -> bool:
         """Say whether both fronts are within `shift` metres and `turn` radians of each other."""
         moved = float(np.linalg.norm(self.origin - other.origin))
         return moved <= shift and float(self.normal @ other.normal) >= math.cos(turn)
 
 
-def box_from_tag(tag: Pose, size: Size, lateral_offset: float = 0.0) -> Box | None:
+def box_from_tag(tag: Pose, size: Size, lateral_offset: float = 0.0) -> PlanterBox | None:
     """Return the box behind a tag whose pose in `map` is known; None when the tag faces up or down.
 
     The tag's local +Z is the third column of its rotation; its part on the plane is the normal. The tag
@@ -79,11 +79,11 @@ def box_from_tag(tag: Pose, size: Size, lateral_offset: float = 0.0) -> Box | No
         return None
     normal = normal / length
     lateral = np.array((-normal[1], normal[0]))
-    return Box(tag.position[:2] + lateral_offset * lateral, normal, size)
+    return PlanterBox(tag.position[:2] + lateral_offset * lateral, normal, size)
 
 
 @dataclass(frozen=True)
-class View:
+class BoxView:
     """How an image and the arm's pan tell where in the box a bloom is.
 
     At `pan_half_span` (rad) of the pan joint a bloom at the image's outer edge, `half_field` (rad) further

@@ -9,7 +9,7 @@ from lupin_engine.errors import shortened
 from lupin_engine.plugin.contract import Outlet
 from lupin_engine.plugin.wire import seconds_of
 from lupin_engine.ros.adapter.logs import WarnOnce
-from lupin_engine.ros.adapter.node import Failure, Qos, RosNode
+from lupin_engine.ros.adapter.node import CallFailure, Qos, RosNode
 from lupin_engine.ros.adapter.service_driver import Done, Failed, ServiceDriver, ServiceOperation
 from lupin_greenhouse.frames import frame_name
 from lupin_msgs.msg import DiscoveredTags
@@ -63,8 +63,8 @@ def _request(arguments: Mapping[str, Any]) -> ConfirmTag.Request:
     return ConfirmTag.Request(expected_tag_id=arguments["tag_id"])
 
 
-def _outcome(_: Mapping[str, Any], answer: ConfirmTag.Response | Failure) -> Done | Failed:
-    if isinstance(answer, Failure):
+def _outcome(_: Mapping[str, Any], answer: ConfirmTag.Response | CallFailure) -> Done | Failed:
+    if isinstance(answer, CallFailure):
         return Failed("confirm_failed", f"{answer.code}: {answer.detail}")
     if answer.detected:
         return Done({"confidence": float(answer.detection_confidence)})

@@ -19,7 +19,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from lupin_greenhouse.numbers import finite
-from lupin_perception.boxes import Box, Size
+from lupin_perception.boxes import PlanterBox, Size
 
 #: The longest text, in characters, and the longest list that are read: a frame has some dozens of entries.
 MAX_TEXT = 262_144
@@ -55,7 +55,7 @@ class Detection:
 
 
 @dataclass(frozen=True)
-class Unreadable:
+class UnreadableDetection:
     """Why something was left out."""
 
     reason: str
@@ -76,7 +76,7 @@ def read_flowers(text: str, classes: Sequence[str], image_width: float) -> tuple
     return _read(text, FLOWER_KEYS, lambda entry: _flower(entry, classes, image_width))
 
 
-def read_boxes(text: str) -> tuple[dict[str, Box], list[str]]:
+def read_boxes(text: str) -> tuple[dict[str, PlanterBox], list[str]]:
     """Return the boxes of a list, or of an object's list `boxes`, by the id of their tag, and what was wrong.
 
     An entry tells the centre (m), the heading of the outward normal (rad) and the size (m): `{"id" or
@@ -86,43 +86,50 @@ def read_boxes(text: str) -> tuple[dict[str, Box], list[str]]:
     return dict(found), problems
 
 
-def _box(entry: Mapping[str, Any]) -> tuple[str, Box] | Unreadable:
+def _box(entry: Mapping[str, Any]) -> tuple[str, PlanterBox] | UnreadableDetection:
     tag_id = entry.get("id", entry.get("box_id"))
     numbers = [finite(entry.get(name)) for name in ("x", "y", "yaw", "width", "depth")]
     x, y, yaw, width, depth = (math.nan if number is None else number for number in numbers)
     if not isinstance(tag_id, (str, int)) or None in numbers:
-        return Unreadable("a box has no id, or x, y, yaw, width and depth are not all finite numbers")
+        return UnreadableDetection(
+            "a box has no id, or x, y, yaw, width and depth are not all finite numbers"
+        )
     if width <= 0.0 or depth <= 0.0:
-        return Unreadable("a box has no area")
+        return UnreadableDetection("a box has no area")
     normal = np.array((math.cos(yaw), math.sin(yaw)))
-    return str(tag_id), Box(np.array((x, y)) + normal * depth / 2.0, normal, Size(width, depth))
+    return str(tag_id), PlanterBox(np.array((x, y)) + normal * depth / 2.0, normal, Size(width, depth))
 
 
 def _read(
-    text: str, keys: frozenset[str], read: Callable[[Mapping[str, Any]], Entry | Unreadable], within: str = ""
+    text: str,
+    keys: frozenset[str],
+    read: Callable[[Mapping[str, Any]], Entry | UnreadableDetection],
+    within: str = "",
 ) -> tuple[list[Entry], list[str]]:
     entries = _entries(text, within)
-    if isinstance(entries, Unreadable):
+    if isinstance(entries, UnreadableDetection):
         return [], [entries.reason]
-    results = [read(e) if isinstance(e, Mapping) else Unreadable("an entry is no object") for e in entries]
-    found = [result for result in results if not isinstance(result, Unreadable)]
-    problems = [result.reason for result in results if isinstance(result, Unreadable)]
+    results = [
+        read(e) if isinstance(e, Mapping) else UnreadableDetection("an entry is no object") for e in entries
+    ]
+    found = [result for result in results if not isinstance(result, UnreadableDetection)]
+    problems = [result.reason for result in results if isinstance(result, UnreadableDetection)]
     problems += _strange_keys(entries, keys)
     return found, list(dict.fromkeys(problems))
 
 
-def _entries(text: str, within: str) -> list[Any] | Unreadable:
+def _entries(text: str, within: str) -> list[Any] | UnreadableDetection:
     if len(text) > MAX_TEXT:
-        return Unreadable(f"more than {MAX_TEXT} characters")
+        return UnreadableDetection(f"more than {MAX_TEXT} characters")
     try:
         data = json.loads(text)
     except (ValueError, RecursionError):
-        return Unreadable("no JSON")
+        return UnreadableDetection("no JSON")
     if within and isinstance(data, Mapping):
         data = data.get(within)
     if not isinstance(data, list):
-        return Unreadable("no list")
-    return data if len(data) <= MAX_ENTRIES else Unreadable(f"more than {MAX_ENTRIES} entries")
+        return UnreadableDetection("no list")
+    return data if len(data) <= MAX_ENTRIES else UnreadableDetection(f"more than {MAX_ENTRIES} entries")
 
 
 def _strange_keys(entries: Sequence[Any], keys: frozenset[str]) -> Iterator[str]:
@@ -130,13 +137,13 @@ def _strange_keys(entries: Sequence[Any], keys: frozenset[str]) -> Iterator[str]
         yield f"keys besides {', '.join(sorted(keys))} are ignored"
 
 
-def _tag(entry: Mapping[str, Any]) -> TagSeen | Unreadable:
+def _tag(entry: Mapping[str, Any]) -> TagSeen | UnreadableDetection:
     number = _tag_id(entry.get("id"))
     distance = finite(entry.get("dist", 0.0))
     if number is None:
-        return Unreadable(f"an id is no whole number from 0 to {MAX_TAG_ID}")
+        return UnreadableDetection(f"an id is no whole number from 0 to {MAX_TAG_ID}")
     if distance is None:
-        return Unreadable("a dist is no finite number")
+        return UnreadableDetection("a dist is no finite number")
     return TagSeen(str(number), distance if distance > 0.0 else math.inf)
 
 
@@ -147,16 +154,18 @@ def _tag_id(value: Any) -> int | None:
     return value if whole and 0 <= value <= MAX_TAG_ID else None
 
 
-def _flower(entry: Mapping[str, Any], classes: Sequence[str], width: float) -> Detection | Unreadable:
+def _flower(
+    entry: Mapping[str, Any], classes: Sequence[str], width: float
+) -> Detection | UnreadableDetection:
     name = _class_name(entry, classes)
     confidence = finite(entry.get("confidence"))
     bearing = _bearing(entry.get("bbox_xyxy"), width)
     if name is None:
-        return Unreadable(f"a class is none of {', '.join(classes)}")
+        return UnreadableDetection(f"a class is none of {', '.join(classes)}")
     if confidence is None or not 0.0 <= confidence <= 1.0:
-        return Unreadable("a confidence is no number from 0 to 1")
+        return UnreadableDetection("a confidence is no number from 0 to 1")
     if bearing is None:
-        return Unreadable("a bbox_xyxy is not four finite numbers")
+        return UnreadableDetection("a bbox_xyxy is not four finite numbers")
     return Detection(name, confidence, bearing)
 
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from lupin_greenhouse.mission import is_under_way
 from lupin_greenhouse.poses import Array
-from lupin_perception.boxes import View, column_of, is_inside
+from lupin_perception.boxes import BoxView, column_of, is_inside
 from lupin_perception.detections import Detection
 
 #: The lifecycle state of a search: by the interface document nothing is attributed in it, whatever its phase.
@@ -48,7 +48,7 @@ class Rules:
     those more than `margin` beside it. Class `anomaly` is the pest, every other one a species.
     """
 
-    view: View
+    view: BoxView
     columns: int
     anomaly: str
     min_confidence: float
@@ -60,7 +60,7 @@ class Rules:
     ) -> tuple[NDArray[np.bool_], Indices]:
         """Say which detections count, and in which column of a box so wide (m; None: unknown) each is.
 
-        `bearings` from -1 at the image's left edge to +1, `confidences` from 0 to 1, `pan` as in `View`.
+        `bearings` from -1 at the image's left edge to +1, `confidences` from 0 to 1, `pan` as in `BoxView`.
         """
         fractions = self.view.fraction(pan, bearings)
         counted = confidences >= self.min_confidence
@@ -95,7 +95,7 @@ def surest(names: NDArray[np.str_], confidences: Array) -> tuple[str, float]:
 
 
 @dataclass(frozen=True)
-class Bloom:
+class ColumnBloom:
     """What is in one column: the species that is surest there ('' for none), and whether a pest is."""
 
     column: int
@@ -105,15 +105,15 @@ class Bloom:
 
 
 @dataclass(frozen=True)
-class Summary:
+class ScanSummary:
     """A scan so far: the surest species of all ('' for none), whether any pest was seen, and the blooms."""
 
     species: str
     confidence: float
     anomaly: bool
-    blooms: tuple[Bloom, ...]
+    blooms: tuple[ColumnBloom, ...]
 
-    def tells_more_than(self, last: Summary | None) -> bool:
+    def tells_more_than(self, last: ScanSummary | None) -> bool:
         """Say whether this is worth telling after `last`: other blooms, or another confidence."""
         if last is None or abs(self.confidence - last.confidence) > _NEWS:
             return True
@@ -124,7 +124,7 @@ class Summary:
         return self.species, self.anomaly, blooms
 
 
-class Scan:
+class TagScan:
     """The detections at one tag, for as long as it is scanned."""
 
     def __init__(self, rules: Rules) -> None:
@@ -152,7 +152,7 @@ class Scan:
         return True
 
     def add(self, detections: Sequence[Detection], pan: float) -> None:
-        """Credit detections to the tag that is scanned; `pan` in radians, see `View`."""
+        """Credit detections to the tag that is scanned; `pan` in radians, see `BoxView`."""
         if not self.tag_id or not detections:
             return
         bearings = np.array([detection.bearing for detection in detections])
@@ -165,7 +165,7 @@ class Scan:
         self._make_room(names)
         self._best = fuse(self._best, columns, np.searchsorted(self._kinds, names), confidences)
 
-    def resume(self, summary: Summary) -> None:
+    def resume(self, summary: ScanSummary) -> None:
         """Go on with what an earlier process has told of this scan; how sure a pest was it has not told."""
         found = [(bloom.column, bloom.species, bloom.confidence) for bloom in summary.blooms if bloom.species]
         found += [(bloom.column, self._rules.anomaly, 0.0) for bloom in summary.blooms if bloom.anomaly]
@@ -178,7 +178,7 @@ class Scan:
         """Forget what was not seen since this was called last: for a scan that has no end."""
         self._before, self._best = self._best, np.full_like(self._best, NONE)
 
-    def summary(self) -> Summary | None:
+    def summary(self) -> ScanSummary | None:
         """Return what was seen; None as long as that is nothing."""
         best = np.maximum(self._best, self._before)
         seen: NDArray[np.bool_] = best > NONE
@@ -187,11 +187,11 @@ class Scan:
             return None
         names, species, pests = self._kinds[~is_pest], best[:, ~is_pest], seen[:, is_pest]
         blooms = (
-            Bloom(column, *surest(names, species[column]), bool(pests[column].any()))
+            ColumnBloom(column, *surest(names, species[column]), bool(pests[column].any()))
             for column in np.flatnonzero(seen.any(axis=1)).tolist()
         )
         overall = surest(names, species.max(axis=0, initial=NONE))
-        return Summary(*overall, bool(pests.any()), tuple(blooms))
+        return ScanSummary(*overall, bool(pests.any()), tuple(blooms))
 
     def _forget(self) -> None:
         self._kinds = np.empty(0, dtype=np.str_)

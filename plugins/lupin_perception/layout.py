@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 
 from lupin_greenhouse.layout import Layout, Table, Tag
 from lupin_greenhouse.poses import Array, Pose, matrix
-from lupin_perception.boxes import Box, Size
+from lupin_perception.boxes import PlanterBox, Size
 
 #: Tags that a fit keeps however badly they fit: of two nobody can say which one is wrong.
 _LEAST_TAGS = 3
@@ -28,7 +28,7 @@ _SHORTEST_M = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
-class Motion:
+class RigidMotion:
     """A turn about the origin (rad), then a shift (x, y in m)."""
 
     turn: float
@@ -45,7 +45,7 @@ class Motion:
         return distances
 
 
-def fit(known: ArrayLike, found: ArrayLike) -> Motion:
+def fit(known: ArrayLike, found: ArrayLike) -> RigidMotion:
     """Return the motion that leads points (x, y) of the layout nearest to where they were found.
 
     Without a pair it is none; a single one, or several at one place, say a shift and no turn.
@@ -53,12 +53,12 @@ def fit(known: ArrayLike, found: ArrayLike) -> Motion:
     a = np.asarray(known, dtype=float).reshape(-1, 2)
     b = np.asarray(found, dtype=float).reshape(-1, 2)
     if len(a) == 0:
-        return Motion(0.0, np.zeros(2))
+        return RigidMotion(0.0, np.zeros(2))
     from_middle, to_middle = a.mean(axis=0), b.mean(axis=0)
     da, db = a - from_middle, b - to_middle
     crossed = float((da[:, 0] * db[:, 1] - da[:, 1] * db[:, 0]).sum())
     turn = math.atan2(crossed, float((da * db).sum())) if spread(a) > _SHORTEST_M else 0.0
-    return Motion(turn, to_middle - _rotation(turn) @ from_middle)
+    return RigidMotion(turn, to_middle - _rotation(turn) @ from_middle)
 
 
 def spread(points: ArrayLike) -> float:
@@ -82,7 +82,7 @@ class Quality:
 class Registration:
     """Boxes by the id of their tag, the tags that hang elsewhere than in the layout, and why it has none."""
 
-    boxes: Mapping[str, Box]
+    boxes: Mapping[str, PlanterBox]
     misplaced: tuple[str, ...] = ()
     reason: str = ""
 
@@ -121,7 +121,7 @@ def _shortfall(known: Array, errors: Array, quality: Quality) -> str:
     return ""
 
 
-def _box_of(layout: Layout, tag_id: str, motion: Motion, plate: Pose) -> Box | None:
+def _box_of(layout: Layout, tag_id: str, motion: RigidMotion, plate: Pose) -> PlanterBox | None:
     tag = layout.tags[tag_id]
     table = nearest_table(layout.tables, tag)
     if table is None:
@@ -136,7 +136,7 @@ def nearest_table(tables: Iterable[Table], tag: Tag) -> Table | None:
     return min(tables, key=lambda table: (table.distance(tag.x, tag.y), table.id), default=None)
 
 
-def box_of(table: Table, tag: Tag, normal: ArrayLike, motion: Motion) -> Box | None:
+def box_of(table: Table, tag: Tag, normal: ArrayLike, motion: RigidMotion) -> PlanterBox | None:
     """Return the whole table as a box whose front is the side that the plate's normal leads out of.
 
     `normal` is told in the layout. Where it tells no side, the front is the long side towards the tag. None
@@ -153,7 +153,7 @@ def box_of(table: Table, tag: Tag, normal: ArrayLike, motion: Motion) -> Box | N
     out = np.zeros(2)
     out[axis] = -1.0 if away[axis] < 0.0 else 1.0
     front = motion.move(middle + out * sides[axis] / 2.0)
-    return Box(front, _rotation(motion.turn) @ out, Size(float(sides[1 - axis]), float(sides[axis])))
+    return PlanterBox(front, _rotation(motion.turn) @ out, Size(float(sides[1 - axis]), float(sides[axis])))
 
 
 def _place(tag: Tag) -> tuple[float, float]:
@@ -169,12 +169,12 @@ def _rotation(turn: float) -> Array:
 Entry = Mapping[str, str | float]
 
 
-def entries(boxes: Mapping[str, Box], height: float) -> Sequence[Entry]:
+def entries(boxes: Mapping[str, PlanterBox], height: float) -> Sequence[Entry]:
     """Return boxes as they are told to others: `{"id", "x", "y", "yaw", "width", "depth", "height"}` each."""
     return [_entry(tag_id, box, height) for tag_id, box in boxes.items()]
 
 
-def _entry(tag_id: str, box: Box, height: float) -> Entry:
+def _entry(tag_id: str, box: PlanterBox, height: float) -> Entry:
     x, y = (box.origin - box.normal * box.size.depth / 2.0).tolist()
     yaw = math.atan2(float(box.normal[1]), float(box.normal[0]))
     place = {"id": tag_id, "x": x, "y": y, "yaw": yaw}

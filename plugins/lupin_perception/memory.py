@@ -18,7 +18,7 @@ from lupin_engine.errors import LupinError
 from lupin_engine.plugin.files import ros_domain, user_folder, write_atomically
 from lupin_greenhouse.poses import pose_of
 from lupin_perception.anomalies import Point
-from lupin_perception.flowers import Bloom, Summary
+from lupin_perception.flowers import ColumnBloom, ScanSummary
 from lupin_perception.registry import Known
 
 #: The name of a file that keeps nothing.
@@ -35,7 +35,7 @@ class Past:
     scanned: str = ""
 
 
-class Memory:
+class MissionFile:
     """The file of the past; without a path nothing is kept."""
 
     def __init__(self, path: Path | None) -> None:
@@ -107,7 +107,7 @@ def _tag_data(known: Known) -> dict[str, Any]:
     }
 
 
-def _summary_data(summary: Summary) -> dict[str, Any]:
+def _summary_data(summary: ScanSummary) -> dict[str, Any]:
     blooms = [[bloom.column, bloom.species, bloom.confidence, bloom.anomaly] for bloom in summary.blooms]
     return {
         "species": summary.species,
@@ -137,9 +137,9 @@ def _tag(entry: Any) -> Known:
     return known
 
 
-def _summary(entry: Any) -> Summary:
-    blooms = tuple(Bloom(int(k), _text(name), _share(c), bool(a)) for k, name, c, a in entry["blooms"])
-    return Summary(_text(entry["species"]), _share(entry["confidence"]), bool(entry["anomaly"]), blooms)
+def _summary(entry: Any) -> ScanSummary:
+    blooms = tuple(ColumnBloom(int(k), _text(name), _share(c), bool(a)) for k, name, c, a in entry["blooms"])
+    return ScanSummary(_text(entry["species"]), _share(entry["confidence"]), bool(entry["anomaly"]), blooms)
 
 
 def _text(written: Any) -> str:

@@ -16,7 +16,7 @@ import numpy as np
 
 from lupin_engine.errors import shortened
 from lupin_greenhouse.poses import Pose
-from lupin_perception.flowers import Summary
+from lupin_perception.flowers import ScanSummary
 
 #: Tags that are remembered; more in one greenhouse are a detector gone wild.
 MAX_TAGS = 1000
@@ -33,7 +33,7 @@ class Known:
     distance: float
     sightings: int
     last_seen: float
-    summary: Summary | None = None
+    summary: ScanSummary | None = None
 
 
 @dataclass(frozen=True)
@@ -103,7 +103,7 @@ class Registry:
         if known is not None:
             known.last_seen = max(known.last_seen, now)
 
-    def classify(self, tag_id: str, summary: Summary) -> None:
+    def classify(self, tag_id: str, summary: ScanSummary) -> None:
         """Set what grows at a discovered tag: each scan tells it anew."""
         self._known[tag_id].summary = summary
         self.revision += 1

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from lupin_greenhouse.layout import Table, Tag
 from lupin_sim.floor import Point
-from lupin_sim.layout import LENGTH, WIDTH, Layout
-from lupin_sim.robot import Pose
+from lupin_sim.layout import LENGTH, WIDTH, Floorplan
+from lupin_sim.robot import FloorPose
 
 Numbers = NDArray[np.float64]
 
@@ -45,7 +45,7 @@ class Plate:
 class Camera:
     """The camera on the robot: looks ahead over `field` radians, as far as `reach` metres."""
 
-    def __init__(self, layout: Layout, reach: float, field: float, pests: Sequence[Point] = ()) -> None:
+    def __init__(self, layout: Floorplan, reach: float, field: float, pests: Sequence[Point] = ()) -> None:
         self._pests: Numbers = np.array(pests, dtype=float).reshape(-1, 2)
         self.plates = plates_of(layout)
         self._reach, self._half = reach, field / 2.0
@@ -54,19 +54,19 @@ class Camera:
         self._low = np.array([(t.x0, t.y0) for t in layout.tables], dtype=float).reshape(-1, 2)
         self._high = np.array([(t.x1, t.y1) for t in layout.tables], dtype=float).reshape(-1, 2)
 
-    def sees(self, pose: Pose) -> list[Plate]:
+    def sees(self, pose: FloorPose) -> list[Plate]:
         """Return the plates that are seen from `pose`."""
         off = self._faces - (pose.x, pose.y)
         bearing = np.arctan2(off[:, 1], off[:, 0])
         readable = np.abs(_angle(bearing + math.pi - self._yaws)) <= MOST_OBLIQUE
         return [self.plates[index] for index in self._in_view(pose, self._faces, readable)]
 
-    def pests(self, pose: Pose) -> list[Point]:
+    def pests(self, pose: FloorPose) -> list[Point]:
         """Return the places of the pests that are seen from `pose`."""
         seen = self._pests[self._in_view(pose, self._pests, np.ones(len(self._pests), dtype=bool))]
         return [(x, y) for x, y in seen.tolist()]
 
-    def _in_view(self, pose: Pose, places: Numbers, candidates: NDArray[np.bool_]) -> NDArray[np.intp]:
+    def _in_view(self, pose: FloorPose, places: Numbers, candidates: NDArray[np.bool_]) -> NDArray[np.intp]:
         """Return which of the candidates are near enough, in the field of view, and not behind a table."""
         eye = np.array((pose.x, pose.y))
         off = places - eye
@@ -90,12 +90,12 @@ class Camera:
         return hidden
 
 
-def plates_of(layout: Layout) -> tuple[Plate, ...]:
+def plates_of(layout: Floorplan) -> tuple[Plate, ...]:
     """Return how the tags hang: on the side of their table that they are at, and never behind a wall."""
     return tuple(_plate(tag, layout) for tag in layout.tags)
 
 
-def _plate(tag: Tag, layout: Layout) -> Plate:
+def _plate(tag: Tag, layout: Floorplan) -> Plate:
     if not layout.tables:
         # It stands alone and looks at the middle of the floor.
         yaw = math.atan2(LENGTH / 2 - tag.y, WIDTH / 2 - tag.x)

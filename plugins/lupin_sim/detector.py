@@ -14,7 +14,7 @@ from typing import Any
 
 from lupin_sim.camera import PLATE_M, Plate
 from lupin_sim.floor import Point
-from lupin_sim.robot import Pose
+from lupin_sim.robot import FloorPose
 
 #: Height of cameras and plates above the floor.
 HEIGHT_M = 0.1
@@ -42,7 +42,7 @@ BLOOM_PX = 20.0
 
 
 @dataclass(frozen=True)
-class Bloom:
+class SimulatedBloom:
     """A bloom in a box: its class, how clearly it shows (0 to 1), and where across, -1 to 1 from the left."""
 
     kind: int
@@ -51,17 +51,17 @@ class Bloom:
 
 
 #: A pest at no tag.
-STRAY = Bloom(PEST, 0.8, 0.0)
+STRAY = SimulatedBloom(PEST, 0.8, 0.0)
 
 
-def blooms_of(tag_id: str) -> tuple[Bloom, ...]:
+def blooms_of(tag_id: str) -> tuple[SimulatedBloom, ...]:
     """Return what grows behind a tag: two to four blooms of one species, sometimes a pest among them."""
     number = sum(tag_id.encode()) if not tag_id.isdecimal() else int(tag_id)
     count = 2 + number // SPECIES % 3
     step = 2.0 * OUTERMOST / (count - 1)
-    blooms = [Bloom(number % SPECIES, 0.9 - 0.05 * i, step * i - OUTERMOST) for i in range(count)]
+    blooms = [SimulatedBloom(number % SPECIES, 0.9 - 0.05 * i, step * i - OUTERMOST) for i in range(count)]
     if number % PEST_EVERY == 0:
-        blooms.append(Bloom(PEST, 0.8, 0.0))
+        blooms.append(SimulatedBloom(PEST, 0.8, 0.0))
     return tuple(blooms)
 
 
@@ -71,18 +71,18 @@ def readable(plates: Iterable[Plate]) -> list[Plate]:
     return [plate for plate in numbered if len(plate.id) <= MOST_DIGITS]
 
 
-def tag_in_robot(pose: Pose, plate: Plate) -> Pose:
+def tag_in_robot(pose: FloorPose, plate: Plate) -> FloorPose:
     """Return where a plate is and faces in the frame of a robot at `pose`."""
     forward, left = _ahead(pose, plate.x, plate.y)
-    return Pose(forward, left, plate.yaw - pose.yaw)
+    return FloorPose(forward, left, plate.yaw - pose.yaw)
 
 
-def tag_entries(pose: Pose, plates: Iterable[Plate]) -> list[dict[str, Any]]:
+def tag_entries(pose: FloorPose, plates: Iterable[Plate]) -> list[dict[str, Any]]:
     """Return a frame of the tag detector: id, corners from the upper left clockwise, and distance ahead."""
     return [_tag_entry(tag_in_robot(pose, plate), plate) for plate in plates]
 
 
-def _tag_entry(seen: Pose, plate: Plate) -> dict[str, Any]:
+def _tag_entry(seen: FloorPose, plate: Plate) -> dict[str, Any]:
     # To the right of whoever looks at the plate.
     across = (-math.sin(seen.yaw) * PLATE_M / 2, math.cos(seen.yaw) * PLATE_M / 2)
     corners = [
@@ -98,7 +98,9 @@ def _pixel(forward: float, left: float, up: float) -> list[float]:
     return [min(max(u, 0.0), IMAGE_PX[0]), min(max(v, 0.0), IMAGE_PX[1])]
 
 
-def flower_entries(pose: Pose, plates: Sequence[Plate], pests: Sequence[Point] = ()) -> list[dict[str, Any]]:
+def flower_entries(
+    pose: FloorPose, plates: Sequence[Plate], pests: Sequence[Point] = ()
+) -> list[dict[str, Any]]:
     """Return a frame of the flower detector: what grows behind the nearest of these plates and is in view.
 
     Where there is none, of the pests those in view.
@@ -111,7 +113,7 @@ def flower_entries(pose: Pose, plates: Sequence[Plate], pests: Sequence[Point] =
     return [_flower_entry(bloom, bearing) for bloom, bearing in views if abs(bearing) <= HALF_FIELD]
 
 
-def _bearing(pose: Pose, plate: Plate, bloom: Bloom) -> float:
+def _bearing(pose: FloorPose, plate: Plate, bloom: SimulatedBloom) -> float:
     """Return how far to the right of the middle of its view a robot sees a bloom, in radians."""
     ahead = (math.cos(plate.yaw), math.sin(plate.yaw))
     along = bloom.fraction * BOX_WIDTH_M / 2
@@ -120,13 +122,13 @@ def _bearing(pose: Pose, plate: Plate, bloom: Bloom) -> float:
     return _bearing_of(pose, x, y)
 
 
-def _bearing_of(pose: Pose, x: float, y: float) -> float:
+def _bearing_of(pose: FloorPose, x: float, y: float) -> float:
     """Return how far to the right of the middle of its view a robot sees a place, in radians."""
     forward, left = _ahead(pose, x, y)
     return -math.atan2(left, forward)
 
 
-def _flower_entry(bloom: Bloom, bearing: float) -> dict[str, Any]:
+def _flower_entry(bloom: SimulatedBloom, bearing: float) -> dict[str, Any]:
     u, v = (1.0 + bearing / HALF_FIELD) * IMAGE_PX[0] / 2, IMAGE_PX[1] / 2
     return {
         "class": bloom.kind,
@@ -137,7 +139,7 @@ def _flower_entry(bloom: Bloom, bearing: float) -> dict[str, Any]:
     }
 
 
-def _ahead(pose: Pose, x: float, y: float) -> tuple[float, float]:
+def _ahead(pose: FloorPose, x: float, y: float) -> tuple[float, float]:
     """Return a place as seen by a robot: how far ahead, and how far to the left."""
     dx, dy = x - pose.x, y - pose.y
     cosine, sine = math.cos(pose.yaw), math.sin(pose.yaw)

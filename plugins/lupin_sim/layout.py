@@ -12,7 +12,7 @@ WIDTH, LENGTH = 4.0, 8.0
 
 
 @dataclass(frozen=True)
-class Layout:
+class Floorplan:
     """What stands in the greenhouse."""
 
     tables: tuple[Table, ...] = ()
@@ -24,11 +24,11 @@ class Layout:
         return min(*walls, *(table.distance(x, y) for table in self.tables))
 
 
-def load_layout(file: str = "") -> Layout:
+def load_layout(file: str = "") -> Floorplan:
     """Read a layout file; the empty name stands for the bundled greenhouse.
 
     Raises:
         LupinError: the file is missing or is no layout.
     """
     known = layout.load(file)
-    return Layout(known.tables, tuple(known.tags.values()))
+    return Floorplan(known.tables, tuple(known.tags.values()))

@@ -11,7 +11,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from lupin_sim.layout import LENGTH, WIDTH, Layout
+from lupin_sim.layout import LENGTH, WIDTH, Floorplan
 
 UNKNOWN, FREE, OCCUPIED = -1, 0, 100
 
@@ -26,7 +26,7 @@ _STEP = RESOLUTION / 2
 class Lidar:
     """What can be seen from a place: the cells of the grid that rays pass, and those they end at."""
 
-    def __init__(self, layout: Layout, reach: float) -> None:
+    def __init__(self, layout: Floorplan, reach: float) -> None:
         """`reach` is how far the lidar sees, in metres."""
         self._solid = _solid_cells(layout)
         angles = np.linspace(0.0, math.tau, math.ceil(math.tau * reach / _STEP), endpoint=False)
@@ -88,7 +88,7 @@ class GrowingMap:
         return self.cells
 
 
-def _solid_cells(layout: Layout) -> NDArray[np.bool_]:
+def _solid_cells(layout: Floorplan) -> NDArray[np.bool_]:
     """Return which cells are table or wall, by their centres."""
     columns, rows = (round(length / RESOLUTION) + 2 for length in (WIDTH, LENGTH))
     xs = ORIGIN_X + (np.arange(columns) + 0.5) * RESOLUTION

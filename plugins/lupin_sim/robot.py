@@ -19,7 +19,7 @@ TURN_RATE = 3.0
 
 
 @dataclass(frozen=True)
-class Pose:
+class FloorPose:
     """A place on the floor."""
 
     x: float
@@ -30,7 +30,7 @@ class Pose:
 class Robot:
     """Where the robot is, where it goes, and how full its battery is (0 to 1)."""
 
-    def __init__(self, pose: Pose, now: float, speed: float) -> None:
+    def __init__(self, pose: FloorPose, now: float, speed: float) -> None:
         self.pose = pose
         self.speed = speed
         self.charge = 1.0
@@ -93,10 +93,10 @@ class Robot:
                 return 0.0
         if distance <= self.speed * time:
             self._corners.popleft()
-            self.pose = Pose(corner[0], corner[1], self.pose.yaw)
+            self.pose = FloorPose(corner[0], corner[1], self.pose.yaw)
             return time - distance / self.speed
         part = self.speed * time / distance
-        self.pose = Pose(self.pose.x + part * dx, self.pose.y + part * dy, self.pose.yaw)
+        self.pose = FloorPose(self.pose.x + part * dx, self.pose.y + part * dy, self.pose.yaw)
         return 0.0
 
     def _turn(self, yaw: float, time: float) -> float:
@@ -104,8 +104,8 @@ class Robot:
         angle = math.remainder(yaw - self.pose.yaw, math.tau)
         needed = abs(angle) / (TURN_RATE * self.speed)
         if needed <= time:
-            self.pose = Pose(self.pose.x, self.pose.y, yaw)
+            self.pose = FloorPose(self.pose.x, self.pose.y, yaw)
             return time - needed
         turned = self.pose.yaw + math.copysign(TURN_RATE * self.speed * time, angle)
-        self.pose = Pose(self.pose.x, self.pose.y, turned)
+        self.pose = FloorPose(self.pose.x, self.pose.y, turned)
         return 0.0

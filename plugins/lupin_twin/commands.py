@@ -18,11 +18,11 @@ from lupin_twin.export.forms import finite, utc
 from lupin_twin.export.geojson import geojson
 from lupin_twin.export.georeference import FORM, Georeference
 from lupin_twin.export.table import DESCRIPTION, description, table
-from lupin_twin.missions import MissionRecord, Summary, select, summaries
+from lupin_twin.missions import MissionRecord, MissionSummary, select, summaries
 from lupin_twin.place import store_path
 from lupin_twin.records import Bloom
-from lupin_twin.state import Tag, Twin
-from lupin_twin.store import Content, read
+from lupin_twin.state import Twin, TwinTag
+from lupin_twin.store import StoreContent, read
 from lupin_twin.text import number, printable
 from lupin_twin.units import QUANTITIES
 
@@ -35,7 +35,7 @@ class CannotWrite(LupinError):
     """A file cannot be written; the text names it and the reason."""
 
 
-def _content(store: str, domain: int | None) -> Content:
+def _content(store: str, domain: int | None) -> StoreContent:
     """Return what is in the store; what is damaged in it is told and left out."""
     content = read(store_path(store, domain))
     for problem in content.unreadable:
@@ -72,7 +72,7 @@ def show(store: str, domain: int | None, as_json: bool) -> int:
     return 0
 
 
-def _tag_told(tag: Tag, now: float) -> dict[str, Any]:
+def _tag_told(tag: TwinTag, now: float) -> dict[str, Any]:
     pin = tag.pin
     place = None if pin is None else {"x": finite(pin.x), "y": finite(pin.y), "heading": _heading(tag)}
     return {
@@ -93,11 +93,11 @@ def _bloom_told(bloom: Bloom) -> dict[str, Any]:
     return {**place, "confidence": finite(bloom.confidence), "pest": bloom.anomaly}
 
 
-def _heading(tag: Tag) -> float | None:
+def _heading(tag: TwinTag) -> float | None:
     return None if tag.pin is None else finite(2.0 * math.atan2(tag.pin.z, tag.pin.w))
 
 
-def _row(tag: Tag, now: float) -> tuple[str, ...]:
+def _row(tag: TwinTag, now: float) -> tuple[str, ...]:
     place = "" if tag.pin is None else f"{tag.pin.x:.2f}, {tag.pin.y:.2f}"
     species = f"{tag.species} {tag.confidence:.0%}" if tag.species else ""
     pest = " pest" if tag.anomaly else ""
@@ -154,7 +154,7 @@ def missions(store: str, domain: int | None, as_json: bool) -> int:
     return 0
 
 
-def _mission_told(mission: Summary) -> dict[str, Any]:
+def _mission_told(mission: MissionSummary) -> dict[str, Any]:
     return {
         "mission_id": mission.mission_id,
         "source": mission.source,
@@ -166,7 +166,7 @@ def _mission_told(mission: Summary) -> dict[str, Any]:
     }
 
 
-def _mission_row(mission: Summary) -> tuple[str, ...]:
+def _mission_row(mission: MissionSummary) -> tuple[str, ...]:
     told = {**_mission_told(mission), "mission_id": mission.mission_id or "(outside of missions)"}
     told |= {name: str(told[name])[:19].replace("T", " ") for name in ("first", "last")}
     return tuple(str(value) for value in told.values())

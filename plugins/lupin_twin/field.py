@@ -33,7 +33,7 @@ class BadGrid(LupinError):
 
 
 @dataclass(frozen=True)
-class Settings:
+class InterpolationSettings:
     """How to interpolate.
 
     power: exponent p of the weight d^-p.
@@ -47,11 +47,11 @@ class Settings:
     max_distance: float = 2.0
 
 
-DEFAULTS = Settings()
+DEFAULTS = InterpolationSettings()
 
 
 @dataclass(frozen=True)
-class Grid:
+class FieldGrid:
     """Square cells of side `resolution` over a rectangle that begins at (`min_x`, `min_y`)."""
 
     min_x: float
@@ -61,7 +61,7 @@ class Grid:
     height: int
 
     @classmethod
-    def over(cls, min_x: float, min_y: float, max_x: float, max_y: float, resolution: float) -> Grid:
+    def over(cls, min_x: float, min_y: float, max_x: float, max_y: float, resolution: float) -> FieldGrid:
         """Return the grid that covers the rectangle; one that has no extent on an axis gets one cell there.
 
         Raises:
@@ -101,14 +101,14 @@ def _cells(extent: float, resolution: float) -> int:
 
 
 @dataclass(frozen=True)
-class Field:
+class SensorField:
     """An interpolated field: read-only values `[row, column]`, NaN where nothing is known.
 
     `minimum` and `maximum` are over the cells that have a value, 0 without one; `sample_count` is the number
     of samples that the field was made from.
     """
 
-    grid: Grid
+    grid: FieldGrid
     values: Floats
     minimum: float
     maximum: float
@@ -116,12 +116,12 @@ class Field:
 
 
 def interpolate(
-    grid: Grid,
+    grid: FieldGrid,
     positions: Floats,
     values: Floats,
-    settings: Settings = DEFAULTS,
+    settings: InterpolationSettings = DEFAULTS,
     explored: Mask | None = None,
-) -> Field:
+) -> SensorField:
     """Return the field of `values` measured at `positions` (n rows of x, y), all of them finite.
 
     For a cell with centre c and samples (s_k, v_k) at distances d_k = |c - s_k|:
@@ -150,7 +150,9 @@ class Interpolation:
         BadGrid: `explored` has not one entry for each cell.
     """
 
-    def __init__(self, grid: Grid, settings: Settings = DEFAULTS, explored: Mask | None = None) -> None:
+    def __init__(
+        self, grid: FieldGrid, settings: InterpolationSettings = DEFAULTS, explored: Mask | None = None
+    ) -> None:
         if explored is not None and explored.shape != (grid.height, grid.width):
             raise BadGrid(f"the mask has shape {explored.shape}, the grid {(grid.height, grid.width)}")
         self._grid = grid
@@ -162,7 +164,7 @@ class Interpolation:
         self._samples: Counter[tuple[float, float, float]] = Counter()
         self._cells: Floats = np.full((grid.height, grid.width), np.nan)
 
-    def update(self, positions: Floats, values: Floats) -> Field:
+    def update(self, positions: Floats, values: Floats) -> SensorField:
         """Return the field of these samples; see `interpolate`."""
         samples = Counter(zip(*positions.T.tolist(), values.tolist(), strict=True))
         area = self._reached([*(samples - self._samples), *(self._samples - samples)])
@@ -182,7 +184,7 @@ class Interpolation:
         rows, columns = zip(*found, strict=True)
         return _hull(rows), _hull(columns)
 
-    def _field(self, values: Floats) -> Field:
+    def _field(self, values: Floats) -> SensorField:
         cells = self._cells.copy()
         if len(values):
             # A weighted mean lies within its samples; rounding must not take it out again.
@@ -192,7 +194,7 @@ class Interpolation:
         cells.flags.writeable = False
         known = cells[np.isfinite(cells)]
         low, high = (float(known.min()), float(known.max())) if known.size else (0.0, 0.0)
-        return Field(self._grid, cells, low, high, len(values))
+        return SensorField(self._grid, cells, low, high, len(values))
 
     def _weighted(self, grid_x: Floats, grid_y: Floats, positions: Floats, values: Floats) -> Floats:
         """Add the samples up one by one, each only where it reaches: most cells are far from most samples."""
@@ -230,7 +232,7 @@ def _within(centres: Floats, place: float, reach: float) -> slice:
     return slice(*np.searchsorted(centres, (place - reach, place + reach)).tolist())
 
 
-def _weight(squared: Floats, settings: Settings) -> Floats:
+def _weight(squared: Floats, settings: InterpolationSettings) -> Floats:
     """Return d^-p for squared distances, 0 beyond the falloff; d counts as no less than 1 mm."""
     bounded = np.maximum(squared, EXACT_M**2)
     # numpy's general power takes twenty times as long as a division.
@@ -260,7 +262,7 @@ class OccupancyMap:
         there = (other.x, other.y, other.yaw, other.resolution)
         return place == there and np.array_equal(self.cells, other.cells)
 
-    def explored(self, grid: Grid) -> Mask:
+    def explored(self, grid: FieldGrid) -> Mask:
         """Return which cells of `grid` have their centre in a part of the map that is known."""
         dx, dy = grid.x - self.x, (grid.y - self.y)[:, None]
         cos, sin = math.cos(self.yaw) / self.resolution, math.sin(self.yaw) / self.resolution

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lupin_engine.errors import LupinError, nearest, shortened
-from lupin_twin.field import DEFAULTS, BadGrid, Grid, Interpolation, OccupancyMap, Settings
+from lupin_twin.field import DEFAULTS, BadGrid, FieldGrid, Interpolation, InterpolationSettings, OccupancyMap
 from lupin_twin.state import Twin
 
 #: Cells of a field, which make a message of 1 MB; and fields that are remembered.
@@ -19,7 +19,7 @@ REMEMBERED = 64
 FOLLOWED = 8
 
 
-class Refused(LupinError):
+class FieldRequestRefused(LupinError):
     """A request that gets no field; the text says why."""
 
 
@@ -39,7 +39,7 @@ class Request:
 class Heatmap:
     """A field as it is sent: `values` are 32-bit floats, row by row from `min_y` on."""
 
-    grid: Grid
+    grid: FieldGrid
     values: bytes
     minimum: float
     maximum: float
@@ -54,7 +54,7 @@ class Heatmaps:
     anew only around the tags that have changed.
     """
 
-    def __init__(self, twin: Twin, settings: Settings = DEFAULTS) -> None:
+    def __init__(self, twin: Twin, settings: InterpolationSettings = DEFAULTS) -> None:
         self._twin = twin
         self._settings = settings
         self._map: OccupancyMap | None = None
@@ -104,22 +104,22 @@ class Heatmaps:
     def _sensor(self, told: str) -> str:
         sensor, known = told.strip(), list(self._twin.sensors)
         if not sensor:
-            raise Refused(f"the sensor type is empty; allowed: {', '.join(map(repr, known))}")
+            raise FieldRequestRefused(f"the sensor type is empty; allowed: {', '.join(map(repr, known))}")
         if sensor not in known:
             shown = shortened(sensor)
-            raise Refused(f"unknown sensor type {shown!r}; {nearest(shown, known)}")
+            raise FieldRequestRefused(f"unknown sensor type {shown!r}; {nearest(shown, known)}")
         return sensor
 
 
-def _grid(request: Request) -> Grid:
+def _grid(request: Request) -> FieldGrid:
     bounds = request.min_x, request.min_y, request.max_x, request.max_y
     try:
-        grid = Grid.over(*bounds, request.resolution)
+        grid = FieldGrid.over(*bounds, request.resolution)
     except BadGrid as problem:
-        raise Refused(str(problem)) from None
+        raise FieldRequestRefused(str(problem)) from None
     if grid.width * grid.height > MAX_CELLS:
         size = f"{request.max_x - request.min_x:g} m x {request.max_y - request.min_y:g} m"
-        raise Refused(
+        raise FieldRequestRefused(
             f"{size} at {request.resolution:g} m are more than {MAX_CELLS} cells; "
             "ask for a smaller area or a coarser resolution"
         )

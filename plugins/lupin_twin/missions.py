@@ -8,8 +8,8 @@ from typing import NamedTuple
 
 from lupin_engine.errors import UsageError, nearest
 from lupin_twin.records import Anomaly, Discovery, Flowers, Observed, Reading, Record
-from lupin_twin.state import Tag, Twin, observed_at
-from lupin_twin.store import Row
+from lupin_twin.state import Twin, TwinTag, observed_at
+from lupin_twin.store import StoredRecord
 
 #: Instead of a mission's id: the one that observed something last, and everything there is.
 LATEST, ALL = "latest", "all"
@@ -23,7 +23,7 @@ class Observation(NamedTuple):
 
 
 @dataclass
-class Summary:
+class MissionSummary:
     """One mission: how many readings, flower observations and anomaly reports it made, and when."""
 
     mission_id: str
@@ -56,12 +56,12 @@ class MissionRecord:
     """
 
     name: str
-    missions: tuple[Summary, ...]
+    missions: tuple[MissionSummary, ...]
     observations: tuple[Observation, ...]
     twin: Twin
 
     @property
-    def tags(self) -> list[Tag]:
+    def tags(self) -> list[TwinTag]:
         """The tags at which these missions observed something, in the order in which they were known."""
         return [tag for tag in self.twin.tags.values() if tag.last_observed is not None]
 
@@ -72,17 +72,19 @@ class MissionRecord:
         return [name for name in self.twin.sensors if name in read]
 
 
-def summaries(rows: Iterable[Row]) -> list[Summary]:
+def summaries(rows: Iterable[StoredRecord]) -> list[MissionSummary]:
     """Return the missions in the order of their first observation; "" is for what was seen outside of one."""
-    found: dict[str, Summary] = {}
+    found: dict[str, MissionSummary] = {}
     for observation in _observations(rows):
         record, time = observation
-        summary = found.setdefault(record.mission_id, Summary(record.mission_id, record.source, time, time))
+        summary = found.setdefault(
+            record.mission_id, MissionSummary(record.mission_id, record.source, time, time)
+        )
         summary.count(observation)
     return list(found.values())
 
 
-def select(rows: Iterable[Row], wanted: str) -> MissionRecord:
+def select(rows: Iterable[StoredRecord], wanted: str) -> MissionRecord:
     """Return what one mission has recorded, or the latest, or all.
 
     Raises:
@@ -102,7 +104,7 @@ def select(rows: Iterable[Row], wanted: str) -> MissionRecord:
     return MissionRecord(ALL if wanted == ALL else missions[0].mission_id, missions, observations, twin)
 
 
-def _mission(found: dict[str, Summary], wanted: str) -> str:
+def _mission(found: dict[str, MissionSummary], wanted: str) -> str:
     ids = [name for name in found if name]
     if not ids:
         raise UsageError(f"no mission has observed anything; what was seen outside of one: --mission {ALL}")
@@ -115,7 +117,7 @@ def _mission(found: dict[str, Summary], wanted: str) -> str:
     return wanted
 
 
-def _observations(rows: Iterable[Row]) -> Iterator[Observation]:
+def _observations(rows: Iterable[StoredRecord]) -> Iterator[Observation]:
     for record, received in rows:
         if isinstance(record, (Reading, Flowers, Anomaly)):
             yield Observation(record, observed_at(record, received))

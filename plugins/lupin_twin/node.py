@@ -19,11 +19,11 @@ from lupin_engine.ros.adapter.node import Qos, RosNode
 from lupin_msgs.msg import DiscoveredTags, FlowerPoint, Observation, SensorReading, TwinState, TwinTagState
 from lupin_msgs.srv import GetField
 from lupin_twin import wire
-from lupin_twin.field import DEFAULTS, OccupancyMap, Settings
-from lupin_twin.heatmap import Heatmap, Heatmaps, Refused, Request
+from lupin_twin.field import DEFAULTS, InterpolationSettings, OccupancyMap
+from lupin_twin.heatmap import FieldRequestRefused, Heatmap, Heatmaps, Request
 from lupin_twin.place import store_path
 from lupin_twin.records import Anomaly, Bloom, Pin, Record
-from lupin_twin.state import HISTORY, MAX_SENSORS, MAX_TAGS, Tag, Twin
+from lupin_twin.state import HISTORY, MAX_SENSORS, MAX_TAGS, Twin, TwinTag
 from lupin_twin.store import Store, StoreError
 
 #: Requests older than this, in seconds, get no field: they waited out a broken link, nobody looks at it.
@@ -74,7 +74,7 @@ class TwinNode:
         self._frame: str = values["frame_id"]
         self._twin = Twin(values["buffer_len"])
         reach = values["idw_falloff_radius_m"], values["max_distance_to_nearest_tag"]
-        self._heatmaps = Heatmaps(self._twin, Settings(values["idw_power"], *reach))
+        self._heatmaps = Heatmaps(self._twin, InterpolationSettings(values["idw_power"], *reach))
         self._message = TwinState(header=Header(frame_id=self._frame))
         self._told_revision = 0
         self._complaints: dict[str, float] = {}
@@ -230,7 +230,7 @@ class TwinNode:
         bounds = request.bbox_min_x, request.bbox_min_y, request.bbox_max_x, request.bbox_max_y
         try:
             heatmap = self._heatmaps.answer(Request(request.sensor_type, request.resolution, *bounds))
-        except Refused as reason:
+        except FieldRequestRefused as reason:
             response.error_message = str(reason)
         else:
             fill(response, heatmap)
@@ -262,7 +262,7 @@ def fill(response: GetField.Response, heatmap: Heatmap) -> None:
     response.sample_count = heatmap.sample_count
 
 
-def _tag_message(tag: Tag) -> TwinTagState:
+def _tag_message(tag: TwinTag) -> TwinTagState:
     """Return all of a tag but its age."""
     return TwinTagState(
         tag_id=tag.tag_id,

@@ -12,10 +12,18 @@ import numpy as np
 
 from lupin_engine.errors import LupinError
 from lupin_twin.export.forms import utc
-from lupin_twin.field import DEFAULTS, Field, Floats, Grid, OccupancyMap, Settings, interpolate
+from lupin_twin.field import (
+    DEFAULTS,
+    FieldGrid,
+    Floats,
+    InterpolationSettings,
+    OccupancyMap,
+    SensorField,
+    interpolate,
+)
 from lupin_twin.missions import MissionRecord, Observation
 from lupin_twin.records import Reading
-from lupin_twin.state import Tag
+from lupin_twin.state import TwinTag
 from lupin_twin.text import number, printable
 from lupin_twin.units import QUANTITIES, with_unit
 
@@ -94,7 +102,7 @@ def picture(
     grid = _grid(tags, occupancy)
     explored = None if occupancy is None else occupancy.explored(grid)
     field = interpolate(
-        grid, *record.twin.samples(sensor), Settings(falloff=reach, max_distance=reach), explored
+        grid, *record.twin.samples(sensor), InterpolationSettings(falloff=reach, max_distance=reach), explored
     )
     with (
         mpl.rc_context({"svg.fonttype": "path", "svg.hashsalt": "lupin", "hatch.linewidth": 0.6}),
@@ -117,7 +125,7 @@ def picture(
     return file.getvalue()
 
 
-def _grid(tags: list[Tag], occupancy: OccupancyMap | None) -> Grid:
+def _grid(tags: list[TwinTag], occupancy: OccupancyMap | None) -> FieldGrid:
     """Return cells over the tags, and over all of the map that is known."""
     places = [(tag.pin.x, tag.pin.y) for tag in tags if tag.pin is not None]
     low = np.min(places, axis=0) - MARGIN_M
@@ -132,7 +140,7 @@ def _grid(tags: list[Tag], occupancy: OccupancyMap | None) -> Grid:
         raise NoPicture(f"the tags are {side:g} m apart, too far for a picture (at most {WIDEST_M:g} m)")
     missing = np.maximum(NARROWEST * side - (high - low), 0.0) / 2.0
     (min_x, min_y), (max_x, max_y) = (low - missing).tolist(), (high + missing).tolist()
-    return Grid.over(min_x, min_y, max_x, max_y, side / CELLS)
+    return FieldGrid.over(min_x, min_y, max_x, max_y, side / CELLS)
 
 
 def _on_map(occupancy: OccupancyMap, columns: Any, rows: Any) -> tuple[Any, Any]:
@@ -142,7 +150,7 @@ def _on_map(occupancy: OccupancyMap, columns: Any, rows: Any) -> tuple[Any, Any]
     return occupancy.x + cos * along - sin * across, occupancy.y + sin * along + cos * across
 
 
-def _size(grid: Grid) -> tuple[float, float]:
+def _size(grid: FieldGrid) -> tuple[float, float]:
     """Return the figure's width and height in inches; around the field there is room for scale and text."""
     longest = max(grid.width, grid.height)
     width, height = SIDE_IN * grid.width / longest, SIDE_IN * grid.height / longest
@@ -153,9 +161,9 @@ def _draw(
     axes: Axes,
     record: MissionRecord,
     sensor: str,
-    field: Field,
+    field: SensorField,
     occupancy: OccupancyMap | None,
-    tags: list[Tag],
+    tags: list[TwinTag],
     reach: float,
 ) -> None:
     grid = field.grid
@@ -210,7 +218,7 @@ def _range(values: Floats) -> tuple[float, float]:
     return (low, high) if high - low >= room else (middle - room, middle + room)
 
 
-def _unexplored(axes: Axes, grid: Grid, occupancy: OccupancyMap | None) -> None:
+def _unexplored(axes: Axes, grid: FieldGrid, occupancy: OccupancyMap | None) -> None:
     """Hatch what nobody has looked at yet."""
     if occupancy is None:
         return
@@ -230,7 +238,7 @@ def _unexplored(axes: Axes, grid: Grid, occupancy: OccupancyMap | None) -> None:
 
 
 def _walls(
-    axes: Axes, grid: Grid, occupancy: OccupancyMap, extent: tuple[float, float, float, float]
+    axes: Axes, grid: FieldGrid, occupancy: OccupancyMap, extent: tuple[float, float, float, float]
 ) -> None:
     """Draw what is in the way, over the field."""
     occupied = OccupancyMap(
@@ -245,7 +253,7 @@ def _walls(
     axes.imshow(ink, origin="lower", extent=extent, interpolation="nearest", zorder=2)
 
 
-def _marks(axes: Axes, grid: Grid, tags: list[Tag], sensor: str) -> None:
+def _marks(axes: Axes, grid: FieldGrid, tags: list[TwinTag], sensor: str) -> None:
     """Mark each tag; those without a reading of this sensor are hollow."""
     places = np.array([(tag.pin.x, tag.pin.y) for tag in tags if tag.pin is not None])
     size = min(MARK_PT, math.sqrt(BY_MARKS * math.prod(_edge(grid)) / len(tags)))
@@ -264,7 +272,7 @@ def _marks(axes: Axes, grid: Grid, tags: list[Tag], sensor: str) -> None:
         )
 
 
-def _write_labels(axes: Axes, tags: list[Tag], labels: list[Label]) -> None:
+def _write_labels(axes: Axes, tags: list[TwinTag], labels: list[Label]) -> None:
     """Write the id of each tag that has room for it beside its mark."""
     from matplotlib.patheffects import withStroke
 
@@ -286,18 +294,18 @@ def _write_labels(axes: Axes, tags: list[Tag], labels: list[Label]) -> None:
         )
 
 
-def _points(grid: Grid) -> float:
+def _points(grid: FieldGrid) -> float:
     """Return how many points a metre is long in the picture, about."""
     return 72.0 * SIDE_IN / (max(grid.width, grid.height) * grid.resolution)
 
 
-def _edge(grid: Grid) -> tuple[float, float]:
+def _edge(grid: FieldGrid) -> tuple[float, float]:
     """Return how wide and how high the field is in the picture, in points."""
     metre = grid.resolution * _points(grid)
     return grid.width * metre, grid.height * metre
 
 
-def _labels(grid: Grid, tags: list[Tag]) -> list[Label]:
+def _labels(grid: FieldGrid, tags: list[TwinTag]) -> list[Label]:
     """Return where the label of each tag is.
 
     It is in the first of the four places around its mark that covers no mark and no earlier label, in the

@@ -98,7 +98,7 @@ class Discovery:
 
 
 @dataclass(frozen=True)
-class Box:
+class BoxOutline:
     """The planter box at a tag, as the geometry channel tells it."""
 
     __pydantic_config__ = _STRICT
@@ -110,7 +110,7 @@ class Box:
 #: Made once by somebody at some time; the same one may arrive twice, because latecomers get the backlog.
 Observed: TypeAlias = Reading | Flowers | Anomaly
 
-Record: TypeAlias = Observed | Discovery | Box
+Record: TypeAlias = Observed | Discovery | BoxOutline
 
 _RECORDS: TypeAdapter[Record] = TypeAdapter(Annotated[Record, Field(discriminator="kind")])
 

@@ -18,7 +18,7 @@ from lupin_twin.field import Floats
 from lupin_twin.records import (
     Anomaly,
     Bloom,
-    Box,
+    BoxOutline,
     Corners,
     Discovery,
     Flowers,
@@ -55,7 +55,7 @@ def observed_at(record: Observed, received: float) -> float:
 
 
 @dataclass
-class Tag:
+class TwinTag:
     """What is known of one tag; `pin` is None as long as nobody knows where it is.
 
     `last_observed` is the time of the latest reading or flowers, in seconds, None before the first.
@@ -79,7 +79,7 @@ class Tag:
 
 
 @dataclass(frozen=True)
-class Report:
+class TwinReport:
     """An anomaly and the nearest tag within 2 m, "" if there is none."""
 
     anomaly: Anomaly
@@ -95,7 +95,7 @@ class Twin:
 
     def __init__(self, history: int = HISTORY) -> None:
         self._history = history
-        self._tags: dict[str, Tag] = {}
+        self._tags: dict[str, TwinTag] = {}
         self._anomalies: deque[Anomaly] = deque(maxlen=REPORTS)
         self._sensors = dict.fromkeys(SENSORS)
         self._time = 0.0
@@ -104,7 +104,7 @@ class Twin:
         self.revision = 0
 
     @property
-    def tags(self) -> Mapping[str, Tag]:
+    def tags(self) -> Mapping[str, TwinTag]:
         """The tags by id."""
         return self._tags
 
@@ -114,9 +114,9 @@ class Twin:
         return self._sensors.keys()
 
     @property
-    def reports(self) -> list[Report]:
+    def reports(self) -> list[TwinReport]:
         """The latest anomaly reports, oldest first, with the tag that each is near by what is known now."""
-        return [Report(anomaly, self.nearest(anomaly.x, anomaly.y)) for anomaly in self._anomalies]
+        return [TwinReport(anomaly, self.nearest(anomaly.x, anomaly.y)) for anomaly in self._anomalies]
 
     def nearest(self, x: float, y: float) -> str:
         """Return the nearest tag within 2 m of a place, "" if there is none."""
@@ -140,7 +140,7 @@ class Twin:
         if isinstance(record, Discovery):
             tag = self._tags.get(record.tag_id)
             return tag is None or tag.pin is None
-        if isinstance(record, Box):
+        if isinstance(record, BoxOutline):
             tag = self._tags.get(record.tag_id)
             return tag is None or not tag.footprint_from_channel or tag.footprint != record.footprint
         return True
@@ -157,7 +157,7 @@ class Twin:
                 self._anomalies.append(record)
             case Discovery():
                 self._pin(self._tag(record.tag_id), record.pin)
-            case Box():
+            case BoxOutline():
                 tag = self._tag(record.tag_id)
                 tag.footprint, tag.footprint_from_channel = record.footprint, True
 
@@ -178,19 +178,19 @@ class Twin:
             tag.footprint = record.footprint
         self._observed(tag, time)
 
-    def _observed(self, tag: Tag, time: float) -> None:
+    def _observed(self, tag: TwinTag, time: float) -> None:
         # After an outage the newest need not come last: each publisher has a backlog of its own.
         tag.last_observed = time if tag.last_observed is None else max(tag.last_observed, time)
         self.observation_count += 1
 
-    def _pin(self, tag: Tag, pin: Pin | None) -> None:
+    def _pin(self, tag: TwinTag, pin: Pin | None) -> None:
         if tag.pin is None and pin is not None:
             tag.pin = pin
             self.pins += 1
 
-    def _tag(self, tag_id: str) -> Tag:
+    def _tag(self, tag_id: str) -> TwinTag:
         if tag_id not in self._tags:
-            self._tags[tag_id] = Tag(tag_id, deque(maxlen=self._history))
+            self._tags[tag_id] = TwinTag(tag_id, deque(maxlen=self._history))
         return self._tags[tag_id]
 
     def tell_time(self, now: float) -> None:

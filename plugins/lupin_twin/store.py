@@ -78,11 +78,11 @@ class StoreError(LupinError):
     """The store cannot be used now; the text names the file and the reason."""
 
 
-class _Corrupt(Exception):
+class _CorruptStore(Exception):
     """The file is no store of ours."""
 
 
-class Row(NamedTuple):
+class StoredRecord(NamedTuple):
     """A record, and when it arrived in seconds."""
 
     record: Record
@@ -90,10 +90,10 @@ class Row(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Content:
+class StoreContent:
     """What is in a store: its records in the order of their arrival, the latest map, and what is damaged."""
 
-    rows: list[Row]
+    rows: list[StoredRecord]
     map: OccupancyMap | None
     unreadable: list[str]
 
@@ -127,7 +127,7 @@ class Store:
         path = self.path
         try:
             self._db = _opened(path)
-        except _Corrupt as reason:
+        except _CorruptStore as reason:
             moved = self._move_aside()
             self.put_aside = f"{path} is not a store of the twin ({reason}): kept as {moved}, a new one begun"
             self._db = _opened(path)
@@ -151,7 +151,7 @@ class Store:
             raise StoreError(f"{self.path} is corrupt and cannot be put aside: {error.strerror}") from None
         return moved
 
-    def rows(self) -> Iterator[Row]:
+    def rows(self) -> Iterator[StoredRecord]:
         """Yield all records in the order of their arrival; `unreadable` tells of those that are damaged."""
         yield from _rows(self._db, self.path, self.unreadable)
 
@@ -262,7 +262,7 @@ def _opened(path: str) -> sqlite3.Connection:
         raise StoreError(f"{path} cannot be opened: {_reason(path, error)}") from None
     except sqlite3.DatabaseError as error:
         _close(db)
-        raise _Corrupt(str(error)) from None
+        raise _CorruptStore(str(error)) from None
     except BaseException:
         _close(db)
         raise
@@ -288,12 +288,12 @@ def _check(db: sqlite3.Connection, path: str) -> None:
 def _check_ours(db: sqlite3.Connection, path: str, version: int, tables: list[str]) -> None:
     """See that a file that is not empty is whole and ours."""
     if "record" not in tables or version == 0:
-        raise _Corrupt("another program's database")
+        raise _CorruptStore("another program's database")
     if version > VERSION:
         raise StoreError(f"{path} was written by a later version of the twin ({version}, known: {VERSION})")
     verdict = db.execute("PRAGMA quick_check(1)").fetchone()[0]
     if verdict != "ok":
-        raise _Corrupt(verdict)
+        raise _CorruptStore(verdict)
 
 
 def _state(db: sqlite3.Connection) -> tuple[int, list[str]]:
@@ -302,12 +302,12 @@ def _state(db: sqlite3.Connection) -> tuple[int, list[str]]:
     return version, [name for (name,) in db.execute("SELECT name FROM sqlite_master WHERE type = 'table'")]
 
 
-def _rows(db: sqlite3.Connection, path: str, unreadable: list[str]) -> Iterator[Row]:
+def _rows(db: sqlite3.Connection, path: str, unreadable: list[str]) -> Iterator[StoredRecord]:
     # As bytes: what is no text any more is one damaged row, and not the end of reading.
     written = db.execute("SELECT number, received, CAST(json AS BLOB) FROM record ORDER BY 1")
     for number, received, text in written:
         try:
-            yield Row(from_json(text), _moment(received))
+            yield StoredRecord(from_json(text), _moment(received))
         except ValueError as error:
             unreadable.append(f"{path}: row {number} left out: {error}")
 
@@ -336,7 +336,7 @@ def _map(db: sqlite3.Connection, path: str, unreadable: list[str]) -> OccupancyM
     return OccupancyMap(x, y, yaw, resolution, grid)
 
 
-def read(path: str) -> Content:
+def read(path: str) -> StoreContent:
     """Return what is in a store, also while a twin writes to it; nothing is changed.
 
     Raises:
@@ -355,8 +355,8 @@ def read(path: str) -> Content:
         unreadable: list[str] = []
         rows = list(_rows(db, path, unreadable))
         has_map = "map" in _state(db)[1]
-        return Content(rows, _map(db, path, unreadable) if has_map else None, unreadable)
-    except (_Corrupt, sqlite3.DatabaseError) as error:
+        return StoreContent(rows, _map(db, path, unreadable) if has_map else None, unreadable)
+    except (_CorruptStore, sqlite3.DatabaseError) as error:
         raise _not_ours(path, error) from None
     finally:
         db.close()

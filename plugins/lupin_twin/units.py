@@ -11,7 +11,7 @@ from types import MappingProxyType
 
 
 @dataclass(frozen=True)
-class Quantity:
+class MeasuredQuantity:
     """What a sensor measures: for people, the unit's symbol, and its UN/CEFACT code (recommendation 20)."""
 
     label: str
@@ -19,13 +19,13 @@ class Quantity:
     unece: str
 
 
-QUANTITIES: Mapping[str, Quantity] = MappingProxyType(
+QUANTITIES: Mapping[str, MeasuredQuantity] = MappingProxyType(
     {
-        "temperature": Quantity("air temperature", "°C", "CEL"),
-        "humidity": Quantity("relative air humidity", "%", "P1"),
-        "co2": Quantity("carbon dioxide in air", "ppm", "59"),
-        "light": Quantity("illuminance", "lx", "LUX"),
-        "soil_moisture": Quantity("water in soil, by volume", "1", "C62"),
+        "temperature": MeasuredQuantity("air temperature", "°C", "CEL"),
+        "humidity": MeasuredQuantity("relative air humidity", "%", "P1"),
+        "co2": MeasuredQuantity("carbon dioxide in air", "ppm", "59"),
+        "light": MeasuredQuantity("illuminance", "lx", "LUX"),
+        "soil_moisture": MeasuredQuantity("water in soil, by volume", "1", "C62"),
     }
 )
 

@@ -19,7 +19,7 @@ from lupin_engine.errors import LupinError, shortened
 from lupin_engine.plugin.wire import seconds_of
 from lupin_greenhouse.frames import frame_name
 from lupin_twin.field import OccupancyMap
-from lupin_twin.records import Anomaly, Bloom, Box, Corners, Discovery, Flowers, Observed, Pin, Reading
+from lupin_twin.records import Anomaly, Bloom, BoxOutline, Corners, Discovery, Flowers, Observed, Pin, Reading
 
 #: `Observation.kind` and `.status`; existing numbers never change.
 TAG_READING, FLOWER, ANOMALY = 0, 1, 2
@@ -140,7 +140,7 @@ def discoveries(message: Any, frame: str) -> list[Discovery]:
     return [Discovery(tag_id, pin) for tag_id, pin in named if tag_id and pin is not None]
 
 
-def boxes(text: str) -> list[Box]:
+def boxes(text: str) -> list[BoxOutline]:
     """Return the planter boxes of a geometry message: JSON, a list or an object with `boxes`.
 
     Each has `id` (or `box_id`) of its tag, centre `x`, `y`, direction `yaw` of its outward normal n, `width`
@@ -157,7 +157,7 @@ def boxes(text: str) -> list[Box]:
         raise Dropped(f"box geometry dropped: {type(error).__name__}: {shortened(str(error), 100)}") from None
 
 
-def _box(entry: Mapping[str, Any]) -> Box:
+def _box(entry: Mapping[str, Any]) -> BoxOutline:
     tag_id = _name(str(entry["id"] if "id" in entry else entry["box_id"]).strip(), "box geometry")
     tag_id.encode()  # JSON can tell half a letter, which no message could publish
     names = ("x", "y", "yaw", "width", "depth")
@@ -171,7 +171,7 @@ def _box(entry: Mapping[str, Any]) -> Box:
         return x + nx * n - ny * l, y + ny * n + nx * l
 
     sides = ((ahead, aside), (ahead, -aside), (-ahead, -aside), (-ahead, aside))
-    return Box(tag_id, tuple(corner(n, l) for n, l in sides))  # noqa: E741
+    return BoxOutline(tag_id, tuple(corner(n, l) for n, l in sides))  # noqa: E741
 
 
 def occupancy(message: Any, frame: str) -> OccupancyMap:

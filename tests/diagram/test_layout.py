@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from lupin_engine.chart.model import Chart
-from lupin_engine.diagram.layout.compound import CompoundEdge, CompoundNode, Layout, Rect, lay_out
+from lupin_engine.diagram.layout.compound import CompoundEdge, CompoundNode, GraphLayout, Rect, lay_out
 from lupin_engine.diagram.layout.ranking import forward_edges, ranks
 from lupin_engine.diagram.layout.routing import ChannelNet, tracks
 from lupin_engine.diagram.outline import outline
@@ -35,7 +35,7 @@ def flat(block: CompoundNode) -> list[CompoundNode]:
     return [block, *(inner for child in block.children for inner in flat(child))]
 
 
-def check(root: CompoundNode, links: list[CompoundEdge], layout: Layout) -> None:
+def check(root: CompoundNode, links: list[CompoundEdge], layout: GraphLayout) -> None:
     """Raise when a layout is not one that can be read."""
     blocks = flat(root)
     for block in blocks:

@@ -6,7 +6,7 @@ import pytest
 
 from lupin_engine.chart.model import Kind
 from lupin_engine.diagram.outline import find_state, outline, readable_depth
-from lupin_engine.diagram.picture import Arrow, Box, Cause, Picture, Tone
+from lupin_engine.diagram.picture import Arrow, Picture, StateBox, Tone, TransitionCause
 from lupin_engine.errors import UsageError
 from tests.diagram import pictured
 from tests.machine.charts import chart
@@ -26,7 +26,7 @@ def inspection() -> Picture:
     return outline(pictured.chart("inspection"))
 
 
-def box(picture: Picture, title: str) -> Box:
+def box(picture: Picture, title: str) -> StateBox:
     """A box by its title."""
     return next(box for box in picture.every() if box.title == title)
 
@@ -108,9 +108,9 @@ def test_a_label_says_event_guard_and_actions_and_has_a_cause(words: Picture, in
     """Pictures colour by the cause."""
     found = arrow(words, "STARTING", "BOTH").labels
     assert [(str(label), label.cause) for label in found] == [
-        ("done", Cause.DONE),
-        ("error [error.code in ['late', 'operation_cancelled…]", Cause.ERROR),
-        ("budget 50 s / reason = 'slow'", Cause.TIME),
+        ("done", TransitionCause.DONE),
+        ("error [error.code in ['late', 'operation_cancelled…]", TransitionCause.ERROR),
+        ("budget 50 s / reason = 'slow'", TransitionCause.TIME),
     ]
     skip, advance = (
         arrow(inspection, "SCANNING", "PUBLISHING").labels[0],
@@ -118,11 +118,11 @@ def test_a_label_says_event_guard_and_actions_and_has_a_cause(words: Picture, in
     )
     assert (str(skip), skip.cause) == (
         "skip_current / close SKIPPED",
-        Cause.OPERATOR,
+        TransitionCause.OPERATOR,
     )
-    assert (str(advance), advance.cause) == ("[itinerary.remaining > 0] / advance", Cause.ALWAYS)
+    assert (str(advance), advance.cause) == ("[itinerary.remaining > 0] / advance", TransitionCause.ALWAYS)
     assert arrow(words, "STARTING", "BOTH").cause is None
-    assert arrow(inspection, "READING", "DWELLING").cause is Cause.DONE
+    assert arrow(inspection, "READING", "DWELLING").cause is TransitionCause.DONE
 
 
 def test_no_arrow_crosses_from_region_to_region_or_leads_inwards() -> None:

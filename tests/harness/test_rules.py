@@ -15,7 +15,7 @@ import pytest
 
 from lupin_engine.errors import UsageError
 from lupin_engine.harness.examples import arguments_for, defaults_of, example
-from lupin_engine.harness.rules import RULES, Subject, find_subject, findings, problems_with
+from lupin_engine.harness.rules import RULES, PluginUnderTest, find_subject, findings, problems_with
 from lupin_engine.plugin.contract import (
     Action,
     Argument,
@@ -73,7 +73,7 @@ def problems(monkeypatch: pytest.MonkeyPatch) -> Callable[..., list[str]]:
         module = ModuleType(MODULE)
         module.PLUGIN = replace(LAMP, **changed)  # type: ignore[attr-defined]
         monkeypatch.setitem(sys.modules, MODULE, module)
-        return list(RULES[rule](Subject(EntryPoint("odd_lamp", f"{MODULE}:PLUGIN"))))
+        return list(RULES[rule](PluginUnderTest(EntryPoint("odd_lamp", f"{MODULE}:PLUGIN"))))
 
     return tell
 
@@ -268,7 +268,7 @@ def test_a_plugin_that_no_rule_could_be_tried_on_is_told_by_all(
 ) -> None:
     """The first says why; the others do not fail with a traceback."""
     problems("registered", parameters={"odd_watt": Parameter(NUMBER, "x", "how strong it is")})
-    subject = Subject(EntryPoint("odd_lamp", f"{MODULE}:PLUGIN"))
+    subject = PluginUnderTest(EntryPoint("odd_lamp", f"{MODULE}:PLUGIN"))
     assert problems_with("registered", subject) == [
         "plugin 'odd_lamp': parameter 'odd_watt': the default: expected number, got 'x'"
     ]
@@ -294,7 +294,7 @@ def test_loading_is_tried_in_a_process_of_its_own(
     (tmp_path / "odd_file.py").write_text(f"{source}\nPLUGIN = None\n")
     (tmp_path / "rosidl_parser.py").write_text("")
     monkeypatch.syspath_prepend(tmp_path)
-    found = list(RULES["loads_without_ros"](Subject(EntryPoint("odd", "odd_file:PLUGIN"))))
+    found = list(RULES["loads_without_ros"](PluginUnderTest(EntryPoint("odd", "odd_file:PLUGIN"))))
     assert found == ([problem] if problem else [])
 
 
@@ -327,7 +327,7 @@ def test_a_catalog_is_the_same_each_time(
     (tmp_path / "ever_new.py").write_text(imports + source)
     monkeypatch.syspath_prepend(tmp_path)
     monkeypatch.delitem(sys.modules, "ever_new", raising=False)
-    told = problems_with("stays_the_same", Subject(EntryPoint("far", "ever_new:PLUGIN")))
+    told = problems_with("stays_the_same", PluginUnderTest(EntryPoint("far", "ever_new:PLUGIN")))
     assert [re.sub(r"'[^']*\d[^']*'|\"[^\"]*\"", "'...'", text) for text in told] == problems
 
 
@@ -336,7 +336,7 @@ def test_of_a_catalog_that_is_refused_only_what_can_be_seen_is_told(
 ) -> None:
     """The same mistake is not told once more by each rule that cannot be tried because of it."""
     problems("registered", parameters={"odd_watt": Parameter(NUMBER, "x", "How strong.")})
-    found = findings(Subject(EntryPoint("odd_lamp", f"{MODULE}:PLUGIN")))
+    found = findings(PluginUnderTest(EntryPoint("odd_lamp", f"{MODULE}:PLUGIN")))
     assert [rule for rule in RULES if rule not in found] == ["mocked", "computes"]
     assert found["registered"] == [
         "plugin 'odd_lamp': parameter 'odd_watt': the default: expected number, got 'x'"
@@ -346,7 +346,7 @@ def test_of_a_catalog_that_is_refused_only_what_can_be_seen_is_told(
 
 def test_a_rival_of_an_installed_plugin_is_refused() -> None:
     """Also one that is not installed yet."""
-    told = problems_with("registered", Subject(EntryPoint("nav", "lupin_bridge.catalog:PLUGIN")))
+    told = problems_with("registered", PluginUnderTest(EntryPoint("nav", "lupin_bridge.catalog:PLUGIN")))
     assert told[0] == "the entry point 'nav' names a plugin that calls itself 'bridge'"
     assert told[1].startswith(
         "plugin 'nav' is offered more than once: lupin_bridge.catalog:PLUGIN and lupin_nav."
@@ -356,7 +356,7 @@ def test_a_rival_of_an_installed_plugin_is_refused() -> None:
 def test_findings_are_by_rule(problems: Callable[..., list[str]]) -> None:
     """All rules are told, also those that are kept."""
     problems("registered")
-    found = findings(Subject(EntryPoint("odd_lamp", f"{MODULE}:PLUGIN")))
+    found = findings(PluginUnderTest(EntryPoint("odd_lamp", f"{MODULE}:PLUGIN")))
     assert list(found) == list(RULES)
     assert {name for name, told in found.items() if told} == {"loads_without_ros"}  # it is in no file
 

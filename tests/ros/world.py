@@ -16,7 +16,7 @@ from rcl_interfaces.msg import ParameterType, ParameterValue
 from rcl_interfaces.srv import SetParameters
 from std_srvs.srv import Trigger
 
-from lupin_engine.ros.adapter.node import Failure, Qos, RosNode
+from lupin_engine.ros.adapter.node import CallFailure, Qos, RosNode
 from lupin_engine.ros.adapter.process import SUPERVISED
 from lupin_msgs.msg import MissionState, Observation
 from lupin_msgs.srv import StartMission
@@ -53,7 +53,7 @@ class Operator:
         self.until(caller.ready, f"service {name}")
         caller.call(request, PATIENCE, answers.append)
         self.until(lambda: answers, f"answer of {name}")
-        assert not isinstance(answers[0], Failure), answers[0]
+        assert not isinstance(answers[0], CallFailure), answers[0]
         return answers[0]
 
     def start(self, *tags: str, mission: str = "InspectionMission") -> Any:

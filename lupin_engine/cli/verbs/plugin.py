@@ -27,7 +27,7 @@ from lupin_engine.plugin.registry import NAME, build_catalog, load_catalog, veri
 
 if TYPE_CHECKING:
     from lupin_engine.cli.terminal.tables import InstalledPlugin
-    from lupin_engine.harness.rules import Subject
+    from lupin_engine.harness.rules import PluginUnderTest
 
 #: Where the missions of the current folder may be.
 _HERE = ("missions", ".")
@@ -184,11 +184,11 @@ def check(name: str | None, live: bool, as_json: bool) -> int:
     return 1 if broken else 0
 
 
-def _subjects(name: str | None) -> list[Subject]:
-    from lupin_engine.harness.rules import Subject, find_subject
+def _subjects(name: str | None) -> list[PluginUnderTest]:
+    from lupin_engine.harness.rules import PluginUnderTest, find_subject
 
     if name is None:
-        return [Subject(point) for point in entry_points()]
+        return [PluginUnderTest(point) for point in entry_points()]
     if Path(name).is_dir():
         return _in_folder(Path(name))
     binding = _binding_called(name)
@@ -197,23 +197,23 @@ def _subjects(name: str | None) -> list[Subject]:
     return [find_subject(name)]
 
 
-def _in_folder(folder: Path) -> list[Subject]:
+def _in_folder(folder: Path) -> list[PluginUnderTest]:
     """Return the plugins that a project declares; its packages are found as if it was installed."""
-    from lupin_engine.harness.rules import Subject
+    from lupin_engine.harness.rules import PluginUnderTest
 
     file = folder / "pyproject.toml"
     if not file.is_file():
         raise UsageError(f"{str(folder)!r} has no pyproject.toml, so it declares no plugin")
     sys.path[:0] = [str(folder.resolve()), str(folder.resolve() / "src")]
     project = Distribution(folder.resolve().name, "")
-    found = [Subject(EntryPoint(name, value, project)) for name, value in declared_in(file)]
+    found = [PluginUnderTest(EntryPoint(name, value, project)) for name, value in declared_in(file)]
     if not found:
         wanted = '[project.entry-points."lupin.plugins"] with NAME = "MODULE:PLUGIN"'
         raise UsageError(f"{file} declares no plugin; it needs {wanted}")
     return found
 
 
-def _tried(subject: Subject, live: bool) -> Iterator[RuleVerdict]:
+def _tried(subject: PluginUnderTest, live: bool) -> Iterator[RuleVerdict]:
     from lupin_engine.harness.rules import findings
 
     name = subject.point.name
@@ -228,7 +228,7 @@ def _tried(subject: Subject, live: bool) -> Iterator[RuleVerdict]:
         yield from _tried_live(subject)
 
 
-def _tried_live(subject: Subject) -> Iterator[RuleVerdict]:
+def _tried_live(subject: PluginUnderTest) -> Iterator[RuleVerdict]:
     plugin = subject.plugin
     if not plugin.nodes:
         raise UsageError(

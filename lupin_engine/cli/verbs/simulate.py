@@ -121,7 +121,7 @@ def simulate(
 
 
 @dataclass(frozen=True)
-class Subject:
+class SimulationTask:
     """What is to be simulated, at most `until` a time or a state: a mission that is requested, a scenario."""
 
     chart: Chart
@@ -149,7 +149,7 @@ def _subject(
     goal: int,
     settings: tuple[str, ...],
     until: str | None,
-) -> Subject:
+) -> SimulationTask:
     """Return what is to be simulated; `problems` gets what is wrong with options.
 
     Raises:
@@ -181,7 +181,7 @@ def _subject(
     end: float | str | None = None
     with problems.collecting():
         end = _until(chart, until)
-    return Subject(chart, script, make_world(chart, parameters), end)
+    return SimulationTask(chart, script, make_world(chart, parameters), end)
 
 
 def _until(chart: Chart, text: str | None) -> float | str | None:
@@ -217,7 +217,7 @@ def _check_picture(name: str | None) -> None:
     writable(Path(name).parent, "picture")
 
 
-def _interact(subject: Subject) -> int:
+def _interact(subject: SimulationTask) -> int:
     from lupin_engine.cli.settings import read_value
     from lupin_engine.cli.terminal.interactive import interact
     from lupin_engine.cli.terminal.outcome import make_console

@@ -59,7 +59,7 @@ class Rect:
 
 
 @dataclass
-class Layout:
+class GraphLayout:
     """The rectangles of nodes, bend points of edges from source to target, corners of labels."""
 
     width: int
@@ -69,7 +69,7 @@ class Layout:
     labels: list[Point | None]
 
 
-def lay_out(root: CompoundNode, edges: Sequence[CompoundEdge]) -> Layout:
+def lay_out(root: CompoundNode, edges: Sequence[CompoundEdge]) -> GraphLayout:
     """Return the layout of the nodes within `root`, which itself is not shown, and of their edges."""
     return _Layouter(root, edges).best()
 
@@ -156,10 +156,10 @@ class _Layouter:
 
     # -- drawing ----------------------------------------------------------------------------------------
 
-    def best(self) -> Layout:
+    def best(self) -> GraphLayout:
         """Draw repeatedly, with the hints of the previous iteration, and return the layout of least cost."""
         hints: dict[str, dict[tuple[int, bool], int]] = {}
-        best: Layout | None = None
+        best: GraphLayout | None = None
         least = 0
         for _ in range(_MAX_ITERATIONS):
             drawn: dict[str, ClusterLayout] = {}
@@ -197,13 +197,13 @@ class _Layouter:
         height = cluster.height + node.above
         return NodeShape(cluster.width, height, node.above, 0, cluster.ports)
 
-    def _assemble(self, drawn: dict[str, ClusterLayout]) -> Layout:
+    def _assemble(self, drawn: dict[str, ClusterLayout]) -> GraphLayout:
         rects: dict[str, Rect] = {}
         self._place(self._root, Rect(0, 0, self._root.width, self._root.height), drawn, rects)
         lines = [self._line(index, drawn, rects) for index in range(len(self._links))]
         labels = [self._label(index, drawn, rects) for index in range(len(self._links))]
         whole = rects[self._root.name]
-        return Layout(whole.width, whole.height, rects, lines, labels)
+        return GraphLayout(whole.width, whole.height, rects, lines, labels)
 
     def _place(
         self, node: CompoundNode, shape: Rect, drawn: dict[str, ClusterLayout], rects: dict[str, Rect]
@@ -236,7 +236,7 @@ class _Layouter:
         return None if place is None else (rects[name].x + place[0], rects[name].y + place[1])
 
     def _hints(
-        self, drawn: dict[str, ClusterLayout], layout: Layout
+        self, drawn: dict[str, ClusterLayout], layout: GraphLayout
     ) -> dict[str, dict[tuple[int, bool], int]]:
         """Return the x at which edges through the border of each cluster continue outside of it."""
         found: dict[str, dict[tuple[int, bool], int]] = {}
@@ -273,7 +273,7 @@ def _without_short_steps(corners: Sequence[Point]) -> list[Point]:
     return found
 
 
-def _cost(layout: Layout) -> int:
+def _cost(layout: GraphLayout) -> int:
     """Return the cost of a layout: crossings, bends, length of edges, size."""
     segments = [
         (index, *one, *other) for index, line in enumerate(layout.lines) for one, other in pairwise(line)

@@ -15,10 +15,10 @@ _SWEEPS = 10
 
 def reduce_crossings(graph: LayeredGraph, hints: Mapping[tuple[int, bool], int]) -> None:
     """Order the vertices of each rank; with hints, the ports in the first and last rank keep their order."""
-    _Order(graph, hints).reduce_crossings()
+    _CrossingReduction(graph, hints).reduce_crossings()
 
 
-class _Order:
+class _CrossingReduction:
     def __init__(self, graph: LayeredGraph, hints: Mapping[tuple[int, bool], int]) -> None:
         self._graph = graph
         self._hints = hints

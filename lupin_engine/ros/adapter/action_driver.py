@@ -98,7 +98,7 @@ class ActionOperation:
 
 
 @dataclass
-class _Attempt:
+class _GoalAttempt:
     """One attempt at a server."""
 
     operation: ActionOperation
@@ -113,9 +113,9 @@ class ActionAttempts:
 
     def __init__(self, ros: RosNode, outlet: Outlet) -> None:
         self._outlet = outlet
-        self._running: dict[str, _Attempt] = {}
+        self._running: dict[str, _GoalAttempt] = {}
         #: Nobody waits for these, and yet a server may still work on them.
-        self._lost: dict[str, _Attempt] = {}
+        self._lost: dict[str, _GoalAttempt] = {}
         self._watching = Repeater(ros.steady_timer, WATCH_PERIOD_S, self._watch)
 
     def start(self, attempt: str, operation: ActionOperation, goal: Any) -> None:
@@ -123,7 +123,7 @@ class ActionAttempts:
         if not operation.server.ready:
             self._fail(attempt, operation.failed(operation.unavailable, "not there"))
             return
-        made = self._running[attempt] = _Attempt(operation)
+        made = self._running[attempt] = _GoalAttempt(operation)
         self._watching.start()
         made.goal = operation.server.send(
             goal,

@@ -8,12 +8,12 @@ from typing import Any
 
 from rclpy.task import Future
 
-from lupin_engine.ros.adapter.host import Host, Timer
+from lupin_engine.ros.adapter.host import Host, TimerHandle
 from lupin_engine.ros.adapter.qos import Qos
 
 
 @dataclass(frozen=True)
-class Failure:
+class CallFailure:
     """Why a call gave no answer: code `timeout`, `unavailable` or `exception`, and a text."""
 
     code: str
@@ -27,7 +27,7 @@ class ServiceCaller:
         self.ros = ros
         self.name = name
         self.client = ros.node.create_client(kind, name, qos_profile=Qos.SERVICES.profile())
-        self._under_way: set[Call] = set()
+        self._under_way: set[ServiceCall] = set()
 
     def ready(self) -> bool:
         """Say whether a server is matched; a dead one counts for up to 3 s (the discovery lease)."""
@@ -39,33 +39,33 @@ class ServiceCaller:
             call.cancel()
         self.ros.node.destroy_client(self.client)
 
-    def call(self, request: Any, timeout: float, done: Callable[[Any], None]) -> Call:
-        """Send `request`; `done` gets the response, or a `Failure` after `timeout` seconds of real time.
+    def call(self, request: Any, timeout: float, done: Callable[[Any], None]) -> ServiceCall:
+        """Send `request`; `done` gets the response, or a `CallFailure` after `timeout` seconds of real time.
 
         `done` comes exactly once, on the node's thread and after this method has returned, unless the
         call is cancelled. Without a matched server the call fails at once with `unavailable`.
         """
-        call = Call(self, done)
+        call = ServiceCall(self, done)
         self._under_way.add(call)
         failure = None
         try:
             if self.ready():
                 call.start(request, timeout)
             else:
-                failure = Failure("unavailable", f"{self.name}: no server")
+                failure = CallFailure("unavailable", f"{self.name}: no server")
         except Exception as error:
             self.ros.log.exception("call failed", service=self.name)
-            failure = Failure("exception", f"{self.name}: {error}")
+            failure = CallFailure("exception", f"{self.name}: {error}")
         if failure is not None:
             self.ros.post(lambda: call.finish(failure))
         return call
 
-    def forget(self, call: Call) -> None:
+    def forget(self, call: ServiceCall) -> None:
         """Remember a call no more: it is over."""
         self._under_way.discard(call)
 
 
-class Call:
+class ServiceCall:
     """A service call under way."""
 
     def __init__(self, caller: ServiceCaller, done: Callable[[Any], None]) -> None:
@@ -73,7 +73,7 @@ class Call:
         self._done = done
         self._over = False
         self._future: Future | None = None
-        self._deadline: Timer | None = None
+        self._deadline: TimerHandle | None = None
 
     def cancel(self) -> None:
         """Lose interest: `done` is not called any more. The server is not told, services cannot be."""
@@ -89,7 +89,7 @@ class Call:
         ros = self._caller.ros
         self._future = self._caller.client.call_async(request)
         self._future.add_done_callback(ros.guarded(lambda future: self.finish(future.result())))
-        late = Failure("timeout", f"{self._caller.name}: no answer within {timeout:g} s")
+        late = CallFailure("timeout", f"{self._caller.name}: no answer within {timeout:g} s")
         self._deadline = ros.steady_timer(timeout, lambda: self.finish(late))
 
     def finish(self, outcome: Any) -> None:

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Any, Protocol
 
 
-class Timer(Protocol):
+class TimerHandle(Protocol):
     """A running timer."""
 
     def cancel(self) -> None:
@@ -25,7 +25,7 @@ class Host(Protocol):
     def post(self, callback: Callable[[], object]) -> None:
         """Run `callback` on the node's thread."""
 
-    def steady_timer(self, period: float, callback: Callable[[], None]) -> Timer:
+    def steady_timer(self, period: float, callback: Callable[[], None]) -> TimerHandle:
         """Call `callback` every `period` seconds of real time."""
 
     def channels(self) -> list[str]:
@@ -33,7 +33,7 @@ class Host(Protocol):
 
 
 #: Starts a repeating timer: `RosNode.timer` or `RosNode.steady_timer`.
-Every = Callable[[float, Callable[[], None]], Timer]
+Every = Callable[[float, Callable[[], None]], TimerHandle]
 
 
 class Repeater:
@@ -47,7 +47,7 @@ class Repeater:
         self._every = every
         self._period = period
         self._callback = callback
-        self._timer: Timer | None = None
+        self._timer: TimerHandle | None = None
 
     @property
     def running(self) -> bool:

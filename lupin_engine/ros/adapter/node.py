@@ -44,7 +44,7 @@ from rclpy.subscription import Subscription
 
 from lupin_engine.errors import UsageError
 from lupin_engine.ros.adapter.actions import ActionCaller, ActionHost, Goal, ServedGoal
-from lupin_engine.ros.adapter.calls import Call, Failure, ServiceCaller
+from lupin_engine.ros.adapter.calls import CallFailure, ServiceCall, ServiceCaller
 from lupin_engine.ros.adapter.executor import Executor, Serving
 from lupin_engine.ros.adapter.logs import guarded, ros_log
 from lupin_engine.ros.adapter.parameters import Declared, DeclaredParameters
@@ -60,14 +60,14 @@ from lupin_engine.ros.adapter.qos import Qos
 __all__ = [
     "ActionCaller",
     "ActionHost",
-    "Call",
-    "Failure",
+    "CallFailure",
     "Goal",
     "Qos",
     "RosNode",
+    "RosTimer",
     "ServedGoal",
+    "ServiceCall",
     "ServiceCaller",
-    "Timer",
     "guarded",
     "peer_mismatches",
 ]
@@ -83,7 +83,7 @@ MAX_FAILURES_PER_SECOND = 20
 TEARDOWN_LIMIT_S = 3.0
 
 
-class Timer:
+class RosTimer:
     """A running timer of the node; ends with `cancel`."""
 
     def __init__(self, node: Node, period: float, callback: Callable[[], None], clock: Clock) -> None:
@@ -213,24 +213,24 @@ class RosNode:
         self._simulated = simulated
         return simulated + self._behind
 
-    def timer(self, period: float, callback: Callable[[], None]) -> Timer:
+    def timer(self, period: float, callback: Callable[[], None]) -> RosTimer:
         """Call `callback` every `period` seconds (of ROS time with `use_sim_time`, else of real time)."""
-        return Timer(self.node, period, self.guarded(callback), self._timer_clock())
+        return RosTimer(self.node, period, self.guarded(callback), self._timer_clock())
 
-    def call_later(self, delay: float, callback: Callable[[], None]) -> Timer:
+    def call_later(self, delay: float, callback: Callable[[], None]) -> RosTimer:
         """Call `callback` once after `delay` seconds (of ROS time with `use_sim_time`, else real time)."""
         return self._one_shot(delay, callback, self._timer_clock())
 
-    def steady_timer(self, period: float, callback: Callable[[], None]) -> Timer:
+    def steady_timer(self, period: float, callback: Callable[[], None]) -> RosTimer:
         """Call `callback` every `period` seconds of real time, also when simulated time stands still."""
-        return Timer(self.node, period, self.guarded(callback), self._steady)
+        return RosTimer(self.node, period, self.guarded(callback), self._steady)
 
-    def _one_shot(self, delay: float, callback: Callable[[], None], clock: Clock) -> Timer:
+    def _one_shot(self, delay: float, callback: Callable[[], None], clock: Clock) -> RosTimer:
         def fire() -> None:
             timer.cancel()
             callback()
 
-        timer = Timer(self.node, max(0.0, delay), self.guarded(fire), clock)
+        timer = RosTimer(self.node, max(0.0, delay), self.guarded(fire), clock)
         return timer
 
     def _timer_clock(self) -> Clock:

@@ -8,7 +8,7 @@ from functools import partial
 from typing import Any
 
 from lupin_engine.plugin.contract import Outlet
-from lupin_engine.ros.adapter.node import Call, Failure, ServiceCaller
+from lupin_engine.ros.adapter.node import CallFailure, ServiceCall, ServiceCaller
 
 #: When a call counts as lost, in seconds. The mission's own timeout is shorter and cancels the attempt; this
 #: one is for a mission that says `timeout: never`.
@@ -39,7 +39,7 @@ class ServiceOperation:
 
     service: ServiceCaller
     request: Callable[[Mapping[str, Any]], Any]
-    outcome: Callable[[Mapping[str, Any], Any | Failure], Done | Failed]
+    outcome: Callable[[Mapping[str, Any], Any | CallFailure], Done | Failed]
     deadline: float = CALL_DEADLINE_S
 
 
@@ -51,7 +51,7 @@ class ServiceDriver:
         self._plugin = plugin
         self._outlet = outlet
         self._operations = operations
-        self._calls: dict[str, Call] = {}
+        self._calls: dict[str, ServiceCall] = {}
 
     def missing(self) -> list[str]:
         """Name the services that cannot be reached."""
@@ -69,7 +69,11 @@ class ServiceDriver:
         self._calls[attempt] = wanted.service.call(request, wanted.deadline, answered)
 
     def _answered(
-        self, attempt: str, operation: ServiceOperation, arguments: Mapping[str, Any], answer: Any | Failure
+        self,
+        attempt: str,
+        operation: ServiceOperation,
+        arguments: Mapping[str, Any],
+        answer: Any | CallFailure,
     ) -> None:
         del self._calls[attempt]
         outcome = operation.outcome(arguments, answer)

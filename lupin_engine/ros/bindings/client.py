@@ -16,7 +16,7 @@ from rclpy.publisher import Publisher
 from lupin_engine.bindings.data import Binding, Endpoint, MessageHeard, MessageSent, OperationCall, Sending
 from lupin_engine.plugin.contract import Outlet
 from lupin_engine.ros.adapter.action_driver import ActionAttempts, ActionOperation, ActionServer
-from lupin_engine.ros.adapter.node import Failure, Qos, RosNode, Timer, peer_mismatches
+from lupin_engine.ros.adapter.node import CallFailure, Qos, RosNode, RosTimer, peer_mismatches
 from lupin_engine.ros.adapter.service_driver import (
     CALL_DEADLINE_S,
     Done,
@@ -48,7 +48,7 @@ _QOS = {"reliable": Qos.EVENT, "latched": Qos.LATCHED, "sensor": Qos.SENSOR}
 _COMPUTING = (ValueError, ArithmeticError, LookupError, TypeError)
 
 
-class _World:
+class _BindingContext:
     """What all parts of a client share."""
 
     def __init__(self, ros: RosNode, outlet: Outlet, parameters: Mapping[str, Any]) -> None:
@@ -83,8 +83,8 @@ class BoundClient:
         self._bound = bound
         self._outlet = outlet
         self._patient_until = time.monotonic() + DISCOVERY_S
-        self._waiting: dict[str, Timer] = {}
-        world = _World(ros, outlet, parameters)
+        self._waiting: dict[str, RosTimer] = {}
+        world = _BindingContext(ros, outlet, parameters)
         self._world = world
         self._called = {n: _called(world, c) for n, c in bound.calls.items() if c.endpoint.kind == "srv"}
         self._services = ServiceDriver(bound.name, outlet, self._called)
@@ -193,7 +193,9 @@ class BoundClient:
 class _Listener:
     """Listens to a topic, and tells what its messages mean."""
 
-    def __init__(self, world: _World, heard: MessageHeard, tell: Callable[[Mapping[str, Any]], None]) -> None:
+    def __init__(
+        self, world: _BindingContext, heard: MessageHeard, tell: Callable[[Mapping[str, Any]], None]
+    ) -> None:
         self._world = world
         self._heard = heard
         self._tell = tell
@@ -232,7 +234,7 @@ def _publisher(ros: RosNode, endpoint: Endpoint) -> Publisher:
 # -- services ----------------------------------------------------------------------------------------------
 
 
-def _called(world: _World, call: OperationCall) -> ServiceOperation:
+def _called(world: _BindingContext, call: OperationCall) -> ServiceOperation:
     endpoint = call.endpoint
     kind = interface_class(endpoint.type)
     return ServiceOperation(
@@ -244,16 +246,16 @@ def _called(world: _World, call: OperationCall) -> ServiceOperation:
 
 
 def _answered(
-    world: _World, call: OperationCall, _: Mapping[str, Any], answer: Any | Failure
+    world: _BindingContext, call: OperationCall, _: Mapping[str, Any], answer: Any | CallFailure
 ) -> Done | Failed:
-    if not isinstance(answer, Failure):
+    if not isinstance(answer, CallFailure):
         return _outcome(world, call, {"response": plain(answer)})
     if answer.code == "unavailable":
         return Failed(call.unavailable, world.missing_server(call.endpoint, answer.detail))
     return Failed(call.code, answer.detail)
 
 
-def _outcome(world: _World, call: OperationCall, answer: Mapping[str, Any]) -> Done | Failed:
+def _outcome(world: _BindingContext, call: OperationCall, answer: Mapping[str, Any]) -> Done | Failed:
     try:
         meaning = call.outcome(answer, world.around(call.endpoint))
     except Exception as problem:  # whatever a file computes from an answer that nobody foresaw
@@ -264,14 +266,14 @@ def _outcome(world: _World, call: OperationCall, answer: Mapping[str, Any]) -> D
 # -- actions -----------------------------------------------------------------------------------------------
 
 
-def _ended(world: _World, call: OperationCall, status: int, result: Any) -> Done | Failed:
+def _ended(world: _BindingContext, call: OperationCall, status: int, result: Any) -> Done | Failed:
     word = _STATUS.get(status)
     if word is None:
         return Failed(call.unavailable, f"action server {call.endpoint.name} no longer knows the goal")
     return _outcome(world, call, {"status": word, "result": plain(result)})
 
 
-def _told(world: _World, call: OperationCall, feedback: Any) -> str:
+def _told(world: _BindingContext, call: OperationCall, feedback: Any) -> str:
     try:
         return call.progress(plain(feedback), world.around(call.endpoint))
     except _COMPUTING as problem:

@@ -17,7 +17,7 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from lupin_arm.joints import ARM, JAW_CLOSED, JAW_OPEN, Pose, reach_pose
 from lupin_arm.node.feedback import Feedback, Listener
 from lupin_arm.node.gripper import Gripper
-from lupin_arm.node.serving import Refused
+from lupin_arm.node.serving import ArmRequestRefused
 from lupin_arm.node.torque import Done, Torque
 from lupin_arm.trajectory import FIRST_POINT_S, START_TOLERANCE, VELOCITY_HINT, Point, Trajectory
 from lupin_engine.plugin.wire import time_fields
@@ -33,7 +33,7 @@ HOLD_S = 0.3
 
 
 @dataclass(frozen=True)
-class _Motion:
+class _ArmMotion:
     """What was sent last; without an owner it is none, but keeps the arm where it is."""
 
     trajectory: Trajectory
@@ -80,7 +80,7 @@ class Arm:
             self._pin,
             lambda: self._stop_reason,
         )
-        self._motion: _Motion | None = None
+        self._motion: _ArmMotion | None = None
         self._claim: _Claim | None = None
         self._heard = float("-inf")
         self._stop_reason: str | None = None
@@ -115,7 +115,7 @@ class Arm:
         """
         reason = self.refusal(owner)
         if reason is not None:
-            raise Refused(reason)
+            raise ArmRequestRefused(reason)
         self.must_be_known()
         return self.pose() or self._should_be()
 
@@ -140,7 +140,7 @@ class Arm:
         return pan, lift, elbow, wrist
 
     @staticmethod
-    def _belongs(motion: _Motion, under_way: bool, joint: int, angle: float) -> bool:
+    def _belongs(motion: _ArmMotion, under_way: bool, joint: int, angle: float) -> bool:
         if under_way:
             return motion.on_the_way(joint, angle)
         return abs(angle - motion.trajectory.target[joint]) <= START_TOLERANCE
@@ -162,7 +162,7 @@ class Arm:
         """
         reason = self._stop_reason or self._claim_reason(owner) or self._switching_reason()
         if reason is not None:
-            raise Refused(reason)
+            raise ArmRequestRefused(reason)
         self._claim = _Claim(owner, what, interrupted)
 
     def release(self, owner: str) -> None:
@@ -196,8 +196,12 @@ class Arm:
         if self._ros.elapsed() - self._heard <= LOST_S:
             return
         if self._heard == float("-inf"):
-            raise Refused(f"it is not known where the arm is: no {self._states_topic} with its joints yet")
-        raise Refused(f"it is not known where the arm is: no {self._states_topic} for more than {LOST_S:g} s")
+            raise ArmRequestRefused(
+                f"it is not known where the arm is: no {self._states_topic} with its joints yet"
+            )
+        raise ArmRequestRefused(
+            f"it is not known where the arm is: no {self._states_topic} for more than {LOST_S:g} s"
+        )
 
     # --- moving it ----------------------------------------------------------------------------------------
 
@@ -209,7 +213,7 @@ class Arm:
         """
         reason = trajectory.problem(self.here(owner))
         if reason is not None:
-            raise Refused(reason)
+            raise ArmRequestRefused(reason)
         self._publish(trajectory, owner)
 
     def moves(self, owner: str) -> bool:
@@ -233,7 +237,7 @@ class Arm:
         if reason is None and not JAW_OPEN <= angle <= JAW_CLOSED:
             reason = f"gripper: {angle:.2f} rad is not within {JAW_OPEN:g} to {JAW_CLOSED:g}"
         if reason is not None:
-            raise Refused(reason)
+            raise ArmRequestRefused(reason)
         self._gripper.move(angle, lambda: self.refusal(owner), done or self._log_problem)
 
     def _log_problem(self, problem: str | None) -> None:
@@ -242,7 +246,7 @@ class Arm:
 
     def _publish(self, trajectory: Trajectory, owner: str = "") -> None:
         start = self.pose() or (trajectory.target if self._motion is None else self._should_be())
-        self._motion = _Motion(trajectory, start, self._ros.elapsed(), owner)
+        self._motion = _ArmMotion(trajectory, start, self._ros.elapsed(), owner)
         self._trajectories.publish(_message(trajectory))
 
     def _pin(self) -> bool:
@@ -268,7 +272,7 @@ class Arm:
         """
         reason = (self._stop_reason if on else None) or self._claim_reason(owner)
         if reason is not None:
-            raise Refused(reason)
+            raise ArmRequestRefused(reason)
         if on:
             self.must_be_known()
         self._torque.set(on, done)

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 from mirte_msgs.srv import SetServoOffset
 
-from lupin_arm.node.serving import Refused
+from lupin_arm.node.serving import ArmRequestRefused
 from lupin_engine.ros.adapter.node import Qos, RosNode
 from lupin_greenhouse.mission import SILENCE_S, is_under_way
 from lupin_msgs.msg import MissionState
@@ -44,7 +44,7 @@ class HardwareGate:
         if self.present:
             return
         why = f"there is no service {SIGN}" if self._sign else "parameter hardware is simulated"
-        raise Refused(f"{what} needs the real servos, and this is a simulation: {why}")
+        raise ArmRequestRefused(f"{what} needs the real servos, and this is a simulation: {why}")
 
 
 class MissionGate:
@@ -92,4 +92,4 @@ class Gates(NamedTuple):
         self.hardware.require("calibration")
         reason = self.mission.refusal()
         if reason is not None:
-            raise Refused(reason)
+            raise ArmRequestRefused(reason)

@@ -13,12 +13,12 @@ from typing import Any
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
-from lupin_arm.library import Library, NotInLibrary, Pose, StoreFailed, checked_pose, valid_name
+from lupin_arm.library import Library, NotInLibrary, StoredPose, StoreFailed, checked_pose, valid_name
 from lupin_arm.node.arm import Arm
 from lupin_arm.node.gates import MissionGate
 from lupin_arm.node.player import Player, if_on
-from lupin_arm.node.recorder import Recorder, Result
-from lupin_arm.node.serving import STALE_AFTER_S, Refused, refuse
+from lupin_arm.node.recorder import Recorder, RecorderResult
+from lupin_arm.node.serving import STALE_AFTER_S, ArmRequestRefused, refuse
 from lupin_arm.trajectory import clamp_speed, move
 from lupin_engine.errors import nearest, shortened
 from lupin_engine.plugin.files import user_folder
@@ -39,7 +39,7 @@ BASE = "/lupin/arm/library"
 MOVE_S, TOLD_EVERY_S = 3.0, 0.2
 
 #: Whatever keeps a request from being carried out; its text is the answer.
-PROBLEMS = (Refused, NotInLibrary, StoreFailed)
+PROBLEMS = (ArmRequestRefused, NotInLibrary, StoreFailed)
 
 ACTIONS = ("start", "save", "cancel")
 
@@ -100,7 +100,7 @@ class LibraryServer:
         if request.from_current:
             arm, jaw = self._arm.pose(), self._arm.jaw()
             if arm is None:
-                raise Refused(
+                raise ArmRequestRefused(
                     "it is not known where the arm is: no joint states with all its joints just now"
                 )
             pose, changed = checked_pose(arm, jaw, _now())
@@ -120,7 +120,7 @@ class LibraryServer:
         if self._player.name:
             reason = f"{self._player.name!r} is being played; stop it first"
         if reason is not None:
-            raise Refused(reason)
+            raise ArmRequestRefused(reason)
 
     def _go_to(self, request: SetArmPreset.Request, answer: Callable[[str | None, str], None]) -> None:
         self._must_be_free()
@@ -133,11 +133,11 @@ class LibraryServer:
 
         try:
             if_on(self._arm, OWNER, on)
-        except Refused:
+        except ArmRequestRefused:
             self._waits = False
             raise
 
-    def _went(self, name: str, pose: Pose, problem: str) -> tuple[str | None, str]:
+    def _went(self, name: str, pose: StoredPose, problem: str) -> tuple[str | None, str]:
         """Send the arm to a pose now that it has torque; return the problem, or None and what to say."""
         if problem:
             return problem, ""
@@ -145,7 +145,7 @@ class LibraryServer:
             self._must_be_free()  # torque took its time
             motion = move(pose.arm, MOVE_S, self._arm.here(OWNER))
             self._arm.send(motion, OWNER)
-        except Refused as reason:
+        except ArmRequestRefused as reason:
             return str(reason), ""
         return None, f"{name}: sent, there in {motion.duration:.1f} s{self._jaw(pose.gripper)}"
 
@@ -153,19 +153,19 @@ class LibraryServer:
         try:
             if angle is not None:
                 self._arm.move_jaw(angle, OWNER)
-        except Refused as reason:
+        except ArmRequestRefused as reason:
             return f"; the jaw stays where it is: {reason}"
         return ""
 
     def _play(self, request: PlayArmSequence.Request, answer: Callable[[str | None, str], None]) -> None:
         self._must_be_free()
         if self._recorder.recording:
-            raise Refused("a recording is under way; save or cancel it first")
+            raise ArmRequestRefused("a recording is under way; save or cancel it first")
         name, sequence = valid_name(request.name), self._library.sequence(request.name)
         try:
             speed = clamp_speed(request.speed)
         except ValueError as reason:
-            raise Refused(str(reason)) from None
+            raise ArmRequestRefused(str(reason)) from None
 
         def sent(problem: str | None) -> None:
             answer(problem, f"playing {name!r} at {speed:g}, {self._player.duration:.1f} s in all")
@@ -208,7 +208,7 @@ class LibraryServer:
         response: ArmRecord.Response,
         answer: Callable[[ArmRecord.Response], None],
     ) -> None:
-        def told(result: Result) -> None:
+        def told(result: RecorderResult) -> None:
             response.success, response.message = result.success, result.message
             if result.sequence is not None:
                 response.duration_s = result.sequence.duration_s
@@ -218,23 +218,25 @@ class LibraryServer:
         try:
             self._recorded(request, told)
         except PROBLEMS as reason:
-            told(Result(False, str(reason)))
+            told(RecorderResult(False, str(reason)))
 
-    def _recorded(self, request: ArmRecord.Request, answer: Callable[[Result], None]) -> None:
+    def _recorded(self, request: ArmRecord.Request, answer: Callable[[RecorderResult], None]) -> None:
         action = request.action.strip().lower()
         if action == "start":
             if self._player.name:
-                raise Refused(f"{self._player.name!r} is being played; stop it first")
+                raise ArmRequestRefused(f"{self._player.name!r} is being played; stop it first")
             reason = self._mission.refusal()
             if reason is not None:
-                raise Refused(reason)
+                raise ArmRequestRefused(reason)
             self._recorder.start(request.mode, request.name, request.include_gripper, answer)
         elif action == "save":
             self._recorder.save(request.name, request.overwrite, answer)
         elif action == "cancel":
             self._recorder.cancel(answer)
         else:
-            raise Refused(f"unknown action {shortened(action)!r}; {nearest(shortened(action), ACTIONS)}")
+            raise ArmRequestRefused(
+                f"unknown action {shortened(action)!r}; {nearest(shortened(action), ACTIONS)}"
+            )
 
     # --- what is going on ---------------------------------------------------------------------------------
 

@@ -10,7 +10,7 @@ from lupin_engine.plugin.files import write_atomically
 from lupin_engine.ros.adapter.node import RosNode
 
 
-class Mark:
+class RestoreMarker:
     """The file at `path`, and what an earlier process has left there; a full disk keeps nobody from work."""
 
     def __init__(self, ros: RosNode, path: Path) -> None:

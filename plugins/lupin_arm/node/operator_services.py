@@ -18,7 +18,7 @@ from std_srvs.srv import SetBool, Trigger
 
 from lupin_arm.joints import ARM, farthest, jaw_from_degrees
 from lupin_arm.node.arm import Arm
-from lupin_arm.node.serving import STALE_AFTER_S, Refused, refuse
+from lupin_arm.node.serving import STALE_AFTER_S, ArmRequestRefused, refuse
 from lupin_arm.presets import UnknownPreset, find_preset
 from lupin_arm.trajectory import move, time_for
 from lupin_engine.ros.adapter.node import RosNode
@@ -43,7 +43,7 @@ def serve_presets(ros: RosNode, arm: Arm, duration: float) -> None:
             name, pose = find_preset(request.name)
             motion = move(pose, duration, arm.here(PRESET))
             arm.send(motion, PRESET)
-        except (UnknownPreset, Refused) as reason:
+        except (UnknownPreset, ArmRequestRefused) as reason:
             response.message = str(reason)
             return response
         response.success = True
@@ -77,7 +77,7 @@ def serve_torque(ros: RosNode, arm: Arm) -> None:
         waiting += 1
         try:
             arm.set_torque(on, OPERATOR, done)
-        except Refused as reason:
+        except ArmRequestRefused as reason:
             done(str(reason))
 
     ros.serve_later(SetBool, "/lupin/arm/set_torque", switch, stale_after=STALE_AFTER_S, refuse=refuse)
@@ -108,7 +108,7 @@ class Sliders:
             motion = move(target, 0.0, here)
             seconds = time_for(farthest(here, motion.target), rate)
             self._arm.send(move(target, seconds, here), SLIDER)
-        except (ValueError, Refused) as reason:
+        except (ValueError, ArmRequestRefused) as reason:
             self._ros.log.warning(f"{ARM[index].name} not moved: {reason}")
         else:
             response.status = True
@@ -126,14 +126,14 @@ class Sliders:
         try:
             degrees = request.angle if request.degrees else math.degrees(request.angle)
             self._arm.move_jaw(jaw_from_degrees(degrees), SLIDER, done)
-        except (ValueError, Refused) as reason:
+        except (ValueError, ArmRequestRefused) as reason:
             done(str(reason))
 
     def _init(self, request: Any, response: Any) -> Any:
         try:
             motion = move(ZERO, self._init_duration, self._arm.here(SLIDER))
             self._arm.send(motion, SLIDER)
-        except Refused as reason:
+        except ArmRequestRefused as reason:
             return refuse(response, str(reason))
         response.success = True
         response.message = f"zero pose: sent, there in {motion.duration:.1f} s"

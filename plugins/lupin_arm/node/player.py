@@ -7,10 +7,10 @@ from dataclasses import dataclass, field
 
 from lupin_arm.library import NotInLibrary, Sequence
 from lupin_arm.node.arm import Arm
-from lupin_arm.node.serving import Refused
+from lupin_arm.node.serving import ArmRequestRefused
 from lupin_arm.node.torque import Done
 from lupin_arm.player import JawEvent, Replay, plan
-from lupin_engine.ros.adapter.node import RosNode, Timer
+from lupin_engine.ros.adapter.node import RosNode, RosTimer
 
 #: The name under which sequences move the arm.
 OWNER = "library: playing"
@@ -27,7 +27,7 @@ class _Playing:
     replay: Replay | None = None
     began: float = 0.0
     jaw: deque[JawEvent] = field(default_factory=deque)
-    timers: list[Timer] = field(default_factory=list)
+    timers: list[RosTimer] = field(default_factory=list)
 
 
 class Player:
@@ -70,7 +70,7 @@ class Player:
         self._now = playing = _Playing(name, sequence, speed, answer)
         try:
             if_on(self._arm, OWNER, lambda problem: self._begin(playing, problem))
-        except Refused:
+        except ArmRequestRefused:
             self._end()
             raise
 
@@ -88,7 +88,7 @@ class Player:
         try:
             replay = plan(playing.sequence, playing.speed, self._arm.here(OWNER))
             self._arm.send(replay.trajectory, OWNER)
-        except (Refused, NotInLibrary) as reason:
+        except (ArmRequestRefused, NotInLibrary) as reason:
             return str(reason)
         playing.replay, playing.began = replay, self._ros.elapsed()
         playing.timers, playing.jaw = [self._ros.call_later(replay.duration, self._end)], deque(replay.jaw)
@@ -106,7 +106,7 @@ class Player:
     def _move_jaw(self, playing: _Playing, angle: float) -> None:
         try:
             self._arm.move_jaw(angle, OWNER)
-        except Refused as reason:
+        except ArmRequestRefused as reason:
             self._ros.log.warning(f"jaw not moved: {reason}", sequence=playing.name)
         self._next_jaw(playing)
 
@@ -147,7 +147,7 @@ def if_on(arm: Arm, owner: str, then: Done) -> None:
     """
     reason = arm.refusal(owner)
     if reason is not None:
-        raise Refused(reason)
+        raise ArmRequestRefused(reason)
     if arm.torque:
         then(None)
     else:

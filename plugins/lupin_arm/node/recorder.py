@@ -13,10 +13,10 @@ from dataclasses import dataclass
 from lupin_arm.joints import Pose
 from lupin_arm.library import MODES, Library, NotInLibrary, Sequence, StoreFailed, valid_name
 from lupin_arm.node.arm import Arm
-from lupin_arm.node.mark import Mark
-from lupin_arm.node.serving import Refused
+from lupin_arm.node.mark import RestoreMarker
+from lupin_arm.node.serving import ArmRequestRefused
 from lupin_arm.node.torque import Done
-from lupin_arm.recorder import Recording
+from lupin_arm.recorder import PoseRecording
 from lupin_engine.errors import nearest, shortened
 from lupin_engine.ros.adapter.node import RosNode
 
@@ -32,7 +32,7 @@ SWITCHING = "the servos are being switched for a recording; try again in a momen
 
 
 @dataclass(frozen=True)
-class Result:
+class RecorderResult:
     """What became of a request."""
 
     success: bool
@@ -40,10 +40,10 @@ class Result:
     sequence: Sequence | None = None
 
 
-Answer = Callable[[Result], None]
+Answer = Callable[[RecorderResult], None]
 
 
-class _Phase(enum.Enum):
+class _RecorderPhase(enum.Enum):
     IDLE = "idle"
     SWITCHING = "switching"  #: the servos are being switched for a recording
     RECORDING = "recording"
@@ -59,12 +59,12 @@ class Recorder:
         self._arm = arm
         self._library = library
         self._created = created
-        self._phase = _Phase.IDLE
-        self._recording: Recording | None = None
+        self._phase = _RecorderPhase.IDLE
+        self._recording: PoseRecording | None = None
         self._unsaved: Sequence | None = None
         self._remarks = ""  # what is to be said of it when it is saved
         self._called_off = ""  # why a recording that is about to begin is not wanted any more
-        self._mark = Mark(ros, library.path.with_name(f"{library.path.stem}.limp"))
+        self._mark = RestoreMarker(ros, library.path.with_name(f"{library.path.stem}.limp"))
         self.name = ""
         arm.listen(self._on_feedback)
         ros.on_stop(self._close)
@@ -74,12 +74,12 @@ class Recorder:
     @property
     def recording(self) -> bool:
         """Whether poses are being recorded."""
-        return self._phase is _Phase.RECORDING
+        return self._phase is _RecorderPhase.RECORDING
 
     @property
     def unsaved(self) -> bool:
         """Whether there is a recording that has ended and is not in the library."""
-        return self._phase is _Phase.UNSAVED
+        return self._phase is _RecorderPhase.UNSAVED
 
     @property
     def mode(self) -> str:
@@ -104,7 +104,7 @@ class Recorder:
 
     def notice(self) -> str:
         """What people should know of a recording that has left the arm without torque; "" for nothing."""
-        if self._mark.left_behind and self._arm.torque and self._phase is not _Phase.SWITCHING:
+        if self._mark.left_behind and self._arm.torque and self._phase is not _RecorderPhase.SWITCHING:
             self._mark.remove()
         if not self._mark.left_behind:
             return ""
@@ -115,9 +115,9 @@ class Recorder:
 
     def refusal(self) -> str | None:
         """Say why nothing else may be begun with the arm now; None if it may."""
-        if self._phase is _Phase.SWITCHING:
+        if self._phase is _RecorderPhase.SWITCHING:
             return SWITCHING
-        if self._phase is _Phase.RECORDING and self.mode == BY_HAND:
+        if self._phase is _RecorderPhase.RECORDING and self.mode == BY_HAND:
             return "a recording by hand is under way; save or cancel it first"
         return None
 
@@ -131,54 +131,54 @@ class Recorder:
         """
         mode = mode.strip().lower() or "teleop"
         if mode not in MODES:
-            raise Refused(f"unknown mode {shortened(mode)!r}; {nearest(shortened(mode), MODES)}")
-        if self._phase is _Phase.UNSAVED:
-            raise Refused("a recording is not saved yet; save it under a name, or cancel it")
-        if self._phase is not _Phase.IDLE:
-            raise Refused(self.refusal() or "a recording is under way; save or cancel it first")
+            raise ArmRequestRefused(f"unknown mode {shortened(mode)!r}; {nearest(shortened(mode), MODES)}")
+        if self._phase is _RecorderPhase.UNSAVED:
+            raise ArmRequestRefused("a recording is not saved yet; save it under a name, or cancel it")
+        if self._phase is not _RecorderPhase.IDLE:
+            raise ArmRequestRefused(self.refusal() or "a recording is under way; save or cancel it first")
         try:
             name = valid_name(name) if name.strip() else ""  # it may be given with the save
         except NotInLibrary as reason:
-            raise Refused(str(reason)) from None
-        recording = Recording(mode, include_gripper)
+            raise ArmRequestRefused(str(reason)) from None
+        recording = PoseRecording(mode, include_gripper)
         if mode == BY_HAND:
             self._let_go(recording, name, answer)
         else:
             self._begin(recording)
             self.name = name
-            answer(Result(True, "recording; steer the arm, then save"))
+            answer(RecorderResult(True, "recording; steer the arm, then save"))
 
-    def _let_go(self, recording: Recording, name: str, answer: Answer) -> None:
+    def _let_go(self, recording: PoseRecording, name: str, answer: Answer) -> None:
         self._arm.must_be_known()  # else nothing would be recorded, and torque could not come back
         self._arm.claim(OWNER, "a recording by hand", lambda _: None)  # without torque nothing moves it
-        self._phase, self._called_off, self.name = _Phase.SWITCHING, "", name
+        self._phase, self._called_off, self.name = _RecorderPhase.SWITCHING, "", name
         self._mark.set()
         try:
             self._arm.set_torque(False, OWNER, lambda problem: self._let_go_ended(recording, answer, problem))
-        except Refused:
+        except ArmRequestRefused:
             self._mark.remove()
             self._end()
             raise
 
-    def _let_go_ended(self, recording: Recording, answer: Answer, problem: str | None) -> None:
+    def _let_go_ended(self, recording: PoseRecording, answer: Answer, problem: str | None) -> None:
         problem = problem or self._called_off
         if not problem:
             self._begin(recording)
-            answer(Result(True, "recording; the arm has no torque: move it by hand, then save"))
+            answer(RecorderResult(True, "recording; the arm has no torque: move it by hand, then save"))
             return
 
         def restored(still_off: str | None) -> None:
             self._end()
             on = f"; and the servos may be off: {still_off}" if still_off else "; the servos are on"
-            answer(Result(False, f"not recording: {problem}{on}"))
+            answer(RecorderResult(False, f"not recording: {problem}{on}"))
 
         self._restore(restored)
 
-    def _begin(self, recording: Recording) -> None:
-        self._recording, self._phase = recording, _Phase.RECORDING
+    def _begin(self, recording: PoseRecording) -> None:
+        self._recording, self._phase = recording, _RecorderPhase.RECORDING
 
     def _on_feedback(self, stamp: float, pose: Pose, jaw: float | None) -> None:
-        if self._phase is _Phase.RECORDING and self._recording is not None:
+        if self._phase is _RecorderPhase.RECORDING and self._recording is not None:
             self._recording.sample(stamp, self._ros.elapsed(), pose, jaw)
 
     # --- save and cancel ----------------------------------------------------------------------------------
@@ -190,15 +190,15 @@ class Recorder:
             Refused: there is nothing to save, or not under that name; the recording goes on.
         """
         name = name or self.name
-        if self._phase is _Phase.SWITCHING:
-            raise Refused(SWITCHING)
-        if self._phase is _Phase.IDLE:
-            raise Refused("nothing is being recorded")
+        if self._phase is _RecorderPhase.SWITCHING:
+            raise ArmRequestRefused(SWITCHING)
+        if self._phase is _RecorderPhase.IDLE:
+            raise ArmRequestRefused("nothing is being recorded")
         try:
             self._library.check_free("sequence", name, overwrite)
             self._finish()
         except NotInLibrary as reason:
-            raise Refused(f"{reason}; the recording is not lost") from None
+            raise ArmRequestRefused(f"{reason}; the recording is not lost") from None
         self._then_with_torque(lambda problem: answer(self._keep(name, overwrite, problem)))
 
     def _finish(self) -> None:
@@ -209,19 +209,19 @@ class Recorder:
             remarks = filter(None, [recording.full, beyond if recording.clamped else ""])
             self._remarks = "".join(f", {remark}" for remark in remarks)
 
-    def _keep(self, name: str, overwrite: bool, problem: str | None) -> Result:
+    def _keep(self, name: str, overwrite: bool, problem: str | None) -> RecorderResult:
         assert self._unsaved is not None
         sequence = self._unsaved
-        self._phase = _Phase.UNSAVED
+        self._phase = _RecorderPhase.UNSAVED
         self._recording = None
         still_off = f"; the servos are still off: {problem}" if problem else ""
         try:
             name = self._library.save_sequence(name, sequence, overwrite)
         except (NotInLibrary, StoreFailed) as reason:
             kept = "the recording is kept: save it again, or cancel it"
-            return Result(False, f"{reason}; {kept}{still_off}", sequence)
+            return RecorderResult(False, f"{reason}; {kept}{still_off}", sequence)
         self._end()
-        return Result(True, f"saved {name!r}{self._remarks}{still_off}", sequence)
+        return RecorderResult(True, f"saved {name!r}{self._remarks}{still_off}", sequence)
 
     def cancel(self, answer: Answer) -> None:
         """Forget the recording; `answer` comes when the arm has torque again.
@@ -229,28 +229,28 @@ class Recorder:
         Raises:
             Refused: there is none.
         """
-        if self._phase is _Phase.IDLE:
-            raise Refused("nothing is being recorded")
-        if self._phase is _Phase.SWITCHING:
-            raise Refused(SWITCHING)
+        if self._phase is _RecorderPhase.IDLE:
+            raise ArmRequestRefused("nothing is being recorded")
+        if self._phase is _RecorderPhase.SWITCHING:
+            raise ArmRequestRefused(SWITCHING)
 
         def ended(problem: str | None) -> None:
             self._end()
             still_off = f"; the servos are still off: {problem}" if problem else ""
-            answer(Result(True, f"the recording is discarded{still_off}"))
+            answer(RecorderResult(True, f"the recording is discarded{still_off}"))
 
         self._then_with_torque(ended)
 
     def call_off(self, reason: str) -> bool:
         """Do not begin a recording by hand that waits for the servos; whether there was one."""
-        if self._phase is not _Phase.SWITCHING or self._recording is not None:
+        if self._phase is not _RecorderPhase.SWITCHING or self._recording is not None:
             return False
         self._called_off = reason
         return True
 
     def stop(self, then: Done) -> bool:
         """Discard a recording by hand; whether there was one. `then` comes when the arm has torque again."""
-        if self._phase is not _Phase.RECORDING or self.mode != BY_HAND:
+        if self._phase is not _RecorderPhase.RECORDING or self.mode != BY_HAND:
             return False
 
         def ended(problem: str | None) -> None:
@@ -262,7 +262,7 @@ class Recorder:
 
     def leave(self, reason: str) -> None:
         """Give the arm its torque back, keeping what was recorded by hand for a save."""
-        if self.call_off(reason) or self._phase is not _Phase.RECORDING or self.mode != BY_HAND:
+        if self.call_off(reason) or self._phase is not _RecorderPhase.RECORDING or self.mode != BY_HAND:
             return
         try:
             self._finish()
@@ -273,7 +273,7 @@ class Recorder:
         self._then_with_torque(self._left)
 
     def _left(self, _: str | None) -> None:
-        self._phase, self._recording = _Phase.UNSAVED, None
+        self._phase, self._recording = _RecorderPhase.UNSAVED, None
 
     # --- torque -------------------------------------------------------------------------------------------
 
@@ -282,7 +282,7 @@ class Recorder:
         if self._recording is None or self._recording.mode != BY_HAND:
             then(None)
             return
-        self._phase = _Phase.SWITCHING
+        self._phase = _RecorderPhase.SWITCHING
         self._restore(then)
 
     def _restore(self, then: Done) -> None:
@@ -297,11 +297,11 @@ class Recorder:
 
         try:
             self._arm.set_torque(True, OWNER, switched)
-        except Refused as reason:
+        except ArmRequestRefused as reason:
             switched(str(reason))
 
     def _end(self) -> None:
-        self._phase, self._recording, self._unsaved = _Phase.IDLE, None, None
+        self._phase, self._recording, self._unsaved = _RecorderPhase.IDLE, None, None
         self.name = ""
         self._arm.release(OWNER)
 
@@ -309,7 +309,7 @@ class Recorder:
         """Leave no limp arm behind; a recording that was not saved ends with the process."""
         if not self.call_off("the program ends"):
             self.stop(_nobody_waits)
-        self._ros.work_until(lambda: self._phase is not _Phase.SWITCHING, LAST_WAIT_S)
+        self._ros.work_until(lambda: self._phase is not _RecorderPhase.SWITCHING, LAST_WAIT_S)
 
 
 def _nobody_waits(_: str | None) -> None:

@@ -8,7 +8,7 @@ from typing import Any
 STALE_AFTER_S = 2.0
 
 
-class Refused(Exception):
+class ArmRequestRefused(Exception):
     """A request that is not carried out, and nothing has changed; the text is the answer to the caller."""
 
 

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 from std_srvs.srv import SetBool
 
 from lupin_arm.node.waiting import when_ready
-from lupin_engine.ros.adapter.node import Failure, RosNode
+from lupin_engine.ros.adapter.node import CallFailure, RosNode
 
 #: Seconds in which a switch must be found, and in which it must answer.
 LOOK_UP_S = 0.5
@@ -25,7 +25,7 @@ ANSWER_S = 2.0
 Done = Callable[[str | None], None]
 
 
-class _Answer(NamedTuple):
+class _ServiceResponse(NamedTuple):
     """What became of a call of a switch: `problem` is None when it did what it was told."""
 
     there: bool
@@ -39,7 +39,7 @@ class _Switch:
         self._ros = ros
         self._service = ros.service(SetBool, name)
 
-    def call(self, on: bool, done: Callable[[_Answer], None]) -> None:
+    def call(self, on: bool, done: Callable[[_ServiceResponse], None]) -> None:
         """Switch; `done` comes once."""
 
         def found(there: bool) -> None:
@@ -48,16 +48,18 @@ class _Switch:
                     SetBool.Request(data=on), ANSWER_S, lambda answer: done(self._read(answer))
                 )
             else:
-                done(_Answer(False, f"{self._service.name}: no server within {LOOK_UP_S:g} s"))
+                done(_ServiceResponse(False, f"{self._service.name}: no server within {LOOK_UP_S:g} s"))
 
         when_ready(self._ros, self._service.ready, LOOK_UP_S, found)
 
-    def _read(self, answer: Any) -> _Answer:
-        if isinstance(answer, Failure):
-            return _Answer(True, answer.detail)
+    def _read(self, answer: Any) -> _ServiceResponse:
+        if isinstance(answer, CallFailure):
+            return _ServiceResponse(True, answer.detail)
         if not answer.success:
-            return _Answer(True, f"{self._service.name} refused: {answer.message or 'no reason given'}")
-        return _Answer(True, None)
+            return _ServiceResponse(
+                True, f"{self._service.name} refused: {answer.message or 'no reason given'}"
+            )
+        return _ServiceResponse(True, None)
 
 
 class Torque:
@@ -116,14 +118,14 @@ class Torque:
             else:
                 self._power.call(True, powered)
 
-        def powered(answer: _Answer) -> None:
+        def powered(answer: _ServiceResponse) -> None:
             if answer.problem is not None:
                 end(answer.problem)
                 return
             self.state = True
             self._gate.call(True, gated)
 
-        def gated(answer: _Answer) -> None:
+        def gated(answer: _ServiceResponse) -> None:
             if answer.problem is None or not answer.there:  # a simulation has no gate
                 end(None)
             else:
@@ -131,7 +133,7 @@ class Torque:
 
         when_ready(self._ros, self._pin, LOOK_UP_S, pinned)
 
-    def _powered_off_again(self, end: Done, problem: str, answer: _Answer) -> None:
+    def _powered_off_again(self, end: Done, problem: str, answer: _ServiceResponse) -> None:
         if answer.problem is None:
             self.state = False
             end(f"{problem}; the servos are off again")
@@ -139,13 +141,13 @@ class Torque:
             end(f"{problem}; and the servos could not be switched off again: {answer.problem}")
 
     def _switch_off(self, end: Done) -> None:
-        def gated(gate: _Answer) -> None:
+        def gated(gate: _ServiceResponse) -> None:
             if gate.there and gate.problem is not None:
                 self._ros.log.warning(f"the gate of commands stays open: {gate.problem}")
             closed = gate.problem is None
             self._power.call(False, partial(powered, closed))
 
-        def powered(closed: bool, answer: _Answer) -> None:
+        def powered(closed: bool, answer: _ServiceResponse) -> None:
             if answer.problem is None:
                 self.state = False
                 end(None)
@@ -157,7 +159,7 @@ class Torque:
 
         self._gate.call(False, gated)
 
-    def _gate_opened_again(self, end: Done, problem: str, answer: _Answer) -> None:
+    def _gate_opened_again(self, end: Done, problem: str, answer: _ServiceResponse) -> None:
         if answer.problem is None:
             end(f"{problem}; commands are taken again")
         else:

@@ -22,10 +22,10 @@ from lupin_greenhouse.poses import Array
 from lupin_msgs.msg import DiscoveredTags, MissionState, Observation
 from lupin_msgs.srv import ConfirmTag
 from lupin_perception.anomalies import Watch
-from lupin_perception.boxes import Box, Size, box_from_tag, column_depth, column_fraction
+from lupin_perception.boxes import PlanterBox, Size, box_from_tag, column_depth, column_fraction
 from lupin_perception.detections import Detection, read_flowers, read_tags
-from lupin_perception.flowers import Bloom, Scan, scanned_tag
-from lupin_perception.memory import Memory, Past, memory_path
+from lupin_perception.flowers import ColumnBloom, TagScan, scanned_tag
+from lupin_perception.memory import MissionFile, Past, memory_path
 from lupin_perception.node import messages
 from lupin_perception.node.layout import KnownBoxes
 from lupin_perception.node.passive import PassiveObserver
@@ -62,7 +62,7 @@ class Aggregator:
         self._sightings = Sightings(
             self._tags, values["tf_frame_prefix"], values["tag_in_sight_s"], self._on_sighting
         )
-        self._scan = Scan(fusion_rules(values))
+        self._scan = TagScan(fusion_rules(values))
         #: When another tag was scanned, or none any more; and when the scan was last made to forget.
         self._aimed = self._aged = -math.inf
         #: The tag whose scan an earlier process was killed in.
@@ -75,7 +75,7 @@ class Aggregator:
         )
         self._mission = MissionState()
         self._mission_heard = -math.inf
-        self._memory = Memory(memory_path(values["memory_file"], os.environ))
+        self._memory = MissionFile(memory_path(values["memory_file"], os.environ))
         self._past = self._recall()
         #: What was last written to the memory: revision of the tags, reports of pests, what is scanned.
         self._kept = 0, 0, ""
@@ -83,7 +83,7 @@ class Aggregator:
         self._pan = 0.0
         self._since = ros.stamp()
         #: The box that the flowers of this scan were told in; None before they were.
-        self._told_box: Box | None = None
+        self._told_box: PlanterBox | None = None
         self._has_told = False
         self._warn = WarnOnce(ros.log)
         self._connect()
@@ -300,7 +300,7 @@ class Aggregator:
             messages.flower_observation(known, summary, box, places, self._mission_id(), self._since)
         )
 
-    def _places(self, box: Box, blooms: Sequence[Bloom]) -> Array:
+    def _places(self, box: PlanterBox, blooms: Sequence[ColumnBloom]) -> Array:
         values, columns = self._values, [bloom.column for bloom in blooms]
         depths = column_depth(columns, values["flower_base_depth_frac"], values["flower_depth_jitter_frac"])
         return box.place(column_fraction(columns, values["lateral_columns"]), depths)
@@ -326,7 +326,7 @@ def _refuse(response: ConfirmTag.Response, reason: str) -> ConfirmTag.Response:
     return response
 
 
-def _is_alike(box: Box | None, other: Box | None) -> bool:
+def _is_alike(box: PlanterBox | None, other: PlanterBox | None) -> bool:
     if box is None or other is None:
         return box is other
     return box.is_like(other, MOVED_M, TURNED)

@@ -13,7 +13,7 @@ from std_msgs.msg import String
 
 from lupin_engine.ros.adapter.node import Qos, RosNode
 from lupin_greenhouse import layout
-from lupin_perception.boxes import Box
+from lupin_perception.boxes import PlanterBox
 from lupin_perception.detections import read_boxes
 from lupin_perception.layout import Quality, entries, register
 from lupin_perception.registry import Registry
@@ -34,7 +34,7 @@ class KnownBoxes:
             LupinError: the layout cannot be used.
         """
         self._tags, self._warn = tags, warn
-        self._boxes: Mapping[str, Box] = {}
+        self._boxes: Mapping[str, PlanterBox] = {}
         self._topic: str = values["box_geometry_topic"]
         self._layout: layout.Layout | None = None
         if not values["register_layout"]:
@@ -48,7 +48,7 @@ class KnownBoxes:
         self._teller = ros.publisher(String, self._topic, Qos.LATCHED)
         ros.steady_timer(TELL_S, self._tell)
 
-    def find(self, tag_id: str) -> Box | None:
+    def find(self, tag_id: str) -> PlanterBox | None:
         """Return the box at a tag; None when the layout knows none."""
         return self._boxes.get(tag_id)
 

@@ -20,8 +20,8 @@ from lupin_msgs.msg import (
     TagReading,
 )
 from lupin_perception.anomalies import PEST_SEVERITY, Pest
-from lupin_perception.boxes import Box
-from lupin_perception.flowers import Bloom, Summary
+from lupin_perception.boxes import PlanterBox
+from lupin_perception.flowers import ColumnBloom, ScanSummary
 from lupin_perception.registry import Known
 from lupin_perception.sightings import MAP
 
@@ -57,7 +57,7 @@ def _discovered(known: Known) -> DiscoveredTag:
 
 
 def flower_observation(
-    known: Known, summary: Summary, box: Box | None, places: Array, mission_id: str, stamp: Time
+    known: Known, summary: ScanSummary, box: PlanterBox | None, places: Array, mission_id: str, stamp: Time
 ) -> Observation:
     """Return what grows at a tag; `places` are where its blooms are drawn, row by row."""
     message = _observation(Observation.KIND_FLOWER, mission_id, stamp)
@@ -73,7 +73,7 @@ def flower_observation(
     return message
 
 
-def _points(blooms: Sequence[Bloom], places: Array) -> list[FlowerPoint]:
+def _points(blooms: Sequence[ColumnBloom], places: Array) -> list[FlowerPoint]:
     return [
         FlowerPoint(
             position=Point(x=x, y=y),

@@ -8,7 +8,7 @@ from typing import Any
 
 from rclpy.publisher import Publisher
 
-from lupin_engine.ros.adapter.node import Failure, RosNode
+from lupin_engine.ros.adapter.node import CallFailure, RosNode
 from lupin_msgs.srv import GetTagReading
 from lupin_perception.idle import Schedule
 from lupin_perception.node import messages
@@ -54,9 +54,9 @@ class PassiveObserver:
             self._told_absent = True
             self._ros.log.warning("tags are known but nobody reads them", missing=self._bridge.name)
 
-    def _on_answer(self, tag_id: str, answer: GetTagReading.Response | Failure) -> None:
+    def _on_answer(self, tag_id: str, answer: GetTagReading.Response | CallFailure) -> None:
         now, known = self._ros.elapsed(), self._tags.find(tag_id)
-        if isinstance(answer, Failure) or known is None or not self._is_idle():
+        if isinstance(answer, CallFailure) or known is None or not self._is_idle():
             self._schedule.failed(tag_id, now)  # the mission that has begun reads for itself
         elif answer.status == GetTagReading.Response.STATUS_UNKNOWN_TAG:
             self._schedule.done(tag_id, now)

@@ -21,7 +21,7 @@ from lupin_engine.plugin.types import (
 )
 from lupin_greenhouse import layout
 from lupin_greenhouse.mission import SILENCE_S
-from lupin_perception.boxes import View
+from lupin_perception.boxes import BoxView
 from lupin_perception.flowers import Rules
 
 _CLASSES = ["tulip_red", "tulip_white", "tulip_pink", "bug"]
@@ -143,7 +143,7 @@ def fusion_rules(values: Mapping[str, Any]) -> Rules:
         hint = nearest(anomaly, classes)
         raise LupinError(f"parameter 'anomaly_class_name': no {anomaly!r} in flower_class_names; {hint}")
     return Rules(
-        view=View(values["pan_half_span"], values["camera_half_fov"]),
+        view=BoxView(values["pan_half_span"], values["camera_half_fov"]),
         columns=values["lateral_columns"],
         anomaly=anomaly,
         min_confidence=values["yolo_min_confidence"],

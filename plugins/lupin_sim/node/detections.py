@@ -12,7 +12,7 @@ from lupin_engine.ros.adapter.node import Qos, RosNode
 from lupin_sim.camera import Plate, facing
 from lupin_sim.detector import HEIGHT_M, flower_entries, readable, tag_entries, tag_in_robot
 from lupin_sim.floor import Point
-from lupin_sim.robot import Pose
+from lupin_sim.robot import FloorPose
 
 BASE, CAMERA = "base_link", "camera_link"
 
@@ -29,7 +29,7 @@ class Detections:
         self._tags = ros.publisher(String, "/camera/tag_detections_json", Qos.DETECTION)
         self._flowers = ros.publisher(String, "/yolo/detections", Qos.DETECTION)
 
-    def tell(self, pose: Pose, seen: Sequence[Plate], pests: Sequence[Point]) -> None:
+    def tell(self, pose: FloorPose, seen: Sequence[Plate], pests: Sequence[Point]) -> None:
         """Publish one frame of each camera, taken from `pose`."""
         plates = readable(seen)
         tags = [_transform(CAMERA, f"tag_{p.id}", tag_in_robot(pose, p), 0.0) for p in plates]
@@ -39,7 +39,7 @@ class Detections:
         self._flowers.publish(String(data=json.dumps(flower_entries(pose, plates, pests))))
 
 
-def _transform(parent: str, child: str, plate: Pose | None, height: float) -> TransformStamped:
+def _transform(parent: str, child: str, plate: FloorPose | None, height: float) -> TransformStamped:
     """Return the transform to a plate, whose +Z is its normal; without one straight up by `height`."""
     place, turn = Vector3(z=height), Quaternion(w=1.0)
     if plate is not None:

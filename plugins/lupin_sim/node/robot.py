@@ -36,7 +36,7 @@ from lupin_sim.layout import load_layout
 from lupin_sim.node import senses
 from lupin_sim.node.display import Display, quaternion
 from lupin_sim.node.senses import Senses
-from lupin_sim.robot import Pose, Robot
+from lupin_sim.robot import FloorPose, Robot
 
 #: Seconds between two heartbeats (e-stop, transforms), and heartbeats between two battery messages.
 HEARTBEAT_S = 0.2
@@ -104,7 +104,7 @@ class SimNode:
         values = ros.parameters()
         layout = load_layout(values["tag_locations_file"])
         self._floor = Floor(layout.tables)
-        self._robot = Robot(Pose(**values["start_pose"]), ros.elapsed(), values["speed"])
+        self._robot = Robot(FloorPose(**values["start_pose"]), ros.elapsed(), values["speed"])
         self._believed = self._robot.pose
         self._variance = VARIANCE
         self._faults = Faults()
@@ -334,7 +334,7 @@ class SimNode:
         """Tell where the robot is, and what it senses from there, all at one moment."""
         transforms = [_transform("odom", "base_link", self._robot.pose), *sensed]
         if not self._faults.now(Fault.LOSE_LOCALIZATION):
-            transforms.insert(0, _transform("map", "odom", Pose(0.0, 0.0, 0.0)))
+            transforms.insert(0, _transform("map", "odom", FloorPose(0.0, 0.0, 0.0)))
         stamp = self._ros.stamp()
         for transform in transforms:
             transform.header.stamp = stamp
@@ -349,7 +349,7 @@ class SimNode:
     def _publish_estop(self) -> None:
         self._estops.publish(Bool(data=self._estop))
 
-    def _pose_message(self, pose: Pose) -> PoseStamped:
+    def _pose_message(self, pose: FloorPose) -> PoseStamped:
         message = PoseStamped()
         message.header.stamp = self._ros.stamp()
         message.header.frame_id = "map"
@@ -358,7 +358,7 @@ class SimNode:
         return message
 
 
-def _transform(parent: str, child: str, pose: Pose) -> TransformStamped:
+def _transform(parent: str, child: str, pose: FloorPose) -> TransformStamped:
     message = TransformStamped(child_frame_id=child)
     message.header.frame_id = parent
     message.transform = Transform(

@@ -19,10 +19,10 @@ from lupin_engine.ros.adapter.node import Qos, RosNode
 from lupin_msgs.msg import MissionState
 from lupin_sim.camera import Camera
 from lupin_sim.floor import Point
-from lupin_sim.layout import Layout
+from lupin_sim.layout import Floorplan
 from lupin_sim.lidar import ORIGIN_X, ORIGIN_Y, RESOLUTION, GrowingMap, Lidar
 from lupin_sim.node.detections import Detections
-from lupin_sim.robot import Pose
+from lupin_sim.robot import FloorPose
 
 #: The least seconds between two maps, and the most: not everybody hears what is latched.
 TELL_S, TELL_AGAIN_S = 0.5, 5.0
@@ -48,7 +48,7 @@ class Senses:
     def __init__(
         self,
         ros: RosNode,
-        layout: Layout,
+        layout: Floorplan,
         values: Mapping[str, Any],
         send: Callable[[Sequence[TransformStamped]], None],
     ) -> None:
@@ -67,7 +67,7 @@ class Senses:
         ros.subscribe(MissionState, "/mission/state", Qos.LATCHED, self._on_mission)
         ros.timer(TELL_S, self.tell_map)
 
-    def look(self, pose: Pose) -> None:
+    def look(self, pose: FloorPose) -> None:
         """Look around from `pose`, and tell where that is and what is seen."""
         if self._mapped_from != (pose.x, pose.y):  # turning shows the lidar nothing new
             self._mapped_from = pose.x, pose.y

@@ -15,7 +15,7 @@ from lupin_twin.export.forms import finite, to_json, urn, utc
 from lupin_twin.export.georeference import Georeference, is_near
 from lupin_twin.missions import MissionRecord, Observation
 from lupin_twin.records import Anomaly, Corners, Flowers, Reading
-from lupin_twin.state import Tag
+from lupin_twin.state import TwinTag
 from lupin_twin.units import QUANTITIES
 
 #: Twice the area of the smallest planter box: of a smaller one the corners are in one place on the earth.
@@ -116,11 +116,11 @@ def _values(readings: dict[str, float]) -> dict[str, float | None]:
     return {f"sensor_{name}": finite(value) for name, value in readings.items()}
 
 
-def _on_map(tag: Tag) -> dict[str, float | None]:
+def _on_map(tag: TwinTag) -> dict[str, float | None]:
     return {} if tag.pin is None else {"map_x": finite(tag.pin.x), "map_y": finite(tag.pin.y)}
 
 
-def _place(tag: Tag, origin: Georeference) -> dict[str, Any] | None:
+def _place(tag: TwinTag, origin: Georeference) -> dict[str, Any] | None:
     return None if tag.pin is None else origin.point(tag.pin.x, tag.pin.y)
 
 

@@ -10,7 +10,7 @@ pytest.importorskip("rclpy", reason="ROS 2 is not installed here")
 
 from lupin_arm.catalog import PLUGIN
 from lupin_arm.client import WARNING_PERIOD_S, ArmClient
-from lupin_engine.ros.adapter.node import Failure
+from lupin_engine.ros.adapter.node import CallFailure
 from lupin_msgs.srv import SetArmPreset
 from tests.plugins.fakes import FakeOutlet, FakeRos, defaults
 
@@ -52,7 +52,7 @@ def test_a_server_that_is_not_there_is_warned_about_now_and_then() -> None:
     ("answer", "reason"),
     [
         (SetArmPreset.Response(success=False, message="unknown preset"), "unknown preset"),
-        (Failure("timeout", "no answer"), "timeout: no answer"),
+        (CallFailure("timeout", "no answer"), "timeout: no answer"),
     ],
 )
 def test_a_preset_that_fails_is_only_a_warning(answer: Any, reason: str) -> None:

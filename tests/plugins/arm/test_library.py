@@ -22,8 +22,8 @@ from lupin_arm.library import (
     MAX_WAYPOINTS,
     Library,
     NotInLibrary,
-    Pose,
     Sequence,
+    StoredPose,
     StoreFailed,
     Waypoint,
     beyond_limits,
@@ -31,7 +31,7 @@ from lupin_arm.library import (
     valid_name,
 )
 
-HERE = Pose(arm=[0.1, 0.2, 0.3, 0.4], created="2026-01-01T00:00:00+00:00")
+HERE = StoredPose(arm=[0.1, 0.2, 0.3, 0.4], created="2026-01-01T00:00:00+00:00")
 WALK = Sequence(duration_s=1.0, waypoints=[Waypoint(t=0.0, arm=[0.0] * 4), Waypoint(t=1.0, arm=[0.1] * 4)])
 ANY_NUMBER = st.floats(allow_nan=True, allow_infinity=True)
 

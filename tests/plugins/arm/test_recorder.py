@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from lupin_arm.joints import ARM, Pose, check_pose
 from lupin_arm.library import NotInLibrary
-from lupin_arm.recorder import MAX_SECONDS, MAX_WAYPOINTS, MOVED, PERIOD_S, Recording
+from lupin_arm.recorder import MAX_SECONDS, MAX_WAYPOINTS, MOVED, PERIOD_S, PoseRecording
 
 #: When the arm's computer and ours began to count.
 THERE, HERE = 1_000_000.0, 50.0
@@ -22,15 +22,15 @@ def pose(angle: float) -> Pose:
     return (angle, 0.0, 0.0, 0.0)
 
 
-def recording(*moments: tuple[float, float], mode: str = "teleop") -> Recording:
+def recording(*moments: tuple[float, float], mode: str = "teleop") -> PoseRecording:
     """Return a recording of poses at times."""
-    made = Recording(mode, include_gripper=False)
+    made = PoseRecording(mode, include_gripper=False)
     for time, angle in moments:
         made.sample(THERE + time, HERE + time, pose(angle), None)
     return made
 
 
-def times(made: Recording) -> list[float]:
+def times(made: PoseRecording) -> list[float]:
     """Return the times of the waypoints."""
     return [round(waypoint.t, 6) for waypoint in made.waypoints]
 
@@ -50,7 +50,7 @@ def test_a_pose_is_taken_when_time_has_passed_and_a_joint_has_moved() -> None:
 def test_a_jaw_that_moves_is_taken_too() -> None:
     """Where the jaw is recorded."""
     for include, number in ((True, 2), (False, 1)):
-        made = Recording("teleop", include)
+        made = PoseRecording("teleop", include)
         made.sample(THERE, HERE, pose(0.0), 0.0)
         made.sample(THERE + 1.0, HERE + 1.0, pose(0.0), 0.2)
         assert len(made.waypoints) == number
@@ -118,7 +118,7 @@ def test_nothing_recorded_is_nothing() -> None:
 
 def test_what_a_hand_pushes_beyond_the_limits_is_taken_at_them() -> None:
     """The elbow's servo goes to -116 degrees, its window to -90."""
-    made = Recording("kinesthetic", include_gripper=False)
+    made = PoseRecording("kinesthetic", include_gripper=False)
     made.sample(THERE, HERE, (0.0, 0.0, math.radians(-116.0), 0.0), None)
     assert made.waypoints[0].arm[2] == pytest.approx(math.radians(-90.0))
     assert made.clamped == 1
@@ -135,7 +135,7 @@ def test_whatever_is_recorded_can_be_kept(
     moments: list[tuple[float, list[float]]], jaw: bool, end: float
 ) -> None:
     """Times increase from 0 to the duration, angles are inside the limits, nothing is too long."""
-    made, now = Recording("teleop", include_gripper=jaw), 0.0
+    made, now = PoseRecording("teleop", include_gripper=jaw), 0.0
     for step, angles in moments:
         now += step
         pan, lift, elbow, wrist = angles

@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from lupin_arm.joints import ARM, DEFAULT_RATE, MAX_RATE, OutsideLimits, Pose, check_pose, farthest
 from lupin_arm.trajectory import (
     Point,
-    Sample,
     Trajectory,
+    TrajectorySample,
     clamp_speed,
     move,
     replay,
@@ -23,7 +23,7 @@ from lupin_arm.trajectory import (
 ANY = st.floats(allow_nan=True, allow_infinity=True)
 WINDOWS = st.tuples(*(st.floats(joint.low, joint.high) for joint in ARM))
 ANY_POSE = st.tuples(ANY, ANY, ANY, ANY)
-SAMPLES = st.lists(st.builds(Sample, ANY | st.floats(0.0, 60.0), WINDOWS | ANY_POSE), max_size=8)
+SAMPLES = st.lists(st.builds(TrajectorySample, ANY | st.floats(0.0, 60.0), WINDOWS | ANY_POSE), max_size=8)
 
 ZERO: Pose = (0.0, 0.0, 0.0, 0.0)
 FAR: Pose = (1.0, -1.0, 1.0, -1.0)
@@ -52,7 +52,7 @@ def test_every_move_is_inside_the_limits_or_refused(target: Pose, seconds: float
 
 @given(samples=SAMPLES, speed=ANY | st.floats(-1.0, 4.0), start=WINDOWS)
 def test_every_replay_is_inside_the_limits_or_refused(
-    samples: list[Sample], speed: float, start: Pose
+    samples: list[TrajectorySample], speed: float, start: Pose
 ) -> None:
     try:
         trajectory = replay(samples, speed, start)
@@ -64,7 +64,7 @@ def test_every_replay_is_inside_the_limits_or_refused(
 
 @given(st.lists(WINDOWS, min_size=1, max_size=8), WINDOWS)
 def test_recordings_that_are_sound_are_never_refused(poses: list[Pose], start: Pose) -> None:
-    samples = [Sample(index * 0.05, pose) for index, pose in enumerate(poses)]
+    samples = [TrajectorySample(index * 0.05, pose) for index, pose in enumerate(poses)]
     assert_may_be_sent(replay(samples, 2.0, start), start)
 
 
@@ -102,20 +102,25 @@ def test_the_speed_of_a_replay() -> None:
 
 
 def test_a_replay_begins_with_a_move_to_where_it_was_recorded() -> None:
-    recorded = [Sample(0.0, FAR), Sample(2.0, ZERO)]
+    recorded = [TrajectorySample(0.0, FAR), TrajectorySample(2.0, ZERO)]
     there, rest = replay(recorded, 1.0, ZERO).points
     assert there == Point(FAR, 1.0 / DEFAULT_RATE)
     assert rest.time - there.time == pytest.approx(2.0)
 
 
 def test_double_speed_halves_the_recorded_times_but_not_the_way_to_the_start() -> None:
-    recorded = [Sample(0.0, FAR), Sample(2.0, ZERO), Sample(5.0, FAR)]
+    recorded = [TrajectorySample(0.0, FAR), TrajectorySample(2.0, ZERO), TrajectorySample(5.0, FAR)]
     times = [point.time for point in replay(recorded, 2.0, ZERO).points]
     assert times == pytest.approx([1.0 / DEFAULT_RATE + more for more in (0.0, 1.0, 2.5)])
 
 
 def test_samples_at_one_time_or_too_fast_are_stretched() -> None:
-    recorded = [Sample(0.0, ZERO), Sample(0.0, ZERO), Sample(0.01, FAR), Sample(-5.0, FAR)]
+    recorded = [
+        TrajectorySample(0.0, ZERO),
+        TrajectorySample(0.0, ZERO),
+        TrajectorySample(0.01, FAR),
+        TrajectorySample(-5.0, FAR),
+    ]
     times = [point.time for point in replay(recorded, 1.0, ZERO).points]
     steps = [after - before for before, after in itertools.pairwise(times)]
     assert steps == pytest.approx([0.01, 1.0 / MAX_RATE, 0.01])
@@ -125,12 +130,15 @@ def test_samples_at_one_time_or_too_fast_are_stretched() -> None:
     ("samples", "reason"),
     [
         ([], "there is nothing to play"),
-        ([Sample(math.nan, ZERO)], "the time nan is not a number"),
-        ([Sample(0.0, ZERO), Sample(1e9, ZERO)], "the motion would take longer than 3600 s"),
-        ([Sample(0.0, (0.0,) * 5)], r"expected 4 angles \(.*\), got 5"),
+        ([TrajectorySample(math.nan, ZERO)], "the time nan is not a number"),
+        (
+            [TrajectorySample(0.0, ZERO), TrajectorySample(1e9, ZERO)],
+            "the motion would take longer than 3600 s",
+        ),
+        ([TrajectorySample(0.0, (0.0,) * 5)], r"expected 4 angles \(.*\), got 5"),
     ],
 )
-def test_what_cannot_be_played(samples: list[Sample], reason: str) -> None:
+def test_what_cannot_be_played(samples: list[TrajectorySample], reason: str) -> None:
     with pytest.raises(ValueError, match=f"^{reason}$"):
         replay(samples, 1.0, ZERO)
 

@@ -12,7 +12,7 @@ import pytest
 
 from lupin_bridge.backend import Clocks, ReadingFailed, UnknownTag
 from lupin_bridge.catalog import NODE_PARAMETERS, PLUGIN, READING, mock_reading
-from lupin_bridge.greenhouse import Greenhouse, Settings
+from lupin_bridge.greenhouse import Greenhouse, SimulatorSettings
 from lupin_bridge.recording import load_recording
 from lupin_bridge.topics import samples
 from lupin_bridge.units import QUANTITIES
@@ -35,13 +35,13 @@ def layout(tmp_path: Path) -> Path:
 
 
 def test_a_tag_has_its_own_sensors_in_the_order_of_the_layout(layout: Path) -> None:
-    bundled, own = Greenhouse(), Greenhouse(Settings(str(layout)))
+    bundled, own = Greenhouse(), Greenhouse(SimulatorSettings(str(layout)))
     assert [one.sensor for one in bundled.read("12").sensors] == ["temperature", "humidity", "co2"]
     assert [one.sensor for one in own.read("7").sensors] == ["light", "temperature"]
 
 
 def test_a_reading_is_of_now_and_has_its_unit(layout: Path) -> None:
-    greenhouse = Greenhouse(Settings(str(layout)), Clocks(wall=lambda: 1000.0))
+    greenhouse = Greenhouse(SimulatorSettings(str(layout)), Clocks(wall=lambda: 1000.0))
     found = [(one.sensor, one.unit, one.stamp, one.age) for one in greenhouse.read("7").sensors]
     assert found == [("light", "lx", 1000.0, 0.0), ("temperature", "°C", 1000.0, 0.0)]
 
@@ -72,7 +72,7 @@ def test_an_unknown_tag_is_named_and_a_long_name_is_cut(asked: str, told: str) -
 
 
 def test_a_sensor_without_climate_is_named(layout: Path) -> None:
-    greenhouse = Greenhouse(Settings(str(layout)))
+    greenhouse = Greenhouse(SimulatorSettings(str(layout)))
     assert greenhouse.unmeasurable() == {"9": ["radiation"]}
     with pytest.raises(ReadingFailed, match=r"tag '9': the climate file does not .* radiation"):
         greenhouse.read("9")
@@ -85,7 +85,7 @@ def test_a_tag_without_sensors_has_no_reading(tmp_path: Path, sensors: dict[str,
     file = tmp_path / "bare.json"
     file.write_text(json.dumps({"tags": {"7": {"x": 1.0, "y": 1.0, **sensors}}}))
     with pytest.raises(ReadingFailed, match=r"^tag '7': the layout gives it no sensors$"):
-        Greenhouse(Settings(str(file))).read("7")
+        Greenhouse(SimulatorSettings(str(file))).read("7")
 
 
 def test_any_failure_of_the_simulator_is_a_failed_reading(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -109,12 +109,12 @@ def test_a_reading_that_is_no_number_is_a_failed_reading(monkeypatch: pytest.Mon
 
 @pytest.mark.parametrize(("hours", "seconds"), [(0.0, 0.0), (12.5, 45000.0), (24.0, 0.0)])
 def test_the_time_of_day_can_be_fixed(hours: float, seconds: float) -> None:
-    assert Greenhouse(Settings(debug_time_of_day=hours)).read("1").time_of_day == seconds
+    assert Greenhouse(SimulatorSettings(debug_time_of_day=hours)).read("1").time_of_day == seconds
 
 
 def test_a_seed_makes_the_noise_repeatable() -> None:
     def readings(seed: int) -> list[object]:
-        greenhouse = Greenhouse(Settings(debug_seed=seed), Clocks(wall=lambda: 0.0))
+        greenhouse = Greenhouse(SimulatorSettings(debug_seed=seed), Clocks(wall=lambda: 0.0))
         return [greenhouse.read(tag) for tag in greenhouse.tags]
 
     assert readings(3) == readings(3)
@@ -122,14 +122,14 @@ def test_a_seed_makes_the_noise_repeatable() -> None:
 
 
 def test_the_speed_of_the_clock_can_be_given() -> None:
-    greenhouse = Greenhouse(Settings(speedup_factor=7.0))
+    greenhouse = Greenhouse(SimulatorSettings(speedup_factor=7.0))
     assert greenhouse._simulator.sim_config["time"]["speedup_factor"] == 7.0
 
 
 @pytest.mark.parametrize("what", ["tag_file", "sim_config_file"])
 def test_a_missing_file_is_named(what: str) -> None:
     with pytest.raises(LupinError, match=r"file nowhere\.json does not exist"):
-        Greenhouse(Settings(**{what: "nowhere.json"}))
+        Greenhouse(SimulatorSettings(**{what: "nowhere.json"}))
 
 
 @pytest.mark.parametrize("content", ["{", "[1]", "{}"])
@@ -137,7 +137,7 @@ def test_a_file_that_is_no_layout_is_named(tmp_path: Path, content: str) -> None
     file = tmp_path / "layout.json"
     file.write_text(content)
     with pytest.raises(LupinError, match=r"layout\.json"):
-        Greenhouse(Settings(tag_file=str(file)))
+        Greenhouse(SimulatorSettings(tag_file=str(file)))
 
 
 def test_the_mock_depends_on_the_tag_and_fits_the_declared_type() -> None:

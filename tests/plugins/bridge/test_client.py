@@ -11,7 +11,7 @@ pytest.importorskip("rclpy", reason="ROS 2 is not installed here")
 
 from lupin_bridge.catalog import PLUGIN
 from lupin_bridge.client import BridgeClient
-from lupin_engine.ros.adapter.node import Failure
+from lupin_engine.ros.adapter.node import CallFailure
 from lupin_msgs.msg import SensorReading, TagReading
 from lupin_msgs.srv import GetTagReading
 from tests.plugins.fakes import FakeOutlet, FakeRos, defaults
@@ -60,7 +60,7 @@ def test_a_sensor_that_tells_no_number_has_read_nothing() -> None:
         (GetTagReading.Response(status=1, error_message="who?"), "unknown_tag", "who?"),
         (GetTagReading.Response(status=2, error_message="too old"), "scan_failed", "too old"),
         (GetTagReading.Response(status=200), "scan_failed", "bridge_status_200"),
-        (Failure("timeout", "no answer within 5 s"), "scan_failed", "no answer within 5 s"),
+        (CallFailure("timeout", "no answer within 5 s"), "scan_failed", "no answer within 5 s"),
     ],
 )
 def test_what_is_no_reading_fails_with_the_reason(answer: Any, code: str, detail: str) -> None:

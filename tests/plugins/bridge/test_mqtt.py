@@ -21,7 +21,7 @@ pytest.importorskip("paho.mqtt.client", reason="paho-mqtt is not installed here"
 from lupin_bridge import mqtt
 from lupin_bridge.backend import ReadingFailed, UnknownTag
 from lupin_bridge.backend import Sensors as Layout
-from lupin_bridge.mqtt import PASSWORD, USER, Mqtt, Settings
+from lupin_bridge.mqtt import PASSWORD, USER, Mqtt, MqttSettings
 from lupin_engine.errors import LupinError, Severity
 from tests.broker import PATIENCE, Broker, Sensors, free_port, mosquitto, sockets_of
 
@@ -37,7 +37,7 @@ class Listener:
         self.told: list[tuple[Severity, str]] = []
         self._news = threading.Condition()
         given = {"host": "127.0.0.1", "port": port, "retry": QUICK, **settings}
-        self.backend = Mqtt(Settings(**given), sensors, self._tell)
+        self.backend = Mqtt(MqttSettings(**given), sensors, self._tell)
 
     def _tell(self, severity: Severity, text: str) -> None:
         with self._news:
@@ -415,7 +415,7 @@ def _certificate(folder: Path, name: str) -> tuple[Path, Path]:
 def refused(**settings: Any) -> str:
     """Return what is said of settings."""
     with pytest.raises(LupinError) as error:
-        Mqtt(Settings(**settings), None, lambda severity, text: None)
+        Mqtt(MqttSettings(**settings), None, lambda severity, text: None)
     return str(error.value)
 
 
@@ -483,7 +483,7 @@ def test_a_password_in_clear_over_the_network_is_warned_about(monkeypatch: pytes
     monkeypatch.setenv(PASSWORD, "secret")
     told: list[str] = []
     # An address that is nobody's, by its standard.
-    backend = Mqtt(Settings(host="192.0.2.1"), None, lambda severity, text: told.append(text))
+    backend = Mqtt(MqttSettings(host="192.0.2.1"), None, lambda severity, text: told.append(text))
     backend.close()
     assert told[0] == "the MQTT password goes over the network in clear: set mqtt_tls"
 
@@ -491,7 +491,7 @@ def test_a_password_in_clear_over_the_network_is_warned_about(monkeypatch: pytes
 def test_a_host_that_does_not_answer_holds_up_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(mqtt, "CLOSING_S", 0.5)
     begin = time.monotonic()
-    backend = Mqtt(Settings(host="192.0.2.1"), LAYOUT, lambda severity, text: None)
+    backend = Mqtt(MqttSettings(host="192.0.2.1"), LAYOUT, lambda severity, text: None)
     with pytest.raises(ReadingFailed, match=r"no connection yet|cannot be reached"):
         backend.read("7")
     backend.close()

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from lupin_bridge.backend import Clocks, ReadingFailed, Sensors, UnknownTag
-from lupin_bridge.recorded import SINCE_START, Recorded, Settings
+from lupin_bridge.recorded import SINCE_START, Recorded, ReplaySettings
 from lupin_bridge.recording import load_recording
 from lupin_engine.errors import LupinError
 
@@ -55,7 +55,7 @@ class Bench:
         return str(file)
 
     def replay(self, *rows: str, **settings: object) -> Recorded:
-        given = Settings(self.write(*rows), **settings)  # type: ignore[arg-type]
+        given = ReplaySettings(self.write(*rows), **settings)  # type: ignore[arg-type]
         return Recorded(given, None, self.now.clocks())
 
 
@@ -194,7 +194,7 @@ def test_a_replay_of_any_speed_ends_with_a_sentence(bench: Bench, speed: float) 
 
 def test_a_layout_says_which_sensors_a_tag_has_and_in_which_order(bench: Bench) -> None:
     layout: Sensors = {"7": ("temperature", "light", "humidity"), "8": ("co2",), "10": ()}
-    backend = Recorded(Settings(bench.write(*DAY)), layout, bench.now.clocks())
+    backend = Recorded(ReplaySettings(bench.write(*DAY)), layout, bench.now.clocks())
     bench.now.at("2026-07-01T12:05:00")
     assert backend.tags == ("7", "8", "10")
     assert list(read(backend)) == ["temperature", "humidity"]
@@ -213,7 +213,7 @@ def test_units_are_converted_and_the_order_of_columns_is_free(bench: Bench) -> N
         "2026-05-01T12:00:00,3,furlong,wind,x,7",
         header="stamp,value,unit,sensor,remark,tag_id",
     )
-    backend = Recorded(Settings(file, fixed_hour=12.0), None)
+    backend = Recorded(ReplaySettings(file, fixed_hour=12.0), None)
     found = {one.sensor: (one.value, one.unit) for one in backend.read("7").sensors}
     assert found == {
         "temperature": (pytest.approx(22.0), "°C"),

@@ -6,11 +6,11 @@ import math
 from pathlib import Path
 
 from lupin_bridge.backend import Clocks
-from lupin_bridge.recorded import SINCE_START, Recorded, Settings
+from lupin_bridge.recorded import SINCE_START, Recorded, ReplaySettings
 from lupin_twin.export.table import table
 from lupin_twin.missions import ALL, select
 from lupin_twin.records import Anomaly, Flowers, Reading, Record
-from lupin_twin.store import Row
+from lupin_twin.store import StoredRecord
 
 START = 1_777_629_600.0
 
@@ -30,9 +30,9 @@ def test_the_readings_of_an_export_are_served_again(tmp_path: Path) -> None:
         ),
     ]
     file = tmp_path / "mission.csv"
-    file.write_bytes(table(select([Row(record, START + at) for at, record in records], ALL)))
+    file.write_bytes(table(select([StoredRecord(record, START + at) for at, record in records], ALL)))
     now = [0.0]
-    backend = Recorded(Settings(str(file), SINCE_START), None, Clocks(steady=lambda: now[0]))
+    backend = Recorded(ReplaySettings(str(file), SINCE_START), None, Clocks(steady=lambda: now[0]))
 
     def read(tag: str) -> dict[str, float]:
         return {one.sensor: one.value for one in backend.read(tag).sensors}

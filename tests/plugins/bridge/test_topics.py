@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from lupin_bridge.backend import Clocks
 from lupin_bridge.latest import MAX_SENSORS, MAX_TAGS, Latest
-from lupin_bridge.topics import MAX_PAYLOAD, Rejected, Sample, Template, samples
+from lupin_bridge.topics import MAX_PAYLOAD, Rejected, SensorSample, Template, samples
 from lupin_engine.errors import LupinError
 
 STAMP = datetime.fromisoformat("2026-05-01T12:00:00+02:00").timestamp()
@@ -76,18 +76,18 @@ def test_other_topics_are_not_read(topic: str, told: str) -> None:
 @pytest.mark.parametrize(
     ("payload", "sample"),
     [
-        (b"21.5", Sample("temperature", 21.5)),
-        (b" 21 \n", Sample("temperature", 21.0)),
-        (b'{"value": 21.5}', Sample("temperature", 21.5)),
-        (b'{"value": 295.15, "unit": "K"}', Sample("temperature", pytest.approx(22.0))),
-        (b'{"value": 70.7, "unit": "\xc2\xb0F"}', Sample("temperature", pytest.approx(21.5))),
-        (b'{"value": 1, "stamp": "2026-05-01T10:00:00Z"}', Sample("temperature", 1.0, STAMP)),
-        (b'{"value": 1, "stamp": 1777629600}', Sample("temperature", 1.0, STAMP)),
-        (b'{"value": 1, "stamp": 1777629600000, "battery": 9}', Sample("temperature", 1.0, STAMP)),
-        (b'{"value": 1, "stamp": null}', Sample("temperature", 1.0)),
+        (b"21.5", SensorSample("temperature", 21.5)),
+        (b" 21 \n", SensorSample("temperature", 21.0)),
+        (b'{"value": 21.5}', SensorSample("temperature", 21.5)),
+        (b'{"value": 295.15, "unit": "K"}', SensorSample("temperature", pytest.approx(22.0))),
+        (b'{"value": 70.7, "unit": "\xc2\xb0F"}', SensorSample("temperature", pytest.approx(21.5))),
+        (b'{"value": 1, "stamp": "2026-05-01T10:00:00Z"}', SensorSample("temperature", 1.0, STAMP)),
+        (b'{"value": 1, "stamp": 1777629600}', SensorSample("temperature", 1.0, STAMP)),
+        (b'{"value": 1, "stamp": 1777629600000, "battery": 9}', SensorSample("temperature", 1.0, STAMP)),
+        (b'{"value": 1, "stamp": null}', SensorSample("temperature", 1.0)),
     ],
 )
-def test_a_payload_is_a_number_or_an_object(payload: bytes, sample: Sample) -> None:
+def test_a_payload_is_a_number_or_an_object(payload: bytes, sample: SensorSample) -> None:
     assert samples(payload, "temperature") == ([sample], [])
 
 
@@ -132,9 +132,9 @@ def test_what_says_nothing_is_rejected_with_a_reason(payload: bytes, told: str) 
 def test_one_message_may_carry_several_sensors() -> None:
     payload = b'{"temperature": 21.5, "humidity": null, "co2": "high", "battery": 80, "stamp": 1777629600}'
     found, wrong = samples(payload, "")
-    assert found == [Sample("temperature", 21.5, STAMP)]
+    assert found == [SensorSample("temperature", 21.5, STAMP)]
     assert [str(reason) for reason in wrong] == ["value is no number: 'high'"]
-    assert samples(payload, "", ("battery", "light")) == ([Sample("battery", 80.0, STAMP)], [])
+    assert samples(payload, "", ("battery", "light")) == ([SensorSample("battery", 80.0, STAMP)], [])
 
 
 @pytest.mark.parametrize(
@@ -165,7 +165,7 @@ ANYTHING = st.recursive(
     sensor=st.sampled_from(["co2", "", "wind"]),
 )
 def test_any_payload_is_samples_that_can_be_or_a_reason(payload: bytes, sensor: str) -> None:
-    found: list[Sample] = []
+    found: list[SensorSample] = []
     told = ""
     try:
         found, _ = samples(payload, sensor)
@@ -198,8 +198,8 @@ def test_a_value_grows_old_by_the_steady_clock() -> None:
     """War story 68: a wall clock that is set makes nothing older or younger."""
     now = Moment()
     latest = Latest(now.clocks)
-    latest.put("7", Sample("co2", 400.0))
-    latest.put("7", Sample("light", 900.0, now.wall - 30.0))
+    latest.put("7", SensorSample("co2", 400.0))
+    latest.put("7", SensorSample("light", 900.0, now.wall - 30.0))
     now.steady += 10.0
     now.wall -= 3600.0
     found = latest.of("7")
@@ -211,27 +211,27 @@ def test_a_value_grows_old_by_the_steady_clock() -> None:
 def test_a_stamp_of_the_future_counts_as_now() -> None:
     now = Moment()
     latest = Latest(now.clocks)
-    latest.put("7", Sample("co2", 400.0, now.wall + 1e6))
+    latest.put("7", SensorSample("co2", 400.0, now.wall + 1e6))
     assert (latest.of("7")["co2"].age, latest.of("7")["co2"].stamp) == (0.0, now.wall)
 
 
 def test_what_was_measured_earlier_and_comes_later_replaces_nothing() -> None:
     now = Moment()
     latest = Latest(now.clocks)
-    latest.put("7", Sample("co2", 400.0, now.wall - 10.0))
+    latest.put("7", SensorSample("co2", 400.0, now.wall - 10.0))
     now.steady, now.wall = now.steady + 5.0, now.wall + 5.0
-    latest.put("7", Sample("co2", 300.0, now.wall - 16.0))
+    latest.put("7", SensorSample("co2", 300.0, now.wall - 16.0))
     assert latest.of("7")["co2"].value == 400.0
-    latest.put("7", Sample("co2", 500.0, now.wall - 14.0))
+    latest.put("7", SensorSample("co2", 500.0, now.wall - 14.0))
     assert latest.of("7")["co2"].value == 500.0
 
 
 def test_there_is_room_for_so_many_names_and_no_more() -> None:
     latest = Latest(Moment().clocks)
-    assert all(latest.put("0", Sample(str(n), 1.0)) for n in range(MAX_SENSORS))
-    assert not latest.put("0", Sample("another", 1.0))
-    assert latest.put("0", Sample("0", 2.0))
-    assert all(latest.put(str(n), Sample("co2", 1.0)) for n in range(1, MAX_TAGS))
-    assert not latest.put("another", Sample("co2", 1.0))
+    assert all(latest.put("0", SensorSample(str(n), 1.0)) for n in range(MAX_SENSORS))
+    assert not latest.put("0", SensorSample("another", 1.0))
+    assert latest.put("0", SensorSample("0", 2.0))
+    assert all(latest.put(str(n), SensorSample("co2", 1.0)) for n in range(1, MAX_TAGS))
+    assert not latest.put("another", SensorSample("co2", 1.0))
     assert (len(latest.tags()), latest.of("another")) == (MAX_TAGS, {})
     assert latest.of("0")["0"].value == 2.0

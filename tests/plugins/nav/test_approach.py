@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from lupin_greenhouse import layout
 from lupin_greenhouse.layout import Table
 from lupin_greenhouse.poses import pose_of
-from lupin_nav.approach import Approach, Source, Tables, approach, approach_discovered, clamp_standoff
+from lupin_nav.approach import Approach, ApproachSource, Tables, approach, approach_discovered, clamp_standoff
 from lupin_nav.overrides import Override
 from lupin_sim.camera import facing
 
@@ -41,7 +41,7 @@ def test_goal_lies_beyond_the_tag_seen_from_its_table_and_looks_back(
     found = approach(tag, ONE_TABLE, 0.5, 0.0)
     assert where(found)[:2] == pytest.approx(goal)
     assert math.cos(found.yaw - yaw) == pytest.approx(1.0)
-    assert (found.source, found.table, found.standoff) == (Source.GEOMETRY, "A", 0.5)
+    assert (found.source, found.table, found.standoff) == (ApproachSource.GEOMETRY, "A", 0.5)
 
 
 def test_of_equidistant_tables_the_first_id_wins_whatever_their_order() -> None:
@@ -52,12 +52,12 @@ def test_of_equidistant_tables_the_first_id_wins_whatever_their_order() -> None:
 
 def test_without_tables_the_goal_is_the_tag_with_the_fallback_heading() -> None:
     found = approach((1.0, 2.0), Tables([]), 0.5, 0.7)
-    assert found == Approach(1.0, 2.0, 0.7, Source.FALLBACK, None, 0.0)
+    assert found == Approach(1.0, 2.0, 0.7, ApproachSource.FALLBACK, None, 0.0)
 
 
 def test_a_tag_on_the_centre_falls_back_but_keeps_its_table() -> None:
     found = approach((0.0, 0.0), ONE_TABLE, 0.5, 0.7)
-    assert found == Approach(0.0, 0.0, 0.7, Source.FALLBACK, "A", 0.0)
+    assert found == Approach(0.0, 0.0, 0.7, ApproachSource.FALLBACK, "A", 0.0)
 
 
 def test_a_heading_set_by_hand_is_kept_in_the_fallback() -> None:
@@ -78,7 +78,9 @@ def test_the_edge_of_a_table_counts_as_inside() -> None:
 
 def test_where_nothing_is_free_the_goal_is_the_tag() -> None:
     tables = Tables([Table("A", -0.5, 0.5, -0.5, 0.5), Table("B", 0.5, 3.0, -0.5, 0.5)])
-    assert approach((0.5, 0.0), tables, 0.5, 0.3) == Approach(0.5, 0.0, 0.3, Source.FALLBACK, "A", 0.0)
+    assert approach((0.5, 0.0), tables, 0.5, 0.3) == Approach(
+        0.5, 0.0, 0.3, ApproachSource.FALLBACK, "A", 0.0
+    )
 
 
 @pytest.mark.parametrize(
@@ -92,13 +94,13 @@ def test_standoff_is_clamped(given_m: float, used_m: float) -> None:
 def test_a_heading_set_by_hand_keeps_the_position() -> None:
     found = approach((0.5, 0.0), ONE_TABLE, 0.5, 0.0, Override(yaw=1.0))
     assert where(found) == pytest.approx((1.0, 0.0, 1.0))
-    assert found.source is Source.OVERRIDE
+    assert found.source is ApproachSource.OVERRIDE
 
 
 def test_a_standoff_set_by_hand_keeps_the_heading_and_is_clamped_too() -> None:
     found = approach((0.5, 0.0), ONE_TABLE, 0.5, 0.0, Override(standoff=9.0))
     assert (found.x, abs(found.yaw), found.standoff) == pytest.approx((2.0, math.pi, 1.5))
-    assert found.source is Source.OVERRIDE
+    assert found.source is ApproachSource.OVERRIDE
 
 
 def test_a_single_coordinate_set_by_hand_replaces_only_itself() -> None:
@@ -108,7 +110,7 @@ def test_a_single_coordinate_set_by_hand_replaces_only_itself() -> None:
 
 def test_a_pose_set_by_hand_is_taken_as_it_is_even_inside_a_table() -> None:
     found = approach((0.5, 0.0), ONE_TABLE, 0.5, 0.0, Override(yaw=1.0, goal_x=0.1, goal_y=0.2))
-    assert found == Approach(0.1, 0.2, 1.0, Source.OVERRIDE, None, 0.5)
+    assert found == Approach(0.1, 0.2, 1.0, ApproachSource.OVERRIDE, None, 0.5)
 
 
 def test_the_result_cannot_be_changed() -> None:
@@ -120,7 +122,7 @@ def test_the_result_cannot_be_changed() -> None:
 def test_a_discovered_tag_is_approached_from_where_it_faces() -> None:
     found = approach_discovered((2.0, 0.0), FACING_X, 0.5, 0.0)
     assert (found.x, found.y, abs(found.yaw)) == pytest.approx((2.5, 0.0, math.pi))
-    assert found.source is Source.DISCOVERED_NORMAL
+    assert found.source is ApproachSource.DISCOVERED_NORMAL
 
 
 @given(heading=st.floats(-math.pi, math.pi), roll=st.floats(-math.pi, math.pi))
@@ -139,13 +141,13 @@ def test_a_discovered_tag_is_looked_at_head_on_however_its_plate_hangs(heading: 
 def test_a_discovered_tag_without_direction_is_approached_from_the_robot() -> None:
     found = approach_discovered((2.0, 0.0), FACING_UP, 0.5, 0.3, robot=(0.0, 0.0))
     assert where(found) == pytest.approx((1.5, 0.0, 0.0))
-    assert found.source is Source.DISCOVERED_ROBOT
+    assert found.source is ApproachSource.DISCOVERED_ROBOT
 
 
 @pytest.mark.parametrize("robot", [None, (2.0, 0.0)])
 def test_a_discovered_tag_without_any_direction_is_the_goal(robot: tuple[float, float] | None) -> None:
     found = approach_discovered((2.0, 0.0), FACING_UP, 0.5, 0.3, robot)
-    assert found == Approach(2.0, 0.0, 0.3, Source.FALLBACK, None, 0.0)
+    assert found == Approach(2.0, 0.0, 0.3, ApproachSource.FALLBACK, None, 0.0)
 
 
 def test_the_standoff_of_a_discovered_tag_is_clamped() -> None:
@@ -159,7 +161,7 @@ def test_in_the_real_greenhouse_no_goal_lies_in_a_table_and_every_goal_faces_its
     known = layout.load()
     tag, tables = known.tags[tag_id], Tables(known.tables)
     found = approach((tag.x, tag.y), tables, standoff, 0.0)
-    if found.source is Source.FALLBACK:
+    if found.source is ApproachSource.FALLBACK:
         assert (found.x, found.y) == (tag.x, tag.y)
         return
     assert not tables.inside(np.array([[found.x, found.y]])).any()
@@ -172,4 +174,4 @@ def test_in_the_real_greenhouse_every_tag_has_a_clear_goal_at_the_default_stando
     known = layout.load()
     tables = Tables(known.tables)
     found = {tag.id: approach((tag.x, tag.y), tables, 0.5, 0.0).source for tag in known.tags.values()}
-    assert set(found.values()) == {Source.GEOMETRY}
+    assert set(found.values()) == {ApproachSource.GEOMETRY}

@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
-from lupin_nav.frontier import Frontier, Grid, Survey, Thresholds, make_grid, survey
+from lupin_nav.frontier import Frontier, OccupancyGrid, Survey, Thresholds, make_grid, survey
 
 U, F, X = -1, 0, 100
 #: Every frontier counts, however small and narrow.
@@ -308,11 +308,11 @@ def test_where_every_frontier_is_avoided_there_is_none() -> None:
 
 
 @st.composite
-def maps(draw: st.DrawFn) -> Grid:
+def maps(draw: st.DrawFn) -> OccupancyGrid:
     """A grid of a few rooms, some noise and obstacles."""
     shape = draw(st.tuples(st.integers(1, 24), st.integers(1, 24)))
     cells = draw(arrays.arrays(np.int8, shape, elements=st.sampled_from([U, U, F, F, F, 30, 70, X])))
-    return Grid(cells, draw(st.sampled_from([0.05, 0.1, 0.5, 1.0])))
+    return OccupancyGrid(cells, draw(st.sampled_from([0.05, 0.1, 0.5, 1.0])))
 
 
 limits = st.builds(
@@ -322,18 +322,18 @@ places = st.tuples(st.floats(-5.0, 30.0), st.floats(-5.0, 30.0))
 robots = st.none() | places
 
 
-def cell_of(grid: Grid, found: Frontier) -> tuple[int, int]:
+def cell_of(grid: OccupancyGrid, found: Frontier) -> tuple[int, int]:
     return math.floor((found.y - grid.y) / grid.resolution), math.floor((found.x - grid.x) / grid.resolution)
 
 
-def around(grid: Grid, row: int, column: int, radius: int) -> np.ndarray[Any, Any]:
+def around(grid: OccupancyGrid, row: int, column: int, radius: int) -> np.ndarray[Any, Any]:
     top, left = max(0, row - radius), max(0, column - radius)
     return grid.cells[top : row + radius + 1, left : column + radius + 1]
 
 
 @given(grid=maps(), thresholds=limits, robot=robots)
 def test_the_goal_is_a_free_cell_beside_the_unknown_with_clearance(
-    grid: Grid, thresholds: Thresholds, robot: tuple[float, float] | None
+    grid: OccupancyGrid, thresholds: Thresholds, robot: tuple[float, float] | None
 ) -> None:
     found = survey(grid, robot, thresholds).frontier
     if found is None:
@@ -349,7 +349,7 @@ def test_the_goal_is_a_free_cell_beside_the_unknown_with_clearance(
     assert found.clusters >= 1
 
 
-def plain_clusters(grid: Grid, thresholds: Thresholds) -> Iterator[list[tuple[int, int]]]:
+def plain_clusters(grid: OccupancyGrid, thresholds: Thresholds) -> Iterator[list[tuple[int, int]]]:
     """Find the clusters one cell after the other, as one would without arrays."""
     height, width = grid.cells.shape
     radius = thresholds.radius(grid.resolution)
@@ -378,7 +378,7 @@ def plain_clusters(grid: Grid, thresholds: Thresholds) -> Iterator[list[tuple[in
 
 @given(grid=maps(), thresholds=limits, robot=robots)
 def test_arrays_choose_what_a_plain_search_chooses(
-    grid: Grid, thresholds: Thresholds, robot: tuple[float, float] | None
+    grid: OccupancyGrid, thresholds: Thresholds, robot: tuple[float, float] | None
 ) -> None:
     clusters = list(plain_clusters(grid, thresholds))
     large = [cluster for cluster in clusters if len(cluster) >= thresholds.min_cells]
@@ -403,17 +403,19 @@ def test_arrays_choose_what_a_plain_search_chooses(
 
 
 @given(grid=maps(), thresholds=limits, x=st.integers(-50, 50), y=st.integers(-50, 50))
-def test_moving_the_origin_moves_the_goal(grid: Grid, thresholds: Thresholds, x: int, y: int) -> None:
+def test_moving_the_origin_moves_the_goal(
+    grid: OccupancyGrid, thresholds: Thresholds, x: int, y: int
+) -> None:
     # Without a robot: its distances are rounded, and of two equals another one may then be the best.
     here = survey(grid, None, thresholds).frontier
-    there = survey(Grid(grid.cells, grid.resolution, float(x), float(y)), None, thresholds).frontier
+    there = survey(OccupancyGrid(grid.cells, grid.resolution, float(x), float(y)), None, thresholds).frontier
     assert (here is None) == (there is None)
     if here is not None and there is not None:
         assert (there.x - x, there.y - y) == pytest.approx((here.x, here.y))
 
 
 @given(grid=maps(), robot=robots)
-def test_more_clearance_never_finds_more(grid: Grid, robot: tuple[float, float] | None) -> None:
+def test_more_clearance_never_finds_more(grid: OccupancyGrid, robot: tuple[float, float] | None) -> None:
     found = [survey(grid, robot, Thresholds(min_cells=1, radius_cells=r)) for r in range(4)]
     cramped = [result.cramped for result in found]
     assert cramped == sorted(cramped)
@@ -423,7 +425,7 @@ def test_more_clearance_never_finds_more(grid: Grid, robot: tuple[float, float] 
 
 @given(grid=maps(), robot=robots)
 def test_avoiding_what_was_chosen_finds_all_frontiers_one_after_the_other(
-    grid: Grid, robot: tuple[float, float] | None
+    grid: OccupancyGrid, robot: tuple[float, float] | None
 ) -> None:
     """Each once, the best first; then there is none, and as many are avoided as there were."""
     limits = Thresholds(min_cells=1, radius_cells=0, avoid_distance=0.0)
@@ -439,7 +441,7 @@ def test_avoiding_what_was_chosen_finds_all_frontiers_one_after_the_other(
 
 @given(grid=maps(), thresholds=limits, robot=robots)
 def test_nothing_is_written_into_the_map(
-    grid: Grid, thresholds: Thresholds, robot: tuple[float, float] | None
+    grid: OccupancyGrid, thresholds: Thresholds, robot: tuple[float, float] | None
 ) -> None:
     before = grid.cells.copy()
     grid.cells.setflags(write=False)

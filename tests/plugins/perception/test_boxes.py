@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 
 from lupin_greenhouse.poses import Pose, pose_of
 from lupin_perception.boxes import (
-    Box,
+    BoxView,
+    PlanterBox,
     Size,
-    View,
     box_from_tag,
     column_depth,
     column_fraction,
@@ -35,7 +35,7 @@ def tag(x: float = 2.0, y: float = 0.0, heading: float = 0.0, z: float = 0.1) ->
     return pose
 
 
-def box(x: float = 2.0, y: float = 0.0, heading: float = 0.0, offset: float = 0.0) -> Box:
+def box(x: float = 2.0, y: float = 0.0, heading: float = 0.0, offset: float = 0.0) -> PlanterBox:
     found = box_from_tag(tag(x, y, heading), SIZE, offset)
     assert found is not None
     return found
@@ -115,7 +115,7 @@ def test_boxes_are_alike_up_to_a_shift_and_a_turn() -> None:
 
 
 def test_the_image_and_the_pan_together_tell_the_fraction() -> None:
-    view = View(0.5, 0.5)
+    view = BoxView(0.5, 0.5)
     assert view.fraction(0.0, 0.0) == 0.0
     assert view.fraction(0.0, 1.0) == 0.5
     assert view.fraction(0.5, 1.0) == 1.0
@@ -124,19 +124,19 @@ def test_the_image_and_the_pan_together_tell_the_fraction() -> None:
 
 def test_a_fraction_is_not_clamped_so_that_a_neighbours_bloom_shows_as_one() -> None:
     """War story 50: clamped, it would be credited to the edge of this box."""
-    fraction = View(0.5, 0.5).fraction(1.6, 0.0)
+    fraction = BoxView(0.5, 0.5).fraction(1.6, 0.0)
     assert fraction == 1.6
     assert not is_inside(fraction, 1.1, 0.1)
 
 
 @given(pan=st.floats(-3.0, 3.0), bearing=st.floats(-1.0, 1.0))
 def test_left_and_right_are_alike(pan: float, bearing: float) -> None:
-    view = View(0.4, 0.6)
+    view = BoxView(0.4, 0.6)
     assert view.fraction(-pan, -bearing) == -view.fraction(pan, bearing)
 
 
 def test_a_camera_that_sees_nothing_across_sees_the_middle() -> None:
-    assert View(0.0, 0.0).fraction(1.0, 1.0) == 0.0
+    assert BoxView(0.0, 0.0).fraction(1.0, 1.0) == 0.0
 
 
 @pytest.mark.parametrize(

@@ -11,21 +11,21 @@ from lupin_greenhouse.mission import is_under_way
 from lupin_greenhouse.poses import Array
 from lupin_perception import anomalies
 from lupin_perception.anomalies import Pest, Watch
-from lupin_perception.boxes import View
+from lupin_perception.boxes import BoxView
 from lupin_perception.detections import Detection
 from lupin_perception.flowers import (
     NONE,
-    Bloom,
+    ColumnBloom,
     Rules,
-    Scan,
-    Summary,
+    ScanSummary,
+    TagScan,
     fuse,
     scanned_tag,
 )
 from tests import shipped
 
 RULES = Rules(
-    view=View(0.5, 0.5),
+    view=BoxView(0.5, 0.5),
     columns=7,
     anomaly="bug",
     min_confidence=0.35,
@@ -34,7 +34,7 @@ RULES = Rules(
 )
 UNGATED = Rules(RULES.view, 7, "bug", 0.35, gated=False, margin=0.1)
 #: A camera that sees the whole box at once.
-WIDE = Rules(View(0.0, 0.5), 7, "bug", 0.35, gated=True, margin=0.1)
+WIDE = Rules(BoxView(0.0, 0.5), 7, "bug", 0.35, gated=True, margin=0.1)
 NAMES = st.sampled_from(["tulip_red", "tulip_white", "tulip_pink", "bug"])
 DETECTIONS = st.builds(Detection, NAMES, st.sampled_from([0.2, 0.4, 0.6, 0.6, 0.9]), st.floats(-1.0, 1.0))
 
@@ -47,8 +47,10 @@ def bug(bearing: float = 0.0, confidence: float = 0.9) -> Detection:
     return Detection("bug", confidence, bearing)
 
 
-def scan(*detections: Detection, pan: float = 0.0, rules: Rules = RULES, width: float | None = None) -> Scan:
-    made = Scan(rules)
+def scan(
+    *detections: Detection, pan: float = 0.0, rules: Rules = RULES, width: float | None = None
+) -> TagScan:
+    made = TagScan(rules)
     made.aim("5", width)
     made.add(detections, pan)
     return made
@@ -56,23 +58,26 @@ def scan(*detections: Detection, pan: float = 0.0, rules: Rules = RULES, width: 
 
 def summary(
     *detections: Detection, pan: float = 0.0, rules: Rules = RULES, width: float | None = None
-) -> Summary | None:
+) -> ScanSummary | None:
     return scan(*detections, pan=pan, rules=rules, width=width).summary()
 
 
 def test_a_flower_in_the_middle_is_a_bloom_in_the_middle_column() -> None:
-    assert summary(red()) == Summary("tulip_red", 0.9, False, (Bloom(3, "tulip_red", 0.9, False),))
+    assert summary(red()) == ScanSummary("tulip_red", 0.9, False, (ColumnBloom(3, "tulip_red", 0.9, False),))
 
 
 def test_a_pest_is_no_species_and_marks_its_column_only() -> None:
     found = summary(red(-0.9), bug(0.9), red(0.9, 0.5))
-    assert found == Summary(
-        "tulip_red", 0.9, True, (Bloom(1, "tulip_red", 0.9, False), Bloom(5, "tulip_red", 0.5, True))
+    assert found == ScanSummary(
+        "tulip_red",
+        0.9,
+        True,
+        (ColumnBloom(1, "tulip_red", 0.9, False), ColumnBloom(5, "tulip_red", 0.5, True)),
     )
 
 
 def test_a_pest_alone_is_a_bloom_without_a_species() -> None:
-    assert summary(bug()) == Summary("", 0.0, True, (Bloom(3, "", 0.0, True),))
+    assert summary(bug()) == ScanSummary("", 0.0, True, (ColumnBloom(3, "", 0.0, True),))
 
 
 def test_the_surest_species_wins_its_column_and_the_box() -> None:
@@ -135,7 +140,7 @@ def test_a_summary_is_made_of_its_blooms(frames: list[Detection]) -> None:
 
 def test_a_neighbours_bloom_is_not_credited_to_this_box() -> None:
     """War story 50: at pan 1.6 the camera looks past the box. If its width is assumed only, who knows."""
-    edge = Summary("tulip_red", 0.9, False, (Bloom(6, "tulip_red", 0.9, False),))
+    edge = ScanSummary("tulip_red", 0.9, False, (ColumnBloom(6, "tulip_red", 0.9, False),))
     assert summary(red(), bug(), pan=1.6, width=0.8) is None
     assert summary(red(), pan=1.6, width=0.8, rules=UNGATED) == edge
     assert summary(red(), pan=1.6) == edge
@@ -172,7 +177,7 @@ def test_the_same_tag_again_after_none_begins_with_nothing_but_goes_on_otherwise
 
 
 def test_without_a_tag_nothing_is_kept() -> None:
-    made = Scan(RULES)
+    made = TagScan(RULES)
     made.add([red()], 0.0)
     assert made.summary() is None
     made.aim("5")
@@ -182,7 +187,7 @@ def test_without_a_tag_nothing_is_kept() -> None:
 def test_a_scan_goes_on_after_a_restart_and_what_was_told_stays_true() -> None:
     before = summary(red(bearing=-0.9), bug(bearing=-0.9), bug(bearing=0.9, confidence=0.6))
     assert before is not None
-    made = Scan(RULES)
+    made = TagScan(RULES)
     made.aim("5")
     made.resume(before)
     assert made.summary() == before
@@ -196,16 +201,20 @@ def test_blooms_at_both_edges_are_resumed() -> None:
     before = summary(red(bearing=-1.0), red(bearing=1.0), pan=0.0, rules=WIDE)
     assert before is not None
     assert [bloom.column for bloom in before.blooms] == [0, 6]
-    made = Scan(WIDE)
+    made = TagScan(WIDE)
     made.aim("5")
     made.resume(before)
     assert made.summary() == before
 
 
 def test_what_is_resumed_by_a_node_of_other_columns_is_left_out() -> None:
-    made = Scan(RULES)
+    made = TagScan(RULES)
     made.aim("5")
-    made.resume(Summary("tulip_red", 0.9, True, (Bloom(7, "tulip_red", 0.9, True), Bloom(-1, "", 0.0, True))))
+    made.resume(
+        ScanSummary(
+            "tulip_red", 0.9, True, (ColumnBloom(7, "tulip_red", 0.9, True), ColumnBloom(-1, "", 0.0, True))
+        )
+    )
     assert made.summary() is None
 
 
@@ -225,24 +234,24 @@ def test_a_scan_without_an_end_forgets_what_is_not_seen_again() -> None:
     assert made.summary() is None
 
 
-def bloom_at(column: int, species: str = "tulip_red", anomaly: bool = False) -> Bloom:
-    return Bloom(column, species, 0.9, anomaly)
+def bloom_at(column: int, species: str = "tulip_red", anomaly: bool = False) -> ColumnBloom:
+    return ColumnBloom(column, species, 0.9, anomaly)
 
 
 @pytest.mark.parametrize(
     ("now", "news"),
     [
-        (Summary("tulip_red", 0.9, False, (bloom_at(3),)), False),
-        (Summary("tulip_red", 0.99, False, (bloom_at(3),)), False),
-        (Summary("tulip_red", 0.75, False, (bloom_at(3),)), True),
-        (Summary("tulip_pink", 0.9, False, (bloom_at(3),)), True),
-        (Summary("tulip_red", 0.9, True, (bloom_at(3, anomaly=True),)), True),
-        (Summary("tulip_red", 0.9, False, (bloom_at(2),)), True),
-        (Summary("tulip_red", 0.9, False, (bloom_at(2), bloom_at(3))), True),
+        (ScanSummary("tulip_red", 0.9, False, (bloom_at(3),)), False),
+        (ScanSummary("tulip_red", 0.99, False, (bloom_at(3),)), False),
+        (ScanSummary("tulip_red", 0.75, False, (bloom_at(3),)), True),
+        (ScanSummary("tulip_pink", 0.9, False, (bloom_at(3),)), True),
+        (ScanSummary("tulip_red", 0.9, True, (bloom_at(3, anomaly=True),)), True),
+        (ScanSummary("tulip_red", 0.9, False, (bloom_at(2),)), True),
+        (ScanSummary("tulip_red", 0.9, False, (bloom_at(2), bloom_at(3))), True),
     ],
 )
-def test_what_has_changed_is_news(now: Summary, news: bool) -> None:
-    before = Summary("tulip_red", 0.9, False, (bloom_at(3),))
+def test_what_has_changed_is_news(now: ScanSummary, news: bool) -> None:
+    before = ScanSummary("tulip_red", 0.9, False, (bloom_at(3),))
     assert now.tells_more_than(before) is news
     assert now.tells_more_than(None)
 

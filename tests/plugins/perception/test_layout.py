@@ -15,17 +15,26 @@ from hypothesis import strategies as st
 from lupin_greenhouse import layout as layouts
 from lupin_greenhouse.layout import Layout, Table, Tag
 from lupin_greenhouse.poses import Array, Pose, pose_of
-from lupin_perception.boxes import Box
+from lupin_perception.boxes import PlanterBox
 from lupin_perception.detections import read_boxes
-from lupin_perception.layout import Motion, Quality, box_of, entries, fit, nearest_table, register, spread
+from lupin_perception.layout import (
+    Quality,
+    RigidMotion,
+    box_of,
+    entries,
+    fit,
+    nearest_table,
+    register,
+    spread,
+)
 from lupin_sim.camera import facing
 
 PLACES = st.floats(-20.0, 20.0)
 TURNS = st.floats(-3.0, 3.0)
-MOTIONS = st.builds(lambda turn, x, y: Motion(turn, np.array((x, y))), TURNS, PLACES, PLACES)
+MOTIONS = st.builds(lambda turn, x, y: RigidMotion(turn, np.array((x, y))), TURNS, PLACES, PLACES)
 POINTS = st.lists(st.tuples(PLACES, PLACES), min_size=2, max_size=8).filter(lambda ps: spread(ps) > 0.5)
 QUALITY = Quality(max_error=0.15, min_spread=0.4)
-STILL = Motion(0.0, np.zeros(2))
+STILL = RigidMotion(0.0, np.zeros(2))
 
 GREENHOUSE = layouts.load()
 TABLE = Table("T", 1.5, 2.6, 7.3, 7.55)
@@ -37,18 +46,18 @@ def plate(x: float, y: float, heading: float) -> Pose:
     return pose
 
 
-def found(motion: Motion, names: Iterable[str], heading: float = -math.pi / 2) -> dict[str, Pose]:
+def found(motion: RigidMotion, names: Iterable[str], heading: float = -math.pi / 2) -> dict[str, Pose]:
     """These tags of the greenhouse as they are seen on a map that begins elsewhere."""
     tags = [GREENHOUSE.tags[name] for name in names]
     places = motion.move(np.array([(tag.x, tag.y) for tag in tags]).reshape(-1, 2)).tolist()
     return {tag.id: plate(x, y, heading + motion.turn) for tag, (x, y) in zip(tags, places, strict=True)}
 
 
-def corners(box: Box) -> set[tuple[float, float]]:
+def corners(box: PlanterBox) -> set[tuple[float, float]]:
     return {(round(x, 6), round(y, 6)) for x, y in box.footprint().tolist()}
 
 
-def rectangle(table: Table, motion: Motion = STILL) -> set[tuple[float, float]]:
+def rectangle(table: Table, motion: RigidMotion = STILL) -> set[tuple[float, float]]:
     sides = [(x, y) for x in (table.x0, table.x1) for y in (table.y0, table.y1)]
     return {(round(x, 6), round(y, 6)) for x, y in motion.move(sides).tolist()}
 
@@ -57,7 +66,7 @@ def rectangle(table: Table, motion: Motion = STILL) -> set[tuple[float, float]]:
 
 
 @given(motion=MOTIONS, points=POINTS)
-def test_the_motion_that_led_there_is_found(motion: Motion, points: list[tuple[float, float]]) -> None:
+def test_the_motion_that_led_there_is_found(motion: RigidMotion, points: list[tuple[float, float]]) -> None:
     got = fit(points, motion.move(points))
     assert math.cos(got.turn - motion.turn) == pytest.approx(1.0)
     assert got.errors(points, motion.move(points)).max() == pytest.approx(0.0, abs=1e-6)
@@ -65,7 +74,7 @@ def test_the_motion_that_led_there_is_found(motion: Motion, points: list[tuple[f
 
 @given(motion=MOTIONS, points=POINTS, order=st.randoms(use_true_random=False))
 def test_the_order_of_tags_changes_nothing(
-    motion: Motion, points: list[tuple[float, float]], order: object
+    motion: RigidMotion, points: list[tuple[float, float]], order: object
 ) -> None:
     mixed = list(zip(points, motion.move(points).tolist(), strict=True))
     order.shuffle(mixed)  # type: ignore[attr-defined]
@@ -75,15 +84,17 @@ def test_the_order_of_tags_changes_nothing(
 
 
 @given(points=POINTS, noise=st.integers(0, 1000), motion=MOTIONS)
-def test_no_other_motion_fits_better(points: list[tuple[float, float]], noise: int, motion: Motion) -> None:
+def test_no_other_motion_fits_better(
+    points: list[tuple[float, float]], noise: int, motion: RigidMotion
+) -> None:
     seen = np.array(points) + np.random.default_rng(noise).normal(0.0, 0.1, (len(points), 2))
     best = fit(points, seen)
 
-    def error(candidate: Motion) -> float:
+    def error(candidate: RigidMotion) -> float:
         return float((candidate.errors(points, seen) ** 2).sum())
 
     assert error(best) <= error(motion) + 1e-9
-    nudged = Motion(best.turn + 0.01, best.shift + 0.01)
+    nudged = RigidMotion(best.turn + 0.01, best.shift + 0.01)
     assert error(best) <= error(nudged) + 1e-9
 
 
@@ -126,7 +137,7 @@ def test_the_front_is_the_side_that_the_plate_faces_or_else_the_long_one_at_hand
 
 
 @given(motion=MOTIONS)
-def test_boxes_move_and_turn_with_the_map(motion: Motion) -> None:
+def test_boxes_move_and_turn_with_the_map(motion: RigidMotion) -> None:
     here = box_of(TABLE, Tag("6", 1.5, 7.3), (0.0, -1.0), STILL)
     there = box_of(TABLE, Tag("6", 1.5, 7.3), (0.0, -1.0), motion)
     assert here is not None
@@ -150,7 +161,7 @@ def test_the_table_of_a_tag_is_the_nearest_and_of_equal_ones_the_first() -> None
 
 
 @given(motion=MOTIONS)
-def test_two_tags_of_a_table_give_its_rectangle_wherever_the_map_begins(motion: Motion) -> None:
+def test_two_tags_of_a_table_give_its_rectangle_wherever_the_map_begins(motion: RigidMotion) -> None:
     result = register(GREENHOUSE, found(motion, ["6", "29"]), QUALITY)
     assert (set(result.boxes), result.misplaced, result.reason) == ({"6", "29"}, (), "")
     (table,) = [table for table in GREENHOUSE.tables if table.id == "Table1"]
@@ -161,7 +172,7 @@ def test_two_tags_of_a_table_give_its_rectangle_wherever_the_map_begins(motion: 
 
 
 @given(motion=MOTIONS, order=st.permutations(["1", "2", "6", "12", "29", "x9"]))
-def test_the_order_in_which_tags_are_found_changes_no_box(motion: Motion, order: list[str]) -> None:
+def test_the_order_in_which_tags_are_found_changes_no_box(motion: RigidMotion, order: list[str]) -> None:
     seen = {**found(motion, ["1", "2", "6", "12", "29"]), "x9": plate(0.0, 0.0, 0.0)}
     one, other = (
         register(GREENHOUSE, seen, QUALITY),
@@ -215,7 +226,7 @@ def test_a_layout_without_tables_has_no_boxes() -> None:
 
 
 @given(motion=MOTIONS)
-def test_what_is_told_is_read_as_it_was(motion: Motion) -> None:
+def test_what_is_told_is_read_as_it_was(motion: RigidMotion) -> None:
     boxes = register(GREENHOUSE, found(motion, ["6", "29", "2"]), QUALITY).boxes
     told = entries(boxes, 0.3)
     assert all(entry["height"] == 0.3 for entry in told)

@@ -12,14 +12,16 @@ import pytest
 
 from lupin_engine.errors import LupinError
 from lupin_greenhouse.poses import pose_of
-from lupin_perception.flowers import Bloom, Summary
-from lupin_perception.memory import Memory, Past, memory_path
+from lupin_perception.flowers import ColumnBloom, ScanSummary
+from lupin_perception.memory import MissionFile, Past, memory_path
 from lupin_perception.registry import Known
 
-SUMMARY = Summary("tulip_red", 0.9, True, (Bloom(3, "tulip_red", 0.9, False), Bloom(5, "", 0.0, True)))
+SUMMARY = ScanSummary(
+    "tulip_red", 0.9, True, (ColumnBloom(3, "tulip_red", 0.9, False), ColumnBloom(5, "", 0.0, True))
+)
 
 
-def known(tag_id: str, distance: float = 1.5, summary: Summary | None = None) -> Known:
+def known(tag_id: str, distance: float = 1.5, summary: ScanSummary | None = None) -> Known:
     pose = pose_of((1.0, 2.0, 0.1), (0.0, 0.0, 0.6, 0.8))
     assert pose is not None
     return Known(tag_id, pose, distance, 7, 123.0, summary)
@@ -27,7 +29,7 @@ def known(tag_id: str, distance: float = 1.5, summary: Summary | None = None) ->
 
 def test_what_was_written_is_read(tmp_path: Path) -> None:
     """All but when a tag was last seen, which is of another process' clock."""
-    memory = Memory(tmp_path / "new" / "memory.json")
+    memory = MissionFile(tmp_path / "new" / "memory.json")
     assert memory.read() is None
     memory.write(Past("m0"))
     assert memory.read() == Past("m0", [], [], "")
@@ -40,7 +42,7 @@ def test_what_was_written_is_read(tmp_path: Path) -> None:
     assert np.allclose(five.pose.position, (1.0, 2.0, 0.1))
     assert np.allclose(five.pose.rotation, (0.0, 0.0, 0.6, 0.8))
     assert (six.distance, six.summary, six.last_seen) == (math.inf, None, -math.inf)
-    sure = Summary("tulip_red", 1.0, False, (Bloom(0, "tulip_red", 1.0, False),))
+    sure = ScanSummary("tulip_red", 1.0, False, (ColumnBloom(0, "tulip_red", 1.0, False),))
     once = known("7", summary=sure)
     once.sightings = 1
     memory.write(Past("m1", [once]))
@@ -57,7 +59,7 @@ def test_a_memory_of_an_earlier_engine_is_read_as_it_was_written(tmp_path: Path)
         ' "anomaly": true, "blooms": [[3, "tulip_red", 0.9, false], [5, "", 0.0, true]]}}],'
         ' "reported": [[1.0, 2.0]]}'
     )
-    past = Memory(file).read()
+    past = MissionFile(file).read()
     assert past is not None
     assert ([tag.summary for tag in past.tags], past.scanned) == ([SUMMARY], "")
 
@@ -81,14 +83,14 @@ def test_a_memory_of_an_earlier_engine_is_read_as_it_was_written(tmp_path: Path)
 def test_a_tag_without_sense_makes_the_whole_unusable(tmp_path: Path, wrong: dict[str, Any]) -> None:
     """What no message could carry is told once at the start, and not each time that the tags are told."""
     file = tmp_path / "memory.json"
-    Memory(file).write(Past("m1", [known("5")]))
+    MissionFile(file).write(Past("m1", [known("5")]))
     data = json.loads(file.read_text())
     data["tags"][0].update(wrong)
     file.write_text(json.dumps(data))
     with pytest.raises(
         LupinError, match=r"memory_file .* cannot be used: (Value|Overflow|UnicodeEncode)Error: "
     ):
-        Memory(file).read()
+        MissionFile(file).read()
 
 
 @pytest.mark.parametrize(
@@ -106,12 +108,12 @@ def test_what_is_wrong_in_a_memory_is_told_with_the_file(
     tmp_path: Path, wrong: dict[str, Any], reason: str
 ) -> None:
     file = tmp_path / "memory.json"
-    Memory(file).write(Past("m1", [known("5")]))
+    MissionFile(file).write(Past("m1", [known("5")]))
     data = json.loads(file.read_text())
     data["tags"][0].update(wrong)
     file.write_text(json.dumps(data))
     with pytest.raises(LupinError) as unusable:
-        Memory(file).read()
+        MissionFile(file).read()
     assert str(unusable.value) == f"memory_file {str(file)!r} cannot be used: {reason}"
 
 
@@ -119,23 +121,23 @@ def test_a_memory_that_cannot_be_written_is_told(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     path = tmp_path / "file" / "memory.json"
     with pytest.raises(LupinError) as refused:
-        Memory(path).write(Past("m1"))
+        MissionFile(path).write(Past("m1"))
     assert str(refused.value) == f"memory_file {str(path)!r} cannot be written: File exists"
 
 
 def test_a_path_that_cannot_be_is_told(tmp_path: Path) -> None:
     """Never a traceback at the start of the node."""
     with pytest.raises(LupinError, match=r"cannot be used: OSError: .*File name too long"):
-        Memory(tmp_path / ("x" * 300)).read()
+        MissionFile(tmp_path / ("x" * 300)).read()
 
 
 @pytest.mark.parametrize("path", ["~nobody-here/memory.json", f"{__file__}/memory.json"])
 def test_a_folder_that_is_not_there_has_no_memory(path: str) -> None:
-    assert Memory(memory_path(path, {})).read() is None
+    assert MissionFile(memory_path(path, {})).read() is None
 
 
 def test_where_nothing_is_kept_nothing_is_read() -> None:
-    memory = Memory(memory_path("none", {}))
+    memory = MissionFile(memory_path("none", {}))
     memory.write(Past("m1"))
     assert memory.read() is None
 

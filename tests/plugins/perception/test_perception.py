@@ -11,7 +11,7 @@ pytest.importorskip("rclpy", reason="ROS 2 is not installed here")
 
 from geometry_msgs.msg import Pose
 
-from lupin_engine.ros.adapter.node import Failure, Qos
+from lupin_engine.ros.adapter.node import CallFailure, Qos
 from lupin_msgs.msg import DiscoveredTag, DiscoveredTags
 from lupin_msgs.srv import ConfirmTag
 from lupin_perception.catalog import DISCOVERED_TAG, PLUGIN
@@ -48,7 +48,7 @@ def test_an_unseen_tag_fails_with_the_servers_words(said: str, detail: str) -> N
 def test_no_answer_fails_with_the_reason() -> None:
     ros, outlet, client = bench()
     client.start("a1", "confirm_tag", {"tag_id": "7"})
-    ros.remote.calls[0].done(Failure("unavailable", f"{SERVICE}: no server"))
+    ros.remote.calls[0].done(CallFailure("unavailable", f"{SERVICE}: no server"))
     assert outlet.reports[-1] == ("failed", "a1", "confirm_failed", f"unavailable: {SERVICE}: no server")
 
 

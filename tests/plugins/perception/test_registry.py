@@ -11,10 +11,10 @@ from hypothesis import strategies as st
 
 from lupin_greenhouse.poses import Pose
 from lupin_perception import registry
-from lupin_perception.flowers import Summary
+from lupin_perception.flowers import ScanSummary
 from lupin_perception.registry import Confirmation, Known, Registry
 
-RED = Summary("tulip_red", 0.9, False, ())
+RED = ScanSummary("tulip_red", 0.9, False, ())
 
 
 def at(x: float) -> Pose:
@@ -108,9 +108,9 @@ def test_what_grows_at_a_tag_is_what_was_told_last() -> None:
     tags = made(enough=1)
     see(tags, "5")
     tags.classify("5", RED)
-    tags.classify("5", Summary("tulip_white", 0.5, True, ()))
+    tags.classify("5", ScanSummary("tulip_white", 0.5, True, ()))
     (known,) = tags.discovered()
-    assert known.summary == Summary("tulip_white", 0.5, True, ())
+    assert known.summary == ScanSummary("tulip_white", 0.5, True, ())
 
 
 def test_there_is_room_for_so_many_tags_and_those_known_go_on(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -169,7 +169,7 @@ def test_what_others_work_from_is_told_apart_from_mere_sightings() -> None:
         turned = Pose(at(1.1).position, np.array((0.0, 0.0, math.sin(half), math.cos(half))))
         tags.add("1", turned, 1.0, 0.0)
         assert changed() is news, f"turned by {degrees} degrees"
-    tags.classify("1", Summary("tulip_red", 0.9, False, ()))
+    tags.classify("1", ScanSummary("tulip_red", 0.9, False, ()))
     assert changed()
     assert tags.begin("m2")
     assert changed()

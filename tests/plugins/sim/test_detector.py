@@ -23,14 +23,14 @@ from lupin_sim.detector import (
     tag_entries,
     tag_in_robot,
 )
-from lupin_sim.robot import Pose
+from lupin_sim.robot import FloorPose
 
 #: Faces -x; a robot at the origin that looks along x stands 1 m in front of it.
 PLATE = Plate("7", 1.0, 0.0, math.pi, (1.0, 0.0))
-ORIGIN = Pose(0.0, 0.0, 0.0)
+ORIGIN = FloorPose(0.0, 0.0, 0.0)
 
 
-def flowers(pose: Pose, *plates: Plate) -> list[Detection]:
+def flowers(pose: FloorPose, *plates: Plate) -> list[Detection]:
     found, problems = read_flowers(json.dumps(flower_entries(pose, plates)), CLASSES, IMAGE_PX[0])
     assert problems == []
     return found
@@ -46,7 +46,7 @@ def test_a_tag_ahead_is_told_with_its_distance_and_its_corners_clockwise_from_th
 
 
 def test_a_tag_to_the_left_is_on_the_left_of_the_image() -> None:
-    (entry,) = tag_entries(Pose(0.0, -0.3, 0.0), [PLATE])
+    (entry,) = tag_entries(FloorPose(0.0, -0.3, 0.0), [PLATE])
     assert all(u < 320.5 for u, _ in entry["corners"])
 
 
@@ -79,14 +79,14 @@ def test_turning_and_moving_the_greenhouse_changes_no_bearing(
     cosine, sine = math.cos(turn), math.sin(turn)
     place = x + cosine * plate.x - sine * plate.y, y + sine * plate.x + cosine * plate.y
     turned = Plate("7", *place, plate.yaw + turn, place)
-    here, there = flowers(ORIGIN, plate), flowers(Pose(x, y, turn), turned)
+    here, there = flowers(ORIGIN, plate), flowers(FloorPose(x, y, turn), turned)
     assert [one.bearing for one in there] == pytest.approx([one.bearing for one in here], abs=1e-6)
     assert here
 
 
 @given(x=st.floats(-3, 3), y=st.floats(-3, 3), yaw=st.floats(-9, 9))
 def test_a_frame_of_tags_can_be_read_and_stays_within_the_image(x: float, y: float, yaw: float) -> None:
-    entries = tag_entries(Pose(x, y, yaw), [PLATE])
+    entries = tag_entries(FloorPose(x, y, yaw), [PLATE])
     found, problems = read_tags(json.dumps(entries))
     assert ([tag.id for tag in found], problems) == (["7"], [])
     assert all(0 <= u <= IMAGE_PX[0] and 0 <= v <= IMAGE_PX[1] for u, v in entries[0]["corners"])
@@ -94,7 +94,7 @@ def test_a_frame_of_tags_can_be_read_and_stays_within_the_image(x: float, y: flo
 
 @given(x=st.floats(-3, 3), y=st.floats(-3, 3), yaw=st.floats(-3, 3))
 def test_where_a_robot_sees_a_plate_is_where_it_is(x: float, y: float, yaw: float) -> None:
-    seen = tag_in_robot(Pose(x, y, yaw), PLATE)
+    seen = tag_in_robot(FloorPose(x, y, yaw), PLATE)
     cosine, sine = math.cos(yaw), math.sin(yaw)
     place = x + cosine * seen.x - sine * seen.y, y + sine * seen.x + cosine * seen.y
     assert place == pytest.approx((PLATE.x, PLATE.y))
@@ -143,22 +143,22 @@ def test_only_the_nearest_box_is_looked_into_and_only_what_is_in_view_is_seen() 
     far = Plate("9", 3.0, 0.0, math.pi, (3.0, 0.0))
     assert flowers(ORIGIN, far, PLATE) == flowers(ORIGIN, PLATE)
     assert flowers(ORIGIN) == []
-    aside = flowers(Pose(0.0, 0.0, 0.4), PLATE)
+    aside = flowers(FloorPose(0.0, 0.0, 0.4), PLATE)
     assert 0 < len(aside) < len(blooms_of("7"))
     assert all(detection.bearing > 0.0 for detection in aside), "it looks to the left of them"
-    assert flowers(Pose(0.0, 0.0, math.pi), PLATE) == []
+    assert flowers(FloorPose(0.0, 0.0, math.pi), PLATE) == []
 
 
 def test_a_stray_pest_is_seen_where_no_tag_is_and_only_there() -> None:
     """Beside a tag the camera looks into its box."""
 
-    def bearings(pose: Pose, *plates: Plate) -> list[float]:
+    def bearings(pose: FloorPose, *plates: Plate) -> list[float]:
         frame = json.dumps(flower_entries(pose, plates, [(2.0, 0.0)]))
         found, problems = read_flowers(frame, CLASSES, IMAGE_PX[0])
         assert problems == []
         return [detection.bearing for detection in found if detection.name == CLASSES[PEST]]
 
     assert bearings(ORIGIN) == [pytest.approx(0.0)]
-    assert bearings(Pose(0.0, 0.0, 0.25)) == [pytest.approx(0.5)], "to the right of where it looks"
-    assert bearings(Pose(0.0, 0.0, math.pi)) == []
+    assert bearings(FloorPose(0.0, 0.0, 0.25)) == [pytest.approx(0.5)], "to the right of where it looks"
+    assert bearings(FloorPose(0.0, 0.0, math.pi)) == []
     assert bearings(ORIGIN, PLATE) == []

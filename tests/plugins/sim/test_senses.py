@@ -12,18 +12,18 @@ from hypothesis import strategies as st
 
 from lupin_greenhouse.layout import Table, Tag
 from lupin_nav.approach import Quaternion, approach_discovered
-from lupin_nav.frontier import Grid, survey
+from lupin_nav.frontier import OccupancyGrid, survey
 from lupin_sim.camera import Camera, Plate, facing, plates_of
 from lupin_sim.floor import Floor
-from lupin_sim.layout import LENGTH, WIDTH, Layout, load_layout
+from lupin_sim.layout import LENGTH, WIDTH, Floorplan, load_layout
 from lupin_sim.lidar import FREE, OCCUPIED, ORIGIN_X, ORIGIN_Y, RESOLUTION, UNKNOWN, GrowingMap, Lidar
-from lupin_sim.robot import Pose
+from lupin_sim.robot import FloorPose
 
 TABLE = Table("T", 1.0, 3.0, 3.0, 4.0)
-HALL = Layout((TABLE,))
+HALL = Floorplan((TABLE,))
 
 
-def seen_from(layout: Layout, x: float, y: float, reach: float = 5.0) -> GrowingMap:
+def seen_from(layout: Floorplan, x: float, y: float, reach: float = 5.0) -> GrowingMap:
     grown = GrowingMap(Lidar(layout, reach))
     grown.reveal(x, y)
     return grown
@@ -50,7 +50,7 @@ def test_at_first_nothing_is_known_and_that_is_worth_telling() -> None:
 
 
 def test_an_empty_hall_is_seen_whole_with_its_walls() -> None:
-    grown = seen_from(Layout(), 2.0, 4.0)
+    grown = seen_from(Floorplan(), 2.0, 4.0)
     inner = grown.cells[1:-1, 1:-1]
     assert np.count_nonzero(inner == UNKNOWN) == 0
     assert (inner == FREE).all()
@@ -70,7 +70,7 @@ def test_a_table_is_seen_from_its_front_and_hides_what_is_behind() -> None:
 
 
 def test_nothing_is_seen_beyond_the_range() -> None:
-    grown = seen_from(Layout(), 2.0, 4.0, reach=1.5)
+    grown = seen_from(Floorplan(), 2.0, 4.0, reach=1.5)
     xs, ys = centres(grown.cells != UNKNOWN)
     assert np.hypot(xs - 2.0, ys - 4.0).max() <= 1.5 + RESOLUTION
     assert value_at(grown, 2.0, 5.4) == FREE
@@ -78,7 +78,7 @@ def test_nothing_is_seen_beyond_the_range() -> None:
 
 
 def test_what_was_seen_stays_known_and_only_news_count_as_a_change() -> None:
-    grown = seen_from(Layout(), 1.0, 1.0, reach=1.0)
+    grown = seen_from(Floorplan(), 1.0, 1.0, reach=1.0)
     before = grown.take().copy()
     assert not grown.changed
     grown.reveal(1.0, 1.0)
@@ -109,7 +109,7 @@ def test_driving_from_frontier_to_frontier_reveals_the_greenhouse_and_ends() -> 
     place, legs = (0.5, 0.5), 0
     grown.reveal(*place)
     while True:
-        found = survey(Grid(grown.cells, RESOLUTION, ORIGIN_X, ORIGIN_Y), place).frontier
+        found = survey(OccupancyGrid(grown.cells, RESOLUTION, ORIGIN_X, ORIGIN_Y), place).frontier
         if found is None:
             break
         legs += 1
@@ -129,7 +129,7 @@ def test_driving_from_frontier_to_frontier_reveals_the_greenhouse_and_ends() -> 
 def camera(
     *tags: Tag, tables: tuple[Table, ...] = (TABLE,), reach: float = 2.0, field: float = 1.0
 ) -> Camera:
-    return Camera(Layout(tables, tags), reach, field)
+    return Camera(Floorplan(tables, tags), reach, field)
 
 
 def names(plates: list[Plate]) -> list[str]:
@@ -142,31 +142,31 @@ FRONT = Tag("7", 2.0, 3.0)  # on the side towards y = 0
 @pytest.mark.parametrize(
     ("pose", "seen"),
     [
-        (Pose(2.0, 2.0, math.pi / 2), True),
-        (Pose(2.0, 0.9, math.pi / 2), False),  # 2.1 m away
-        (Pose(2.0, 2.0, math.pi / 2 + 0.49), True),
-        (Pose(2.0, 2.0, math.pi / 2 + 0.51), False),  # the field is 0.5 to each side
-        (Pose(2.0, 2.0, -math.pi / 2), False),
-        (Pose(2.0, 2.0, math.pi / 2 + math.tau), True),
-        (Pose(2.0, 5.0, -math.pi / 2), False),  # from behind, through the table
-        (Pose(0.5, 2.9, 0.0), False),  # along the plate
-        (Pose(1.2, 2.4, math.atan2(0.6, 0.8)), True),
+        (FloorPose(2.0, 2.0, math.pi / 2), True),
+        (FloorPose(2.0, 0.9, math.pi / 2), False),  # 2.1 m away
+        (FloorPose(2.0, 2.0, math.pi / 2 + 0.49), True),
+        (FloorPose(2.0, 2.0, math.pi / 2 + 0.51), False),  # the field is 0.5 to each side
+        (FloorPose(2.0, 2.0, -math.pi / 2), False),
+        (FloorPose(2.0, 2.0, math.pi / 2 + math.tau), True),
+        (FloorPose(2.0, 5.0, -math.pi / 2), False),  # from behind, through the table
+        (FloorPose(0.5, 2.9, 0.0), False),  # along the plate
+        (FloorPose(1.2, 2.4, math.atan2(0.6, 0.8)), True),
     ],
 )
-def test_a_tag_is_seen_near_ahead_and_from_its_front(pose: Pose, seen: bool) -> None:
+def test_a_tag_is_seen_near_ahead_and_from_its_front(pose: FloorPose, seen: bool) -> None:
     assert names(camera(FRONT).sees(pose)) == (["7"] if seen else [])
 
 
 def test_another_table_in_between_hides_a_tag() -> None:
     screen = Table("T", 1.5, 2.5, 2.3, 2.5)
-    pose = Pose(2.0, 2.0, math.pi / 2)
+    pose = FloorPose(2.0, 2.0, math.pi / 2)
     assert names(camera(FRONT, tables=(TABLE, screen)).sees(pose)) == []
     beside = Table("T", 2.2, 2.5, 2.3, 2.5)
     assert names(camera(FRONT, tables=(TABLE, beside)).sees(pose)) == ["7"]
 
 
 def test_without_tags_nothing_is_seen() -> None:
-    assert camera().sees(Pose(2.0, 2.0, 0.0)) == []
+    assert camera().sees(FloorPose(2.0, 2.0, 0.0)) == []
 
 
 @pytest.mark.parametrize(
@@ -182,7 +182,7 @@ def test_without_tags_nothing_is_seen() -> None:
     ],
 )
 def test_a_plate_hangs_on_the_side_of_its_table_that_has_most_room(tag: Tag, heading: float) -> None:
-    (plate,) = plates_of(Layout((TABLE,), (tag,)))
+    (plate,) = plates_of(Floorplan((TABLE,), (tag,)))
     assert math.cos(plate.yaw - heading) == pytest.approx(1.0)
     assert (plate.x, plate.y) == (tag.x, tag.y)
     assert TABLE.distance(*plate.face) > 0.0
@@ -194,12 +194,12 @@ def test_a_plate_hangs_on_the_side_of_its_table_that_has_most_room(tag: Tag, hea
 )
 def test_at_a_corner_a_plate_turns_away_from_the_wall(table: Table, heading: float) -> None:
     for x, y in ((table.x1, table.y1), (table.x1 - 0.05, table.y1), (table.x1, table.y1 - 0.05)):
-        (plate,) = plates_of(Layout((table,), (Tag("1", x, y),)))
+        (plate,) = plates_of(Floorplan((table,), (Tag("1", x, y),)))
         assert plate.yaw == heading
 
 
 def test_a_tag_without_tables_looks_at_the_middle_of_the_floor() -> None:
-    low, aside = plates_of(Layout((), (Tag("1", 2.0, 1.0), Tag("2", 1.0, 3.0))))
+    low, aside = plates_of(Floorplan((), (Tag("1", 2.0, 1.0), Tag("2", 1.0, 3.0))))
     assert (low.yaw, aside.yaw) == (math.pi / 2, math.pi / 4)
 
 
@@ -219,12 +219,12 @@ def test_every_tag_of_the_greenhouse_can_be_seen_and_stood_before() -> None:
         goal = approach_discovered((plate.x, plate.y), facing(plate.yaw), 0.5, 0.0)
         path = floor.path((0.5, 0.5), (goal.x, goal.y))
         assert path is not None, plate
-        assert plate in eye.sees(Pose(*path[-1], goal.yaw)), plate
+        assert plate in eye.sees(FloorPose(*path[-1], goal.yaw)), plate
 
 
 def test_pests_are_seen_like_tags_but_from_all_sides() -> None:
     eye = Camera(HALL, 2.0, 1.0, [(2.0, 2.0), (2.0, 5.0)])
-    assert eye.pests(Pose(2.0, 1.0, math.pi / 2)) == [(2.0, 2.0)], "the table hides the other one"
-    assert eye.pests(Pose(2.0, 6.0, -math.pi / 2)) == [(2.0, 5.0)]
-    assert eye.pests(Pose(2.0, 1.0, 0.0)) == []
-    assert Camera(HALL, 2.0, 1.0).pests(Pose(2.0, 1.0, 0.0)) == []
+    assert eye.pests(FloorPose(2.0, 1.0, math.pi / 2)) == [(2.0, 2.0)], "the table hides the other one"
+    assert eye.pests(FloorPose(2.0, 6.0, -math.pi / 2)) == [(2.0, 5.0)]
+    assert eye.pests(FloorPose(2.0, 1.0, 0.0)) == []
+    assert Camera(HALL, 2.0, 1.0).pests(FloorPose(2.0, 1.0, 0.0)) == []

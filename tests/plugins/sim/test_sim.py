@@ -15,8 +15,8 @@ from lupin_engine.errors import LupinError
 from lupin_greenhouse.layout import Table, Tag
 from lupin_sim.faults import Fault, Faults
 from lupin_sim.floor import ROBOT_RADIUS, Floor, Point
-from lupin_sim.layout import LENGTH, WIDTH, Layout, load_layout
-from lupin_sim.robot import TURN_RATE, Pose, Robot
+from lupin_sim.layout import LENGTH, WIDTH, Floorplan, load_layout
+from lupin_sim.robot import TURN_RATE, FloorPose, Robot
 
 WALL = Table("T", 1.0, 1.2, 0.0, 6.0)
 
@@ -132,13 +132,13 @@ def test_every_tag_of_the_real_layout_can_be_approached() -> None:
 def test_a_greenhouse_is_what_its_layout_file_says(tmp_path: Path) -> None:
     file = tmp_path / "layout.json"
     file.write_text('{"1": {"x": 0.5, "y": 2, "sensors": []}}')
-    assert load_layout(str(file)) == Layout((), (Tag("1", 0.5, 2.0),))
+    assert load_layout(str(file)) == Floorplan((), (Tag("1", 0.5, 2.0),))
     with pytest.raises(LupinError, match=r"nowhere\.json' cannot be used"):
         load_layout("nowhere.json")
 
 
 def test_clearance_is_the_way_to_the_nearest_table_or_wall() -> None:
-    layout = Layout((Table("T", 1.0, 2.0, 1.0, 2.0),))
+    layout = Floorplan((Table("T", 1.0, 2.0, 1.0, 2.0),))
     assert layout.clearance(2.5, 1.5) == 0.5
     assert layout.clearance(2.3, 2.4) == pytest.approx(0.5)
     assert layout.clearance(1.5, 1.5) == 0.0
@@ -150,25 +150,25 @@ def test_clearance_is_the_way_to_the_nearest_table_or_wall() -> None:
 
 
 def test_the_robot_drives_turns_and_arrives() -> None:
-    robot = Robot(Pose(0.0, 0.0, 0.0), now=100.0, speed=0.5)
+    robot = Robot(FloorPose(0.0, 0.0, 0.0), now=100.0, speed=0.5)
     robot.follow([(1.0, 0.0)], math.pi / 2)
     robot.advance(101.0)
-    assert robot.pose == Pose(0.5, 0.0, 0.0)
+    assert robot.pose == FloorPose(0.5, 0.0, 0.0)
     assert robot.remaining == 0.5
     robot.advance(102.0)
     assert (robot.pose.x, robot.arrived) == (1.0, False)
     robot.advance(102.0 + math.pi / 2 / (TURN_RATE * robot.speed))
     assert robot.arrived
-    assert robot.pose == Pose(1.0, 0.0, math.pi / 2)
+    assert robot.pose == FloorPose(1.0, 0.0, math.pi / 2)
 
 
 @pytest.mark.parametrize("steps", [1, 7, 1000])
 def test_the_size_of_a_step_does_not_matter(steps: int) -> None:
-    robot = Robot(Pose(0.0, 0.0, 0.0), now=0.0, speed=0.7)
+    robot = Robot(FloorPose(0.0, 0.0, 0.0), now=0.0, speed=0.7)
     robot.follow([(1.0, 0.5), (0.2, 2.0)], 1.0)
     for step in range(1, steps + 1):
         robot.advance(4.0 * step / steps)
-    reference = Robot(Pose(0.0, 0.0, 0.0), now=0.0, speed=0.7)
+    reference = Robot(FloorPose(0.0, 0.0, 0.0), now=0.0, speed=0.7)
     reference.follow([(1.0, 0.5), (0.2, 2.0)], 1.0)
     reference.advance(4.0)
     assert math.dist((robot.pose.x, robot.pose.y), (reference.pose.x, reference.pose.y)) < 1e-9
@@ -176,7 +176,7 @@ def test_the_size_of_a_step_does_not_matter(steps: int) -> None:
 
 
 def test_the_brake_and_an_empty_battery_stop_the_robot_and_the_goal_stays() -> None:
-    robot = Robot(Pose(0.0, 0.0, 0.0), now=0.0, speed=1.0)
+    robot = Robot(FloorPose(0.0, 0.0, 0.0), now=0.0, speed=1.0)
     robot.follow([(5.0, 0.0)], 0.0)
     robot.braked = True
     robot.advance(1.0)
@@ -195,7 +195,7 @@ def test_the_brake_and_an_empty_battery_stop_the_robot_and_the_goal_stays() -> N
 
 
 def test_the_robot_turns_to_where_it_drives_before_it_drives_there() -> None:
-    robot = Robot(Pose(0.0, 0.0, 0.0), now=0.0, speed=0.5)
+    robot = Robot(FloorPose(0.0, 0.0, 0.0), now=0.0, speed=0.5)
     robot.follow([(0.0, 0.4)], 0.0)
     turned = math.pi / 2 / (TURN_RATE * robot.speed)
     robot.advance(turned / 2)
@@ -206,20 +206,25 @@ def test_the_robot_turns_to_where_it_drives_before_it_drives_there() -> None:
 
 
 def test_a_robot_that_was_sent_nowhere_stays() -> None:
-    robot = Robot(Pose(1.0, 2.0, 3.0), now=0.0, speed=0.5)
+    robot = Robot(FloorPose(1.0, 2.0, 3.0), now=0.0, speed=0.5)
     robot.advance(10.0)
-    assert (robot.arrived, robot.remaining, robot.pose, robot.charge) == (True, 0.0, Pose(1.0, 2.0, 3.0), 1.0)
+    assert (robot.arrived, robot.remaining, robot.pose, robot.charge) == (
+        True,
+        0.0,
+        FloorPose(1.0, 2.0, 3.0),
+        1.0,
+    )
 
 
 def test_a_corner_where_the_robot_is_turns_it_nowhere() -> None:
-    robot = Robot(Pose(1.0, 2.0, 3.0), now=0.0, speed=0.5)
+    robot = Robot(FloorPose(1.0, 2.0, 3.0), now=0.0, speed=0.5)
     robot.follow([(1.0, 2.0)], 3.0)
     robot.advance(1e-6)
-    assert (robot.arrived, robot.pose) == (True, Pose(1.0, 2.0, 3.0))
+    assert (robot.arrived, robot.pose) == (True, FloorPose(1.0, 2.0, 3.0))
 
 
 def test_a_robot_that_was_halted_has_no_way_left() -> None:
-    robot = Robot(Pose(0.0, 0.0, 0.0), now=0.0, speed=0.5)
+    robot = Robot(FloorPose(0.0, 0.0, 0.0), now=0.0, speed=0.5)
     robot.follow([(1.0, 0.0), (1.0, 1.0)], 2.0)
     assert (robot.arrived, robot.remaining) == (False, 2.0)
     robot.halt()
@@ -227,7 +232,7 @@ def test_a_robot_that_was_halted_has_no_way_left() -> None:
 
 
 def test_time_that_runs_backwards_moves_nothing() -> None:
-    robot = Robot(Pose(0.0, 0.0, 0.0), now=10.0, speed=1.0)
+    robot = Robot(FloorPose(0.0, 0.0, 0.0), now=10.0, speed=1.0)
     robot.follow([(5.0, 0.0)], 0.0)
     robot.advance(5.0)
     assert robot.pose.x == 0.0

@@ -25,8 +25,8 @@ from lupin_twin.export.geojson import geojson
 from lupin_twin.export.georeference import Georeference
 from lupin_twin.export.table import DESCRIPTION, description, table
 from lupin_twin.missions import ALL, LATEST, MissionRecord, select, summaries
-from lupin_twin.records import Anomaly, Bloom, Box, Corners, Discovery, Flowers, Pin, Reading, Record
-from lupin_twin.store import Row
+from lupin_twin.records import Anomaly, Bloom, BoxOutline, Corners, Discovery, Flowers, Pin, Reading, Record
+from lupin_twin.store import StoredRecord
 
 ORIGIN = Georeference(51.9988, 4.3735, 75.0)
 T = 1_790_000_000.0
@@ -56,7 +56,7 @@ RECORDS: list[Record] = [
     Anomaly(T + 7.0, "m2", "aggregator", 2.0, 3.0, 0.0, 'fallen, "plant"\nby the door', 2),
     Anomaly(T + 8.0, "m2", "aggregator", 1e300, 3.0, 0.0, "far away", 0),
     Reading("5", T + 9.0, "", "passive", (("temperature", 22.0),)),
-    Box("6", ((2.5, 4.0), (3.5, 4.0))),
+    BoxOutline("6", ((2.5, 4.0), (3.5, 4.0))),
 ]
 
 
@@ -76,8 +76,8 @@ NOWHERE: list[Record] = [
 ]
 
 
-def rows(*records: Record) -> list[Row]:
-    return [Row(record, T + 1e6) for record in records]
+def rows(*records: Record) -> list[StoredRecord]:
+    return [StoredRecord(record, T + 1e6) for record in records]
 
 
 def record_of(mission: str = ALL, *records: Record) -> MissionRecord:
@@ -130,7 +130,7 @@ def test_who_reads_is_the_source_of_a_mission_whoever_saw_flowers_before() -> No
 
 
 def test_nothing_is_observed_later_than_it_arrived() -> None:
-    (seen,) = select([Row(RECORDS[1], T - 5.0)], "m1").observations
+    (seen,) = select([StoredRecord(RECORDS[1], T - 5.0)], "m1").observations
     assert seen.time == T - 5.0
 
 
@@ -366,7 +366,7 @@ def turns(ring: list[list[float]]) -> list[float]:
 def test_a_box_is_a_ring_however_its_corners_are_told(
     told: Corners, order: tuple[int, ...], origin: Georeference
 ) -> None:
-    box = Box("5", tuple(told[index] for index in order))
+    box = BoxOutline("5", tuple(told[index] for index in order))
     features = json.loads(geojson(record_of(ALL, *RECORDS, box), origin))["features"]
     (found,) = (f["geometry"] for f in features if f["id"] == "urn:lupin:box:5")
     (ring,) = found["coordinates"]
@@ -387,7 +387,7 @@ def test_a_box_is_a_ring_however_its_corners_are_told(
     ],
 )
 def test_a_box_that_encloses_nothing_is_none(corners: Any) -> None:
-    features = json.loads(geojson(record_of(ALL, *RECORDS, Box("5", corners)), ORIGIN))["features"]
+    features = json.loads(geojson(record_of(ALL, *RECORDS, BoxOutline("5", corners)), ORIGIN))["features"]
     assert [f for f in features if f["id"] == "urn:lupin:box:5"] == []
 
 

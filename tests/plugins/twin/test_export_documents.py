@@ -13,8 +13,8 @@ from lupin_twin.export.geojson import geojson
 from lupin_twin.export.georeference import Georeference
 from lupin_twin.export.table import DESCRIPTION, description, table
 from lupin_twin.missions import ALL, MissionRecord, select
-from lupin_twin.records import Anomaly, Bloom, Box, Flowers, Pin, Reading, Record
-from lupin_twin.store import Row
+from lupin_twin.records import Anomaly, Bloom, BoxOutline, Flowers, Pin, Reading, Record
+from lupin_twin.store import StoredRecord
 
 FOLDER = Path(__file__).with_name("export")
 ORIGIN = Georeference(51.9988, 4.3735, 75.0)
@@ -44,7 +44,7 @@ RECORDS: list[Record] = [
     Flowers("N\u00f6rd/1", T + 3.0, "m1", "aggregator", "", math.nan, False),
     Anomaly(T + 4.0, "m1", "aggregator", 2.0, 3.0, 0.5, "fallen plant", 2),
     Anomaly(T + 5.0, "m1", "aggregator", 1e300, 3.0, 0.0, "far away", 0),
-    Box("5", ((1.0, 2.0), (1.0, 2.5), (1.75, 2.5), (1.75, 2.0))),
+    BoxOutline("5", ((1.0, 2.0), (1.0, 2.5), (1.75, 2.5), (1.75, 2.0))),
 ]
 
 
@@ -59,7 +59,10 @@ DOCUMENTS: dict[str, Callable[[MissionRecord], bytes]] = {
 @pytest.mark.parametrize("name", DOCUMENTS)
 def test_a_document_is_what_it_was(name: str) -> None:
     """Who reads them has programs that know these names; ACCEPT=1 writes the documents anew."""
-    file, made = FOLDER / name, DOCUMENTS[name](select([Row(one, T + 100.0) for one in RECORDS], ALL))
+    file, made = (
+        FOLDER / name,
+        DOCUMENTS[name](select([StoredRecord(one, T + 100.0) for one in RECORDS], ALL)),
+    )
     if os.environ.get("ACCEPT"):
         file.write_bytes(made)
     assert made.decode() == file.read_bytes().decode()

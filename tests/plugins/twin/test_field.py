@@ -15,20 +15,31 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
-from lupin_twin.field import BadGrid, Field, Floats, Grid, Interpolation, OccupancyMap, Settings, interpolate
+from lupin_twin.field import (
+    BadGrid,
+    FieldGrid,
+    Floats,
+    Interpolation,
+    InterpolationSettings,
+    OccupancyMap,
+    SensorField,
+    interpolate,
+)
 
-DEFAULT = Settings()
+DEFAULT = InterpolationSettings()
 
 
-def field_of(grid: Grid, *samples: tuple[float, float, float], settings: Settings = DEFAULT) -> Field:
+def field_of(
+    grid: FieldGrid, *samples: tuple[float, float, float], settings: InterpolationSettings = DEFAULT
+) -> SensorField:
     """Interpolate samples given as (x, y, value)."""
     table = np.array(samples, dtype=float).reshape(-1, 3)
     return interpolate(grid, table[:, :2], table[:, 2], settings)
 
 
-def row(minimum: float, count: int, resolution: float = 1.0) -> Grid:
+def row(minimum: float, count: int, resolution: float = 1.0) -> FieldGrid:
     """Return one row of cells whose first centre is at (`minimum`, 0)."""
-    return Grid(minimum - resolution / 2, -resolution / 2, resolution, count, 1)
+    return FieldGrid(minimum - resolution / 2, -resolution / 2, resolution, count, 1)
 
 
 # --- the grid --------------------------------------------------------------------------------------
@@ -46,20 +57,20 @@ def row(minimum: float, count: int, resolution: float = 1.0) -> Grid:
 def test_the_grid_covers_the_rectangle(
     size: tuple[float, float], resolution: float, shape: tuple[int, int]
 ) -> None:
-    grid = Grid.over(-1.0, 3.0, -1.0 + size[0], 3.0 + size[1], resolution)
+    grid = FieldGrid.over(-1.0, 3.0, -1.0 + size[0], 3.0 + size[1], resolution)
     assert (grid.width, grid.height) == shape
     assert (grid.min_x, grid.min_y, grid.resolution) == (-1.0, 3.0, resolution)
 
 
 def test_cells_are_known_by_their_centres() -> None:
-    grid = Grid.over(0.0, 10.0, 2.0, 11.0, 0.5)
+    grid = FieldGrid.over(0.0, 10.0, 2.0, 11.0, 0.5)
     assert_allclose(grid.x, [0.25, 0.75, 1.25, 1.75])
     assert_allclose(grid.y, [10.25, 10.75])
 
 
 def test_bounds_that_went_through_32_bits_make_no_cell_more() -> None:
     wire = [float(np.float32(number)) for number in (0.0, 0.0, 20.1, 10.1, 0.1)]
-    grid = Grid.over(*wire)
+    grid = FieldGrid.over(*wire)
     assert (grid.width, grid.height) == (201, 101)
 
 
@@ -78,12 +89,12 @@ def test_bounds_that_went_through_32_bits_make_no_cell_more() -> None:
 )
 def test_a_grid_that_makes_no_sense_is_refused(request_: tuple[float, ...], problem: str) -> None:
     with pytest.raises(BadGrid) as refusal:
-        Grid.over(*request_)
+        FieldGrid.over(*request_)
     assert str(refusal.value) == problem
 
 
 def test_the_smallest_cells_on_the_largest_floor_are_a_number_too() -> None:
-    assert Grid.over(0.0, 0.0, 3e38, 1.0, 1e-300).width >= 10**299
+    assert FieldGrid.over(0.0, 0.0, 3e38, 1.0, 1e-300).width >= 10**299
 
 
 # --- the field -------------------------------------------------------------------------------------
@@ -96,7 +107,7 @@ def test_without_samples_nothing_is_known() -> None:
 
 
 def test_one_sample_makes_a_disc() -> None:
-    field = field_of(Grid(-2.5, -2.5, 1.0, 5, 5), (0.0, 0.0, 21.5))
+    field = field_of(FieldGrid(-2.5, -2.5, 1.0, 5, 5), (0.0, 0.0, 21.5))
     dx, dy = np.meshgrid(field.grid.x, field.grid.y)
     assert_array_equal(np.isnan(field.values), np.hypot(dx, dy) > 2.0)
     assert set(field.values[np.isfinite(field.values)]) == {21.5}
@@ -124,13 +135,13 @@ def test_halfway_between_two_samples_is_their_mean() -> None:
 
 @pytest.mark.parametrize(("power", "expected"), [(1.0, 12.5), (2.0, 11.0), (3.0, 10.0 + 10.0 / 28.0)])
 def test_the_nearer_sample_weighs_more_by_the_power(power: float, expected: float) -> None:
-    settings = Settings(power=power, falloff=5.0, max_distance=5.0)
+    settings = InterpolationSettings(power=power, falloff=5.0, max_distance=5.0)
     field = field_of(row(0.0, 1), (-1.0, 0.0, 10.0), (3.0, 0.0, 20.0), settings=settings)
     assert field.values[0, 0] == pytest.approx(expected)
 
 
 def test_a_near_sample_dominates() -> None:
-    settings = Settings(falloff=1.5, max_distance=1.5)
+    settings = InterpolationSettings(falloff=1.5, max_distance=1.5)
     # 0.2 m and 1.25 m away: the weights are 25 and 0.64.
     field = field_of(row(0.0, 1), (0.2, 0.0, 10.0), (-1.25, 0.0, 20.0), settings=settings)
     assert field.values[0, 0] == pytest.approx(10.0 + 6.4 / 25.64)
@@ -145,19 +156,19 @@ def test_what_is_exactly_at_a_limit_is_within() -> None:
 
 
 def test_beyond_the_falloff_the_nearest_sample_has_a_ring() -> None:
-    settings = Settings(falloff=1.0, max_distance=3.0)
+    settings = InterpolationSettings(falloff=1.0, max_distance=3.0)
     field = field_of(row(0.0, 6), (-0.5, 0.0, 10.0), (8.0, 0.0, 90.0), settings=settings)
     assert_array_equal(field.values[0], [10.0, 10.0, 10.0, np.nan, np.nan, 90.0])
 
 
 def test_of_two_that_are_equally_near_the_lesser_by_its_place_is_the_nearest() -> None:
-    settings = Settings(falloff=0.5, max_distance=3.0)
+    settings = InterpolationSettings(falloff=0.5, max_distance=3.0)
     field = field_of(row(0.0, 1), (1.0, 0.0, 20.0), (-1.0, 0.0, 10.0), settings=settings)
     assert field.values[0, 0] == 10.0
 
 
 def test_the_falloff_may_reach_beyond_the_gate() -> None:
-    settings = Settings(falloff=5.0, max_distance=1.0)
+    settings = InterpolationSettings(falloff=5.0, max_distance=1.0)
     field = field_of(row(0.0, 1), (1.0, 0.0, 10.0), (-3.0, 0.0, 20.0), settings=settings)
     assert field.values[0, 0] == pytest.approx(11.0)
     assert np.isnan(field_of(row(0.0, 1), (3.0, 0.0, 1.0), settings=settings).values[0, 0])
@@ -198,12 +209,15 @@ def test_a_field_cannot_be_changed() -> None:
 places = st.floats(-3.0, 8.0, allow_subnormal=False)
 samples_strategy = st.lists(st.tuples(places, places, st.floats(-1e6, 1e6)), min_size=1, max_size=12)
 settings_strategy = st.builds(
-    Settings, power=st.floats(0.5, 6.0), falloff=st.floats(0.0, 6.0), max_distance=st.floats(0.0, 6.0)
+    InterpolationSettings,
+    power=st.floats(0.5, 6.0),
+    falloff=st.floats(0.0, 6.0),
+    max_distance=st.floats(0.0, 6.0),
 )
-GRID = Grid.over(0.0, 0.0, 5.0, 4.0, 0.5)
+GRID = FieldGrid.over(0.0, 0.0, 5.0, 4.0, 0.5)
 
 
-def plain_formula(grid: Grid, samples: Floats, settings: Settings) -> Floats:
+def plain_formula(grid: FieldGrid, samples: Floats, settings: InterpolationSettings) -> Floats:
     """Return the field cell by cell, as the formula is written."""
     cells = np.full((grid.height, grid.width), np.nan)
     for j, y in enumerate(grid.y):
@@ -223,7 +237,7 @@ def plain_formula(grid: Grid, samples: Floats, settings: Settings) -> Floats:
 def test_it_is_the_formula_cell_by_cell() -> None:
     numbers = np.random.default_rng(7)
     for power, falloff, gate in ((2.0, 2.0, 2.0), (3.0, 1.0, 2.5), (1.5, 4.0, 0.7), (2.0, 50.0, 50.0)):
-        settings = Settings(power, falloff, gate)
+        settings = InterpolationSettings(power, falloff, gate)
         samples = numbers.random((40, 3)) * (12.0, 9.0, 30.0) - (2.0, 2.0, 0.0)
         field = interpolate(GRID, samples[:, :2], samples[:, 2], settings)
         assert_allclose(field.values, plain_formula(GRID, samples, settings), rtol=1e-12)
@@ -231,7 +245,7 @@ def test_it_is_the_formula_cell_by_cell() -> None:
 
 @given(samples=samples_strategy, settings=settings_strategy)
 def test_no_value_leaves_the_range_of_the_samples(
-    samples: list[tuple[float, float, float]], settings: Settings
+    samples: list[tuple[float, float, float]], settings: InterpolationSettings
 ) -> None:
     values = field_of(GRID, *samples, settings=settings).values
     known = values[np.isfinite(values)]
@@ -242,7 +256,7 @@ def test_no_value_leaves_the_range_of_the_samples(
 
 @given(samples=samples_strategy, settings=settings_strategy, order=st.randoms(use_true_random=False))
 def test_the_order_of_the_samples_changes_nothing(
-    samples: list[tuple[float, float, float]], settings: Settings, order: random.Random
+    samples: list[tuple[float, float, float]], settings: InterpolationSettings, order: random.Random
 ) -> None:
     shuffled = list(samples)
     order.shuffle(shuffled)
@@ -262,7 +276,7 @@ def test_moving_everything_moves_the_field(
     samples: list[tuple[float, float, float]], shift: tuple[float, float]
 ) -> None:
     dx, dy = shift
-    moved_grid = Grid(GRID.min_x + dx, GRID.min_y + dy, GRID.resolution, GRID.width, GRID.height)
+    moved_grid = FieldGrid(GRID.min_x + dx, GRID.min_y + dy, GRID.resolution, GRID.width, GRID.height)
     moved = field_of(moved_grid, *((x + dx, y + dy, v) for x, y, v in samples))
     assert_array_equal(moved.values, field_of(GRID, *samples).values)
 
@@ -272,7 +286,7 @@ def test_moving_everything_moves_the_field(
 
 def test_the_map_tells_what_is_explored() -> None:
     cells = np.array([[0, -1, 100], [-1, 0, 0]], dtype=np.int8)
-    known = OccupancyMap(10.0, 20.0, 0.0, 1.0, cells).explored(Grid(9.0, 20.0, 1.0, 5, 3))
+    known = OccupancyMap(10.0, 20.0, 0.0, 1.0, cells).explored(FieldGrid(9.0, 20.0, 1.0, 5, 3))
     expected = [[False, True, False, True, False], [False, False, True, True, False], [False] * 5]
     assert known.tolist() == expected
 
@@ -280,7 +294,7 @@ def test_the_map_tells_what_is_explored() -> None:
 def test_the_map_may_be_turned_and_have_other_cells() -> None:
     # Turned by 90°: the map's columns run along +y, its rows along -x.
     cells = np.array([[0, 0], [-1, 0]], dtype=np.int8)
-    known = OccupancyMap(0.0, 0.0, math.pi / 2, 2.0, cells).explored(Grid(-4.0, 0.0, 2.0, 2, 2))
+    known = OccupancyMap(0.0, 0.0, math.pi / 2, 2.0, cells).explored(FieldGrid(-4.0, 0.0, 2.0, 2, 2))
     assert known.tolist() == [[False, True], [True, True]]
 
 
@@ -309,7 +323,7 @@ some_samples = st.lists(st.tuples(places, places, st.sampled_from([1.0, 2.5, -7.
 def test_an_updated_field_is_the_same_as_a_new_one(
     changes: list[list[tuple[float, float, float]]], data: st.DataObject
 ) -> None:
-    grid, settings = Grid.over(0.0, 0.0, 10.0, 8.0, 0.4), Settings(2.0, 1.5, 2.0)
+    grid, settings = FieldGrid.over(0.0, 0.0, 10.0, 8.0, 0.4), InterpolationSettings(2.0, 1.5, 2.0)
     followed = Interpolation(grid, settings)
     for index, samples in enumerate(changes):
         if index:  # what most changes are like: all stay but a few
@@ -322,7 +336,7 @@ def test_an_updated_field_is_the_same_as_a_new_one(
 
 
 def test_an_update_touches_only_what_the_change_reaches(monkeypatch: pytest.MonkeyPatch) -> None:
-    grid, sizes = Grid.over(0.0, 0.0, 20.0, 10.0, 0.1), []
+    grid, sizes = FieldGrid.over(0.0, 0.0, 20.0, 10.0, 0.1), []
     followed, real = Interpolation(grid), Interpolation._weighted
 
     def watched(self: Interpolation, x: Floats, y: Floats, *more: Floats) -> Floats:

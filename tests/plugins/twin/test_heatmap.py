@@ -9,8 +9,16 @@ import numpy as np
 import pytest
 
 from lupin_twin import heatmap
-from lupin_twin.field import OccupancyMap, Settings
-from lupin_twin.heatmap import FOLLOWED, MAX_CELLS, REMEMBERED, Heatmap, Heatmaps, Refused, Request
+from lupin_twin.field import InterpolationSettings, OccupancyMap
+from lupin_twin.heatmap import (
+    FOLLOWED,
+    MAX_CELLS,
+    REMEMBERED,
+    FieldRequestRefused,
+    Heatmap,
+    Heatmaps,
+    Request,
+)
 from lupin_twin.records import Discovery, Pin, Reading
 from lupin_twin.state import Twin
 
@@ -68,7 +76,7 @@ def test_a_known_sensor_without_readings_has_an_empty_field(state: Twin) -> None
 
 
 def test_the_settings_are_used(state: Twin) -> None:
-    answer = Heatmaps(state, Settings(max_distance=0.1)).answer(request())
+    answer = Heatmaps(state, InterpolationSettings(max_distance=0.1)).answer(request())
     assert np.isfinite(cells(answer)).sum() == 1
 
 
@@ -98,13 +106,13 @@ def test_the_settings_are_used(state: Twin) -> None:
     ],
 )
 def test_a_request_that_makes_no_sense_is_refused(state: Twin, changed: dict[str, Any], reason: str) -> None:
-    with pytest.raises(Refused) as refusal:
+    with pytest.raises(FieldRequestRefused) as refusal:
         Heatmaps(state).answer(request(**changed))
     assert str(refusal.value) == reason
 
 
 def test_an_endless_sensor_type_is_not_repeated_in_full(state: Twin) -> None:
-    with pytest.raises(Refused) as refusal:
+    with pytest.raises(FieldRequestRefused) as refusal:
         Heatmaps(state).answer(request(sensor="x" * 1_000_000))
     assert str(refusal.value).startswith(f"unknown sensor type '{'x' * 40}...'; allowed: 'co2', ")
     assert len(str(refusal.value)) < 200

@@ -18,7 +18,7 @@ from lupin_twin import wire
 from lupin_twin.records import (
     Anomaly,
     Bloom,
-    Box,
+    BoxOutline,
     Discovery,
     Flowers,
     Pin,
@@ -27,7 +27,7 @@ from lupin_twin.records import (
     from_json,
     to_json,
 )
-from lupin_twin.state import REPORTS, Report, Twin
+from lupin_twin.state import REPORTS, Twin, TwinReport
 
 NO_ROTATION = (0.0, 0.0, 0.0, 1.0)
 NEVER_FILLED_IN = (0.0, 0.0, 0.0, 0.0)
@@ -238,7 +238,7 @@ def test_boxes_are_read(form: str) -> None:
     entry = {"x": 2.0, "y": 1.0, "yaw": 0.0, "width": 1.0, "depth": 0.5, "height": 0.3}
     entries = [{"id": 5, **entry}, {"box_id": "6", **entry, "yaw": math.pi / 2}]
     first, second = wire.boxes(json.dumps(entries if form == "list" else {"boxes": entries}))
-    assert first == Box("5", ((2.25, 1.5), (2.25, 0.5), (1.75, 0.5), (1.75, 1.5)))
+    assert first == BoxOutline("5", ((2.25, 1.5), (2.25, 0.5), (1.75, 0.5), (1.75, 1.5)))
     assert second.tag_id == "6"
     assert np.allclose(second.footprint, ((1.5, 1.25), (2.5, 1.25), (2.5, 0.75), (1.5, 0.75)))
 
@@ -306,7 +306,7 @@ RECORDS = [
     Flowers("5", 1.5, "m", "s", "tulip", 0.5, True, (Bloom(1.0, 2.0, 0.0, "", 0.0, True),), SQUARE),
     Anomaly(1.5, "m", "s", 1.0, 2.0, 0.0, "wasserfleck \N{SNOWMAN}\n", 3),
     Discovery("5", Pin(1.0, 2.0, 1.0, 0.0)),
-    Box("5", SQUARE),
+    BoxOutline("5", SQUARE),
 ]
 
 
@@ -342,7 +342,7 @@ def test_records_can_be_written_and_read(record: Record) -> None:
             '{"tag_id":"5","pin":{"x":1.0,"y":2.0,"z":1.0,"w":0.0},"kind":"discovery"}',
             Discovery("5", Pin(1.0, 2.0, 1.0, 0.0)),
         ),
-        ('{"tag_id":"5","footprint":[[0.0,1.0]],"kind":"box"}', Box("5", ((0.0, 1.0),))),
+        ('{"tag_id":"5","footprint":[[0.0,1.0]],"kind":"box"}', BoxOutline("5", ((0.0, 1.0),))),
     ],
     ids=lambda given: given.kind if not isinstance(given, str) else "",
 )
@@ -453,31 +453,31 @@ def test_there_is_no_room_for_tags_and_sensors_without_end(monkeypatch: pytest.M
     twin.apply(first, 1.0)
     assert twin.has_room(first)
     assert not twin.has_room(second)
-    assert not twin.has_room(Box("2", SQUARE))
+    assert not twin.has_room(BoxOutline("2", SQUARE))
     assert not twin.has_room(more)
     assert twin.has_room(Anomaly(100.5, "m1", "s", 3.0, 4.0, 0.0, "fallen plant", 2))
 
 
 def test_the_channel_knows_boxes_better_than_flowers() -> None:
     other = ((5.0, 5.0), (6.0, 5.0), (6.0, 6.0))
-    state = state_of(flowers(footprint=other), Box("5", SQUARE), flowers(stamp=11.0, footprint=other))
+    state = state_of(flowers(footprint=other), BoxOutline("5", SQUARE), flowers(stamp=11.0, footprint=other))
     assert state.tags["5"].footprint == SQUARE
-    state.apply(Box("5", other), 1000.0)
+    state.apply(BoxOutline("5", other), 1000.0)
     assert state.tags["5"].footprint == other
     assert (state.observation_count, state.tags["5"].last_observed) == (2, 11.0)
-    assert list(state_of(Box("9", SQUARE)).tags) == ["9"]
+    assert list(state_of(BoxOutline("9", SQUARE)).tags) == ["9"]
 
 
 def test_places_and_boxes_told_again_are_no_news() -> None:
     state = state_of(reading(temperature=20.0), flowers("6", footprint=SQUARE))
     assert state.is_news(Discovery("5", HERE))
     assert state.is_news(Discovery("7", HERE))
-    assert state.is_news(Box("6", SQUARE))
+    assert state.is_news(BoxOutline("6", SQUARE))
     state.apply(Discovery("5", HERE), 0.0)
-    state.apply(Box("6", SQUARE), 0.0)
+    state.apply(BoxOutline("6", SQUARE), 0.0)
     assert not state.is_news(Discovery("5", THERE))
-    assert not state.is_news(Box("6", SQUARE))
-    assert state.is_news(Box("6", SQUARE[:3]))
+    assert not state.is_news(BoxOutline("6", SQUARE))
+    assert state.is_news(BoxOutline("6", SQUARE[:3]))
     assert state.is_news(reading())
 
 
@@ -564,11 +564,11 @@ def test_sensors_that_were_read_are_known() -> None:
 def test_an_anomaly_is_kept_and_knows_the_nearest_tag() -> None:
     anomaly = Anomaly(1.0, "m", "s", 1.0, 1.0, 0.0, "obstacle", 1)
     state = state_of(anomaly, Discovery("far", Pin(1.0, 3.5, 0.0, 1.0)), reading("lost"))
-    assert state.reports == [Report(anomaly, "")]
+    assert state.reports == [TwinReport(anomaly, "")]
     state.apply(Discovery("mirrored", Pin(-1.0, -1.0, 0.0, 1.0)), 0.0)
     state.apply(Discovery("near", Pin(1.0, 2.5, 0.0, 1.0)), 0.0)
     state.apply(Discovery("nearer", Pin(1.0, 0.5, 0.0, 1.0)), 0.0)
-    assert state.reports == [Report(anomaly, "nearer")]
+    assert state.reports == [TwinReport(anomaly, "nearer")]
     assert [state.nearest(x, y) for x, y in ((-1.0, -1.1), (1.0, -1.0), (1.0, 5.6))] == [
         "mirrored",
         "nearer",

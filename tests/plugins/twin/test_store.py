@@ -19,16 +19,26 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lupin_twin.field import OccupancyMap
-from lupin_twin.records import Anomaly, Box, Discovery, Flowers, Pin, Reading, Record, from_json, to_json
+from lupin_twin.records import (
+    Anomaly,
+    BoxOutline,
+    Discovery,
+    Flowers,
+    Pin,
+    Reading,
+    Record,
+    from_json,
+    to_json,
+)
 from lupin_twin.state import Twin
-from lupin_twin.store import MAX_WAITING, NOWHERE, Row, Store, StoreError, read
+from lupin_twin.store import MAX_WAITING, NOWHERE, Store, StoredRecord, StoreError, read
 
 PIN = Pin(1.0, 2.0, 0.0, 1.0)
 RECORDS: list[Record] = [
     Discovery("5", PIN),
     Reading("5", 1.5, "m", "s", (("temperature", 20.0),), PIN),
     Flowers("5", 2.5, "m", "s", "tulip_red", 0.5, True),
-    Box("5", ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0))),
+    BoxOutline("5", ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0))),
     Anomaly(3.5, "m", "s", 1.0, 2.0, 0.0, "obstacle", 1),
 ]
 
@@ -45,7 +55,7 @@ def fill(path: str, *records: Record) -> None:
     store.close()
 
 
-def content(path: str) -> list[Row]:
+def content(path: str) -> list[StoredRecord]:
     store = Store(path)
     rows = list(store.rows())
     store.close()
@@ -54,7 +64,7 @@ def content(path: str) -> list[Row]:
 
 def test_records_come_back_in_their_order(path: str) -> None:
     fill(path, *RECORDS)
-    assert content(path) == [Row(record, float(number)) for number, record in enumerate(RECORDS)]
+    assert content(path) == [StoredRecord(record, float(number)) for number, record in enumerate(RECORDS)]
 
 
 def test_an_observation_that_arrives_again_is_kept_once(path: str) -> None:
@@ -67,7 +77,7 @@ def test_an_observation_that_arrives_again_is_kept_once(path: str) -> None:
 
 
 def test_a_box_that_comes_back_to_what_it_was_is_kept(path: str) -> None:
-    first, second = Box("5", ((0.0, 0.0),)), Box("5", ((1.0, 0.0),))
+    first, second = BoxOutline("5", ((0.0, 0.0),)), BoxOutline("5", ((1.0, 0.0),))
     fill(path, first, second, first)
     assert [row.record for row in content(path)] == [first, second, first]
 
@@ -84,7 +94,7 @@ def test_a_record_is_on_the_disk_when_it_has_been_added(path: str) -> None:
     )
     done = subprocess.run([sys.executable, "-c", code, path], timeout=60)
     assert done.returncode == -signal.SIGKILL
-    assert content(path) == [Row(Discovery(str(n), PIN), float(n)) for n in range(20)]
+    assert content(path) == [StoredRecord(Discovery(str(n), PIN), float(n)) for n in range(20)]
 
 
 def test_the_file_can_be_read_while_the_twin_writes(path: str) -> None:
@@ -107,7 +117,7 @@ def test_commits_reach_the_disk_through_a_write_ahead_log(path: str) -> None:
 def test_nothing_need_be_kept() -> None:
     store = Store(NOWHERE)
     assert store.add(RECORDS[1], 1.0)
-    assert list(store.rows()) == [Row(RECORDS[1], 1.0)]
+    assert list(store.rows()) == [StoredRecord(RECORDS[1], 1.0)]
     store.close()
     assert not Path(NOWHERE).exists()
 
@@ -126,7 +136,7 @@ anything = st.one_of(
     ),
     st.builds(Anomaly, numbers, names, names, numbers, numbers, numbers, names, st.integers(0, 255)),
     st.builds(Discovery, tags, pins),
-    st.builds(Box, tags, corners),
+    st.builds(BoxOutline, tags, corners),
 )
 
 
@@ -159,7 +169,7 @@ def test_a_file_that_is_no_database_is_put_aside(path: str, garbage: bytes) -> N
     assert Path(f"{path}.corrupt-1").read_bytes() == garbage
     assert store.add(RECORDS[0], 1.0)
     store.close()
-    assert content(path) == [Row(RECORDS[0], 1.0)]
+    assert content(path) == [StoredRecord(RECORDS[0], 1.0)]
 
 
 def test_damage_in_the_middle_is_noticed(path: str) -> None:

@@ -16,13 +16,13 @@ import numpy as np
 import pytest
 
 from lupin_engine.cli.main import main
-from lupin_twin.field import Grid, OccupancyMap
+from lupin_twin.field import FieldGrid, OccupancyMap
 from lupin_twin.missions import MissionRecord, select
 from lupin_twin.picture import Label, _grid, _labels, _range, _source, _title, picture
 from lupin_twin.place import store_path
 from lupin_twin.records import Bloom, Discovery, Flowers, Pin, Reading
 from lupin_twin.state import Twin
-from lupin_twin.store import Row, Store, StoreError, read
+from lupin_twin.store import Store, StoredRecord, StoreError, read
 
 T = 1_790_000_000.0
 Run = Callable[..., tuple[int, str, str]]
@@ -340,7 +340,7 @@ def test_labels_cover_neither_marks_nor_each_other() -> None:
     places = {"29": (2.40, 7.30), "7": (2.55, 7.40), "21": (1.60, 7.50), "6": (1.50, 7.30), "1": (0.0, 0.0)}
     for tag, (x, y) in places.items():
         twin.apply(Discovery(tag, Pin(x, y, 0.0, 1.0)), T)
-    told = _labels(Grid.over(-1.0, 0.0, 5.0, 8.0, 0.1), list(twin.tags.values()))
+    told = _labels(FieldGrid.over(-1.0, 0.0, 5.0, 8.0, 0.1), list(twin.tags.values()))
     right_above = (True, True)
     assert dict(zip(places, told, strict=True)) == {
         "29": (False, True),  # to the right is the mark of 7
@@ -356,7 +356,7 @@ def test_labels_are_in_the_picture() -> None:
     places = {"left": (0.1, 0.1), "right-below": (3.95, 0.1), "right-above": (3.95, 3.95)}
     for tag, (x, y) in places.items():
         twin.apply(Discovery(tag, Pin(x, y, 0.0, 1.0)), T)
-    told = _labels(Grid.over(0.0, 0.0, 4.0, 4.0, 0.01), list(twin.tags.values()))
+    told = _labels(FieldGrid.over(0.0, 0.0, 4.0, 4.0, 0.01), list(twin.tags.values()))
     assert told == [(True, True), (False, True), (False, False)]
 
 
@@ -365,7 +365,7 @@ def test_where_there_is_no_room_there_is_no_label() -> None:
     twin = Twin()
     for tag in "12345":
         twin.apply(Discovery(tag, Pin(1.0, 1.0, 0.0, 1.0)), T)
-    told = _labels(Grid.over(0.0, 0.0, 2.0, 2.0, 0.1), list(twin.tags.values()))
+    told = _labels(FieldGrid.over(0.0, 0.0, 2.0, 2.0, 0.1), list(twin.tags.values()))
     assert told == [(True, True), (False, True), (True, False), (False, False), None]
 
 
@@ -377,7 +377,7 @@ def rows_of_tags(count: int) -> MissionRecord:
         for n in range(count)
         for sensor in ("light", "temperature")[: 1 + n % 2]
     ]
-    return select([Row(one, T) for one in readings], "all")
+    return select([StoredRecord(one, T) for one in readings], "all")
 
 
 def test_ids_that_would_hide_the_field_are_left_out() -> None:
@@ -454,7 +454,7 @@ def test_a_picture_says_where_when_and_by_whom() -> None:
     elsewhere = Reading("8", T + 9e5, "m1", "", (("temperature", 9.0),))
 
     def told(*records: Reading) -> str:
-        record = select([Row(one, T + 1e6) for one in records], "all")
+        record = select([StoredRecord(one, T + 1e6) for one in records], "all")
         return _source(record, "temperature", len(record.twin.samples("temperature")[1]))
 
     assert told(first[0]) == "read at 1 tag, mission m1\n2026-09-21 14:13 UTC"
@@ -481,7 +481,7 @@ def test_nothing_is_cut_off_at_the_edge_of_a_picture(drawing: None, far: float) 
     from matplotlib.image import imread
 
     records = (reading("the-tag-on-the-left", 0.0, 20.0), reading("the-tag-on-the-right", far, 24.0))
-    record = select([Row(one, T) for one in records], "all")
+    record = select([StoredRecord(one, T) for one in records], "all")
     drawn = imread(io.BytesIO(picture(record, "temperature", None, ".png")))[..., :3]
     assert min(edge.min() for edge in (drawn[0], drawn[-1], drawn[:, 0], drawn[:, -1])) == 1.0
     assert drawn.min() < 0.3

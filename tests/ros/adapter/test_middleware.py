@@ -26,7 +26,7 @@ from std_srvs.srv import Trigger
 from lupin_engine.errors import LupinError, UsageError
 from lupin_engine.plugin.contract import Parameter
 from lupin_engine.plugin.types import DURATION, INTEGER, POSE, TEXT, list_of
-from lupin_engine.ros.adapter.node import ActionCaller, Failure, Qos, RosNode, ServedGoal, peer_mismatches
+from lupin_engine.ros.adapter.node import ActionCaller, CallFailure, Qos, RosNode, ServedGoal, peer_mismatches
 from lupin_engine.ros.adapter.peers import rival_servers
 from tests.ros.helpers import PATIENCE, spin_for, spin_until, work_off
 
@@ -106,7 +106,7 @@ def test_a_call_without_a_server_is_unavailable(make_node: MakeNode) -> None:
     client.service(Trigger, "/nobody").call(Trigger.Request(), 5.0, answers.append)
     assert answers == []
     spin_until([client], lambda: answers)
-    assert answers == [Failure("unavailable", "/nobody: no server")]
+    assert answers == [CallFailure("unavailable", "/nobody: no server")]
 
 
 def test_a_call_of_the_wrong_type_is_an_exception(make_node: MakeNode) -> None:
@@ -126,7 +126,7 @@ def test_a_late_answer_is_a_timeout_and_leaves_nothing_behind(make_node: MakeNod
     spin_until([server, client], caller.ready)
     caller.call(Trigger.Request(), 0.1, answers.append)
     spin_until([client], lambda: answers)  # the server does not get its turn
-    assert answers == [Failure("timeout", "/ask: no answer within 0.1 s")]
+    assert answers == [CallFailure("timeout", "/ask: no answer within 0.1 s")]
     assert not caller.client._pending_requests
     spin_for([server, client], 0.1)
     assert len(answers) == 1
@@ -164,7 +164,7 @@ def test_fifty_calls_at_once_are_all_answered(make_node: MakeNode) -> None:
     for _ in range(50):
         caller.call(Trigger.Request(), 10.0, answers.append)
     spin_until([server, client], lambda: len(answers) == 50)
-    assert not any(isinstance(answer, Failure) for answer in answers)
+    assert not any(isinstance(answer, CallFailure) for answer in answers)
 
 
 @pytest.mark.parametrize(("stale_after", "carried_out"), [(30.0, 0), (None, 1)])

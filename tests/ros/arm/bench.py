@@ -23,7 +23,7 @@ from lupin_arm.joints import ARM, JAW
 from lupin_arm.node.arm import Arm
 from lupin_arm.node.services import serve_all
 from lupin_arm.node.settings import PARAMETERS
-from lupin_engine.ros.adapter.node import Failure, Qos, RosNode
+from lupin_engine.ros.adapter.node import CallFailure, Qos, RosNode
 from lupin_msgs.msg import MissionState
 from lupin_msgs.srv import ArmRecord, GetArmLibrary
 from tests.ros.arm.scene import near
@@ -186,7 +186,7 @@ class Bench:
         """Call a service and return its answer."""
         answers = self.ask(kind, service, **fields)
         self.until(lambda: answers, f"answer of {service}")
-        assert not isinstance(answers[0], Failure), answers[0]
+        assert not isinstance(answers[0], CallFailure), answers[0]
         return answers[0]
 
     def dies(self, process: subprocess.Popen[bytes]) -> None:

@@ -20,7 +20,7 @@ from lupin_arm.node import feedback as feedback_module
 from lupin_arm.node import gripper as gripper_module
 from lupin_arm.node import torque as torque_module
 from lupin_arm.node.gates import HardwareGate
-from lupin_arm.node.serving import Refused
+from lupin_arm.node.serving import ArmRequestRefused
 from lupin_arm.node.settings import PARAMETERS
 from lupin_arm.presets import PRESETS
 from lupin_arm.trajectory import VELOCITY_HINT, Point, Trajectory
@@ -384,7 +384,7 @@ def test_an_arm_that_is_claimed_obeys_its_owner_only(scene: Scene) -> None:
         lambda: arm.set_torque(False, "operator", lambda problem: None),
         lambda: arm.claim("recorder", "a recording", lambda reason: None),
     ):
-        with pytest.raises(Refused) as reason:
+        with pytest.raises(ArmRequestRefused) as reason:
             refused()
         assert str(reason.value) == busy
     arm.send(near, "player")
@@ -403,7 +403,7 @@ def test_a_stop_tells_whoever_has_the_arm(scene: Scene) -> None:
     scene.until(lambda: arm.stopped)
     scene.wait(0.1)
     assert reasons == ["the emergency stop was engaged"]
-    with pytest.raises(Refused, match=r"^the emergency stop is engaged \(/e_stop_state\)$"):
+    with pytest.raises(ArmRequestRefused, match=r"^the emergency stop is engaged \(/e_stop_state\)$"):
         arm.claim("recorder", "a recording", reasons.append)
 
 
@@ -418,10 +418,10 @@ def test_a_stop_tells_whoever_has_the_arm(scene: Scene) -> None:
 def test_what_is_outside_the_limits_is_not_sent(scene: Scene, trajectory: Trajectory, reason: str) -> None:
     arm = scene.arm
     before = len(scene.sent)
-    with pytest.raises(Refused) as refused:
+    with pytest.raises(ArmRequestRefused) as refused:
         arm.send(trajectory, "preset")
     assert str(refused.value) == reason
-    with pytest.raises(Refused, match=r"^gripper: 0\.30 rad is not within -0\.2 to 0\.25$"):
+    with pytest.raises(ArmRequestRefused, match=r"^gripper: 0\.30 rad is not within -0\.2 to 0\.25$"):
         arm.move_jaw(0.3, "preset")
     scene.wait(0.05)
     assert len(scene.sent) == before
@@ -607,13 +607,13 @@ def test_without_servos_nothing_can_be_switched(make_node: MakeNode, monkeypatch
 
 def test_what_needs_real_servos_is_refused_in_a_simulation(make_node: MakeNode) -> None:
     ros = make_node("lupin_arm")
-    with pytest.raises(Refused) as refused:
+    with pytest.raises(ArmRequestRefused) as refused:
         HardwareGate(ros, "auto").require("calibration")
     sign = "/io/servo/hiwonder/shoulder_lift/_set_offset"
     assert str(refused.value) == (
         f"calibration needs the real servos, and this is a simulation: there is no service {sign}"
     )
-    with pytest.raises(Refused, match=r"parameter hardware is simulated$"):
+    with pytest.raises(ArmRequestRefused, match=r"parameter hardware is simulated$"):
         HardwareGate(ros, "simulated").require("calibration")
     HardwareGate(ros, "real").require("calibration")
 
@@ -622,7 +622,7 @@ def test_hardware_is_there_when_its_services_are(make_node: MakeNode) -> None:
     ros, vendor = make_node("lupin_arm"), make_node("vendor")
     hardware = HardwareGate(ros, "auto")
     sign = "/io/servo/hiwonder/shoulder_lift/_set_offset"
-    with pytest.raises(Refused, match="there is no service"):
+    with pytest.raises(ArmRequestRefused, match="there is no service"):
         hardware.require("calibration")
     vendor.serve(SetServoOffset, sign, lambda request, response: response)
     spin_until([ros, vendor], lambda: hardware.present)

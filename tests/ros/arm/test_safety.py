@@ -13,7 +13,7 @@ from lupin_arm.node import arm as arm_module
 from lupin_arm.node import gripper as gripper_module
 from lupin_arm.node import torque as torque_module
 from lupin_arm.node.operator_services import MOST_WAITING
-from lupin_arm.node.serving import Refused
+from lupin_arm.node.serving import ArmRequestRefused
 from lupin_arm.presets import PRESETS
 from lupin_msgs.srv import SaveArmPose
 from tests.ros.arm.bench import GATE, LIBRARY, POWER, Bench
@@ -139,7 +139,7 @@ def test_an_arm_that_was_lost_and_is_back_interrupts_whoever_has_it(
 def _nowhere(scene: Scene, owner: str) -> bool:
     try:
         scene.arm.here(owner)
-    except Refused as reason:
+    except ArmRequestRefused as reason:
         return "for more than 0.3 s" in str(reason)
     return False
 

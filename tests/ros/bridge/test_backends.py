@@ -13,7 +13,7 @@ import pytest
 pytest.importorskip("paho.mqtt.client", reason="paho-mqtt is not installed here")
 
 from lupin_bridge.node import STATUS_READING_FAILED
-from lupin_engine.ros.adapter.node import Failure
+from lupin_engine.ros.adapter.node import CallFailure
 from lupin_msgs.msg import Observation, TagReading
 from lupin_msgs.srv import GetTagReading
 from tests.broker import Broker, Sensors, sockets_of
@@ -44,7 +44,7 @@ def is_readable(operator: Operator, tag: str) -> bool:
     caller.call(GetTagReading.Request(tag_id=tag), 1.0, answers.append)
     operator.until(lambda: answers, "an answer or none")
     caller.close()
-    return not isinstance(answers[0], Failure) and answers[0].status == OK
+    return not isinstance(answers[0], CallFailure) and answers[0].status == OK
 
 
 def values(response: GetTagReading.Response) -> dict[str, float]:

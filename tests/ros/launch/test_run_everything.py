@@ -16,7 +16,7 @@ pytest.importorskip("greenhouse_sim", reason="mdp-greenhouse is not installed he
 
 from rcl_interfaces.srv import GetParameters
 
-from lupin_engine.ros.adapter.node import Failure
+from lupin_engine.ros.adapter.node import CallFailure
 from tests.ros.launch.processes import PATIENCE, Lupin
 from tests.ros.world import Operator
 
@@ -137,7 +137,7 @@ def until_answers(operator: Operator, node: str) -> None:
 
     def hear(answer: Any) -> None:
         # The dead one is still seen for a while, and never answers; then nobody is there.
-        if isinstance(answer, Failure):
+        if isinstance(answer, CallFailure):
             operator.ros.call_later(0.2, ask)
         else:
             answers.append(answer)

@@ -25,7 +25,7 @@ from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool, Trigger
 
 from lupin_arm.joints import ARM
-from lupin_arm.library import ROUNDING, Library, Pose, Sequence, Waypoint
+from lupin_arm.library import ROUNDING, Library, Sequence, StoredPose, Waypoint
 from lupin_engine.ros.adapter.node import Qos
 from lupin_msgs.msg import TwinState
 from lupin_msgs.srv import (
@@ -355,7 +355,7 @@ def greenhouse(ros_domain: int, tmp_path_factory: pytest.TempPathFactory) -> Ite
     folder = tmp_path_factory.mktemp("hostile")
     world, path = World(folder), folder / "arm_library.json"
     library = Library(path)
-    library.save_pose("here", Pose(arm=POSE), overwrite=False)
+    library.save_pose("here", StoredPose(arm=POSE), overwrite=False)
     waypoints = [Waypoint(t=0.0, arm=POSE), Waypoint(t=0.1, arm=POSE)]
     library.save_sequence("still", Sequence(duration_s=0.1, waypoints=waypoints), overwrite=False)
     given = {"lupin_arm": {"library_path": path}, "lupin_twin": {"store_file": folder / "twin.sqlite"}}

@@ -25,7 +25,7 @@ from lupin_msgs.msg import MissionState
 from lupin_sim.detector import CLASSES, blooms_of
 from lupin_sim.node import PARAMETERS, SimNode
 from lupin_sim.node.senses import TELL_S
-from lupin_sim.robot import Pose
+from lupin_sim.robot import FloorPose
 from tests.ros.helpers import PATIENCE, spin_until
 
 MakeNode = Callable[..., RosNode]
@@ -419,7 +419,7 @@ def test_a_fast_robot_looks_around_as_often_on_its_way_as_a_slow_one(
 ) -> None:
     monkeypatch.setattr("lupin_sim.node.robot.LOOKS_WITHIN_S", math.inf)  # however long this machine stands
     scene = Sensed(make_node)
-    looks: list[Pose] = []
+    looks: list[FloorPose] = []
     monkeypatch.setattr(scene.node._senses, "look", looks.append)
     assert scene.end_of(scene.drive(0.5, 7.5)) == 4
     gaps = [math.dist((a.x, a.y), (b.x, b.y)) for a, b in pairwise(looks)]
@@ -432,11 +432,11 @@ def test_the_robot_has_looked_at_what_it_stands_before_when_it_says_that_it_has_
 ) -> None:
     """A tag counts at its third sighting, and who asks for its place does so on arrival."""
     scene = Sensed(make_node)
-    looks: list[Pose] = []
+    looks: list[FloorPose] = []
     monkeypatch.setattr(scene.node._senses, "look", looks.append)
     drive = scene.drive(0.5, 7.5)
     scene.until(lambda: scene.node._goal is None, "arrived, by the robot's own account")
-    assert looks[-3:] == [Pose(0.5, 7.5, 0.0)] * 3
+    assert looks[-3:] == [FloorPose(0.5, 7.5, 0.0)] * 3
     assert scene.end_of(drive) == 4
 
 

@@ -16,13 +16,13 @@ from lupin_arm.node.calibration.chart import CHART
 from lupin_arm.node.calibration.servos import Servos
 from lupin_arm.node.gates import Gates
 from lupin_arm.node.library import library_path
-from lupin_arm.node.mark import Mark
-from lupin_arm.node.serving import STALE_AFTER_S, Refused, refuse
+from lupin_arm.node.mark import RestoreMarker
+from lupin_arm.node.serving import STALE_AFTER_S, ArmRequestRefused, refuse
 from lupin_engine.errors import nearest, shortened
 from lupin_engine.machine.event import Event
 from lupin_engine.machine.step import Step
 from lupin_engine.plugin.contract import Driver
-from lupin_engine.ros.adapter.node import RosNode, Timer
+from lupin_engine.ros.adapter.node import RosNode, RosTimer
 from lupin_engine.runtime.engine import Engine, EngineOutlet
 from lupin_engine.runtime.setup import make_machine
 from lupin_msgs.srv import CalibrateArm
@@ -46,7 +46,7 @@ LAST_WAIT_S = 3.0
 POSE_NOW = "the arm has no torque: bring it into its zero pose by hand, then commit"
 
 
-class _Clock:
+class _NodeTime:
     """The time of the node's timers."""
 
     def __init__(self, ros: RosNode) -> None:
@@ -73,12 +73,12 @@ class Calibration:
         self._ros = ros
         self._gates = gates
         self._pending: list[_Pending] = []
-        self._deadline: Timer | None = None
+        self._deadline: RosTimer | None = None
         self._machine = make_machine(CHART, {name: parameters[name] for name in CHART.parameters})
         drivers: dict[str, Driver] = {}
-        self._engine = Engine(self._machine, _Clock(ros), drivers, ros.guarded(self._stepped))
+        self._engine = Engine(self._machine, _NodeTime(ros), drivers, ros.guarded(self._stepped))
         library = library_path(parameters["library_path"])
-        mark = Mark(ros, library.with_name(f"{library.stem}.offsets"))
+        mark = RestoreMarker(ros, library.with_name(f"{library.stem}.offsets"))
         outlet = EngineOutlet(self._engine, self._work)
         self._servos = Servos(ros, arm, outlet, parameters["gate_service"], mark)
         left = self._servos.left_behind()
@@ -102,7 +102,7 @@ class Calibration:
         began = self._where() != IDLE
         try:
             accepted = self._asked(action)
-        except Refused as reason:
+        except ArmRequestRefused as reason:
             answer(self._refuse(response, str(reason)))
             return
         if accepted:
@@ -121,7 +121,9 @@ class Calibration:
         if action == "status":
             return False
         if action not in EVENTS:
-            raise Refused(f"unknown action {shortened(action)!r}; {nearest(shortened(action), ACTIONS)}")
+            raise ArmRequestRefused(
+                f"unknown action {shortened(action)!r}; {nearest(shortened(action), ACTIONS)}"
+            )
         if action == "start":
             self._gates.require()
         self._servos.tell_stopped()
@@ -129,7 +131,7 @@ class Calibration:
         self._work()
         if step.refusal is not None:
             known = CHART.codes.get(step.refusal.code)
-            raise Refused(known.label if known else step.refusal.text)
+            raise ArmRequestRefused(known.label if known else step.refusal.text)
         return True
 
     def _refuse(self, response: CalibrateArm.Response, reason: str) -> CalibrateArm.Response:

@@ -18,11 +18,11 @@ from std_srvs.srv import SetBool
 from lupin_arm.calibration.offsets import HOMES, STEP, STEPS, Correction, corrections, to_write
 from lupin_arm.node.arm import Arm
 from lupin_arm.node.gates import SERVOS
-from lupin_arm.node.mark import Mark
-from lupin_arm.node.serving import Refused
+from lupin_arm.node.mark import RestoreMarker
+from lupin_arm.node.serving import ArmRequestRefused
 from lupin_arm.node.waiting import when_ready
 from lupin_engine.plugin.contract import Outlet
-from lupin_engine.ros.adapter.node import Failure, Qos, RosNode, ServiceCaller
+from lupin_engine.ros.adapter.node import CallFailure, Qos, RosNode, ServiceCaller
 
 #: The name under which the arm is calibrated.
 OWNER = "calibration"
@@ -39,14 +39,14 @@ LIMP = (
 )
 
 
-class Call(NamedTuple):
+class ServoCall(NamedTuple):
     """A call of a servo's service."""
 
     service: ServiceCaller
     request: Any
 
 
-#: Gets the answers in order; a `Failure` ends them.
+#: Gets the answers in order; a `CallFailure` ends them.
 Answers = Callable[[list[Any]], None]
 
 
@@ -82,7 +82,7 @@ class _Connection:
 class Servos:
     """See `plugin.contract.Driver` for what every call promises."""
 
-    def __init__(self, ros: RosNode, arm: Arm, outlet: Outlet, gate: str, mark: Mark) -> None:
+    def __init__(self, ros: RosNode, arm: Arm, outlet: Outlet, gate: str, mark: RestoreMarker) -> None:
         """`gate` is the vendor's service that lets the controller command the servos.
 
         `mark` is there from the first thing that is done to the servos to the last. It has their offsets
@@ -170,12 +170,12 @@ class Servos:
         try:
             self._arm.must_be_known()  # else the torque could not come back
             self._arm.claim(OWNER, "it is being calibrated", self._interrupted)
-        except Refused as reason:
+        except ArmRequestRefused as reason:
             self._failed(attempt, "arm_not_free", str(reason))
             return
         if not self._owed:
             self._mark.set("{}")
-        call = Call(self._servos.gate, SetBool.Request(data=False))
+        call = ServoCall(self._servos.gate, SetBool.Request(data=False))
         self._ask(attempt, [call], lambda _: self._done(attempt))
 
     def _interrupted(self, _: str) -> None:
@@ -202,7 +202,7 @@ class Servos:
 
         try:
             self._arm.set_torque(on, OWNER, switched)
-        except Refused as reason:
+        except ArmRequestRefused as reason:
             switched(str(reason))
 
     def _let_go(self, problem: str | None) -> None:
@@ -225,8 +225,8 @@ class Servos:
 
         self._ask(attempt, self._reads(), read)
 
-    def _reads(self) -> list[Call]:
-        return [Call(service, GetServoOffset.Request()) for service in self._servos.read.values()]
+    def _reads(self) -> list[ServoCall]:
+        return [ServoCall(service, GetServoOffset.Request()) for service in self._servos.read.values()]
 
     def _clear_offsets(self, attempt: str, arguments: Mapping[str, Any]) -> None:
         self._owe(_offsets(arguments["before"]))
@@ -253,17 +253,18 @@ class Servos:
         self._owed = dict(offsets)
         self._mark.set(json.dumps(self._owed))
 
-    def _writes(self, offsets: Mapping[str, int]) -> list[Call]:
+    def _writes(self, offsets: Mapping[str, int]) -> list[ServoCall]:
         return [
-            Call(self._servos.write[j], SetServoOffset.Request(centidegrees=o)) for j, o in offsets.items()
+            ServoCall(self._servos.write[j], SetServoOffset.Request(centidegrees=o))
+            for j, o in offsets.items()
         ]
 
     def _move_to_zero(self, attempt: str, _: Mapping[str, Any]) -> None:
         self._ask(attempt, self._turns(HOMES), lambda _: self._done(attempt))
 
-    def _turns(self, joints: Sequence[str] | Mapping[str, int]) -> list[Call]:
+    def _turns(self, joints: Sequence[str] | Mapping[str, int]) -> list[ServoCall]:
         return [
-            Call(self._servos.turn[joint], SetServoAngle.Request(angle=0.0, degrees=False))
+            ServoCall(self._servos.turn[joint], SetServoAngle.Request(angle=0.0, degrees=False))
             for joint in joints
         ]
 
@@ -281,7 +282,7 @@ class Servos:
 
         def read(answers: list[Any]) -> None:
             told = zip(HOMES, answers, strict=True)
-            offsets = {j: answer.centidegrees for j, answer in told if not isinstance(answer, Failure)}
+            offsets = {j: answer.centidegrees for j, answer in told if not isinstance(answer, CallFailure)}
             found = corrections(counts, offsets, largest)
             self._done(attempt, corrections=[_record(one) for one in found])
 
@@ -301,7 +302,7 @@ class Servos:
     # --- calls --------------------------------------------------------------------------------------------
 
     def _ask(
-        self, attempt: str, calls: Sequence[Call], then: Answers, code: str | None = "servo_failed"
+        self, attempt: str, calls: Sequence[ServoCall], then: Answers, code: str | None = "servo_failed"
     ) -> None:
         """Make calls one after the other, then `then`; the first that fails ends the attempt in `code`.
 
@@ -341,7 +342,7 @@ class Servos:
 
 def _problem(service: ServiceCaller, answer: Any) -> str | None:
     """Say what is wrong with an answer; None when nothing is."""
-    if isinstance(answer, Failure):
+    if isinstance(answer, CallFailure):
         return answer.detail
     if not getattr(answer, "status", True) or not getattr(answer, "success", True):
         return f"{service.name} refused: {getattr(answer, 'message', '') or 'no reason given'}"
