@@ -23,10 +23,11 @@ from typing import TypeVar
 
 from lupin_engine.bindings.catalog import BoundCatalog
 from lupin_engine.chart.compose.compose import Composed, compose
-from lupin_engine.chart.documents import LifecycleNode, MissionNode, read_document
+from lupin_engine.chart.documents import LifecycleNode, MissionNode
 from lupin_engine.chart.findings import Findings
 from lupin_engine.chart.rules.checks import check_composed
 from lupin_engine.chart.source import Map, read
+from lupin_engine.chart.validation import read_document
 from lupin_engine.machine.structure import DispatchTable, Structure, dispatch_table
 from lupin_engine.missions.folders import LIFECYCLE, default_missions_folder
 from lupin_engine.missions.load import forget, load_chart

@@ -31,13 +31,13 @@ from lupin_engine.chart.documents import (
     ActionNode,
     Bound,
     Condition,
-    Node,
     StateNode,
     TransitionNode,
     Written,
 )
 from lupin_engine.chart.expressions.scope import BUILTIN_CALLS, ROOTS
 from lupin_engine.chart.findings import SUBJECTS
+from lupin_engine.chart.nodes import Node
 from lupin_engine.plugin.describe import Entry, Section, sections
 from lupin_engine.plugin.discovery import entry_points
 from lupin_engine.plugin.registry import import_plugin

@@ -12,9 +12,9 @@ from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from lupin_engine.chart.documents import is_kind, validate, want_defaults
 from lupin_engine.chart.findings import Findings
 from lupin_engine.chart.source import parse_bytes, read_bytes
+from lupin_engine.chart.validation import is_kind, validate, want_defaults
 from lupin_engine.errors import Diagnostic, PluginError, Severity
 from lupin_engine.plugin.registry import Catalog, build_catalog
 

@@ -9,21 +9,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from types import MappingProxyType
-from typing import Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field
 
-from lupin_engine.chart.documents import (
-    Bound,
-    CodeNode,
-    Condition,
-    Names,
-    Node,
-    ParameterNode,
-    Written,
-    show,
-    wrong_shape,
-)
+from lupin_engine.chart.documents import Bound, CodeNode, Condition, Names, ParameterNode, Written
+from lupin_engine.chart.nodes import Meaning, Named, Node, show, wrong_shape
 
 #: The key that makes a file a binding.
 KIND = "binding"
@@ -32,10 +23,10 @@ KIND = "binding"
 class ArgumentNode(Node):
     """What a mission hands to an operation."""
 
-    type: str = Field(description="such as text, count, pose")
+    type: Annotated[str, Meaning.TYPE] = Field(description="such as text, count, pose")
     summary: str = Field(description="one sentence for people: what it is for")
     default: Written = Field(None, description="value when a mission gives none; without it one must")
-    unit: str | None = Field(
+    unit: Annotated[str | None, Meaning.UNIT] = Field(
         None, description="unit that `with` sees the number in, such as mm or deg; else the one it is kept in"
     )
     min: Bound = Field(None, description="smallest value")
@@ -107,9 +98,9 @@ class TopicNode(EndpointNode):
 class ResultNode(Node):
     """A field of what an operation comes to, or of an event; missions read it as event.NAME."""
 
-    type: str = Field(description="such as text, count, duration")
+    type: Annotated[str, Meaning.TYPE] = Field(description="such as text, count, duration")
     from_: Written = Field(alias="from", description="value, from `response`, `result` or `message`")
-    unit: str | None = Field(
+    unit: Annotated[str | None, Meaning.UNIT] = Field(
         None, description="unit of the number that is read, such as mm or deg; else the one it is kept in"
     )
 
@@ -171,15 +162,17 @@ class BoundOperationNode(Node):
     result: dict[str, ResultNode] = Field(
         default_factory=dict, description="what missions get from the answer, by name"
     )
-    code: str = Field(description="code that an attempt fails with where nothing below says another")
+    code: Annotated[str, Meaning.CODE] = Field(
+        description="code that an attempt fails with where nothing below says another"
+    )
     code_when: dict[str, Condition] = Field(
         default_factory=dict,
         description="by code: condition on an answer that is no success; the first that is true counts",
     )
-    unavailable: str | None = Field(
+    unavailable: Annotated[str | None, Meaning.CODE] = Field(
         None, description="code where the server is not there, or goes while it works"
     )
-    rejected: str | None = Field(
+    rejected: Annotated[str | None, Meaning.CODE] = Field(
         None, description="code where the server of an action does not take the goal"
     )
     detail: Written = Field(None, description="text beside the code, from the answer")
@@ -237,11 +230,11 @@ class BoundValueNode(Node):
     )
 
     summary: str = Field(description="one sentence for people: what it is")
-    type: str = Field(description="such as bool, number, length, pose")
+    type: Annotated[str, Meaning.TYPE] = Field(description="such as bool, number, length, pose")
     topic: TopicNode = Field(description="topic that tells it")
     from_: Written = Field(alias="from", description="value, from `message`")
     when: Condition = Field(None, description="condition on `message`: others are passed over")
-    unit: str | None = Field(
+    unit: Annotated[str | None, Meaning.UNIT] = Field(
         None, description="unit of the number in the message, such as cm or %; else the one it is kept in"
     )
     freshness: Written = Field(
@@ -287,12 +280,14 @@ class BindingNode(Node):
         }
     )
 
-    binding: str = Field(description="name of the plugin that this makes, also that of its file")
+    binding: Annotated[str, Meaning.FILE] = Field(
+        description="name of the plugin that this makes, also that of its file"
+    )
     summary: str = Field(description="one sentence for people: what is connected")
-    params: dict[str, ParameterNode] = Field(
+    params: Annotated[dict[str, ParameterNode], Named(Meaning.PARAMETER)] = Field(
         default_factory=dict, description="settings that its expressions read as param.NAME, by name"
     )
-    codes: dict[str, CodeNode] = Field(
+    codes: Annotated[dict[str, CodeNode], Named(Meaning.CODE)] = Field(
         default_factory=dict, description="reasons that its operations fail with, by name"
     )
     operations: dict[str, BoundOperationNode] = Field(

@@ -14,12 +14,12 @@ from typing import Any, NamedTuple
 
 from lupin_engine.bindings.data import Fields, Kinds, Taken
 from lupin_engine.bindings.file import BoundValueNode, ResultNode
-from lupin_engine.chart.documents import Node
 from lupin_engine.chart.expressions import units as q
 from lupin_engine.chart.expressions.evaluation import Expression, Value
 from lupin_engine.chart.expressions.scope import BUILTIN_CALLS, ROOTS, WORDS, Scope, Usage
 from lupin_engine.chart.expressions.values import is_expression, read_constant, read_guard, read_value
 from lupin_engine.chart.findings import Findings
+from lupin_engine.chart.nodes import Node
 from lupin_engine.chart.source import Map, Seq
 from lupin_engine.errors import Place, nearest
 from lupin_engine.plugin.types import ANY, DURATION, POSE, TEXT, UNITS, Type, innermost
@@ -56,7 +56,7 @@ TAKEN = ROOTS.union(BUILTIN_CALLS, WORDS, _OF_THE_WIRE, (*_AROUND, _NOW))
 
 
 @dataclass(frozen=True)
-class Meaning:
+class WireExpressions:
     """Reads the expressions about one endpoint.
 
     `sends` is the part of the definition that `with` fills: request, goal or message. `answer` is what
@@ -262,7 +262,7 @@ __all__ = [
     "STATUS",
     "TAKEN",
     "Definition",
-    "Meaning",
     "Seen",
+    "WireExpressions",
     "on_the_wire",
 ]

@@ -36,15 +36,15 @@ from lupin_engine.bindings.meaning import (
     RESULT,
     TAKEN,
     Definition,
-    Meaning,
     Seen,
+    WireExpressions,
 )
 from lupin_engine.chart.compose.declare import SEVERITIES, Declarer
-from lupin_engine.chart.documents import Node
 from lupin_engine.chart.expressions.scope import WORDS, Usage
 from lupin_engine.chart.expressions.units import measured_in, one
 from lupin_engine.chart.expressions.values import read_constant
 from lupin_engine.chart.findings import Findings
+from lupin_engine.chart.nodes import Node
 from lupin_engine.errors import Place
 from lupin_engine.plugin.contract import (
     Action,
@@ -150,11 +150,13 @@ class _Bound:
         definition: Definition | None,
         findings: Findings,
         usage: Usage | None = None,
-    ) -> Meaning:
+    ) -> WireExpressions:
         """Return what reads its expressions."""
         sends = {"service": "request", "action": "goal"}.get(self.key, "message")
         arguments = self._arguments(plugin)
-        return Meaning(self.path, sends, self.seen, arguments, params, definition, findings, usage or Usage())
+        return WireExpressions(
+            self.path, sends, self.seen, arguments, params, definition, findings, usage or Usage()
+        )
 
     def _arguments(self, plugin: Plugin) -> dict[str, Type]:
         """Return what its expressions know its arguments as, by name."""
@@ -181,7 +183,7 @@ class _Bound:
             for name, each in written.items()
         }
 
-    def read(self, meaning: Meaning, plugin: Plugin) -> _Read:
+    def read(self, meaning: WireExpressions, plugin: Plugin) -> _Read:
         """Read all its expressions."""
         node = self.node
         found = _Read()

@@ -13,18 +13,12 @@ from pathlib import Path
 
 from lupin_engine.chart.compose.actions import BUILTIN_ACTIONS, STATUSES
 from lupin_engine.chart.compose.declare import REQUESTS, level_events
-from lupin_engine.chart.documents import (
-    ActionNode,
-    InvokeNode,
-    Node,
-    PartNode,
-    RetryNode,
-    StateNode,
-)
+from lupin_engine.chart.documents import ActionNode, InvokeNode, PartNode, RetryNode, StateNode
 from lupin_engine.chart.expressions.scope import BUILTIN_CALLS, Scope
+from lupin_engine.chart.nodes import Meaning, Node
 from lupin_engine.editor import docs
 from lupin_engine.editor.folder import Folder
-from lupin_engine.editor.grammar import FILES, Meaning, Shape, Spot, fields_of, shapes_of, spot_at
+from lupin_engine.editor.grammar import FILES, Shape, Spot, fields_of, shapes_of, spot_at
 from lupin_engine.editor.mentions import Piece, expression_in, owner_of, pieces, value_meaning
 from lupin_engine.editor.model import Model, states_of, type_of
 from lupin_engine.editor.scan import Cursor, Role, Scan, Steps

@@ -12,7 +12,8 @@ from pathlib import Path
 
 from lupin_engine.bindings.catalog import BINDINGS, binding_files
 from lupin_engine.bindings.file import BindingNode
-from lupin_engine.chart.documents import LifecycleNode, MissionNode, Node, PartNode
+from lupin_engine.chart.documents import LifecycleNode, MissionNode, PartNode
+from lupin_engine.chart.nodes import Node
 from lupin_engine.editor.grammar import kind_of
 from lupin_engine.editor.model import Model
 from lupin_engine.editor.scan import Scan, scan

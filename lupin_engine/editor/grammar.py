@@ -1,12 +1,10 @@
 """What the models of the language allow at a path: keys, names, elements; and what a text there stands for.
 
-The models in `chart.documents` say what may be written. What they cannot say is what a text means: that
-`target` is the name of a state and `guard` an expression. That is the one table here, `MEANINGS`.
+All of it is read off the models in `chart.documents`: what may be written, and what a text there means.
 """
 
 from __future__ import annotations
 
-import enum
 import types
 import typing
 from collections.abc import Mapping, Sequence
@@ -17,146 +15,14 @@ from typing import Any
 from pydantic.fields import FieldInfo
 
 from lupin_engine.bindings import file as binding_file
-from lupin_engine.bindings.file import (
-    ArgumentNode,
-    BindingNode,
-    BoundOperationNode,
-    BoundValueNode,
-    ResultNode,
-)
-from lupin_engine.chart.documents import (
-    KINDS,
-    ActionNode,
-    BudgetNode,
-    FileNode,
-    ForEachNode,
-    HoldNode,
-    InputNode,
-    InvariantNode,
-    InvokeNode,
-    ItineraryNode,
-    LevelNode,
-    LifecycleNode,
-    LimitNode,
-    MissionNode,
-    Node,
-    ParameterNode,
-    PartNode,
-    RequestFieldNode,
-    RetryNode,
-    StateNode,
-    TransitionNode,
-    VariableNode,
-)
+from lupin_engine.bindings.file import BindingNode
+from lupin_engine.chart.documents import KINDS, ActionNode, InvariantNode, StateNode, TransitionNode
+from lupin_engine.chart.nodes import Keyed, Meaning, Named, Node
 from lupin_engine.editor.scan import Scan, Steps
-
-
-class Meaning(enum.Enum):
-    """What a text stands for."""
-
-    KEY = "key"  #: a word of the language
-    STATE = "state"  #: looked for in the nearest enclosing scope
-    CHILD = "child"  #: a state inside the one that this is said of
-    PART = "part"
-    OPERATION = "operation"
-    ACTION = "action"
-    ARGUMENT = "argument"  #: of the operation or action around it; of `set`: a variable
-    BINDING = "binding"  #: a parameter of the part that is used
-    EVENT = "event"
-    REQUEST = "request"
-    ENGAGE = "engage"  #: a request, or a level
-    CODE = "code"
-    HOLD = "hold"
-    TYPE = "type"
-    UNIT = "unit"
-    LIVE_VALUE = "live value"
-    VALUE = "value"  #: plain data, or `${ an expression }`
-    CONDITION = "condition"  #: an expression
-    WORD = "word"  #: one of a few
-    TEXT = "text"  #: anything
-    PARAMETER = "parameter"
-    INPUT = "input"
-    LEVEL = "level"
-    VARIABLE = "variable"
-    FIELD = "field"
-    INVARIANT = "invariant"
-    FILE = "file"  #: the name that a file gives itself
-    FUNCTION = "function"
-    ROOT = "root"  #: what an expression begins to read: a record, a variable, an element
-    ATTRIBUTE = "attribute"  #: what is read of it
-    ANYWHERE = "anywhere"  #: a state, by the end of its full name: in_state
-
 
 #: What a file is, by the key that says so.
 FILES: Mapping[str, type[Node]] = {**KINDS, binding_file.KIND: BindingNode}
 
-#: What the value of a key stands for, or each element of its list. What is not here is data or free text.
-MEANINGS: Mapping[tuple[type[Node], str], Meaning] = {
-    (TransitionNode, "target"): Meaning.STATE,
-    (TransitionNode, "guard"): Meaning.CONDITION,
-    (TransitionNode, "refuse"): Meaning.CODE,
-    (TransitionNode, "during"): Meaning.HOLD,
-    (TransitionNode, "releases"): Meaning.HOLD,
-    (TransitionNode, "code"): Meaning.CODE,
-    (TransitionNode, "use"): Meaning.STATE,
-    (LimitNode, "after"): Meaning.VALUE,
-    (LimitNode, "code"): Meaning.CODE,
-    **{(RetryNode, key): Meaning.VALUE for key in ("attempts", "backoff", "factor", "jitter")},
-    (RetryNode, "unless"): Meaning.CODE,
-    (InvokeNode, "do"): Meaning.OPERATION,
-    **{(ForEachNode, key): Meaning.VALUE for key in ("in", "key", "limit")},
-    (ForEachNode, "when"): Meaning.CONDITION,
-    (BudgetNode, "after"): Meaning.VALUE,
-    (BudgetNode, "code"): Meaning.CODE,
-    (BudgetNode, "target"): Meaning.STATE,
-    **{(ItineraryNode, key): Meaning.VALUE for key in ("items", "order", "sweeps")},
-    (StateNode, "initial"): Meaning.CHILD,
-    (StateNode, "use"): Meaning.PART,
-    (ParameterNode, "type"): Meaning.TYPE,
-    (ParameterNode, "unit"): Meaning.UNIT,
-    (VariableNode, "type"): Meaning.TYPE,
-    (VariableNode, "default"): Meaning.VALUE,
-    **{(LevelNode, key): Meaning.VALUE for key in ("below", "above", "hysteresis")},
-    (InputNode, "value"): Meaning.LIVE_VALUE,
-    (InputNode, "unit"): Meaning.UNIT,
-    (HoldNode, "engage"): Meaning.ENGAGE,
-    (HoldNode, "release"): Meaning.REQUEST,
-    (HoldNode, "code"): Meaning.CODE,
-    (HoldNode, "engage_guard"): Meaning.CONDITION,
-    (HoldNode, "engage_code"): Meaning.CODE,
-    (HoldNode, "release_guard"): Meaning.CONDITION,
-    (RequestFieldNode, "type"): Meaning.TYPE,
-    (RequestFieldNode, "default"): Meaning.VALUE,
-    (RequestFieldNode, "not_empty"): Meaning.CODE,
-    (InvariantNode, "that"): Meaning.CONDITION,
-    (FileNode, "initial"): Meaning.CHILD,
-    (LifecycleNode, "lifecycle"): Meaning.FILE,
-    (MissionNode, "mission"): Meaning.FILE,
-    (PartNode, "part"): Meaning.PART,
-    (ActionNode, "name"): Meaning.ACTION,
-    (BindingNode, "binding"): Meaning.FILE,
-    **{(node, "type"): Meaning.TYPE for node in (ArgumentNode, ResultNode)},
-    **{(node, "unit"): Meaning.UNIT for node in (ArgumentNode, ResultNode)},
-    **{(BoundOperationNode, key): Meaning.CODE for key in ("code", "unavailable", "rejected")},
-    (BoundValueNode, "type"): Meaning.TYPE,
-    (BoundValueNode, "unit"): Meaning.UNIT,
-}
-#: What the keys stand for in a mapping of names.
-NAMES: Mapping[str, Meaning] = {
-    "states": Meaning.STATE,
-    "params": Meaning.PARAMETER,
-    "inputs": Meaning.INPUT,
-    "levels": Meaning.LEVEL,
-    "codes": Meaning.CODE,
-    "context": Meaning.VARIABLE,
-    "invariants": Meaning.INVARIANT,
-    "holds": Meaning.HOLD,
-    "request": Meaning.FIELD,
-    "on": Meaning.EVENT,
-    "after": Meaning.VALUE,
-}
-#: Where those names are declared, and not only mentioned.
-DECLARING = frozenset({*NAMES} - {"on", "after"})
 #: What one scalar stands for where a mapping could be written.
 SHORT: Mapping[type[Node], str] = {TransitionNode: "target", ActionNode: "name", InvariantNode: "that"}
 
@@ -198,12 +64,12 @@ class Spot:
         if short is not None:
             model = self.shape.model or (self.shape.item or Shape()).model
             assert model is not None
-            return Meaning.CHILD if self._is_child(short) else MEANINGS[model, short]
+            return Meaning.CHILD if self._is_child(short) else meaning_of(model, short) or Meaning.TEXT
         if self.name:
             return Meaning.VALUE  # an argument, or a value for a part's parameter
         if self._is_child(self.key):
             return Meaning.CHILD
-        found = _meaning(self.holder, self.key) if self.holder else None
+        found = meaning_of(self.holder, self.key) if self.holder else None
         return found or (Meaning.WORD if self.shape.words else Meaning.TEXT)
 
     @property
@@ -215,14 +81,28 @@ class Spot:
             return None
         if self.key in ("with", "arguments"):
             return Meaning.BINDING if self.holder is StateNode else Meaning.ARGUMENT
-        return NAMES.get(self.key)
+        found = self._keys
+        return found.meaning if found is not None else None
+
+    @property
+    def declares(self) -> bool:
+        """Whether the names here are declared, and not only mentioned."""
+        return isinstance(self._keys, Named)
+
+    @property
+    def _keys(self) -> Keyed | Named | None:
+        metadata = self.field.metadata if self.field else ()
+        return next((found for found in metadata if isinstance(found, (Keyed, Named))), None)
 
     def _is_child(self, key: str) -> bool:
         return key == "target" and "resume_at" in (self.key, *self.mapping[-2:])
 
 
-def _meaning(holder: type[Node], key: str) -> Meaning | None:
-    return next((MEANINGS[base, key] for base in holder.__mro__ if (base, key) in MEANINGS), None)
+@cache
+def meaning_of(model: type[Node], key: str) -> Meaning | None:
+    """Return what a text under a key stands for, or each of a list; None where it is data or free text."""
+    field = fields_of(model).get(key)
+    return next((found for found in field.metadata if isinstance(found, Meaning)), None) if field else None
 
 
 @cache
@@ -301,16 +181,13 @@ def _below(spot: Spot, step: str | int, mapping: Steps) -> Spot | None:
 
 
 __all__ = [
-    "DECLARING",
     "FILES",
-    "MEANINGS",
-    "NAMES",
     "SHORT",
-    "Meaning",
     "Shape",
     "Spot",
     "fields_of",
     "kind_of",
+    "meaning_of",
     "shape_of",
     "shapes_of",
     "spot_at",

@@ -6,10 +6,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from lupin_engine.chart.compose.actions import BUILTIN_ACTIONS
-from lupin_engine.chart.documents import MissionNode, Node
+from lupin_engine.chart.documents import MissionNode
+from lupin_engine.chart.nodes import Meaning, Node
 from lupin_engine.editor import docs
 from lupin_engine.editor.folder import Folder
-from lupin_engine.editor.grammar import Meaning, shapes_of, spot_at
+from lupin_engine.editor.grammar import shapes_of, spot_at
 from lupin_engine.editor.mentions import STATES, Mention, mention_at
 from lupin_engine.editor.model import Model, type_of
 from lupin_engine.editor.places import meant

@@ -9,9 +9,10 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from lupin_engine.chart.documents import ActionNode, InvokeNode, Node, StateNode
+from lupin_engine.chart.documents import ActionNode, InvokeNode, StateNode
 from lupin_engine.chart.expressions.scope import BUILTIN_CALLS, ROOTS, WORDS
-from lupin_engine.editor.grammar import DECLARING, Meaning, Spot, spot_at
+from lupin_engine.chart.nodes import Meaning, Node
+from lupin_engine.editor.grammar import Spot, spot_at
 from lupin_engine.editor.scan import Role, Scan, Steps, Token
 
 #: A text in quotes, a chain of words with dots, or any other sign.
@@ -128,7 +129,7 @@ def _of_key(scan: Scan, spot: Spot, token: Token) -> Iterator[Mention]:
     if meaning is None:
         yield Mention(Meaning.KEY, token.text, token.inner, token.inner + len(token.text), token.path)
         return
-    declares = spot.key in DECLARING and meaning is not Meaning.ACTION
+    declares = spot.declares and meaning is not Meaning.ACTION
     yield from _of_text(token, meaning, owner_of(scan, spot), declares)
 
 

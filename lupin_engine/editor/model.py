@@ -15,7 +15,7 @@ from lupin_engine.chart.documents import FileNode, PartNode
 from lupin_engine.chart.expressions.scope import Scope
 from lupin_engine.chart.findings import Findings
 from lupin_engine.chart.model import Kind
-from lupin_engine.editor.grammar import Meaning
+from lupin_engine.chart.nodes import Meaning
 from lupin_engine.editor.mentions import Mention
 from lupin_engine.editor.scan import Scan, Steps
 from lupin_engine.missions.load import Inspection

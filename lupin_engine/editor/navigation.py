@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from lupin_engine.chart.documents import MissionNode
+from lupin_engine.chart.nodes import Meaning
 from lupin_engine.editor.folder import Folder
-from lupin_engine.editor.grammar import Meaning
 from lupin_engine.editor.mentions import STATES, Mention, mention_at, mentions_in
 from lupin_engine.editor.model import states_of
 from lupin_engine.editor.places import Spanned, meant, place_of

@@ -12,8 +12,8 @@ from pathlib import Path
 from lupin_engine.bindings.catalog import binding_files
 from lupin_engine.chart.compose.tree import Draft
 from lupin_engine.chart.model import Kind
+from lupin_engine.chart.nodes import Meaning
 from lupin_engine.editor.folder import Folder
-from lupin_engine.editor.grammar import Meaning
 from lupin_engine.editor.mentions import STATES, Mention
 from lupin_engine.editor.model import steps_of
 from lupin_engine.editor.scan import Steps

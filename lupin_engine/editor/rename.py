@@ -14,11 +14,10 @@ from pathlib import Path
 from lupin_engine.chart.compose.compose import Composed
 from lupin_engine.chart.compose.declare import NAME
 from lupin_engine.chart.compose.tree import Draft
-from lupin_engine.chart.documents import Node
 from lupin_engine.chart.model import Kind
+from lupin_engine.chart.nodes import Meaning, Node
 from lupin_engine.chart.semantics import FAULT
 from lupin_engine.editor.folder import Folder
-from lupin_engine.editor.grammar import Meaning
 from lupin_engine.editor.mentions import STATES, Mention, mentions_in
 from lupin_engine.editor.navigation import Reference, identity, mention_under, references
 from lupin_engine.editor.places import place_of

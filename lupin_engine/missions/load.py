@@ -20,18 +20,12 @@ from lupin_engine.bindings import catalog as bound_catalogs
 from lupin_engine.bindings.catalog import BoundCatalog, bound_catalog
 from lupin_engine.bindings.data import Binding
 from lupin_engine.chart.compose.compose import Composed, compose
-from lupin_engine.chart.documents import (
-    FileNode,
-    LifecycleNode,
-    MissionNode,
-    PartNode,
-    StateNode,
-    read_document,
-)
+from lupin_engine.chart.documents import FileNode, LifecycleNode, MissionNode, PartNode, StateNode
 from lupin_engine.chart.findings import Findings, LimitedFindings
 from lupin_engine.chart.model import Chart
 from lupin_engine.chart.rules.checks import check_composed
 from lupin_engine.chart.source import parse_bytes, read_bytes
+from lupin_engine.chart.validation import read_document
 from lupin_engine.errors import ChartError, Diagnostic, Place, Severity
 from lupin_engine.missions.folders import PARTS, mission_files
 from lupin_engine.plugin.registry import Catalog

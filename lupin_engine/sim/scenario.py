@@ -12,10 +12,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from lupin_engine.chart.documents import validate
 from lupin_engine.chart.findings import Findings
 from lupin_engine.chart.model import Chart
 from lupin_engine.chart.source import Map, parse, read
+from lupin_engine.chart.validation import validate
 from lupin_engine.errors import ChartError, UsageError
 from lupin_engine.machine.scope import World
 from lupin_engine.missions.folders import (

@@ -13,7 +13,8 @@ from pydantic import BeforeValidator, Field, GetJsonSchemaHandler, WithJsonSchem
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema
 
-from lupin_engine.chart.documents import Node, Written
+from lupin_engine.chart.documents import Written
+from lupin_engine.chart.nodes import Node
 
 #: The moment at which a simulation is over.
 END = "end"

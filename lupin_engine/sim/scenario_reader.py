@@ -7,10 +7,10 @@ from dataclasses import replace
 from types import MappingProxyType
 from typing import Any
 
-from lupin_engine.chart.documents import Node, show
 from lupin_engine.chart.expressions.values import is_expression, read_constant
 from lupin_engine.chart.findings import Findings
 from lupin_engine.chart.model import OPERATOR_REQUESTS, Chart
+from lupin_engine.chart.nodes import Node, show
 from lupin_engine.chart.source import Map, Seq
 from lupin_engine.errors import Place
 from lupin_engine.plugin.contract import Operation

@@ -16,9 +16,10 @@ from lupin_engine.bindings.data import Binding, Outcome
 from lupin_engine.bindings.file import BindingNode
 from lupin_engine.bindings.meaning import Definition
 from lupin_engine.bindings.reader import check_definition
-from lupin_engine.chart.documents import Node, validate
 from lupin_engine.chart.findings import Findings
+from lupin_engine.chart.nodes import Node
 from lupin_engine.chart.source import read
+from lupin_engine.chart.validation import validate
 from lupin_engine.errors import Severity
 from lupin_engine.missions.folders import LIFECYCLE
 from lupin_engine.missions.load import check_chart, forget, inspect_chart, load_chart, load_files

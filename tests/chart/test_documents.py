@@ -7,19 +7,11 @@ from typing import Any
 
 import pytest
 
-from lupin_engine.chart.documents import (
-    KINDS,
-    FileNode,
-    MissionNode,
-    Node,
-    PartNode,
-    TransitionNode,
-    keys_of,
-    read_document,
-    show,
-)
+from lupin_engine.chart.documents import KINDS, FileNode, MissionNode, PartNode, TransitionNode
 from lupin_engine.chart.findings import Findings
+from lupin_engine.chart.nodes import Node, keys_of, show
 from lupin_engine.chart.source import Map, parse
+from lupin_engine.chart.validation import read_document
 
 
 def mission(text: str) -> MissionNode:

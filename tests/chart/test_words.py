@@ -10,11 +10,13 @@ from typing import Any
 
 import pytest
 
-from lupin_engine.chart.documents import KINDS, Node, read_document
+from lupin_engine.chart.documents import KINDS
 from lupin_engine.chart.expressions.evaluation import Constant, Expression
 from lupin_engine.chart.findings import Findings
 from lupin_engine.chart.model import Chart, ForEach, Invoke, Kind, Level, State
+from lupin_engine.chart.nodes import Node
 from lupin_engine.chart.source import read
+from lupin_engine.chart.validation import read_document
 from lupin_engine.errors import Severity
 from lupin_engine.missions.folders import LIFECYCLE
 from lupin_engine.missions.load import check_chart, load_chart

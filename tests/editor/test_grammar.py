@@ -8,10 +8,10 @@ import pytest
 
 from lupin_engine.chart.compose.actions import BUILTIN_ACTIONS
 from lupin_engine.chart.compose.declare import REQUESTS
-from lupin_engine.chart.documents import Node
 from lupin_engine.chart.expressions.scope import BUILTIN_CALLS, ROOTS
+from lupin_engine.chart.nodes import Node
 from lupin_engine.editor import docs
-from lupin_engine.editor.grammar import FILES, MEANINGS, NAMES, Shape, fields_of, kind_of, spot_at
+from lupin_engine.editor.grammar import FILES, Shape, fields_of, kind_of, spot_at
 from lupin_engine.editor.scan import Scan, Steps
 
 ROOT = Path(__file__).parents[2]
@@ -27,13 +27,6 @@ def models() -> set[type[Node]]:
         found.update(below)
         waiting += below
     return found
-
-
-def test_meanings_are_of_keys_that_exist() -> None:
-    """A key that is renamed in the models must be renamed here."""
-    assert [key for key in MEANINGS if key[0] not in models() or key[1] not in fields_of(key[0])] == []
-    names = {name for model in models() for name in fields_of(model)}
-    assert set(NAMES) <= names
 
 
 def test_the_engines_own_words_are_documented() -> None:

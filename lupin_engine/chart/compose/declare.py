@@ -17,7 +17,6 @@ from lupin_engine.chart.documents import (
     InputNode,
     LevelNode,
     LifecycleNode,
-    Node,
     ParameterNode,
     RequestFieldNode,
 )
@@ -27,6 +26,7 @@ from lupin_engine.chart.expressions.units import describe, in_lists, is_number, 
 from lupin_engine.chart.expressions.values import read_constant, read_guard, read_key, read_value
 from lupin_engine.chart.findings import Findings
 from lupin_engine.chart.model import CARRIED, REQUESTS, Field, Hold, Input, Level, Variable
+from lupin_engine.chart.nodes import Node
 from lupin_engine.errors import Place, Severity, nearest
 from lupin_engine.plugin.contract import Code, Parameter
 from lupin_engine.plugin.registry import Catalog

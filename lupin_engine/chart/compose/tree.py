@@ -14,10 +14,11 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
 from lupin_engine.chart.compose.declare import NAME
-from lupin_engine.chart.documents import FileNode, LifecycleNode, MissionNode, Node, PartNode, StateNode
+from lupin_engine.chart.documents import FileNode, LifecycleNode, MissionNode, PartNode, StateNode
 from lupin_engine.chart.expressions.scope import Scope
 from lupin_engine.chart.findings import Findings
 from lupin_engine.chart.model import Kind
+from lupin_engine.chart.nodes import Node
 from lupin_engine.chart.source import map_at
 from lupin_engine.errors import Place, nearest
 

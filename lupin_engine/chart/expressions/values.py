@@ -11,12 +11,12 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from lupin_engine.chart.documents import Node, show
 from lupin_engine.chart.expressions.checker import compile_expression
 from lupin_engine.chart.expressions.evaluation import Constant, Expression, Value
 from lupin_engine.chart.expressions.scope import Fragment, Scope, fragment_of
 from lupin_engine.chart.expressions.units import describe, is_number, one
 from lupin_engine.chart.findings import Findings
+from lupin_engine.chart.nodes import Node, show
 from lupin_engine.chart.source import Map, Seq, Text, map_at, text_at
 from lupin_engine.errors import Place, nearest
 from lupin_engine.plugin.contract import Argument

@@ -15,9 +15,9 @@ from std_srvs.srv import Trigger
 from lupin_engine.bindings.data import Binding
 from lupin_engine.bindings.file import BindingNode
 from lupin_engine.bindings.reader import check_definition, read_binding
-from lupin_engine.chart.documents import validate
 from lupin_engine.chart.findings import Findings
 from lupin_engine.chart.source import parse_bytes
+from lupin_engine.chart.validation import validate
 from lupin_engine.plugin.registry import build_catalog
 from lupin_engine.ros.adapter.node import Qos, RosNode, ServedGoal
 from lupin_engine.ros.bindings.definitions import interface_types

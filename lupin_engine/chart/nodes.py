@@ -1,0 +1,173 @@
+"""What every model of a written mapping has: where it was read, and what a text in it stands for."""
+
+from __future__ import annotations
+
+import enum
+from collections.abc import Iterable, Mapping
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, TypeVar
+
+from pydantic import BaseModel, ConfigDict, ModelWrapValidatorHandler, model_validator
+from pydantic_core import PydanticCustomError
+
+from lupin_engine.chart.source import Map, Seq, Text
+from lupin_engine.errors import Place
+
+_M = TypeVar("_M", bound="Node")
+
+
+class Meaning(enum.Enum):
+    """What a text stands for."""
+
+    KEY = "key"  #: a word of the language
+    STATE = "state"  #: looked for in the nearest enclosing scope
+    CHILD = "child"  #: a state inside the one that this is said of
+    PART = "part"
+    OPERATION = "operation"
+    ACTION = "action"
+    ARGUMENT = "argument"  #: of the operation or action around it; of `set`: a variable
+    BINDING = "binding"  #: a parameter of the part that is used
+    EVENT = "event"
+    REQUEST = "request"
+    ENGAGE = "engage"  #: a request, or a level
+    CODE = "code"
+    HOLD = "hold"
+    TYPE = "type"
+    UNIT = "unit"
+    LIVE_VALUE = "live value"
+    VALUE = "value"  #: plain data, or `${ an expression }`
+    CONDITION = "condition"  #: an expression
+    WORD = "word"  #: one of a few
+    TEXT = "text"  #: anything
+    PARAMETER = "parameter"
+    INPUT = "input"
+    LEVEL = "level"
+    VARIABLE = "variable"
+    FIELD = "field"
+    INVARIANT = "invariant"
+    FILE = "file"  #: the name that a file gives itself
+    FUNCTION = "function"
+    ROOT = "root"  #: what an expression begins to read: a record, a variable, an element
+    ATTRIBUTE = "attribute"  #: what is read of it
+    ANYWHERE = "anywhere"  #: a state, by the end of its full name: in_state
+
+
+class Keyed(NamedTuple):
+    """Says of a mapping what its keys stand for."""
+
+    meaning: Meaning
+
+
+class Named(NamedTuple):
+    """Says of a mapping what its keys stand for, and that it declares them."""
+
+    meaning: Meaning
+
+
+class Node(BaseModel):
+    """A mapping of the language that remembers where it was read.
+
+    `ELSEWHERE` holds keys that authors look for here and that stand somewhere else, with what to tell them.
+    """
+
+    model_config = ConfigDict(extra="forbid", strict=True)
+
+    ELSEWHERE: ClassVar[Mapping[str, tuple[str, str]]] = MappingProxyType({})
+
+    # A slot and no private attribute of pydantic's, which would take as long to set as all the rest to read.
+    __slots__ = ("_raw",)
+    if TYPE_CHECKING:
+        _raw: Any
+
+    @model_validator(mode="wrap")
+    @classmethod
+    def _remember(cls: type[_M], data: Any, handler: ModelWrapValidatorHandler[_M]) -> _M:
+        if isinstance(data, Map):
+            data.model = cls
+        node = handler(cls._long_form(data))
+        object.__setattr__(node, "_raw", data)
+        return node
+
+    @classmethod
+    def _long_form(cls, data: Any) -> Any:
+        """Return the mapping that a short form stands for."""
+        return data
+
+    @property
+    def place(self) -> Place:
+        """Where this mapping, or the text that stands for it, begins."""
+        raw = self._raw
+        found: Place = raw.file.place(raw.start)
+        return found
+
+    @property
+    def written(self) -> bool:
+        """Tell whether this was read as a mapping, not as a short form."""
+        return isinstance(self._raw, Map)
+
+    def at(self, key: str, index: int | None = None) -> Place:
+        """Return where the value of `key` stands (or its element `index`), else where this mapping begins."""
+        if not isinstance(self._raw, Map) or key not in self._raw:
+            return self.place
+        value = self._raw[key]
+        if index is not None and isinstance(value, Seq):
+            return value.place_of(index)
+        return self._raw.value_place(key)
+
+    def key_at(self, key: str, *inner: str) -> Place:
+        """Return where the key itself stands, or a key in its mapping, as deep as there is one."""
+        holder, last = self._deepest(key, *inner)
+        return self.place if holder is None else holder.key_place(last)
+
+    def text_of_key(self, key: str, inner: str) -> Text:
+        """Return a key of the mapping under `key` as it was written."""
+        text: Text = self._raw[key].key_text(inner)
+        return text
+
+    def mapping(self, key: str) -> Map | None:
+        """Return the mapping under `key` as it was read, with its places."""
+        found = self._raw.get(key) if isinstance(self._raw, Map) else None
+        return found if isinstance(found, Map) else None
+
+    def value_at(self, key: str, *inner: str) -> Place:
+        """Return where a value in nested mappings stands, as deep as there is one."""
+        holder, last = self._deepest(key, *inner)
+        return self.place if holder is None else holder.value_place(last)
+
+    def _deepest(self, *words: str) -> tuple[Map | None, str]:
+        """Follow keys into nested mappings; return the last mapping that had its key, and that key."""
+        raw, holder, last = self._raw, None, ""
+        for name in words:
+            if not isinstance(raw, Map) or name not in raw:
+                break
+            holder, last, raw = raw, name, raw[name]
+        return holder, last
+
+
+def wrong_shape(text: str) -> PydanticCustomError:
+    """Return what a model raises when a mapping is no mapping of its own; `text` is problem and hint."""
+    return PydanticCustomError("wrong-shape", "{text}", {"text": text})
+
+
+def keys_of(model: type[Node]) -> tuple[str, ...]:
+    """Return the keys that a mapping of this model may have."""
+    return tuple(field.alias or name for name, field in model.model_fields.items())
+
+
+def show(value: Any) -> str:
+    """Return a value as a person would recognise it: short, without the machinery around it."""
+    if value is None:
+        return "nothing"
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, Mapping):
+        return "a mapping" + (f" with {_some(value)}" if value else "")
+    if isinstance(value, list):
+        return f"a list of {len(value)}"
+    text = repr(str(value)) if isinstance(value, Text) else repr(value)
+    return text if len(text) <= 60 else text[:57] + "..."
+
+
+def _some(names: Iterable[str]) -> str:
+    shown = [repr(name) for name in names]
+    return ", ".join(shown[:4]) + (", ..." if len(shown) > 4 else "")

@@ -1,0 +1,149 @@
+"""Reading a file as a document: its kind, its shape, and a finding for each key that should not be there."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from typing import Any, TypeVar
+
+from pydantic import ValidationError
+from pydantic_core import ErrorDetails
+
+from lupin_engine.chart.documents import KINDS, FileNode
+from lupin_engine.chart.findings import Findings
+from lupin_engine.chart.nodes import Node, keys_of, show
+from lupin_engine.chart.source import Map, Seq
+from lupin_engine.errors import Place, meant
+
+_M = TypeVar("_M", bound=Node)
+_D = TypeVar("_D", bound=FileNode)
+
+#: How often a file is read again without the unknown keys that were found.
+MAX_PRUNINGS = 3
+
+#: Every key that says what kind of file it stands in.
+KEYS_OF_KINDS = (*KINDS, "binding")
+
+
+def read_document(raw: Map, model: type[_D], findings: Findings) -> _D | None:
+    """Validate a file against its model; None after findings."""
+    kind = next(word for word, known in KINDS.items() if known is model)
+    if not is_kind(raw, kind, findings):
+        return None
+    if kind != "part":
+        want_defaults(raw, findings)
+    return validate(raw, model, findings)
+
+
+def want_defaults(raw: Map, findings: Findings) -> None:
+    """Tell the parameters without a default: only a part has users who can give one."""
+    params = raw.get("params")
+    for name, written in params.items() if isinstance(params, Map) else ():
+        if isinstance(written, Map) and "default" not in written:
+            problem, hint = "the key 'default' is missing", "write 'default: ...'"
+            findings.add(written.place, "missing-key", f"params.{name}", problem, hint)
+
+
+def is_kind(raw: Map, kind: str, findings: Findings) -> bool:
+    """Tell whether a file says that it is of a kind; a finding otherwise."""
+    if kind in raw:
+        return True
+    other = next((word for word in KEYS_OF_KINDS if word in raw), None)
+    what = f"this is a {other}" if other else "the file does not say what it is"
+    place = raw.key_place(other) if other else raw.place
+    findings.add(place, "wrong-shape", "", f"expected a {kind}, but {what}", f"begin with '{kind}: NAME'")
+    return False
+
+
+def validate(raw: Map, model: type[_M], findings: Findings) -> _M | None:
+    """Read the mapping of a whole file as `model`; None after findings that leave nothing to go on with."""
+    for _ in range(MAX_PRUNINGS):
+        try:
+            return model.model_validate(raw)
+        except ValidationError as error:
+            found = error.errors(include_url=False)
+        for details in found:
+            _report(raw, details, findings)
+        if any(details["type"] != "extra_forbidden" for details in found):
+            return None
+        for details in found:
+            _prune(raw, details)
+    return None
+
+
+def _prune(raw: Map, details: ErrorDetails) -> None:
+    """Drop an unknown key that has been told, so that the rest of the file can still be read."""
+    *steps, key = (str(step) for step in details["loc"])
+    holder: Any = raw
+    for step in steps:
+        if isinstance(holder, Map) and step in holder:
+            holder = holder[step]
+        elif isinstance(holder, Seq) and step.isdigit() and int(step) < len(holder):
+            holder = holder[int(step)]
+    if isinstance(holder, Map):
+        holder.pop(key, None)
+
+
+def _report(raw: Map, details: ErrorDetails, findings: Findings) -> None:
+    """Turn one of pydantic's errors into a finding at the deepest place that its path still meets."""
+    found: Any = raw
+    place, trail, missing = raw.place, [], ""
+    for step in details["loc"]:
+        name = str(step)
+        if isinstance(found, Map) and name in found:
+            place, missing = found.value_place(name), ""
+            found, last = found[name], found.key_place(name)
+            trail.append(name)
+        elif isinstance(found, Seq) and isinstance(step, int) and step < len(found):
+            place, missing = found.place_of(step), ""
+            found, last = found[step], place
+            trail.append(name)
+        else:
+            missing = name
+    path = ".".join(trail)
+    kind = details["type"]
+    if kind == "extra_forbidden":
+        _unknown_key(raw, trail, last, findings)
+    elif kind == "missing":
+        hint = f"write '{missing}: ...'"
+        findings.add(place, "missing-key", path, f"the key {missing!r} is missing", hint)
+    elif kind == "wrong-shape":
+        problem, _, hint = details["msg"].partition("; ")
+        findings.add(place, "wrong-shape", path, problem, hint)
+    else:
+        findings.add(place, "wrong-shape", path, *_expected(details, found))
+
+
+def _unknown_key(raw: Map, trail: list[str], place: Place, findings: Findings) -> None:
+    key, path = trail[-1], ".".join(trail[:-1])
+    holder: Any = raw
+    for name in trail[:-1]:
+        holder = holder[int(name)] if isinstance(holder, Seq) else holder[name]
+    if holder.model and key in holder.model.ELSEWHERE:
+        findings.add(place, "wrong-shape", path, *holder.model.ELSEWHERE[key])
+        return
+    known = keys_of(holder.model) if holder.model else ()
+    if holder[key] is None and " " in key:
+        hint = "if it belongs to the text before it, quote that text: an unquoted comma begins a new key"
+        findings.add(place, "unknown-key", path, f"unknown key {key!r}", hint)
+        return
+    findings.unknown(place, "unknown-key", path, "key", key, known)
+
+
+_SHAPES: Mapping[str, str] = {
+    "model_type": "a mapping",
+    "dict_type": "a mapping",
+    "list_type": "a list",
+    "string_type": "text",
+    "bool_type": "true or false",
+}
+
+
+def _expected(details: ErrorDetails, found: Any) -> tuple[str, str]:
+    """Return problem and hint for a value of the wrong shape."""
+    kind = details["type"]
+    if kind == "literal_error":
+        allowed = str(details["ctx"]["expected"])
+        hint = meant(found, re.findall(r"'([^']+)'", allowed)) if isinstance(found, str) else ""
+        return f"expected {allowed}, got {show(found)}", hint
+    return f"expected {_SHAPES.get(kind) or details['msg']}, got {show(found)}", ""
