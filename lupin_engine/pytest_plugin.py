@@ -23,7 +23,7 @@ import pytest
 from lupin_engine.sim import SUFFIX
 
 if TYPE_CHECKING:
-    from lupin_engine.sim.suite import Counts, Crew, MakeObserver, Result, Suite
+    from lupin_engine.sim.suite import Counts, Crew, MakeObserver, ScenarioResult, Suite
 
 #: What is kept between scenarios: the suite, the processes that help, and what was reached of each mission.
 _SUITE: pytest.StashKey[Suite] = pytest.StashKey()
@@ -66,7 +66,7 @@ class ScenarioFile(pytest.File):
 class Unmet(Exception):
     """What a scenario promised did not come true, or it could not be run."""
 
-    def __init__(self, result: Result) -> None:
+    def __init__(self, result: ScenarioResult) -> None:
         super().__init__(result.file)
         self.result = result
 

@@ -26,7 +26,7 @@ from lupin_engine.missions.load import load_chart
 from lupin_engine.plugin.builtin import MISSING, READY
 from lupin_engine.plugin.registry import load_catalog
 from lupin_engine.runtime.setup import make_world
-from lupin_engine.sim.scripted import Outcome, Rule
+from lupin_engine.sim.scripted import MockOutcome, Rule
 from lupin_engine.sim.simulation import Ask, Effect, Script, Simulation, Tell
 
 INSPECTION, EXPLORATION = "InspectionMission", "ExplorationMission"
@@ -96,7 +96,7 @@ NOTHING = "nothing"
 
 
 def _never(operation: str) -> Rule:
-    return Rule(operation, (Outcome(never=True),))
+    return Rule(operation, (MockOutcome(never=True),))
 
 
 @dataclass(frozen=True)

@@ -25,7 +25,7 @@ from lupin_engine.sim.failure import near, shown
 from lupin_engine.sim.narration import short_name
 from lupin_engine.sim.scenario import Missions
 from lupin_engine.sim.simulation import Run
-from lupin_engine.sim.suite import Counts, Result
+from lupin_engine.sim.suite import Counts, ScenarioResult
 
 #: What can be reached, in the order in which it is told.
 STATE, TRANSITION, OUTCOME, GUARD = KINDS = ("states", "transitions", "outcomes", "guard branches")
@@ -310,7 +310,7 @@ class Coverage:
         }
 
 
-def add_up(results: Iterable[Result], missions: Missions) -> Coverage:
+def add_up(results: Iterable[ScenarioResult], missions: Missions) -> Coverage:
     """Return what scenarios reached together."""
     coverage = Coverage()
     for result in results:

@@ -34,7 +34,7 @@ _DIGITS = (3, 6, 12)
 
 
 @dataclass(frozen=True)
-class Recording:
+class RunRecord:
     """The recorded steps of a run, and its settings and seed, as far as they are known."""
 
     steps: tuple[Step, ...]
@@ -46,7 +46,7 @@ class Recording:
         """The live values that were reported, sorted."""
         return sorted({step.event.data["name"] for step in self.steps if step.event.name == "value"})
 
-    def without(self, value: str) -> Recording:
+    def without(self, value: str) -> RunRecord:
         """Return the record as if a live value had not been reported."""
         told = (step.event.name == "value" and step.event.data["name"] == value for step in self.steps)
         kept = (step for step, is_told in zip(self.steps, told, strict=True) if not is_told)
@@ -59,7 +59,7 @@ class Recording:
         return next(asked, "")
 
 
-def read_recording(text: str, name: str) -> Recording:
+def read_recording(text: str, name: str) -> RunRecord:
     """Read a record; `name` is what errors call it.
 
     Raises:
@@ -91,11 +91,11 @@ def _steps_of_lines(text: str, name: str) -> Iterator[Any]:
                 yield step
 
 
-def _checked(records: Iterable[Any], name: str) -> Recording:
+def _checked(records: Iterable[Any], name: str) -> RunRecord:
     found = [record for record in records if isinstance(record, dict) and {"event", "time"} <= set(record)]
     if not found:
         raise UsageError(f"{name}: there are no steps in it")
-    recording = Recording(tuple(_step(record, number, name) for number, record in enumerate(found, 1)))
+    recording = RunRecord(tuple(_step(record, number, name) for number, record in enumerate(found, 1)))
     if not recording.mission:
         raise UsageError(f"{name}: no mission is started in it")
     return recording
@@ -115,7 +115,7 @@ def _step(record: Any, number: int, name: str) -> Step:
 class _Mocks:
     """Turns attempts into mocks."""
 
-    def __init__(self, chart: Chart, recording: Recording, digits: int) -> None:
+    def __init__(self, chart: Chart, recording: RunRecord, digits: int) -> None:
         self._catalog = chart.catalog
         self._parameters = check_parameters(chart.parameters, recording.parameters)
         self._attempts = History(recording.steps).attempts.values()
@@ -191,7 +191,7 @@ def duration(seconds: float, digits: int) -> str:
 class _Happenings:
     """Turns requests, values and events into what happens when."""
 
-    def __init__(self, chart: Chart, recording: Recording, digits: int) -> None:
+    def __init__(self, chart: Chart, recording: RunRecord, digits: int) -> None:
         self._chart = chart
         self._catalog = chart.catalog
         self._recording = recording
@@ -268,7 +268,7 @@ def short(chart: Chart, name: str) -> str:
 # -- the scenario ----------------------------------------------------------------------------------------
 
 
-def script_of(recording: Recording, mission: str, promise: str, chart: Chart, digits: int) -> dict[str, Any]:
+def script_of(recording: RunRecord, mission: str, promise: str, chart: Chart, digits: int) -> dict[str, Any]:
     """Return a scenario that expects nothing yet.
 
     Args:
@@ -295,7 +295,7 @@ def script_of(recording: Recording, mission: str, promise: str, chart: Chart, di
     return {name: value for name, value in parts.items() if value and value != usual.get(name)}
 
 
-def _limit(recording: Recording, chart: Chart, digits: int, starts: bool) -> str:
+def _limit(recording: RunRecord, chart: Chart, digits: int, starts: bool) -> str:
     """Return how long the record goes on, when it ends in the middle of a mission."""
     steps = recording.steps
     if label_of(chart, steps[-1].configuration) in (ENDED, FAULTED):
@@ -327,7 +327,7 @@ def expectations(run: Run) -> dict[str, Any]:
     return {**kept, "final": run.view.lifecycle, "last_error": run.view.code}
 
 
-def difference(recording: Recording, run: Run) -> str:
+def difference(recording: RunRecord, run: Run) -> str:
     """Say where a run first differs from the record in what it led to; '' when nowhere."""
     recorded = [fact for step in recording.steps for fact in _facts(step)]
     simulated = [fact for step in run.steps for fact in _facts(step)]
@@ -351,7 +351,7 @@ def _facts(step: Step) -> Iterator[str]:
         yield f"refused {step.event.name} {step.refusal.code}"
 
 
-def scenario_text(recording: Recording, promise: str, file: Path, missions: Missions) -> str:
+def scenario_text(recording: RunRecord, promise: str, file: Path, missions: Missions) -> str:
     """Return the text of a scenario that runs as it was recorded, and expects what came of it.
 
     Args:
@@ -368,7 +368,7 @@ def scenario_text(recording: Recording, promise: str, file: Path, missions: Miss
 class _Maker:
     """Tries scenarios until one runs as it was recorded."""
 
-    def __init__(self, recording: Recording, promise: str, file: Path, missions: Missions) -> None:
+    def __init__(self, recording: RunRecord, promise: str, file: Path, missions: Missions) -> None:
         self._recording = recording
         self._promise = promise
         self._file = file
@@ -389,7 +389,7 @@ class _Maker:
         parts = self._parts(kept, digits)
         return yaml_text({**parts, "expect": expectations(self._run(parts))})
 
-    def _parts(self, recording: Recording, digits: int) -> dict[str, Any]:
+    def _parts(self, recording: RunRecord, digits: int) -> dict[str, Any]:
         chart = self._missions.chart(self._mission)
         return script_of(recording, self._mission.stem, self._promise, chart, digits)
 
@@ -397,5 +397,5 @@ class _Maker:
         text = yaml_text({**parts, "expect": {}})
         return load_scenario_text(text, self._file, self._missions).run()
 
-    def _differs(self, recording: Recording, digits: int) -> str:
+    def _differs(self, recording: RunRecord, digits: int) -> str:
         return difference(self._recording, self._run(self._parts(recording, digits)))

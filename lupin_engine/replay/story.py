@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from textwrap import wrap
 
-from lupin_engine.sim.narration import Line
+from lupin_engine.sim.narration import StepLine
 
 #: A text and what it is about: "time", "state", "event", "refused", "note", "command" or a target's status.
 TonedText = tuple[str, str]
@@ -35,7 +35,7 @@ class Columns:
     command: int
 
 
-def columns_for(lines: Sequence[Line], width: int) -> Columns:
+def columns_for(lines: Sequence[StepLine], width: int) -> Columns:
     """Return the columns in which lines are told in `width` cells."""
     state = max((_longest(line.moved) for line in lines), default=0)
     event = max((len(line.event) for line in lines), default=0)
@@ -55,7 +55,7 @@ def _columns(state: int, event: int, width: int) -> Columns:
     return Columns(state, event, command)
 
 
-def laid_out(line: Line, columns: Columns) -> Iterator[TonedLine]:
+def laid_out(line: StepLine, columns: Columns) -> Iterator[TonedLine]:
     """Yield one line of a story in columns: the time, the state that it led to, the event, the commands."""
     states = [(text, "state") for text in _wrapped(line.moved, max(1, columns.state))]
     events = [(text, "refused" if line.refused else "event") for text in wrap(line.event, columns.event)]

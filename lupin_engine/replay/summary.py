@@ -26,7 +26,7 @@ class Attempted:
 
 
 @dataclass(frozen=True)
-class Summary:
+class RunSummary:
     """The figures of a run; times in seconds. `dropped` are results that nobody waited for any more."""
 
     seconds: float
@@ -39,9 +39,9 @@ class Summary:
     dropped: int
 
 
-def summarise(run: Run, lanes: Timeline) -> Summary:
+def summarise(run: Run, lanes: Timeline) -> RunSummary:
     """Return the figures of a run, of which `lanes` is the timeline."""
-    return Summary(
+    return RunSummary(
         seconds=_rounded(run.seconds),
         states=_times([lanes.states]),
         phases=_times([lanes.phases]),

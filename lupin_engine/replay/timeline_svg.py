@@ -56,12 +56,12 @@ _LEGEND = (DONE, FAILED, TIMED_OUT, CANCELLED, OPEN)
 
 def svg(lanes: Timeline) -> str:
     """Draw a timeline."""
-    drawing = _Drawing(lanes)
+    drawing = _SvgTimeline(lanes)
     body = list(drawing.body())
     return "\n".join([drawing.head(), *body, "</svg>", ""])
 
 
-class _Drawing:
+class _SvgTimeline:
     """One picture in the making."""
 
     def __init__(self, lanes: Timeline) -> None:

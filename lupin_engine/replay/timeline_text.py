@@ -48,10 +48,10 @@ ASCII = Signs(full=" .:+#", high="_.-~^", event="v", edge="|")
 
 def text(lanes: Timeline, width: int, signs: Signs = UNICODE) -> list[TonedLine]:
     """Return a timeline as lines of at most `width` cells."""
-    return list(_Drawing(lanes, width, signs).lines())
+    return list(_TextTimeline(lanes, width, signs).lines())
 
 
-class _Drawing:
+class _TextTimeline:
     """One picture in the making."""
 
     def __init__(self, lanes: Timeline, width: int, signs: Signs) -> None:

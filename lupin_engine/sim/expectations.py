@@ -9,9 +9,9 @@ from lupin_engine.chart.model import Chart
 from lupin_engine.machine.event import Act, Cancel, Command, Publish, Start
 from lupin_engine.machine.memory import Visit
 from lupin_engine.machine.step import Step, View
-from lupin_engine.sim.failure import Failure, FailureMaker
+from lupin_engine.sim.failure import FailureMaker, ScenarioFailure
 from lupin_engine.sim.narration import shorten
-from lupin_engine.sim.order import ROUNDING, Order, seconds
+from lupin_engine.sim.order import ROUNDING, OrderComparison, seconds
 from lupin_engine.sim.scenario_file import (
     END,
     OPEN,
@@ -23,7 +23,7 @@ from lupin_engine.sim.scenario_file import (
     VisitNode,
 )
 from lupin_engine.sim.scripted import contains
-from lupin_engine.sim.simulation import End, Happening, Run, Seen, is_named
+from lupin_engine.sim.simulation import End, Happening, MomentView, Run, is_named
 
 #: A difference at a moment: the key and its index, what was expected, what there was, the states concerned.
 Difference = tuple[str, int | None, Any, Any, Sequence[str]]
@@ -39,18 +39,18 @@ class Comparison:
         self._chart: Chart = run.chart
         self._maker = FailureMaker(run)
 
-    def failures(self) -> Iterator[Failure]:
+    def failures(self) -> Iterator[ScenarioFailure]:
         """Yield what differs; then also the mocks that had no part in it, for one may be meant otherwise."""
         found = list(self._differences())
         yield from found
         if found:
             yield from self._unspent()
 
-    def _differences(self) -> Iterator[Failure]:
+    def _differences(self) -> Iterator[ScenarioFailure]:
         expect, run = self._expect, self._run
         yield from self._moments()
         yield from self._same("lifecycle", expect.lifecycle, run.history.lifecycles)
-        yield from Order(expect, run, self._maker).failures()
+        yield from OrderComparison(expect, run, self._maker).failures()
         yield from self._visits("visits", expect.visits, run.visits)
         yield from self._visits(
             "published", expect.published, [publish for _, publish in run.history.published]
@@ -70,28 +70,28 @@ class Comparison:
         yield from self._unfired()
         yield from self._idle()
 
-    def _same(self, word: str, expected: Any, actual: Any) -> Iterator[Failure]:
+    def _same(self, word: str, expected: Any, actual: Any) -> Iterator[ScenarioFailure]:
         if expected is not None and expected != actual:
             place, last = self._expect.at(word), self._run.view.configuration[-1:]
             yield self._maker.failure(place, word, expected, actual, concerned=last)
 
     # -- at a moment ------------------------------------------------------------------------------------
 
-    def _moments(self) -> Iterator[Failure]:
+    def _moments(self) -> Iterator[ScenarioFailure]:
         run = self._run
         for number, when in enumerate(self._scenario.when):
             if when.expect is not None:
-                end = Seen(run.seconds, len(run.steps), run.view, run.context)
+                end = MomentView(run.seconds, len(run.steps), run.view, run.context)
                 for seen in (end,) if when.at_ == END else run.looks.get(number, ()):
                     yield from self._moment(when.expect, seen)
 
-    def _moment(self, node: MomentNode, seen: Seen) -> Iterator[Failure]:
+    def _moment(self, node: MomentNode, seen: MomentView) -> Iterator[ScenarioFailure]:
         around = self._run.steps[seen.steps - 1] if seen.steps else None
         for key, index, expected, actual, states in (*self._states(node, seen), *self._values(node, seen)):
             what = f"{key} at {seen.time:.1f} s"
             yield self._maker.failure(node.at(key, index), what, expected, actual, around, states)
 
-    def _states(self, node: MomentNode, seen: Seen) -> Iterator[Difference]:
+    def _states(self, node: MomentNode, seen: MomentView) -> Iterator[Difference]:
         active = seen.view.configuration
         parents = {self._chart.states[name].parent for name in active}
         leaves = [name for name in active if name not in parents]
@@ -103,7 +103,7 @@ class Comparison:
             if found:
                 yield "not_state", index, f"not {name}", leaves, found
 
-    def _values(self, node: MomentNode, seen: Seen) -> Iterator[Difference]:
+    def _values(self, node: MomentNode, seen: MomentView) -> Iterator[Difference]:
         view = seen.view
         leaf = view.configuration[-1:]
         actual: Mapping[str, Any] = {
@@ -128,7 +128,7 @@ class Comparison:
 
     def _visits(
         self, word: str, expected: Sequence[VisitNode] | None, visits: Sequence[Visit | Publish]
-    ) -> Iterator[Failure]:
+    ) -> Iterator[ScenarioFailure]:
         if expected is None:
             return
         pairs = [_pair(expected, visits, index) for index in range(max(len(expected), len(visits)))]
@@ -148,7 +148,7 @@ class Comparison:
             return found[index][0] if index < len(found) else None
         return next((step for step, c in reversed(found) if visit and c.target == visit.target), None)
 
-    def _statuses(self) -> Iterator[Failure]:
+    def _statuses(self) -> Iterator[ScenarioFailure]:
         for status, wanted in self._expect.statuses.items():
             count = sum(1 for _, publish in self._run.history.published if publish.status == status)
             if not _is_in(wanted, count):
@@ -156,7 +156,7 @@ class Comparison:
                 actual = f"{count} of {len(self._run.history.published)}"
                 yield self._maker.failure(place, f"statuses: {status}", wanted, actual)
 
-    def _refused(self) -> Iterator[Failure]:
+    def _refused(self) -> Iterator[ScenarioFailure]:
         wanted, refused = self._expect.refused, self._run.history.refused
         for index in range(max(len(wanted), len(refused))):
             node = wanted[index] if index < len(wanted) else None
@@ -169,7 +169,7 @@ class Comparison:
 
     def _appeared(
         self, word: str, expected: Sequence[str] | None, found: Sequence[tuple[Step, str]]
-    ) -> Iterator[Failure]:
+    ) -> Iterator[ScenarioFailure]:
         """Compare the holds that were engaged, or the invariants that were broken, with what was expected."""
         actual = [name for _, name in found]
         if expected is None or list(expected) == actual:
@@ -183,7 +183,7 @@ class Comparison:
         pieces = [(f"{what} {name}", known[name].place) for name in actual[first : first + 1]]
         yield self._maker.failure(place, word, list(expected), actual, around, pieces)
 
-    def _notes(self) -> Iterator[Failure]:
+    def _notes(self) -> Iterator[ScenarioFailure]:
         noted = [note for step in self._run.steps for note in step.notes] if self._expect.notes else []
         for index, wanted in enumerate(self._expect.notes):
             if not any(wanted in note for note in noted):
@@ -193,7 +193,7 @@ class Comparison:
 
     def _counts(
         self, key: str, counts: Mapping[str, CountNode], is_of: Callable[[Command, str], bool]
-    ) -> Iterator[Failure]:
+    ) -> Iterator[ScenarioFailure]:
         for name, expected in counts.items():
             steps = [step for step in self._run.steps for command in step.commands if is_of(command, name)]
             if not _is_in(expected, len(steps)):
@@ -201,12 +201,12 @@ class Comparison:
                 states = [s.name for s in self._chart.states.values() if s.invoke and s.invoke.name == name]
                 yield self._maker.failure(place, f"{key}: {name}", expected, len(steps), last, states)
 
-    def _dropped(self) -> Iterator[Failure]:
+    def _dropped(self) -> Iterator[ScenarioFailure]:
         expected, dropped = self._expect.dropped, self._run.view.dropped
         if expected is not None and not _is_in(expected, dropped):
             yield self._maker.failure(self._expect.at("dropped"), "dropped", expected, dropped)
 
-    def _lasted(self) -> Iterator[Failure]:
+    def _lasted(self) -> Iterator[ScenarioFailure]:
         lasted = self._run.seconds
         for word, sign in (("within", 1.0), ("at_least", -1.0)):
             given = getattr(self._expect, word)
@@ -216,7 +216,7 @@ class Comparison:
 
     # -- what never happened ----------------------------------------------------------------------------
 
-    def _unfired(self) -> Iterator[Failure]:
+    def _unfired(self) -> Iterator[ScenarioFailure]:
         """A happening that never came to pass is a mistake of the scenario: it tested nothing."""
         for number in dict.fromkeys(happening.number for happening in self._run.unfired):
             happening = next(one for one in self._run.unfired if one.number == number)
@@ -236,7 +236,7 @@ class Comparison:
         started = [("", c.operation) for step in steps for c in step.commands if isinstance(c, Start)]
         return sum(1 for begun in (*entered, *started) if happening.is_meant(*begun))
 
-    def _idle(self) -> Iterator[Failure]:
+    def _idle(self) -> Iterator[ScenarioFailure]:
         """What found nothing to act upon tested nothing either."""
         for time, happening in self._run.idle:
             operation = getattr(happening.effect, "operation", "")
@@ -246,7 +246,7 @@ class Comparison:
             place, actual = self._scenario.at("when", happening.number), f"not so at {time:.1f} s"
             yield self._maker.failure(place, "when", expected, actual, around)
 
-    def _unspent(self) -> Iterator[Failure]:
+    def _unspent(self) -> Iterator[ScenarioFailure]:
         """What a mock had left is no mistake by itself: it may say what must not happen."""
         for number, used in self._run.unspent.items():
             mock, attempts = self._scenario.mocks[number], self._attempts(self._scenario.mocks[number].do)
@@ -255,7 +255,7 @@ class Comparison:
             given = [name for name in mock.with_ if name in first]
             told = "".join(f"; {name} of the first: {shorten(first[name])}" for name in given)
             expected, actual = f"{count} of {mock.do} under this mock", f"{used} of {len(attempts)}{told}"
-            yield Failure(self._scenario.at("mocks", number), "mock not used up", expected, actual)
+            yield ScenarioFailure(self._scenario.at("mocks", number), "mock not used up", expected, actual)
 
     def _attempts(self, operation: str) -> list[Start]:
         commands = [command for step in self._run.steps for command in step.commands]

@@ -1,6 +1,6 @@
 """A failed expectation as people read it: expected against actual, the lines of both files, the story around.
 
-Nothing here knows colours: `Failure.lines` names what each line is, and whoever prints decides.
+Nothing here knows colours: `ScenarioFailure.lines` names what each line is, and whoever prints decides.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ AROUND = 5
 
 
 @dataclass(frozen=True)
-class Failure:
+class ScenarioFailure:
     """One expectation that was not met.
 
     Args:
@@ -68,9 +68,9 @@ class Failure:
             yield (MARKED if marked else STORY), f"    {'>' if marked else '|'} {line}"
 
 
-def failure_lines(failures: Iterable[Failure]) -> Iterator[tuple[str, str]]:
+def failure_lines(failures: Iterable[ScenarioFailure]) -> Iterator[tuple[str, str]]:
     """Yield the lines of several failures of one run; a story that was just told is not told again."""
-    before: Failure | None = None
+    before: ScenarioFailure | None = None
     for failure in failures:
         yield from failure.about()
         if before is None or (failure.story, failure.marked) != (before.story, before.marked):
@@ -93,7 +93,7 @@ class FailureMaker:
         actual: Any,
         around: Step | None = None,
         concerned: Sequence[str | tuple[str, Place]] = (),
-    ) -> Failure:
+    ) -> ScenarioFailure:
         """Make a failure.
 
         Args:
@@ -104,7 +104,7 @@ class FailureMaker:
         states = [name for name in concerned if isinstance(name, str)]
         others = [piece for piece in concerned if not isinstance(piece, str)]
         pieces = (*others, *self._pieces(around, states))
-        return Failure(place, what, _text(expected), _text(actual), pieces, story, marked)
+        return ScenarioFailure(place, what, _text(expected), _text(actual), pieces, story, marked)
 
     def called(self, name: str) -> list[str]:
         """Return the full name of a state; of several with this name the first."""

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from xml.etree import ElementTree
 
-from lupin_engine.sim.suite import Result
+from lupin_engine.sim.suite import ScenarioResult
 
 #: What XML 1.0 cannot hold.
 _UNWRITABLE = dict.fromkeys({*range(32)} - {9, 10, 13})
 
 
-def junit(results: Sequence[Result]) -> str:
+def junit(results: Sequence[ScenarioResult]) -> str:
     """Return the report: a case for each scenario, its folder as the class."""
     root = ElementTree.Element("testsuites")
     suite = ElementTree.SubElement(
@@ -29,7 +29,7 @@ def junit(results: Sequence[Result]) -> str:
     return ElementTree.tostring(root, encoding="unicode", xml_declaration=True) + "\n"
 
 
-def _add(suite: ElementTree.Element, result: Result) -> None:
+def _add(suite: ElementTree.Element, result: ScenarioResult) -> None:
     folder = ".".join(part for part in result.file.parent.parts if part not in ("/", "."))
     place = {"classname": folder or "scenarios", "file": str(result.file)}
     case = ElementTree.SubElement(suite, "testcase", place, name=result.name, time=f"{result.took:.3f}")

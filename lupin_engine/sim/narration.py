@@ -16,7 +16,7 @@ _WIDTH = 48
 
 
 @dataclass(frozen=True)
-class Line:
+class StepLine:
     """One step: `moved` is where it led (empty: nowhere), `commanded` what follows, `notes` why (not)."""
 
     time: float
@@ -40,7 +40,7 @@ def _is_news(step: Step) -> bool:
     return step.event.name == "value" and not isinstance(step.event.data["value"], Mapping)
 
 
-def tell(chart: Chart, history: History, begin: int = 0, end: int | None = None) -> list[Line]:
+def tell(chart: Chart, history: History, begin: int = 0, end: int | None = None) -> list[StepLine]:
     """Tell the steps of a run in which something happened, in order; `begin` and `end` as in a slice."""
     narrator = _Narrator(chart, history)
     told = [(step, narrator.line(step)) for step in history.steps[begin:end]]
@@ -73,9 +73,9 @@ class _Narrator:
         self._chart = chart
         self._attempts = history.attempts
 
-    def line(self, step: Step) -> Line:
+    def line(self, step: Step) -> StepLine:
         """Tell one step."""
-        return Line(
+        return StepLine(
             time=step.time,
             event=self._event(step),
             moved=self._moved(step),

@@ -7,7 +7,7 @@ from typing import Any
 
 from lupin_engine.machine.step import Step
 from lupin_engine.plugin.types import DURATION, convert
-from lupin_engine.sim.failure import Failure, FailureMaker
+from lupin_engine.sim.failure import FailureMaker, ScenarioFailure
 from lupin_engine.sim.scenario_file import ExpectNode, LeadsNode, NeverNode, PassNode
 from lupin_engine.sim.simulation import Run, is_named
 
@@ -23,21 +23,21 @@ def seconds(duration: Any) -> float | None:
     return None if duration is None else float(convert(duration, DURATION))
 
 
-class Order:
+class OrderComparison:
     """What was expected of the order against what came."""
 
     def __init__(self, expect: ExpectNode, run: Run, maker: FailureMaker) -> None:
         self._expect, self._run, self._maker = expect, run, maker
         self._entered: list[Entry] = run.history.entered
 
-    def failures(self) -> Iterator[Failure]:
+    def failures(self) -> Iterator[ScenarioFailure]:
         """Yield what differs."""
         yield from self._phases()
         yield from self._passes()
         yield from self._leads()
         yield from self._never()
 
-    def _phases(self) -> Iterator[Failure]:
+    def _phases(self) -> Iterator[ScenarioFailure]:
         wanted, reached, last = self._expect.phases, 0, None
         for step, phase in self._run.history.phases if wanted else ():
             if reached < len(wanted) and phase == wanted[reached]:
@@ -52,7 +52,7 @@ class Order:
 
     # -- in this order ----------------------------------------------------------------------------------
 
-    def _passes(self) -> Iterator[Failure]:
+    def _passes(self) -> Iterator[ScenarioFailure]:
         """Look for an entry of each state that comes after one of those before it, and in time."""
         before = [-1]
         for number, node in enumerate(self._expect.passes):
@@ -82,7 +82,7 @@ class Order:
             and (by is None or time <= by + ROUNDING)
         )
 
-    def _not_passed(self, number: int, before: list[int]) -> Failure:
+    def _not_passed(self, number: int, before: list[int]) -> ScenarioFailure:
         """Tell that a state is not entered when it should be, or not at all."""
         nodes = self._expect.passes
         node, names = nodes[number], [one.state for one in nodes]
@@ -101,7 +101,7 @@ class Order:
 
     # -- each followed by another -----------------------------------------------------------------------
 
-    def _leads(self) -> Iterator[Failure]:
+    def _leads(self) -> Iterator[ScenarioFailure]:
         for index, node in enumerate(self._expect.leads_to):
             found = next(self._left_alone(node), None)
             if found is not None:
@@ -130,7 +130,7 @@ class Order:
 
     # -- never ------------------------------------------------------------------------------------------
 
-    def _never(self) -> Iterator[Failure]:
+    def _never(self) -> Iterator[ScenarioFailure]:
         for index, node in enumerate(self._expect.never):
             found = self._unwanted(node)
             if found is not None:

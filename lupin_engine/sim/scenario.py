@@ -30,9 +30,9 @@ from lupin_engine.plugin.registry import Catalog
 from lupin_engine.runtime.setup import make_world
 from lupin_engine.sim import SUFFIX
 from lupin_engine.sim.expectations import Comparison
-from lupin_engine.sim.failure import Failure
+from lupin_engine.sim.failure import ScenarioFailure
 from lupin_engine.sim.scenario_file import ScenarioNode
-from lupin_engine.sim.scenario_reader import ExpectChecker, ScriptReader, Words
+from lupin_engine.sim.scenario_reader import ExpectChecker, ScenarioNames, ScriptReader
 from lupin_engine.sim.simulation import Run, Script, simulate
 
 
@@ -104,7 +104,7 @@ class Scenario:
         world = self.missions.world(self.chart, self.parameters)
         return simulate(self.chart, script, self.parameters, world)
 
-    def failures(self, run: Run) -> list[Failure]:
+    def failures(self, run: Run) -> list[ScenarioFailure]:
         """Return every expectation that `run` does not meet, in the order of the file's words."""
         return list(Comparison(self.node, run).failures())
 
@@ -157,7 +157,7 @@ def _load(raw: Map | None, path: Path, missions: Missions, findings: Findings) -
         raise ChartError(findings.all)
     mission = missions.file(node.mission, path)
     chart = missions.chart(mission)
-    words = Words(chart, findings)
+    words = ScenarioNames(chart, findings)
     ExpectChecker(words).check(node.expect)
     reader = ScriptReader(node, words)
     script, parameters = reader.script(), reader.parameters()

@@ -28,7 +28,7 @@ from lupin_engine.sim.scenario_file import (
     ScenarioNode,
     WhenNode,
 )
-from lupin_engine.sim.scripted import AnyOf, Between, OnCancel, Outcome, Rule
+from lupin_engine.sim.scripted import AnyOf, Between, MockOutcome, OnCancel, Rule
 from lupin_engine.sim.simulation import (
     LIMIT,
     START,
@@ -77,7 +77,7 @@ _RULES: Mapping[str, str] = MappingProxyType(
 )
 
 
-class Words:
+class ScenarioNames:
     """Looks up names and reads values; what is wrong becomes a finding, and None."""
 
     def __init__(self, chart: Chart, findings: Findings) -> None:
@@ -185,7 +185,7 @@ class Words:
 class ScriptReader:
     """Reads what is simulated."""
 
-    def __init__(self, node: ScenarioNode, words: Words) -> None:
+    def __init__(self, node: ScenarioNode, words: ScenarioNames) -> None:
         self._node = node
         self._words = words
 
@@ -234,7 +234,7 @@ class ScriptReader:
         outcomes = tuple(self._outcome(outcome, mock.do, operation) for outcome in mock.then)
         yield Rule(mock.do, outcomes, arguments, mock.target, mock.in_turn)
 
-    def _outcome(self, node: OutcomeNode, name: str, operation: Operation) -> Outcome | AnyOf:
+    def _outcome(self, node: OutcomeNode, name: str, operation: Operation) -> MockOutcome | AnyOf:
         ends = [word for word in _ENDS if getattr(node, word) not in (None, False)]
         if len(ends) > 1:
             self._words.wrong(node.place, name, f"an attempt ends once, not in {' and '.join(ends)}")
@@ -243,7 +243,7 @@ class ScriptReader:
         if node.fail is not None:
             self._words.code(node.at("fail"), node.fail, name, operation)
         on_cancel, cancel_after = self._cancel(node)
-        return Outcome(
+        return MockOutcome(
             after=self._latency(node, "after"),
             code=node.fail or "",
             detail=node.detail,
@@ -389,7 +389,7 @@ def _attribute(key: str) -> str:
 class MomentChecker:
     """Looks up the names of what must be so at a moment."""
 
-    def __init__(self, words: Words) -> None:
+    def __init__(self, words: ScenarioNames) -> None:
         self._words = words
 
     def check(self, node: MomentNode) -> None:
@@ -412,7 +412,7 @@ class MomentChecker:
 class ExpectChecker:
     """Looks up the names of what is expected."""
 
-    def __init__(self, words: Words) -> None:
+    def __init__(self, words: ScenarioNames) -> None:
         self._words = words
 
     def check(self, node: ExpectNode) -> None:
@@ -455,7 +455,7 @@ class ExpectChecker:
                 self._words.duration(part.at(key), key, getattr(part, key, None))
 
 
-def check_published(words: Words, node: Node, key: str, names: Iterable[str]) -> None:
+def check_published(words: ScenarioNames, node: Node, key: str, names: Iterable[str]) -> None:
     """Look up published states, or phases."""
     states = words.chart.states.values()
     is_phase = key in ("phase", "phases")

@@ -40,7 +40,7 @@ class Between:
 
 
 @dataclass(frozen=True)
-class Outcome:
+class MockOutcome:
     """How one attempt ends: done with `result` over the mock's, failed with `code`, or never.
 
     Args:
@@ -70,7 +70,7 @@ class Outcome:
 class AnyOf:
     """One of several outcomes, each as likely as its weight says beside the others."""
 
-    outcomes: tuple[Outcome | AnyOf, ...]
+    outcomes: tuple[MockOutcome | AnyOf, ...]
     weights: tuple[float, ...]
 
     #: It is always drawn.
@@ -87,7 +87,7 @@ class Rule:
     """
 
     operation: str
-    outcomes: tuple[Outcome | AnyOf, ...]
+    outcomes: tuple[MockOutcome | AnyOf, ...]
     arguments: Mapping[str, Any] = field(default_factory=dict)
     target: str | None = None
     once: bool = False
@@ -118,7 +118,7 @@ def contains(whole: Any, part: Any) -> bool:
     return bool(whole == part)
 
 
-def drawn(outcome: Outcome | AnyOf, dice: random.Random) -> Outcome:
+def drawn(outcome: MockOutcome | AnyOf, dice: random.Random) -> MockOutcome:
     """Return an outcome in which nothing is left to chance."""
     while isinstance(outcome, AnyOf):
         (outcome,) = dice.choices(outcome.outcomes, outcome.weights)
@@ -152,7 +152,7 @@ class _Server:
         """Say whether an attempt falls under the rule and the rule is not spent."""
         return bool(self._left) and self.rule.covers(operation, arguments, target)
 
-    def next_outcome(self) -> Outcome:
+    def next_outcome(self) -> MockOutcome:
         """Return what the next attempt comes to.
 
         Every use of every rule has dice of its own: what one mock draws does not hang on how often another
@@ -160,19 +160,19 @@ class _Server:
         """
         found = self._left.pop(0) if self.rule.once else self._left[0]
         self.used += 1
-        if isinstance(found, Outcome) and not found.is_random:
+        if isinstance(found, MockOutcome) and not found.is_random:
             return found
         # Chance for tests: the same every time, and good enough to guess by.
         return drawn(found, random.Random(f"{self._name}/{self.used}"))
 
 
 @dataclass
-class _Running:
+class _ServedAttempt:
     """An attempt that a scripted server has heard of."""
 
     operation: str
     arguments: Mapping[str, Any]
-    outcome: Outcome
+    outcome: MockOutcome
     accepted: bool = False
 
 
@@ -199,7 +199,7 @@ class Stage:
         self._agenda = agenda
         self._now = now
         self._target = target
-        self._running: dict[str, _Running] = {}
+        self._running: dict[str, _ServedAttempt] = {}
         self._gone: set[str] = set()
         self._missing: list[str] = []
         self._outlet: Outlet | None = None
@@ -226,7 +226,7 @@ class Stage:
         """Hear of a request; accept it when its outcome says so."""
         if operation in self._gone:
             return
-        running = _Running(operation, arguments, self._choose(operation, arguments))
+        running = _ServedAttempt(operation, arguments, self._choose(operation, arguments))
         self._running[attempt] = running
         wait = running.outcome.accepted_after
         if wait == 0.0:
@@ -262,7 +262,7 @@ class Stage:
             else:
                 self._end(attempt, self._running[attempt].outcome)
 
-    def end_current(self, operation: str, outcome: Outcome) -> bool:
+    def end_current(self, operation: str, outcome: MockOutcome) -> bool:
         """End the newest attempt of an operation now; False when there is none."""
         for attempt, running in reversed(list(self._running.items())):
             if running.operation == operation:
@@ -289,12 +289,12 @@ class Stage:
         assert not isinstance(wait, Between), "every duration was drawn"
         self._agenda.note(self._now() + wait, action)
 
-    def _choose(self, operation: str, arguments: Mapping[str, Any]) -> Outcome:
+    def _choose(self, operation: str, arguments: Mapping[str, Any]) -> MockOutcome:
         target = self._target()
         for server in self._servers:
             if server.covers(operation, arguments, target):
                 return server.next_outcome()
-        return Outcome()
+        return MockOutcome()
 
     def _accept(self, attempt: str) -> None:
         running = self._running.get(attempt)
@@ -310,7 +310,7 @@ class Stage:
             after = self._operation(running).mock.after if outcome.after is None else outcome.after
             self._later(after, lambda: self._end(attempt, outcome))
 
-    def _end(self, attempt: str, outcome: Outcome) -> None:
+    def _end(self, attempt: str, outcome: MockOutcome) -> None:
         running = self._running.get(attempt)
         if running is None or (running.operation == READY and self._missing):
             return
@@ -323,11 +323,11 @@ class Stage:
                 self.tell(name, is_now)
             self.outlet.done(attempt, {**self._mocked(mock.result, running), **outcome.result})
 
-    def _mocked(self, given: Any, running: _Running) -> Mapping[str, Any]:
+    def _mocked(self, given: Any, running: _ServedAttempt) -> Mapping[str, Any]:
         found: Mapping[str, Any] = given(running.arguments, self._parameters) if callable(given) else given
         return found
 
-    def _operation(self, running: _Running) -> Operation:
+    def _operation(self, running: _ServedAttempt) -> Operation:
         return self._catalog.operations[running.operation]
 
 

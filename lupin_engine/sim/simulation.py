@@ -24,7 +24,7 @@ from lupin_engine.runtime.engine import Engine, EngineOutlet
 from lupin_engine.runtime.history import History
 from lupin_engine.runtime.setup import make_world
 from lupin_engine.sim.agenda import Agenda
-from lupin_engine.sim.scripted import Outcome, Rule, Stage
+from lupin_engine.sim.scripted import MockOutcome, Rule, Stage
 
 #: Published states in which a mission is over.
 ENDED, FAULTED = "DONE", "FAULT"
@@ -149,7 +149,7 @@ class Script:
 
 
 @dataclass(frozen=True)
-class Seen:
+class MomentView:
     """What there was to see at one moment: after `steps` steps, at `time`."""
 
     time: float
@@ -177,7 +177,7 @@ class Run:
     cut_off: bool
     unfired: tuple[Happening, ...]
     idle: tuple[tuple[float, Happening], ...] = ()
-    looks: Mapping[int, tuple[Seen, ...]] = field(default_factory=dict)
+    looks: Mapping[int, tuple[MomentView, ...]] = field(default_factory=dict)
     context: Mapping[str, Any] = field(default_factory=dict)
     stopped: bool = False
     parameters: Mapping[str, Any] = field(default_factory=dict)
@@ -240,7 +240,7 @@ class Simulation:
         # Nobody needs waking: the loop below drains after everything that it lets happen.
         drivers.update(self._stage.drivers(EngineOutlet(self._engine, lambda: None)))
         self.history = History()
-        self._looks: dict[int, list[Seen]] = {}
+        self._looks: dict[int, list[MomentView]] = {}
         self._idle: list[tuple[float, Happening]] = []
         self._missions = 0
         self._started = not script.starts
@@ -361,7 +361,7 @@ class Simulation:
         self._stage.tell(effect.value, effect.is_now)
 
     def _end(self, effect: End) -> bool:
-        outcome = Outcome(code=effect.code, detail=effect.detail, result=effect.result)
+        outcome = MockOutcome(code=effect.code, detail=effect.detail, result=effect.result)
         return self._stage.end_current(effect.operation, outcome)
 
     def _restart(self, _: Restart) -> None:
@@ -370,7 +370,7 @@ class Simulation:
 
     def _look(self, number: int) -> None:
         machine, steps = self._machine, len(self.history.steps)
-        seen = Seen(self._clock.now(), steps, machine.view, dict(machine.memory.context))
+        seen = MomentView(self._clock.now(), steps, machine.view, dict(machine.memory.context))
         self._looks.setdefault(number, []).append(seen)
 
     def _ask(self, event: str, data: Mapping[str, Any]) -> None:

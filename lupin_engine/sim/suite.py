@@ -19,7 +19,7 @@ from lupin_engine.chart.model import Chart
 from lupin_engine.errors import LupinError
 from lupin_engine.plugin.registry import Catalog, load_catalog
 from lupin_engine.sim import SUFFIX
-from lupin_engine.sim.failure import Failure
+from lupin_engine.sim.failure import ScenarioFailure
 from lupin_engine.sim.scenario import Missions, Scenario, load_scenario
 from lupin_engine.sim.simulation import Run
 
@@ -45,7 +45,7 @@ MakeObserver = Callable[[], RunObserver]
 
 
 @dataclass(frozen=True)
-class Result:
+class ScenarioResult:
     """How a scenario went.
 
     `problem` says why it could not be run at all. `runs` is how many seeds were tried, `seed` the one that
@@ -57,7 +57,7 @@ class Result:
     file: Path
     promise: str = ""
     problem: str = ""
-    failures: tuple[Failure, ...] = ()
+    failures: tuple[ScenarioFailure, ...] = ()
     seed: int | None = None
     runs: int = 0
     seconds: float = 0.0
@@ -88,17 +88,17 @@ class Suite:
         self._observer = observe() if observe else None
         self.missions = Missions(catalog, self._observer.prepare) if self._observer else Missions(catalog)
 
-    def run(self, file: Path, seeds: Sequence[int] = (0,)) -> Result:
+    def run(self, file: Path, seeds: Sequence[int] = (0,)) -> ScenarioResult:
         """Run a scenario with each seed until one fails; without anything random the first seed will do."""
         begun = time.perf_counter()
         try:
             scenario = load_scenario(file, self.missions.catalog, self.missions)
             result = self._tried(scenario, seeds)
         except LupinError as problem:
-            result = Result(file, problem=str(problem))
+            result = ScenarioResult(file, problem=str(problem))
         return replace(result, took=time.perf_counter() - begun)
 
-    def _tried(self, scenario: Scenario, seeds: Sequence[int]) -> Result:
+    def _tried(self, scenario: Scenario, seeds: Sequence[int]) -> ScenarioResult:
         is_random = scenario.is_random
         counts: Counts = Counts()
         runs, seconds, failures, last = 0, 0.0, [], None
@@ -110,7 +110,7 @@ class Suite:
             failures = scenario.failures(run)
             if failures:
                 break
-        return Result(
+        return ScenarioResult(
             scenario.file,
             scenario.promise,
             failures=tuple(failures),
@@ -134,7 +134,7 @@ class Crew:
         self._pool = ProcessPoolExecutor(workers, _context(), _begin, (observe,))
         self._coming = {file: self._pool.submit(_run, file, seeds) for file in files}
 
-    def result(self, file: Path) -> Result:
+    def result(self, file: Path) -> ScenarioResult:
         """Wait until it is known how one of the scenarios went."""
         return self._coming[file].result()
 
@@ -149,7 +149,7 @@ def run_all(
     seeds: Sequence[int] = (0,),
     jobs: int = 0,
     observe: MakeObserver | None = None,
-) -> Iterator[Result]:
+) -> Iterator[ScenarioResult]:
     """Yield how each scenario went, in the order of `files`, as soon as it is known.
 
     Args:
@@ -185,6 +185,6 @@ def _begin(observe: MakeObserver | None) -> None:
     _suite = Suite(load_catalog(), observe)
 
 
-def _run(file: Path, seeds: Sequence[int]) -> Result:
+def _run(file: Path, seeds: Sequence[int]) -> ScenarioResult:
     assert _suite is not None, "a worker begins before it works"
     return _suite.run(file, seeds)

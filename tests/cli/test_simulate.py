@@ -16,7 +16,7 @@ from lupin_engine.cli.verbs.simulate import simulate
 from lupin_engine.errors import UsageError
 from lupin_engine.replay.debugger import Debugger
 from lupin_engine.replay.story import columns_for, laid_out
-from lupin_engine.sim.narration import Line, tell
+from lupin_engine.sim.narration import StepLine, tell
 from lupin_engine.sim.simulation import Run, Script
 from lupin_engine.sim.simulation import simulate as run_script
 from tests import shipped
@@ -118,7 +118,7 @@ def test_regions_entered_together_are_told_as_such() -> None:
 
 def test_refusals_and_notes_stand_out() -> None:
     """Each piece of a line knows what it is about; the terminal colours it."""
-    line = Line(
+    line = StepLine(
         1.0, "operator.pause REFUSED: no", "", ("publish 2 SKIPPED", "cancel nav.go_to"), ("why",), True
     )
     tones = [tone for row in laid_out(line, columns_for([line], 120)) for text, tone in row if text.strip()]

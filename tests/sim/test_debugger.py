@@ -17,7 +17,7 @@ from lupin_engine.cli.settings import read_value
 from lupin_engine.replay.debugger import COMMANDS, Debugger
 from lupin_engine.replay.story import TonedLine
 from lupin_engine.runtime.setup import make_world
-from lupin_engine.sim.scripted import Between, Outcome, Rule
+from lupin_engine.sim.scripted import Between, MockOutcome, Rule
 from lupin_engine.sim.simulation import Ask, Happening, Script
 from tests import shipped
 
@@ -59,7 +59,7 @@ def test_the_same_lines_give_the_same_transcript(file: Path) -> None:
 
 def test_going_back_takes_the_world_with_it() -> None:
     """Mocks that are used up and dice are as they were: the same is drawn again."""
-    rules = (Rule("nav.go_to", (Outcome(after=Between(1.0, 9.0)),)),)
+    rules = (Rule("nav.go_to", (MockOutcome(after=Between(1.0, 9.0)),)),)
     one = debugger(Script("InspectionMission", rules=rules, starts=False, seed=7))
     one.greeting()
     first = list(answered(one, ["start tag_sequence=1,2,5", "run", "back 99"]))

@@ -20,7 +20,7 @@ from lupin_engine.replay.coverage import (
     reached,
 )
 from lupin_engine.sim.scenario import load_scenario
-from lupin_engine.sim.suite import Result, Suite
+from lupin_engine.sim.suite import ScenarioResult, Suite
 from tests import shipped
 
 HEAD = 'scenario: a test\nmission: inspection\nrequest: {tag_sequence: ["1"]}\n'
@@ -28,7 +28,7 @@ INSPECTING = "MISSION.InspectionMission.INSPECTING"
 SKIP = f"{INSPECTING}.SCANNING.on.operator.skip_current.0"
 
 
-def result(folder: Path, text: str) -> Result:
+def result(folder: Path, text: str) -> ScenarioResult:
     """Run a scenario and count what it reaches."""
     file = folder / "x.scenario.yaml"
     file.write_text(HEAD + text, encoding="utf-8")
@@ -103,7 +103,7 @@ def test_the_sum_is_a_table_and_a_list(tmp_path: Path) -> None:
     """A line for each mission and lifecycle, then what is missing with its place."""
     suite = Suite(shipped.catalog())
     found = result(tmp_path, "expect: {final: DONE}\n")
-    coverage = add_up([found, Result(tmp_path / "unreadable")], suite.missions)
+    coverage = add_up([found, ScenarioResult(tmp_path / "unreadable")], suite.missions)
     lines = list(coverage_lines(coverage))
     assert [line.split()[0] for line in lines[:4]] == [
         "reached",

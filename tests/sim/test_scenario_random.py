@@ -13,7 +13,7 @@ import pytest
 
 from lupin_engine.runtime.record import step_record
 from lupin_engine.sim.scenario import Missions, Scenario, load_scenario, scenario_files
-from lupin_engine.sim.scripted import AnyOf, Between, Outcome, Rule, drawn
+from lupin_engine.sim.scripted import AnyOf, Between, MockOutcome, Rule, drawn
 from lupin_engine.sim.simulation import Happening, Restart, Run, Script, simulate
 from tests import shipped
 
@@ -83,7 +83,9 @@ def test_nothing_is_random_that_does_not_say_so(tmp_path: Path) -> None:
 
 def test_weights_are_shares() -> None:
     """Three to one is three quarters; a duration lies between its bounds, anywhere."""
-    choice = AnyOf((Outcome(after=Between(2.0, 4.0)), AnyOf((Outcome(code="a"),), (1.0,))), (3.0, 1.0))
+    choice = AnyOf(
+        (MockOutcome(after=Between(2.0, 4.0)), AnyOf((MockOutcome(code="a"),), (1.0,))), (3.0, 1.0)
+    )
     dice = random.Random(0)
     found = [drawn(choice, dice) for _ in range(4000)]
     share = Counter(outcome.code for outcome in found)
@@ -95,7 +97,7 @@ def test_weights_are_shares() -> None:
 
 def test_the_servers_draw_acceptance_and_cancel_as_well() -> None:
     """Every duration of an outcome may lie between two."""
-    outcome = Outcome(never=True, accepted_after=Between(1.0, 2.0), cancel_after=Between(0.5, 1.0))
+    outcome = MockOutcome(never=True, accepted_after=Between(1.0, 2.0), cancel_after=Between(0.5, 1.0))
     rules = (Rule("nav.go_to", (outcome,)),)
     assert rules[0].is_random
     script = Script("InspectionMission", {"tag_sequence": ["1"]}, rules)

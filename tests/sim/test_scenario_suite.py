@@ -11,7 +11,7 @@ from lupin_engine.replay.coverage import CoverageObserver
 from lupin_engine.sim import suite
 from lupin_engine.sim.junit import junit
 from lupin_engine.sim.scenario import scenario_files
-from lupin_engine.sim.suite import Result, Suite, run_all
+from lupin_engine.sim.suite import ScenarioResult, Suite, run_all
 from tests import shipped
 
 SCENARIOS = Path(__file__).parents[1] / "scenarios" / "inspection"
@@ -45,7 +45,7 @@ def test_without_chance_one_seed_will_do(tmp_path: Path) -> None:
     assert (result.runs, result.seed) == (1, None)
 
 
-def told(results: list[Result]) -> list[tuple[str, str, tuple[str, ...], float]]:
+def told(results: list[ScenarioResult]) -> list[tuple[str, str, tuple[str, ...], float]]:
     """What must not hang on who ran them."""
     return [(r.name, r.problem, tuple(map(str, r.failures)), r.seconds) for r in results]
 
@@ -97,6 +97,8 @@ def test_junit_is_told_everything(tmp_path: Path) -> None:
 
 def test_junit_survives_what_xml_cannot_hold() -> None:
     """A control character in a text is left out."""
-    root = ElementTree.fromstring(junit([Result(Path("a/b.scenario.yaml"), problem="bell \x07 & <tag>")]))
+    root = ElementTree.fromstring(
+        junit([ScenarioResult(Path("a/b.scenario.yaml"), problem="bell \x07 & <tag>")])
+    )
     case = root[0][0]
     assert (case.get("classname"), case[0].text) == ("a", "bell  & <tag>")

@@ -10,7 +10,7 @@ from lupin_engine.errors import LupinError
 from lupin_engine.machine.event import Start
 from lupin_engine.sim import simulation
 from lupin_engine.sim.narration import short_name, shorten, tell
-from lupin_engine.sim.scripted import Outcome, Rule, contains
+from lupin_engine.sim.scripted import MockOutcome, Rule, contains
 from lupin_engine.sim.simulation import Ask, Happening, Run, Script, Tell, simulate
 from tests import shipped
 
@@ -40,7 +40,7 @@ def test_a_mission_in_which_nothing_takes_time_does_not_go_on_for_ever(
 ) -> None:
     """A search for frontiers that are found and reached at once never comes to the end of its time."""
     monkeypatch.setattr(simulation, "MOST_AT_ONCE", 500)
-    rules = [Rule(name, (Outcome(after=0.0),)) for name in ("nav.choose_frontier", "nav.go_to")]
+    rules = [Rule(name, (MockOutcome(after=0.0),)) for name in ("nav.choose_frontier", "nav.go_to")]
     script = Script("ExplorationMission", rules=tuple(rules))
     with pytest.raises(LupinError) as caught:
         simulate(shipped.mission("exploration"), script)
@@ -84,7 +84,7 @@ def missing(*changes: tuple[float, list[str]]) -> tuple[Happening, ...]:
     return tuple(Happening(Tell("plugins.missing", names), at) for at, names in changes)
 
 
-@pytest.mark.parametrize("rule", [(), (Rule("plugins.ready", (Outcome(never=True),)),)])
+@pytest.mark.parametrize("rule", [(), (Rule("plugins.ready", (MockOutcome(never=True),)),)])
 def test_nobody_is_ready_while_something_is_missing(rule: tuple[Rule, ...]) -> None:
     """The wait ends when the list is told to be empty, and not before, whatever its mock says."""
     happenings = missing((0.0, [NAV]), (1.0, [NAV, BRIDGE]), (20.0, []))
@@ -112,8 +112,10 @@ def test_a_wait_that_begins_while_something_is_missing_says_so() -> None:
 def test_rules_are_tried_in_order() -> None:
     """The first rule that covers an attempt and is not spent decides; then the plugin's mock."""
     rules = (
-        Rule("nav.go_to", (Outcome(code="nav_status_6", after=1.0), Outcome()), target="2", once=True),
-        Rule("nav.go_to", (Outcome(after=10.0),), target="3"),
+        Rule(
+            "nav.go_to", (MockOutcome(code="nav_status_6", after=1.0), MockOutcome()), target="2", once=True
+        ),
+        Rule("nav.go_to", (MockOutcome(after=10.0),), target="3"),
     )
     run = inspection("1", "2", "3", rules=rules)
     drives = [

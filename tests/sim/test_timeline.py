@@ -12,7 +12,7 @@ from lupin_engine.replay.timeline import Bar, Curve, Lane, Tick, Timeline, timel
 from lupin_engine.replay.timeline_rows import axis_text, lasting, marks, placed
 from lupin_engine.replay.timeline_svg import svg
 from lupin_engine.replay.timeline_text import ASCII, UNICODE, text
-from lupin_engine.sim.scripted import Outcome, Rule
+from lupin_engine.sim.scripted import MockOutcome, Rule
 from lupin_engine.sim.simulation import Ask, Happening, Run, Script, Tell, simulate
 from tests import shipped
 
@@ -31,8 +31,13 @@ def eventful() -> Run:
         "3",
         "4",
         rules=(
-            Rule("nav.go_to", (Outcome(code="nav_status_6", after=2.0), Outcome()), target="4", once=True),
-            Rule("nav.go_to", (Outcome(never=True),), target="3"),
+            Rule(
+                "nav.go_to",
+                (MockOutcome(code="nav_status_6", after=2.0), MockOutcome()),
+                target="4",
+                once=True,
+            ),
+            Rule("nav.go_to", (MockOutcome(never=True),), target="3"),
         ),
         happenings=(
             Happening(Ask("operator.pause"), 5.0),
@@ -107,7 +112,7 @@ def test_a_server_that_does_not_confirm_is_given_up() -> None:
     """The bar ends when nobody listens to it any more, not with the run."""
     from lupin_engine.sim.scripted import OnCancel
 
-    rule = Rule("nav.go_to", (Outcome(never=True, on_cancel=OnCancel.SILENT),), target="1")
+    rule = Rule("nav.go_to", (MockOutcome(never=True, on_cancel=OnCancel.SILENT),), target="1")
     lanes = timeline(inspection("1", "2", rules=(rule,)))
     drives = next(lane for lane in lanes.operations if lane.name == "nav.go_to")
     first = drives.bars[0]

@@ -14,7 +14,7 @@ from lupin_engine.cli.terminal.colours import styled
 from lupin_engine.cli.terminal.view import WORDS, readings_table
 from lupin_engine.machine.memory import Visit
 from lupin_engine.replay.story import columns_for, laid_out
-from lupin_engine.replay.summary import Attempted, Summary, summarise
+from lupin_engine.replay.summary import Attempted, RunSummary, summarise
 from lupin_engine.replay.timeline import Timeline
 from lupin_engine.replay.timeline_rows import lasting
 from lupin_engine.ros.launch.story import ALL_VISITED, NOT_DONE, SOME_MISSED, STATUSES, Reading
@@ -65,7 +65,7 @@ def show_outcome(run: Run, lanes: Timeline, wall: float, console: Console) -> No
     console.print(last_line(run), soft_wrap=True)
 
 
-def figures(found: Summary, wall: float) -> list[tuple[str, str]]:
+def figures(found: RunSummary, wall: float) -> list[tuple[str, str]]:
     """Return the figures of a run, each with its label; what was none of is left out."""
     rows = [
         ("states", _times(found.states)),

@@ -16,7 +16,7 @@ from lupin_engine.sim import SUFFIX
 
 if TYPE_CHECKING:
     from lupin_engine.replay.coverage import Coverage
-    from lupin_engine.sim.suite import Result
+    from lupin_engine.sim.suite import ScenarioResult
 
 #: Where scenarios are looked for when none is named, nearest first.
 _PLACES = (Path("scenarios"), Path("tests/scenarios"))
@@ -174,7 +174,7 @@ def _draw(coverage: Coverage, file: Path) -> None:
         write_text(file if alone else file.with_name(f"{file.stem}-{mission.stem}.svg"), svg(picture))
 
 
-def _show(result: Result, quiet: bool) -> None:
+def _show(result: ScenarioResult, quiet: bool) -> None:
     """Tell how a scenario went; one that cannot be read is one that fails."""
     from lupin_engine.sim import failure
 
@@ -196,7 +196,7 @@ def _show(result: Result, quiet: bool) -> None:
         click.echo(click.style(line, **styles.get(kind, {})))
 
 
-def _how(result: Result) -> str:
+def _how(result: ScenarioResult) -> str:
     """Return the virtual time, and the seed where there was something to draw."""
     lasted = f"{result.seconds:.1f} s"
     if result.seed is None:
@@ -206,7 +206,7 @@ def _how(result: Result) -> str:
     return f"{lasted}, {result.runs} seeds" if result.runs > 1 else f"{lasted}, seed {result.seed}"
 
 
-def _sum_up(results: Sequence[Result], coverage: Coverage | None) -> None:
+def _sum_up(results: Sequence[ScenarioResult], coverage: Coverage | None) -> None:
     from lupin_engine.replay.coverage import coverage_lines
 
     if coverage is not None:
@@ -216,7 +216,7 @@ def _sum_up(results: Sequence[Result], coverage: Coverage | None) -> None:
     click.echo(f"{failed} of {count} failed" if failed else f"{count}: all hold")
 
 
-def _record(results: Sequence[Result], coverage: Coverage | None) -> dict[str, Any]:
+def _record(results: Sequence[ScenarioResult], coverage: Coverage | None) -> dict[str, Any]:
     """Return the results as JSON data."""
     record: dict[str, Any] = {
         "scenarios": [_result_record(result) for result in results],
@@ -227,7 +227,7 @@ def _record(results: Sequence[Result], coverage: Coverage | None) -> dict[str, A
     return record
 
 
-def _result_record(result: Result) -> dict[str, Any]:
+def _result_record(result: ScenarioResult) -> dict[str, Any]:
     from lupin_engine.sim.failure import shown
 
     failures = [
