@@ -16,9 +16,8 @@ from typing import Any
 
 from lupin_engine.errors import PluginError, nearest
 from lupin_engine.harness.examples import arguments_for, defaults_of
-from lupin_engine.harness.sources import client_problems, node_problems, undeclared
 from lupin_engine.plugin.contract import Argument, Code, LiveValue, Operation, Plugin
-from lupin_engine.plugin.discovery import EntryPoint, entry_points, find_entry_point, told
+from lupin_engine.plugin.discovery import EntryPoint, entry_points, find_entry_point, source_file, told
 from lupin_engine.plugin.registry import build_catalog, import_plugin, load_catalog, refuse_rivals
 from lupin_engine.plugin.types import Notation, Type, problems
 
@@ -170,18 +169,14 @@ def _differs(one: str | None, other: str | None) -> str:
 
 
 def names_modules(subject: PluginUnderTest) -> Iterator[str]:
-    """Client and nodes are where the catalog says, and can be called as the engine calls them."""
+    """The modules of client and nodes are there; they are not imported, for they need ROS."""
     plugin = subject.plugin
-    if plugin.client:
-        yield from (f"client: {text}" for text in client_problems(plugin.client))
-    for name, target in plugin.nodes.items():
-        yield from (f"node {name!r}: {text}" for text in node_problems(target))
-
-
-def reports_what_is_declared(subject: PluginUnderTest) -> Iterator[str]:
-    """Codes, live values, events and parameters that the client writes out are those of the catalog."""
-    if subject.plugin.client:
-        yield from undeclared(subject.plugin)
+    named = {"client": plugin.client} if plugin.client else {}
+    named |= {f"node {name!r}": target for name, target in plugin.nodes.items()}
+    for what, target in named.items():
+        module = target.partition(":")[0]
+        if source_file(module) is None:
+            yield f"{what}: there is no module {module!r}"
 
 
 def documented(subject: PluginUnderTest) -> Iterator[str]:
@@ -342,7 +337,6 @@ RULES: Mapping[str, Callable[[PluginUnderTest], Iterator[str]]] = MappingProxyTy
             loads_without_ros,
             stays_the_same,
             names_modules,
-            reports_what_is_declared,
             documented,
             labelled,
             mocked,

@@ -56,6 +56,9 @@ def install(folder: Path, entry_points: str, source: str = LAMP, package: str = 
     (folder / package / "__init__.py").write_text("print('the package is imported')")
     (folder / package / "verbs.py").write_text(source)
     (folder / f"{package}-1.2.dist-info").mkdir()
+    (folder / f"{package}-1.2.dist-info" / "METADATA").write_text(
+        f"Name: {package.replace('_', '-')}\nVersion: 1.2\n"
+    )
     (folder / f"{package}-1.2.dist-info" / "entry_points.txt").write_text(f"[lupin.verbs]\n{entry_points}\n")
 
 

@@ -138,8 +138,8 @@ BROKEN: list[tuple[str, dict[str, Any], str]] = [
     ("names_modules", {"client": "odd.gone:Client"}, "client: there is no module 'odd.gone'"),
     (
         "names_modules",
-        {"nodes": {"sim": "lupin_engine.errors:nearst"}},
-        "node 'sim': there is no 'nearst' in 'lupin_engine.errors'; did you mean 'nearest'?",
+        {"nodes": {"sim": "lupin_engine.gone:main"}},
+        "node 'sim': there is no module 'lupin_engine.gone'",
     ),
     (
         "documented",
@@ -234,33 +234,13 @@ def test_a_rule_tells_what_breaks_it(
     assert problem in problems(rule, **changed)
 
 
-@pytest.mark.parametrize(
-    ("source", "problem"),
-    [
-        ("def (", "client: the module 'odd_client' cannot be read: invalid syntax (odd_client.py, line 1)"),
-        ("Clients = 1", "client: there is no 'Client' in 'odd_client'; did you mean 'Clients'?"),
-        ("Client: object = print", None),
-        ("try:\n    from odd import Client\nexcept ImportError:\n    Client = None", None),
-        ("import os\nif os.name:\n    async def Client(): ...", None),
-    ],
-    ids=["syntax", "misspelt", "annotated", "try", "if"],
-)
 def test_a_client_is_looked_for_without_importing_it(
-    problems: Callable[..., list[str]],
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    source: str,
-    problem: str | None,
+    problems: Callable[..., list[str]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """In whatever way its module makes it; a module that is no Python is told."""
-    (tmp_path / "odd_client.py").write_text(source)
+    """It needs ROS; the rules of the driver import it."""
+    (tmp_path / "odd_client.py").write_text("1 / 0")
     monkeypatch.syspath_prepend(tmp_path)
-    assert problems("names_modules", client="odd_client:Client") == ([problem] if problem else [])
-
-
-def test_what_is_compiled_is_not_looked_into(problems: Callable[..., list[str]]) -> None:
-    """Only importing it would tell."""
-    assert problems("names_modules", client="sys:no_such_name") == []
+    assert problems("names_modules", client="odd_client:Client") == []
 
 
 def test_a_plugin_that_no_rule_could_be_tried_on_is_told_by_all(

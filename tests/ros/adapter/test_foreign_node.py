@@ -39,6 +39,7 @@ def installed(tmp_path: Path) -> dict[str, str]:
     (tmp_path / "far" / "catalog.py").write_text(CATALOG)
     (tmp_path / "far" / "node.py").write_text(NODE)
     (tmp_path / "far-1.2.dist-info").mkdir()
+    (tmp_path / "far-1.2.dist-info" / "METADATA").write_text("Name: far\nVersion: 1.2\n")
     (tmp_path / "far-1.2.dist-info" / "entry_points.txt").write_text(
         "[lupin.plugins]\nfar = far.catalog:PLUGIN\n"
     )
