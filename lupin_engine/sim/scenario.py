@@ -32,7 +32,7 @@ from lupin_engine.sim import SUFFIX
 from lupin_engine.sim.expectations import Comparison
 from lupin_engine.sim.failure import ScenarioFailure
 from lupin_engine.sim.scenario_file import ScenarioNode
-from lupin_engine.sim.scenario_reader import ExpectChecker, ScenarioNames, ScriptReader
+from lupin_engine.sim.scenario_reader import ScenarioNames, ScriptReader, check_names
 from lupin_engine.sim.simulation import Run, Script, simulate
 
 
@@ -158,7 +158,7 @@ def _load(raw: Map | None, path: Path, missions: Missions, findings: Findings) -
     mission = missions.file(node.mission, path)
     chart = missions.chart(mission)
     words = ScenarioNames(chart, findings)
-    ExpectChecker(words).check(node.expect)
+    check_names(node, words)
     reader = ScriptReader(node, words)
     script, parameters = reader.script(), reader.parameters()
     if findings.errors:

@@ -6,6 +6,7 @@ As in mission files, every mapping remembers where it was read. What names mean 
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Annotated, Any, Literal
 
@@ -26,8 +27,23 @@ def _to_list(value: Any) -> Any:
     return value if isinstance(value, list) else [value]
 
 
+@dataclass(frozen=True)
+class NameOf:
+    """Marks a field whose text, elements or keys are names of `what`; errors about them begin with `path`."""
+
+    what: str
+    path: str = ""
+
+
+class IsDuration:
+    """Marks a field that is a duration and no more."""
+
+
+STATE = NameOf("state")
+OPERATION = NameOf("operation")
+_SECONDS = WithJsonSchema({"type": ["string", "integer"], "examples": ["5 s", "2 min"]})
 #: `5 s`, or 0.
-Duration = Annotated[Any, WithJsonSchema({"type": ["string", "integer"], "examples": ["5 s", "2 min"]})]
+Duration = Annotated[Any, IsDuration(), _SECONDS]
 #: A duration, or `{between: [1 s, 3 s]}`: another one each time.
 Latency = Annotated[
     Any,
@@ -160,18 +176,26 @@ class EndNode(ShortNode):
 class MomentNode(Node):
     """What must be so at one moment. What is not named is not looked at."""
 
-    state: Names = Field(default_factory=list, description="states that are active")
-    not_state: Names = Field(default_factory=list, description="states that are not active")
-    lifecycle: str | None = Field(None, description="published state")
-    phase: str | None = Field(None, description="published phase; empty: none")
+    state: Annotated[Names, STATE] = Field(default_factory=list, description="states that are active")
+    not_state: Annotated[Names, STATE] = Field(default_factory=list, description="states that are not active")
+    lifecycle: Annotated[str | None, NameOf("published state", "expect.lifecycle")] = Field(
+        None, description="published state"
+    )
+    phase: Annotated[str | None, NameOf("phase", "expect.phase")] = Field(
+        None, description="published phase; empty: none"
+    )
     target: str | None = Field(None, description="the itinerary's current target; empty: none")
     paused: bool | None = Field(None, description="whether the mission waits for the operator")
-    held: list[str] | None = Field(None, description="holds that are engaged, all of them, in their order")
+    held: Annotated[list[str] | None, NameOf("hold", "expect.held")] = Field(
+        None, description="holds that are engaged, all of them, in their order"
+    )
     last_error: str | None = Field(
         None, description="code reported last, alone or as `code: detail`; empty: none"
     )
-    running: list[str] | None = Field(None, description="operations under way, all of them")
-    variables: dict[str, Any] = Field(
+    running: Annotated[list[str] | None, OPERATION] = Field(
+        None, description="operations under way, all of them"
+    )
+    variables: Annotated[dict[str, Any], NameOf("variable", "expect.variables")] = Field(
         default_factory=dict, description="variables of the chart and their values"
     )
 
@@ -179,9 +203,11 @@ class MomentNode(Node):
 class WhenNode(Node):
     """Something that happens, or is looked at: at a time, on entering a state, when an operation starts."""
 
-    at_: Duration = Field(None, alias="at", description="duration from the start; `end` to look at the end")
-    on: str | None = Field(None, description="state that is entered")
-    start_of: str | None = Field(None, description="operation that is started")
+    at_: Annotated[Any, _SECONDS] = Field(
+        None, alias="at", description="duration from the start; `end` to look at the end"
+    )
+    on: Annotated[str | None, STATE] = Field(None, description="state that is entered")
+    start_of: Annotated[str | None, OPERATION] = Field(None, description="operation that is started")
     nth: Annotated[Any, WithJsonSchema({"type": ["integer", "string"]})] = Field(
         1, description="which of its entries or starts, counted from 1, or `every`"
     )
@@ -191,10 +217,12 @@ class WhenNode(Node):
     event: EventNode | None = Field(None, description="what a plugin tells")
     fail: EndNode | None = Field(None, description="an operation under way fails")
     finish: EndNode | None = Field(None, description="an operation under way ends well")
-    server_gone: Names = Field(
+    server_gone: Annotated[Names, OPERATION] = Field(
         default_factory=list, description="operations whose server is not heard of from now on"
     )
-    server_back: Names = Field(default_factory=list, description="operations whose server answers again")
+    server_back: Annotated[Names, OPERATION] = Field(
+        default_factory=list, description="operations whose server answers again"
+    )
     restart: bool = Field(False, description="the machine is made anew from its snapshot, as after a crash")
     expect: MomentNode | None = Field(None, description="what must be so then, after what happens here")
 
@@ -231,7 +259,7 @@ class CountNode(Node):
 class PassNode(ShortNode):
     """A state that is entered after the one before it in the list. Short: its name."""
 
-    state: str = Field(description="state")
+    state: Annotated[str, STATE] = Field(description="state")
     within: Duration = Field(None, description="longest duration since the one before, or since the start")
     at_least: Duration = Field(None, description="shortest duration since the one before")
     by: Duration = Field(None, description="latest time from the start")
@@ -244,8 +272,8 @@ class PassNode(ShortNode):
 class NeverNode(ShortNode):
     """A state that is not entered. Short: its name."""
 
-    state: str = Field(description="state")
-    after: str | None = Field(None, description="not from the first entry of this state on")
+    state: Annotated[str, STATE] = Field(description="state")
+    after: Annotated[str | None, STATE] = Field(None, description="not from the first entry of this state on")
 
     @classmethod
     def _long_form(cls, data: Any) -> Any:
@@ -255,8 +283,8 @@ class NeverNode(ShortNode):
 class LeadsNode(Node):
     """Every entry of one state is followed by one of another."""
 
-    from_: str = Field(alias="from", description="state")
-    to: str = Field(description="state that follows each time, others between them")
+    from_: Annotated[str, STATE] = Field(alias="from", description="state")
+    to: Annotated[str, STATE] = Field(description="state that follows each time, others between them")
     within: Duration = Field(None, description="longest duration between the two")
 
 
@@ -303,8 +331,10 @@ class ExpectNode(Node):
     and no invariant broken unless it is said.
     """
 
-    lifecycle: list[str] | None = Field(None, description="published states, all of them, in order")
-    phases: list[str] = Field(
+    lifecycle: Annotated[list[str] | None, NameOf("published state", "expect.lifecycle")] = Field(
+        None, description="published states, all of them, in order"
+    )
+    phases: Annotated[list[str], NameOf("phase", "expect.phases")] = Field(
         default_factory=list, description="published phases in this order, others between them"
     )
     passes: list[PassNode] = Field(
@@ -316,25 +346,29 @@ class ExpectNode(Node):
     never: list[NeverNode] = Field(default_factory=list, description="states that are not entered")
     visits: list[VisitNode] | None = Field(None, description="what became of every target of the itinerary")
     published: list[VisitNode] | None = Field(None, description="the same, in the order of publication")
-    statuses: dict[str, CountNode] = Field(
+    statuses: Annotated[dict[str, CountNode], NameOf("status", "expect.statuses")] = Field(
         default_factory=dict, description="how often each status was published"
     )
     refused: list[RefusedNode] = Field(
         default_factory=list, description="refused requests, all of them, in order"
     )
-    holds: list[str] | None = Field(None, description="holds that were engaged, all of them, in order")
-    broken: list[str] = Field(
+    holds: Annotated[list[str] | None, NameOf("hold", "expect.holds")] = Field(
+        None, description="holds that were engaged, all of them, in order"
+    )
+    broken: Annotated[list[str], NameOf("invariant", "expect.broken")] = Field(
         default_factory=list, description="invariants that were broken, all of them, in order"
     )
-    final: str | None = Field(None, description="published state at the end")
+    final: Annotated[str | None, NameOf("published state", "expect.final")] = Field(
+        None, description="published state at the end"
+    )
     paused: bool | None = Field(None, description="whether it waits for the operator at the end")
     last_error: str | None = Field(
         None, description="code reported last, alone or as `code: detail`; empty: none"
     )
-    counts: dict[str, CountNode] = Field(
+    counts: Annotated[dict[str, CountNode], NameOf("operation or action", "expect.counts")] = Field(
         default_factory=dict, description="how often an operation was started or an action done"
     )
-    cancels: dict[str, CountNode] = Field(
+    cancels: Annotated[dict[str, CountNode], NameOf("operation", "expect.cancels")] = Field(
         default_factory=dict, description="how often an operation was cancelled"
     )
     dropped: CountNode | None = Field(None, description="results that came when nobody waited for them")

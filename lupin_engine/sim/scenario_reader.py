@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import replace
 from types import MappingProxyType
 from typing import Any
@@ -21,9 +21,9 @@ from lupin_engine.sim.scenario_file import (
     EVERY,
     STATUSES,
     EndNode,
-    ExpectNode,
+    IsDuration,
     MockNode,
-    MomentNode,
+    NameOf,
     OutcomeNode,
     ScenarioNode,
     WhenNode,
@@ -84,6 +84,18 @@ class ScenarioNames:
         self.chart = chart
         self.catalog = chart.catalog
         self.findings = findings
+        operations, actions = self.catalog.operations, self.catalog.actions
+        #: What is looked up -> what it may be called.
+        self._allowed: Mapping[str, Callable[[], Collection[str]]] = {
+            "hold": lambda: chart.holds,
+            "invariant": lambda: chart.invariants,
+            "operation": lambda: operations,
+            "operation or action": lambda: (*operations, *actions),
+            "phase": lambda: self._published("phase"),
+            "published state": lambda: self._published("label"),
+            "status": lambda: STATUSES,
+            "variable": lambda: chart.context,
+        }
 
     def known(self, place: Place, what: str, name: str, allowed: Collection[str], path: str = "") -> bool:
         """Say whether a name is one of those allowed."""
@@ -101,7 +113,19 @@ class ScenarioNames:
         self.known(place, "operation", name, self.catalog.operations)
         return self.catalog.operations.get(name)
 
-    def state(self, place: Place, name: str) -> None:
+    def look_up(self, node: Node, key: str, value: Any, mark: NameOf) -> None:
+        """Look up the names under `key`: a text, which may be empty, a list or the keys of a mapping."""
+        for index, name in enumerate([value] if isinstance(value, str) else value or ()):
+            place = node.key_at(key, name) if isinstance(value, dict) else node.at(key, index)
+            if mark.what == "state":
+                self._state(place, name)
+            elif name or not isinstance(value, str):
+                self.known(place, mark.what, name, self._allowed[mark.what](), mark.path)
+
+    def _published(self, attribute: str) -> set[str]:
+        return {getattr(state, attribute) or "" for state in self.chart.states.values()} - {""}
+
+    def _state(self, place: Place, name: str) -> None:
         """Look for a state by its full name or its last parts."""
         names = [state for state in self.chart.states if state]
         if not any(is_named(state, name) for state in names):
@@ -294,17 +318,12 @@ class ScriptReader:
             return
         effects: list[Effect] = [*self._effects(node)]
         if node.expect is not None:
-            MomentChecker(self._words).check(node.expect)
             effects.append(Look())
         if node.at_ == END:
             self._check_end(node, effects)
             return
         if not node.model_fields_set.intersection(_EFFECTS):
             self._words.wrong(node.place, "when", "nothing happens", f"say {' or '.join(_EFFECTS)}")
-        if node.on is not None:
-            self._words.state(node.at("on"), node.on)
-        if node.start_of is not None:
-            self._words.operation(node.at("start_of"), node.start_of)
         key = "after" if node.at_ is None else "at"
         wait = self._words.duration(node.at(key), key, getattr(node, _attribute(key))) or 0.0
         nth = self._nth(node)
@@ -340,9 +359,7 @@ class ScriptReader:
         if node.finish is not None:
             yield self._end(node.finish, needs_code=False)
         for key, effect in (("server_gone", Leave), ("server_back", ComeBack)):
-            for index, name in enumerate(getattr(node, key)):
-                words.operation(node.at(key, index), name)
-                yield effect(name)
+            yield from map(effect, getattr(node, key))
         if node.restart:
             yield Restart()
 
@@ -386,80 +403,16 @@ def _attribute(key: str) -> str:
     return "at_" if key == "at" else key
 
 
-class MomentChecker:
-    """Looks up the names of what must be so at a moment."""
-
-    def __init__(self, words: ScenarioNames) -> None:
-        self._words = words
-
-    def check(self, node: MomentNode) -> None:
-        """Look up every name."""
-        words = self._words
-        for key in ("state", "not_state"):
-            for index, name in enumerate(getattr(node, key)):
-                words.state(node.at(key, index), name)
-        for index, name in enumerate(node.held or ()):
-            words.known(node.at("held", index), "hold", name, words.chart.holds, "expect.held")
-        for index, name in enumerate(node.running or ()):
-            words.operation(node.at("running", index), name)
-        for name in node.variables:
-            place, known = node.key_at("variables", name), words.chart.context
-            words.known(place, "variable", name, known, "expect.variables")
-        check_published(words, node, "lifecycle", [node.lifecycle] if node.lifecycle else [])
-        check_published(words, node, "phase", [node.phase] if node.phase else [])
-
-
-class ExpectChecker:
-    """Looks up the names of what is expected."""
-
-    def __init__(self, words: ScenarioNames) -> None:
-        self._words = words
-
-    def check(self, node: ExpectNode) -> None:
-        """Look up every name."""
-        words = self._words
-        self._check_states(node)
-        self._check_durations(node)
-        operations = words.catalog.operations
-        for key, known in (("counts", (*operations, *words.catalog.actions)), ("cancels", operations)):
-            for name in getattr(node, key):
-                what = "operation or action" if key == "counts" else "operation"
-                words.known(node.key_at(key, name), what, name, known, f"expect.{key}")
-        for index, name in enumerate(node.holds or ()):
-            words.known(node.at("holds", index), "hold", name, words.chart.holds, "expect.holds")
-        for index, name in enumerate(node.broken):
-            invariants = words.chart.invariants
-            words.known(node.at("broken", index), "invariant", name, invariants, "expect.broken")
-        for name in node.statuses:
-            words.known(node.key_at("statuses", name), "status", name, STATUSES, "expect.statuses")
-        check_published(words, node, "lifecycle", node.lifecycle or ())
-        check_published(words, node, "phases", node.phases)
-        check_published(words, node, "final", [node.final] if node.final else [])
-
-    def _check_states(self, node: ExpectNode) -> None:
-        words = self._words
-        for passed in node.passes:
-            words.state(passed.at("state"), passed.state)
-        for unwanted in node.never:
-            words.state(unwanted.at("state"), unwanted.state)
-            if unwanted.after is not None:
-                words.state(unwanted.at("after"), unwanted.after)
-        for pair in node.leads_to:
-            words.state(pair.at("from"), pair.from_)
-            words.state(pair.at("to"), pair.to)
-
-    def _check_durations(self, node: ExpectNode) -> None:
-        keys = ("within", "at_least", "by")
-        for part in (node, *node.passes, *node.leads_to):
-            for key in keys:
-                self._words.duration(part.at(key), key, getattr(part, key, None))
-
-
-def check_published(words: ScenarioNames, node: Node, key: str, names: Iterable[str]) -> None:
-    """Look up published states, or phases."""
-    states = words.chart.states.values()
-    is_phase = key in ("phase", "phases")
-    known = {(state.phase or "") if is_phase else state.label for state in states} - {""}
-    for index, name in enumerate(names):
-        what = "phase" if is_phase else "published state"
-        words.known(node.at(key, index), what, name, known, f"expect.{key}")
+def check_names(node: Node, names: ScenarioNames) -> None:
+    """Look up the names and read the durations that are marked in a node, and in the nodes below it."""
+    fields = type(node).model_fields
+    for field in node.model_fields_set:
+        value, key = getattr(node, field), fields[field].alias or field
+        for mark in fields[field].metadata:
+            if isinstance(mark, NameOf):
+                names.look_up(node, key, value, mark)
+            elif isinstance(mark, IsDuration):
+                names.duration(node.at(key), key, value)
+        for inner in value if isinstance(value, list) else [value]:
+            if isinstance(inner, Node):
+                check_names(inner, names)
