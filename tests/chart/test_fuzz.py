@@ -39,7 +39,7 @@ FOLDERS = ((ROOT / "missions" / LIFECYCLE, ROOT / "missions"), (MINI / LIFECYCLE
 #: What is drawn may be long; that is no reason to warn.
 pytestmark = pytest.mark.filterwarnings("ignore:Generating overly large repr")
 
-EXAMPLES = int(os.environ.get("LUPIN_FUZZ", "300"))
+EXAMPLES = int(os.environ.get("LUPIN_FUZZ", "100"))
 #: A shared machine stops for a while now and then; what never ends takes longer than this.
 SECONDS = 3.0
 FUZZED = settings(

@@ -308,11 +308,14 @@ def test_every_broken_mission_can_be_told_as_sarif(is_sarif: Callable[[Any], Non
     found: list[Diagnostic] = []
     for file in sorted((charts / "broken").glob("*.yaml")):
         found += check_chart(charts / "mini" / LIFECYCLE_FILE, [file], catalog)[1]
+    # One of each rule: holding all of them against the schema takes seconds, and they differ in words only.
+    found = list({diagnostic.rule: diagnostic for diagnostic in found}.values())
     log = json.loads(sarif([*found, Diagnostic(Place("a b/ü.yaml", 1, 1), "no-file", "", "x")], ROOT))
     is_sarif(log)
     places = [result["locations"][0]["physicalLocation"] for result in log["runs"][0]["results"]]
     uris = {place["artifactLocation"]["uri"] for place in places}
-    assert {"tests/charts/broken/no_unit.yaml", "a%20b/%C3%BC.yaml"} <= uris
+    files = {Path(diagnostic.place.file).relative_to(ROOT).as_posix() for diagnostic in found}
+    assert uris == files | {"a%20b/%C3%BC.yaml"}
     assert (
         sarif([Diagnostic(Place("/x/y.yaml", 1, 1), "no-file", "", "x")], ROOT).count("file:///x/y.yaml") == 1
     )

@@ -24,11 +24,31 @@ def missions(tmp_path: Path) -> Path:
     return shutil.copytree(Path(__file__).with_name("missions"), tmp_path / "missions")
 
 
-@pytest.fixture
-def folder(missions: Path, catalog: Catalog) -> Folder:
-    """That folder, looked at once."""
+def surveyed(missions: Path, catalog: Catalog) -> Folder:
+    """Return a folder without problems, looked at once."""
     found = Folder(missions, catalog)
     assert found.survey() == {}
+    return found
+
+
+@pytest.fixture
+def own_folder(missions: Path, catalog: Catalog) -> Folder:
+    """That folder, for a test that changes files on the disk."""
+    return surveyed(missions, catalog)
+
+
+@pytest.fixture(scope="session")
+def shared_folder(tmp_path_factory: pytest.TempPathFactory, catalog: Catalog) -> Folder:
+    """A copy for all tests that change texts in the editor only; nobody types into it."""
+    missions = tmp_path_factory.mktemp("editor") / "missions"
+    return surveyed(shutil.copytree(Path(__file__).with_name("missions"), missions), catalog)
+
+
+@pytest.fixture
+def folder(shared_folder: Folder) -> Folder:
+    """The shared copy, looked at already; nothing is open in it yet."""
+    found = Folder(shared_folder.path, shared_folder.catalog)
+    found.model, found._changed = shared_folder.model, False
     return found
 
 

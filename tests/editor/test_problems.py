@@ -86,14 +86,14 @@ def test_a_broken_mission_hides_nothing_of_the_others(folder: Folder) -> None:
     assert folder.model is not None
 
 
-def test_findings_of_a_part_are_told_of_the_part(folder: Folder) -> None:
+def test_findings_of_a_part_are_told_of_the_part(own_folder: Folder) -> None:
     """Also when only the mission is open."""
-    part = folder.path / "parts" / "visit_targets.yaml"
+    part = own_folder.path / "parts" / "visit_targets.yaml"
     part.write_text(re.sub("nav.go_to", "nav.goto", part.read_text()), encoding="utf-8")
-    folder.put(folder.path / "inspection.yaml", folder.text(folder.path / "inspection.yaml"))
-    found = {file.name: [d.rule for d in findings] for file, findings in folder.survey().items()}
+    own_folder.put(own_folder.path / "inspection.yaml", own_folder.text(own_folder.path / "inspection.yaml"))
+    found = {file.name: [d.rule for d in findings] for file, findings in own_folder.survey().items()}
     assert found["visit_targets.yaml"][0] == "unknown-operation"
-    assert folder.check(part)[0].rule == "unknown-operation"
+    assert own_folder.check(part)[0].rule == "unknown-operation"
 
 
 def test_other_yaml_is_left_alone(tmp_path: Path, catalog: Catalog) -> None:

@@ -137,29 +137,29 @@ def test_refuses_while_a_file_cannot_be_read(folder: Folder) -> None:
     assert str(refused.value) == "a file of this folder cannot be read; mend that first"
 
 
-def test_refuses_a_mention_that_means_two_states(folder: Folder) -> None:
+def test_refuses_a_mention_that_means_two_states(own_folder: Folder) -> None:
     """in_state asks by the end of the name: renaming one of them would lose it."""
-    (folder.path / "other.yaml").write_text(MORE, encoding="utf-8")
-    folder.touch()
-    folder.refresh()
+    (own_folder.path / "other.yaml").write_text(MORE, encoding="utf-8")
+    own_folder.touch()
+    own_folder.refresh()
     with pytest.raises(Refused) as refused:
-        ask(folder, "inspection.yaml", "  PREP|ARE:", "BEGIN")
+        ask(own_folder, "inspection.yaml", "  PREP|ARE:", "BEGIN")
     assert str(refused.value) == (
         "'PREPARE' in lifecycle.yaml:93 also means another state; change that by hand"
     )
 
 
-def test_a_state_of_a_part_that_is_used_twice(folder: Folder) -> None:
+def test_a_state_of_a_part_that_is_used_twice(own_folder: Folder) -> None:
     """One text, two states: it is renamed once."""
-    path = Path(folder.path / "inspection.yaml")
-    text = folder.text(path).replace(
+    path = Path(own_folder.path / "inspection.yaml")
+    text = own_folder.text(path).replace(
         "    on_done: done",
         "    on_done: AGAIN\n  AGAIN:\n    itinerary: {items: \"${ request.tag_sequence }\"}\n"
         "    use: visit_targets\n    on_done: done",
     )  # fmt: skip
     path.write_text(text, encoding="utf-8")
-    folder.touch()
-    folder.refresh()
-    found = ask(folder, "parts/visit_targets.yaml", "  NAVI|GATING:", "DRIVING")
+    own_folder.touch()
+    own_folder.refresh()
+    found = ask(own_folder, "parts/visit_targets.yaml", "  NAVI|GATING:", "DRIVING")
     assert found["visit_targets.yaml"][0].startswith("- {target: DRIVING, guard: itinerary.open}")
     assert len(found["visit_targets.yaml"]) == 4

@@ -406,14 +406,9 @@ def test_a_picture_of_many_tags_shows_the_field() -> None:
 
 
 def test_a_picture_is_of_the_mission_and_distance_that_were_asked_for(run: Run, tmp_path: Path) -> None:
-    pictures = {
-        run("plot", "--sensor", "temperature", "-o", "p.svg", *more)[0]: (tmp_path / "p.svg").read_bytes()
-        for more in ([], ["--mission", "m1"], ["--distance", "0.5"])
-    }
-    assert list(pictures) == [0]
     found = set()
     for more in ([], ["--mission", "m1"], ["--distance", "0.5"]):
-        run("plot", "--sensor", "temperature", "-o", "p.svg", *more)
+        assert run("plot", "--sensor", "temperature", "-o", "p.svg", *more)[0] == 0
         found.add((tmp_path / "p.svg").read_bytes())
     assert len(found) == 3
 
