@@ -9,9 +9,9 @@ from lupin_engine.chart.model import Chart
 from lupin_engine.machine.event import Act, Cancel, Command, Publish, Start
 from lupin_engine.machine.memory import Visit
 from lupin_engine.machine.step import Step, View
+from lupin_engine.sim.entry_order import ROUNDING, OrderComparison, seconds
 from lupin_engine.sim.failure import FailureMaker, ScenarioFailure
 from lupin_engine.sim.narration import shorten
-from lupin_engine.sim.order import ROUNDING, OrderComparison, seconds
 from lupin_engine.sim.scenario_file import (
     END,
     OPEN,
@@ -82,7 +82,7 @@ class Comparison:
         for number, when in enumerate(self._scenario.when):
             if when.expect is not None:
                 end = MomentView(run.seconds, len(run.steps), run.view, run.context)
-                for seen in (end,) if when.at_ == END else run.looks.get(number, ()):
+                for seen in (end,) if when.at_ == END else run.views.get(number, ()):
                     yield from self._moment(when.expect, seen)
 
     def _moment(self, node: MomentNode, seen: MomentView) -> Iterator[ScenarioFailure]:

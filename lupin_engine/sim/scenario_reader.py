@@ -39,9 +39,9 @@ from lupin_engine.sim.simulation import (
     Happen,
     Happening,
     Leave,
-    Look,
     Restart,
     Script,
+    TakeView,
     Tell,
     is_named,
 )
@@ -114,7 +114,7 @@ class ScenarioNames:
         return self.catalog.operations.get(name)
 
     def look_up(self, node: Node, key: str, value: Any, mark: NameOf) -> None:
-        """Look up the names under `key`: a text, which may be empty, a list or the keys of a mapping."""
+        """TakeView up the names under `key`: a text, which may be empty, a list or the keys of a mapping."""
         for index, name in enumerate([value] if isinstance(value, str) else value or ()):
             place = node.key_at(key, name) if isinstance(value, dict) else node.at(key, index)
             if mark.what == "state":
@@ -126,13 +126,13 @@ class ScenarioNames:
         return {getattr(state, attribute) or "" for state in self.chart.states.values()} - {""}
 
     def _state(self, place: Place, name: str) -> None:
-        """Look for a state by its full name or its last parts."""
+        """TakeView for a state by its full name or its last parts."""
         names = [state for state in self.chart.states if state]
         if not any(is_named(state, name) for state in names):
             self.known(place, "state", name, {state.rpartition(".")[2] for state in names})
 
     def code(self, place: Place, code: str, name: str, operation: Operation) -> None:
-        """Look for a code of an operation."""
+        """TakeView for a code of an operation."""
         self.known(place, "code", code, [known.name for known in operation.codes], name)
 
     def value(self, place: Place, path: str, value: Any, kind: Type) -> Any:
@@ -318,7 +318,7 @@ class ScriptReader:
             return
         effects: list[Effect] = [*self._effects(node)]
         if node.expect is not None:
-            effects.append(Look())
+            effects.append(TakeView())
         if node.at_ == END:
             self._check_end(node, effects)
             return
@@ -331,7 +331,7 @@ class ScriptReader:
             yield Happening(effect, wait, node.on, nth, node.start_of, index)
 
     def _check_end(self, node: WhenNode, effects: list[Effect]) -> None:
-        if [type(effect) for effect in effects] != [Look]:
+        if [type(effect) for effect in effects] != [TakeView]:
             self._words.wrong(node.place, "when", "at the end nothing can happen", "say 'expect' only")
 
     def _nth(self, node: WhenNode) -> int:
@@ -404,7 +404,7 @@ def _attribute(key: str) -> str:
 
 
 def check_names(node: Node, names: ScenarioNames) -> None:
-    """Look up the names and read the durations that are marked in a node, and in the nodes below it."""
+    """TakeView up the names and read the durations that are marked in a node, and in the nodes below it."""
     fields = type(node).model_fields
     for field in node.model_fields_set:
         value, key = getattr(node, field), fields[field].alias or field

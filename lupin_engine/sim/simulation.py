@@ -91,11 +91,11 @@ class Restart:
 
 
 @dataclass(frozen=True)
-class Look:
-    """Nothing happens, but somebody looks: what there is to see is kept."""
+class TakeView:
+    """Nothing happens; what there is to see is kept."""
 
 
-Effect = Ask | Tell | Happen | End | Leave | ComeBack | Restart | Look
+Effect = Ask | Tell | Happen | End | Leave | ComeBack | Restart | TakeView
 
 
 @dataclass(frozen=True)
@@ -164,7 +164,7 @@ class Run:
 
     `visits` are the last itinerary's, `context` the variables at the end. `cut_off`: the time limit was
     reached; `stopped`: the state was entered at which it was to stop. `unfired`: happenings that never came
-    to pass; `idle`: those that found nothing to end or to bring back, with the time. `looks` is what was
+    to pass; `idle`: those that found nothing to end or to bring back, with the time. `views` is what was
     seen, by number. `parameters` are the settings that were given. `unspent` says for each rule of which not
     all outcomes were used, by its number, how many attempts fell under it.
     """
@@ -177,7 +177,7 @@ class Run:
     cut_off: bool
     unfired: tuple[Happening, ...]
     idle: tuple[tuple[float, Happening], ...] = ()
-    looks: Mapping[int, tuple[MomentView, ...]] = field(default_factory=dict)
+    views: Mapping[int, tuple[MomentView, ...]] = field(default_factory=dict)
     context: Mapping[str, Any] = field(default_factory=dict)
     stopped: bool = False
     parameters: Mapping[str, Any] = field(default_factory=dict)
@@ -240,7 +240,7 @@ class Simulation:
         # Nobody needs waking: the loop below drains after everything that it lets happen.
         drivers.update(self._stage.drivers(EngineOutlet(self._engine, lambda: None)))
         self.history = History()
-        self._looks: dict[int, list[MomentView]] = {}
+        self._views: dict[int, list[MomentView]] = {}
         self._idle: list[tuple[float, Happening]] = []
         self._missions = 0
         self._started = not script.starts
@@ -352,8 +352,8 @@ class Simulation:
 
     def _happen(self, happening: Happening) -> None:
         self._planned -= 1
-        if isinstance(happening.effect, Look):
-            self._look(happening.number)
+        if isinstance(happening.effect, TakeView):
+            self._take_view(happening.number)
         elif _EFFECTS[type(happening.effect)](self, happening.effect) is False:
             self._idle.append((self._clock.now(), happening))
 
@@ -368,10 +368,10 @@ class Simulation:
         memory = restore(self._machine.chart, self._machine.snapshot())
         self._machine = self._engine.machine = Machine(self._world, memory)
 
-    def _look(self, number: int) -> None:
+    def _take_view(self, number: int) -> None:
         machine, steps = self._machine, len(self.history.steps)
         seen = MomentView(self._clock.now(), steps, machine.view, dict(machine.memory.context))
-        self._looks.setdefault(number, []).append(seen)
+        self._views.setdefault(number, []).append(seen)
 
     def _ask(self, event: str, data: Mapping[str, Any]) -> None:
         if event == START:
@@ -420,7 +420,7 @@ class Simulation:
             cut_off=cut_off,
             unfired=tuple(h for index, h in self._waiting.items() if index not in self._fired),
             idle=tuple(self._idle),
-            looks={number: tuple(seen) for number, seen in self._looks.items()},
+            views={number: tuple(seen) for number, seen in self._views.items()},
             context=dict(self._machine.memory.context),
             stopped=self._stopped,
             parameters=self._parameters,
