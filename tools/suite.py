@@ -1,7 +1,7 @@
 """The test suite by parts, with the time of each at its end.
 
-    python tools/suite.py check [pytest arguments]   lint, types, and the tests that need nothing but Python
-    python tools/suite.py test [pytest arguments]    these, then the tests over ROS 2, Node.js and a broker
+python tools/suite.py check [pytest arguments]   lint, types, and the tests that need nothing but Python
+python tools/suite.py test [pytest arguments]    these, then the tests over ROS 2, Node.js and a broker
 """
 
 from __future__ import annotations

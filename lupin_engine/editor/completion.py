@@ -7,8 +7,9 @@ offer says what it replaces, so that a name with dots is one word whatever the e
 from __future__ import annotations
 
 import enum
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 from lupin_engine.chart.compose.actions import BUILTIN_ACTIONS, STATUSES
@@ -180,39 +181,41 @@ class _Completion:
     # -- values --------------------------------------------------------------------------------------------
 
     def _values(self, spot: Spot, meaning: Meaning) -> Iterator[Offer]:
-        match meaning:
-            case Meaning.STATE:
-                yield from self._states(spot)
-            case Meaning.CHILD:
-                yield from self._children()
-            case Meaning.PART:
-                yield from self._parts(spot)
-            case Meaning.OPERATION:
-                for name, operation in self._catalog.for_missions.operations.items():
-                    yield Offer(name, Sort.OPERATION, operation.doc, docs.operation(name, operation))
-            case Meaning.ACTION:
-                yield from (offer for offer in self._actions() if not offer.insert)
-            case Meaning.EVENT:
-                yield from self._events()
-            case Meaning.REQUEST:
-                yield from self._requests()
-            case Meaning.ENGAGE:
-                yield from self._requests()
-                yield from self._levels()
-            case Meaning.CODE:
-                yield from self._codes(spot)
-            case Meaning.HOLD:
-                yield from self._holds()
-            case Meaning.TYPE:
-                yield from self._types()
-            case Meaning.UNIT:
-                yield from (Offer(name, Sort.UNIT, docs.unit(name)) for name in UNITS)
-            case Meaning.LIVE_VALUE:
-                for name, value in self._catalog.for_missions.values.items():
-                    yield Offer(name, Sort.VALUE, str(value.type), docs.live_value(name, value))
-            case _:
-                yield from self._plain(spot)
+        offers: dict[Meaning, Callable[[], Iterator[Offer]]] = {
+            Meaning.STATE: partial(self._states, spot),
+            Meaning.CHILD: self._children,
+            Meaning.PART: partial(self._parts, spot),
+            Meaning.OPERATION: self._operations,
+            Meaning.ACTION: self._plain_actions,
+            Meaning.EVENT: self._events,
+            Meaning.REQUEST: self._requests,
+            Meaning.ENGAGE: self._engaging,
+            Meaning.CODE: partial(self._codes, spot),
+            Meaning.HOLD: self._holds,
+            Meaning.TYPE: self._types,
+            Meaning.UNIT: self._units,
+            Meaning.LIVE_VALUE: self._live_values,
+        }
+        yield from offers.get(meaning, partial(self._plain, spot))()
         yield from (Offer(word, Sort.WORD) for word in _shape(spot).words)
+
+    def _operations(self) -> Iterator[Offer]:
+        for name, operation in self._catalog.for_missions.operations.items():
+            yield Offer(name, Sort.OPERATION, operation.doc, docs.operation(name, operation))
+
+    def _plain_actions(self) -> Iterator[Offer]:
+        yield from (offer for offer in self._actions() if not offer.insert)
+
+    def _engaging(self) -> Iterator[Offer]:
+        yield from self._requests()
+        yield from self._levels()
+
+    def _units(self) -> Iterator[Offer]:
+        yield from (Offer(name, Sort.UNIT, docs.unit(name)) for name in UNITS)
+
+    def _live_values(self) -> Iterator[Offer]:
+        for name, value in self._catalog.for_missions.values.items():
+            yield Offer(name, Sort.VALUE, str(value.type), docs.live_value(name, value))
 
     def _plain(self, spot: Spot) -> Iterator[Offer]:
         if spot.holder is ActionNode and spot.name == "status":

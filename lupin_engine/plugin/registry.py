@@ -231,18 +231,17 @@ def _problems(plugin: Plugin) -> Iterator[str]:
     if plugin.name in _RESERVED:
         yield "its name is a word of the language"
     yield from _bad_names(plugin)
-    for name, operation in plugin.operations.items():
-        yield from _operation_problems(f"operation {name!r}", operation)
-    for name, action in plugin.actions.items():
-        yield from _argument_problems(f"action {name!r}", action.arguments)
-    for name, function in plugin.functions.items():
-        yield from _function_problems(f"function {name!r}", function)
-    for name, value in plugin.values.items():
-        yield from _value_problems(f"value {name!r}", value)
-    for name, event in plugin.events.items():
-        yield from _event_problems(f"event {name!r}", event)
-    for name, parameter in plugin.parameters.items():
-        yield from _parameter_problems(f"parameter {name!r}", parameter)
+    declarations: tuple[tuple[str, Mapping[str, Any], Callable[[str, Any], Iterator[str]]], ...] = (
+        ("operation", plugin.operations, _operation_problems),
+        ("action", plugin.actions, lambda where, action: _argument_problems(where, action.arguments)),
+        ("function", plugin.functions, _function_problems),
+        ("value", plugin.values, _value_problems),
+        ("event", plugin.events, _event_problems),
+        ("parameter", plugin.parameters, _parameter_problems),
+    )
+    for family, declared, check in declarations:
+        for name, declaration in declared.items():
+            yield from check(f"{family} {name!r}", declaration)
     for key, names in (("stands_in", plugin.stands_in), ("companions", plugin.companions)):
         for name in names:
             if name not in plugin.nodes:

@@ -6,6 +6,7 @@ import io
 import math
 import warnings
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
@@ -79,6 +80,17 @@ class NoPicture(LupinError):
     """The picture cannot be drawn; the text says why."""
 
 
+@dataclass(frozen=True)
+class _PictureContent:
+    """What a picture shows: the readings of a sensor within `reach` metres of their tags, on a map."""
+
+    record: MissionRecord
+    sensor: str
+    tags: list[TwinTag]
+    occupancy: OccupancyMap | None
+    reach: float
+
+
 def picture(
     record: MissionRecord,
     sensor: str,
@@ -112,7 +124,7 @@ def picture(
         warnings.filterwarnings("ignore", r"Glyph \d+ ", UserWarning)
         figure = Figure(figsize=_size(grid), dpi=DPI, layout="constrained", facecolor="white")
         FigureCanvasAgg(figure)
-        _draw(figure.add_subplot(), record, sensor, field, occupancy, tags, reach)
+        _draw(figure.add_subplot(), _PictureContent(record, sensor, tags, occupancy, reach), field)
         file = io.BytesIO()
         # Neither date nor version of the drawing program: the same record is the same file.
         metadata = (
@@ -157,15 +169,8 @@ def _size(grid: FieldGrid) -> tuple[float, float]:
     return max(width + 1.8, 4.2), max(height + 1.25, 3.0)
 
 
-def _draw(
-    axes: Axes,
-    record: MissionRecord,
-    sensor: str,
-    field: SensorField,
-    occupancy: OccupancyMap | None,
-    tags: list[TwinTag],
-    reach: float,
-) -> None:
+def _draw(axes: Axes, content: _PictureContent, field: SensorField) -> None:
+    record, sensor, tags, occupancy = content.record, content.sensor, content.tags, content.occupancy
     grid = field.grid
     extent = (
         grid.min_x,
@@ -197,7 +202,7 @@ def _draw(
     bar.set_label(_plain(with_unit(sensor)[:40]), color=_INK)
     bar.outline.set_visible(False)
     axes.set_title(_title(sensor, values), loc="left", fontsize=10, color=_INK, pad=46)
-    key = f"{_source(record, sensor, len(values))}\n{_key(occupancy, reach, None not in labels)}"
+    key = f"{_source(record, sensor, len(values))}\n{_key(occupancy, content.reach, None not in labels)}"
     axes.text(0.0, 1.01, key, transform=axes.transAxes, fontsize=7, color=_FAINT, va="bottom")
     axes.tick_params(colors=_INK, labelsize=8)
     for spine in axes.spines.values():

@@ -8,7 +8,13 @@ import pytest
 
 from lupin_engine.chart.expressions.evaluation import Constant, Expression
 from lupin_engine.chart.expressions.scope import Scope
-from lupin_engine.chart.expressions.values import read_arguments, read_constant, read_guard, read_value
+from lupin_engine.chart.expressions.values import (
+    Signature,
+    read_arguments,
+    read_constant,
+    read_guard,
+    read_value,
+)
 from lupin_engine.chart.findings import Findings
 from lupin_engine.chart.source import Map, parse
 from lupin_engine.errors import Place
@@ -174,7 +180,7 @@ def test_defaults_stand_in_for_arguments_that_are_not_given() -> None:
         "note": Argument(TEXT, "free text", optional=True),
     }
     place, findings = Place("m.yaml", 9, 9), Findings()
-    found = read_arguments("x.y", wanted, written("tag: '1'"), place, Scope({}), findings, "here")
+    found = read_arguments(Signature("x.y", wanted), written("tag: '1'"), place, Scope({}), findings, "here")
     assert {name: (value.place.line, value.evaluate({})) for name, value in found.items()} == {
         "tag": (1, "1"),
         "wait": (9, 2.0),
@@ -186,8 +192,11 @@ def test_arguments_that_nobody_asked_for_or_gave_are_told() -> None:
     """Each where it stands."""
     place, findings = Place("m.yaml", 9, 9), Findings()
     wanted = {"tag": Argument(TEXT, "id of the tag")}
-    assert read_arguments("x.y", wanted, written("tga: '1'"), place, Scope({}), findings, "here") == {}
-    assert read_arguments("x.y", wanted, None, place, Scope({}), findings, "here") == {}
+    assert (
+        read_arguments(Signature("x.y", wanted), written("tga: '1'"), place, Scope({}), findings, "here")
+        == {}
+    )
+    assert read_arguments(Signature("x.y", wanted), None, place, Scope({}), findings, "here") == {}
     assert told(findings) == [
         "1: x.y has no argument 'tga'; did you mean 'tag'? [unknown-argument]",
         "9: x.y needs the argument 'tag': id of the tag; add 'tag: ...' [missing-argument]",

@@ -10,7 +10,7 @@ from lupin_engine.chart.compose.declare import NAME
 from lupin_engine.chart.documents import ActionNode
 from lupin_engine.chart.expressions.evaluation import Constant, Value
 from lupin_engine.chart.expressions.scope import Scope
-from lupin_engine.chart.expressions.values import read_arguments, read_under
+from lupin_engine.chart.expressions.values import Signature, read_arguments, read_under
 from lupin_engine.chart.findings import Findings
 from lupin_engine.chart.model import ActionCall, Variable
 from lupin_engine.chart.source import Map, Text
@@ -79,7 +79,9 @@ class ActionReader:
                 node.place, "missing-itinerary", path, problem, "add 'itinerary: {items: ...}'"
             )
             return None
-        arguments = read_arguments(node.name, wanted, given, node.place, scope, self._findings, path)
+        arguments = read_arguments(
+            Signature(node.name, wanted), given, node.place, scope, self._findings, path
+        )
         if node.name.startswith("itinerary."):
             self._check_close(arguments, path)
         self.used.add(node.name)

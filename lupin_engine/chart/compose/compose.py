@@ -34,6 +34,7 @@ from lupin_engine.chart.expressions.checker import check_expression
 from lupin_engine.chart.expressions.evaluation import Expression
 from lupin_engine.chart.expressions.scope import Scope, Typed, Usage, fragment_of, literal
 from lupin_engine.chart.expressions.values import (
+    PerElement,
     is_expression,
     read_constant,
     read_guard,
@@ -77,6 +78,20 @@ _Names = Callable[[Invoke | None], Mapping[str, Type]]
 #: What an invariant does not see, because it is told of every moment.
 _MOMENTARY = ("event", "error", "request", "target", "itinerary")
 _AT_ALL_TIMES = "an invariant holds at every moment, with and without a mission"
+
+
+@dataclass(frozen=True)
+class TransitionSite:
+    """The key of a state under which transitions are written, and their event and evaluation scope.
+
+    `owner` writes them and `source` takes them: they differ for copies only.
+    """
+
+    source: Draft
+    owner: Draft
+    key: str
+    event: str
+    scope: Scope
 
 
 @dataclass
@@ -440,7 +455,9 @@ class _Composer:
         if node.order is not None:
             each = outer.without("itinerary", "it is not decided yet which target is next")
             each = each.with_names({"target": item})
-            order = read_per_element(node, "order", "target", item, ("number",), each, self._findings, path)
+            order = read_per_element(
+                node, "order", PerElement("target", item, ("number",)), each, self._findings, path
+            )
         inner = outer.with_names({"target": item, "itinerary": ITINERARY})
         if items is None:
             return None, inner
@@ -506,16 +523,18 @@ class _Composer:
         found: list[Transition] = []
         if node.on_done:
             ended = self._after(scope, names_when_done, invoke)
-            found += self._list(draft, draft, node.on_done, "on_done", "done", ended)
+            found += self._list(node.on_done, TransitionSite(draft, draft, "on_done", "done", ended))
         if node.on_error:
             failed = self._after(scope, names_when_failed, invoke)
-            found += self._list(draft, draft, node.on_error, "on_error", "error", failed)
+            found += self._list(node.on_error, TransitionSite(draft, draft, "on_error", "error", failed))
         if node.on:
             found += self._handlers(draft, node, node.on)
         if node.always:
-            found += self._list(draft, draft, node.always, "always", "", any_event)
+            found += self._list(node.always, TransitionSite(draft, draft, "always", "", any_event))
         for index, nodes in enumerate(node.after.values()):
-            found += self._list(draft, draft, nodes, f"after.{index}", f"after.{index}", any_event)
+            found += self._list(
+                nodes, TransitionSite(draft, draft, f"after.{index}", f"after.{index}", any_event)
+            )
         if node.budget is not None:
             found.append(self._when_used_up(draft, node.budget))
         return tuple(found)
@@ -542,7 +561,7 @@ class _Composer:
         copies = [node for node in nodes if node.use is not None]
         if not copies:
             scope = self._event_scope(draft, event)
-            return self._list(draft, draft, nodes, f"on.{event}", heard, scope)
+            return self._list(nodes, TransitionSite(draft, draft, f"on.{event}", heard, scope))
         node, path = copies[0], _path(draft.name, f"on.{event}")
         if len(nodes) > 1 or node.model_fields_set != {"use"}:
             problem, hint = "'use' copies all that the other state answers", "let it stand alone"
@@ -563,7 +582,8 @@ class _Composer:
             return []
         if other.scope is None:
             other.scope = self._outer(other)
-        return self._list(draft, other, answers, f"on.{event}", event, self._event_scope(other, event))
+        site = TransitionSite(draft, other, f"on.{event}", event, self._event_scope(other, event))
+        return self._list(answers, site)
 
     def _when_used_up(self, draft: Draft, node: BudgetNode) -> Transition:
         """Compose what happens when the time of a state is used up."""
@@ -617,27 +637,24 @@ class _Composer:
             self._event_types[event] = Type("record", "event", fields=self._catalog.events[event].fields)
         return self._event_types[event]
 
-    def _list(
-        self, source: Draft, owner: Draft, nodes: Sequence[TransitionNode], key: str, event: str, scope: Scope
-    ) -> list[Transition]:
-        """Compose transitions that `owner` writes and `source` takes (they differ for copies only)."""
-        self._heard.add(event)
-        prefix, path, found = _path(source.name, key), _path(owner.name, key), []
+    def _list(self, nodes: Sequence[TransitionNode], site: TransitionSite) -> list[Transition]:
+        """Compose the transitions of one key of a state."""
+        self._heard.add(site.event)
+        prefix, found = _path(site.source.name, site.key), []
         for index, node in enumerate(nodes):
-            id = prefix if index == 0 and key.startswith("after.") else f"{prefix}.{index}"
-            found.append(self._transition(node, id, event, source, owner, scope, path))
+            id = prefix if index == 0 and site.key.startswith("after.") else f"{prefix}.{index}"
+            found.append(self._transition(node, id, site))
         return found
 
-    def _transition(
-        self, node: TransitionNode, id: str, event: str, source: Draft, owner: Draft, scope: Scope, path: str
-    ) -> Transition:
+    def _transition(self, node: TransitionNode, id: str, site: TransitionSite) -> Transition:
+        event, scope, path = site.event, site.scope, _path(site.owner.name, site.key)
         if node.use is not None:
             problem = "only the answer to an event can be copied"
             self._findings.add(node.key_at("use"), "wrong-shape", path, problem)
         target, refuse, code = node.target, node.refuse, node.code
         resolved = None
         if target is not None:
-            resolved = self._forest.resolve(target, owner, node, "target", path)
+            resolved = self._forest.resolve(target, site.owner, node, "target", path)
         if refuse is not None or code is not None:
             self._check_codes(node, path)
         if refuse is not None or target is None:
@@ -645,7 +662,7 @@ class _Composer:
         return Transition(
             id,
             event,
-            source.name,
+            site.source.name,
             node.place,
             resolved,
             self._guard(node, scope, path) if node.guard is not None else None,

@@ -10,6 +10,8 @@ from lupin_engine.chart.documents import ElementEndNode, ForEachNode, InvokeNode
 from lupin_engine.chart.expressions.evaluation import Value
 from lupin_engine.chart.expressions.scope import Scope
 from lupin_engine.chart.expressions.values import (
+    PerElement,
+    Signature,
     read_arguments,
     read_guard,
     read_key,
@@ -60,7 +62,12 @@ class InvokeReader:
         self.used.add(node.do)
         given = node.mapping("with")
         arguments = read_arguments(
-            node.do, operation.arguments, given, node.at("do"), scope, self._findings, f"{path}.with"
+            Signature(node.do, operation.arguments),
+            given,
+            node.at("do"),
+            scope,
+            self._findings,
+            f"{path}.with",
         )
         timeout, code = self._timeout(node, scope, path)
         retry = self._retry(node.retry, operation, code, scope, f"{path}.retry") if node.retry else None
@@ -115,7 +122,9 @@ class InvokeReader:
         kind = (items.type.item if items is not None else None) or ANY
         self._check_item(node, around, path)
         inner = around.with_item(node.item, kind)
-        key = read_per_element(node, "key", node.item, kind, ("text", "number"), inner, findings, path)
+        key = read_per_element(
+            node, "key", PerElement(node.item, kind, ("text", "number")), inner, findings, path
+        )
         limit = read_key(node, "limit", _SOME, around, findings, path)
         when = read_guard(node.when, node.at("when"), inner, findings, f"{path}.when")
         invoke = self.read(node.invoke, inner, f"{path}.invoke")

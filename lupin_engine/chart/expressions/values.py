@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 from lupin_engine.chart.expressions.checker import compile_expression
@@ -73,29 +74,31 @@ def read_key(node: Node, key: str, wanted: Type, scope: Scope, findings: Finding
     return read_value(raw, node.at(key), wanted, scope, findings, path)
 
 
-def read_per_element(
-    node: Node,
-    key: str,
-    name: str,
-    kind: Type,
-    kinds: Sequence[str],
-    scope: Scope,
-    findings: Findings,
-    path: str,
-) -> Expression | None:
-    """Read an expression about the element of a list, which it calls `name`; its value is one of `kinds`.
+@dataclass(frozen=True)
+class PerElement:
+    """What an expression about the element of a list may read, `name` of type `type`, and must give."""
 
-    One that does not look at the element is refused: it would make all elements alike.
+    name: str
+    type: Type
+    kinds: Sequence[str]
+
+
+def read_per_element(
+    node: Node, key: str, wanted: PerElement, scope: Scope, findings: Findings, path: str
+) -> Expression | None:
+    """Read an expression about the element of a list.
+
+    One that does not read the element is refused: it would make all elements alike.
     """
+    name, kinds = wanted.name, wanted.kinds
     raw, place, path = getattr(node, key), node.at(key), f"{path}.{key}"
     found = read_value(raw, place, ANY, scope, findings, path)
-    fields = [f"{name}.{field}" for field, inner in kind.fields.items() if _kind(inner) in kinds]
+    fields = [f"{name}.{field}" for field, inner in wanted.type.fields.items() if _kind(inner) in kinds]
     hint = f"write '${{ {fields[0] if fields else name} }}', or another expression of {name}"
     if isinstance(found, Expression) and re.search(rf"\b{re.escape(name)}\b", found.source):
         if _kind(found.type) in (*kinds, "any"):
             return found
-        wanted = " or a ".join(kinds)
-        problem = f"expected a {wanted}, but {found.source!r} is {describe(found.type)}"
+        problem = f"expected a {' or a '.join(kinds)}, but {found.source!r} is {describe(found.type)}"
         findings.add(found.place, "wrong-type", path, problem, hint)
     elif found is not None:
         shown = found.source if isinstance(found, Expression) else found.value
@@ -227,16 +230,19 @@ def _is_bare_number(raw: str) -> bool:
     return True
 
 
+@dataclass(frozen=True)
+class Signature:
+    """The name of an operation or action, and the arguments that it takes."""
+
+    name: str
+    arguments: Mapping[str, Argument]
+
+
 def read_arguments(
-    what: str,
-    wanted: Mapping[str, Argument],
-    given: Map | None,
-    place: Place,
-    scope: Scope,
-    findings: Findings,
-    path: str,
+    signature: Signature, given: Map | None, place: Place, scope: Scope, findings: Findings, path: str
 ) -> dict[str, Value]:
-    """Read the arguments of an operation or action called `what`; defaults stand in for what is not given."""
+    """Read the arguments of an operation or action; defaults stand in for what is not given."""
+    what, wanted = signature.name, signature.arguments
     found: dict[str, Value] = {}
     written = map_at(place) if given is None else given
     for name in written:
