@@ -17,13 +17,14 @@ from types import MappingProxyType
 from typing import Any
 
 from lupin_engine.chart.model import Chart
-from lupin_engine.machine.event import Act, Cancel, Command, Publish, Report, Start
+from lupin_engine.machine.event import Act, Cancel, Command, Report, Start
 from lupin_engine.machine.machine import Machine
 from lupin_engine.machine.scope import World
 from lupin_engine.machine.step import Step, View
 from lupin_engine.missions.folders import LIFECYCLE, default_missions_folder
 from lupin_engine.missions.load import load_chart
 from lupin_engine.plugin.builtin import MISSING, READY
+from lupin_engine.plugin.profile import Publish
 from lupin_engine.plugin.registry import load_catalog
 from lupin_engine.runtime.setup import make_world
 from lupin_engine.sim.scripted import MockOutcome, Rule

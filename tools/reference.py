@@ -24,8 +24,7 @@ from pydantic.fields import FieldInfo
 
 from lupin_engine.bindings import file as binding_file
 from lupin_engine.bindings.file import BindingNode
-from lupin_engine.chart.compose.actions import BUILTIN_ACTIONS
-from lupin_engine.chart.compose.declare import REQUESTS
+from lupin_engine.chart.compose.actions import builtin_actions
 from lupin_engine.chart.documents import (
     KINDS,
     ActionNode,
@@ -42,6 +41,7 @@ from lupin_engine.plugin.describe import Entry, Section, sections
 from lupin_engine.plugin.discovery import entry_points
 from lupin_engine.plugin.registry import import_plugin
 from lupin_engine.plugin.types import BUILTIN_TYPES, UNITS
+from lupin_greenhouse.profile import PROFILE
 
 ROOT = Path(__file__).resolve().parents[1]
 CHARTS = ROOT / "tests" / "charts"
@@ -275,7 +275,7 @@ mission with a service.
 """
 EVENTS: tuple[tuple[str, str], ...] = (
     (
-        ", ".join(f"`{name}`" for name in REQUESTS),
+        ", ".join(f"`{name}`" for name in PROFILE.events),
         "requests; who asks is answered, with a reason when refused",
     ),
     (
@@ -438,7 +438,7 @@ def _schema_shape(annotation: Any) -> str | None:
 
 def _actions() -> Iterator[tuple[str, ...]]:
     for name, text in ACTION_TEXTS.items():
-        arguments = BUILTIN_ACTIONS.get(name, {})
+        arguments = builtin_actions(PROFILE).get(name, {})
         shown = [
             f"`{word}`{' (optional)' if argument.optional else ''}: {argument.doc}"
             for word, argument in arguments.items()

@@ -21,11 +21,12 @@ from lupin_engine.missions.folders import LIFECYCLE, default_missions_folder
 from lupin_engine.missions.load import forget, load_chart
 from lupin_engine.plugin.registry import build_catalog, load_catalog
 from lupin_engine.runtime.setup import make_machine, make_world
+from lupin_greenhouse.profile import PROFILE
 
 VERSION = f"lupin-engine {version('lupin-engine')}"
 
 _CHARTS = Path(__file__).resolve().parents[1] / "charts"
-_NOTHING = build_catalog([])
+_NOTHING = build_catalog([], [PROFILE])
 
 
 def make(chart: str, mode: str = "") -> Bench:

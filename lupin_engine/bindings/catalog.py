@@ -16,7 +16,7 @@ from lupin_engine.chart.findings import Findings
 from lupin_engine.chart.source import parse_bytes, read_bytes
 from lupin_engine.chart.validation import is_kind, validate, want_defaults
 from lupin_engine.errors import Diagnostic, PluginError, Severity
-from lupin_engine.plugin.registry import Catalog, build_catalog
+from lupin_engine.plugin.registry import Catalog
 
 if TYPE_CHECKING:
     from lupin_engine.bindings.data import Binding
@@ -127,7 +127,7 @@ def _join(files: tuple[_File, ...], key: _Same) -> BoundCatalog:
         if _contradicts(binding, catalog, findings):
             continue
         try:
-            catalog = build_catalog([*catalog.plugins.values(), binding.plugin])
+            catalog = catalog.with_plugin(binding.plugin)
         except PluginError as problem:
             if any(found.severity is Severity.ERROR for found in file.found):
                 continue  # what is wrong with it has been told

@@ -466,6 +466,7 @@ class LifecycleNode(FileNode):
     """What all missions share."""
 
     lifecycle: Annotated[str, Meaning.FILE] = Field(description="name of the lifecycle")
+    profile: str | None = Field(None, description="kind of robot; without it the one that is installed")
     holds: Annotated[dict[str, HoldNode], Named(Meaning.HOLD)] = _by_name(
         "suspensions of the whole chart, by name"
     )

@@ -27,6 +27,7 @@ SUBJECTS: Mapping[str, Mapping[str, str]] = MappingProxyType(
             "too-large": "size, depth, aliases and expanded states stay within bounds",
             "duplicate-key": "a key stands once in a mapping",
             "unknown-key": "a key is one of the language",
+            "unknown-profile": "the profile of a lifecycle is installed",
             "missing-key": "what cannot be guessed is written",
             "wrong-shape": "a value has the shape that its key asks for",
             "bad-name": "names are made so that they can be found in a path or an expression",

@@ -17,14 +17,9 @@ from lupin_engine.chart.expressions.evaluation import Expression, Value
 from lupin_engine.chart.records import record
 from lupin_engine.errors import Place
 from lupin_engine.plugin.contract import Code, Operation, Parameter
+from lupin_engine.plugin.profile import Profile
 from lupin_engine.plugin.registry import Catalog
 from lupin_engine.plugin.types import Type
-
-#: What an operator may ask for at any time, as `operator.NAME`; the other request is `mission.start`.
-OPERATOR_REQUESTS = ("abort", "dock", "pause", "reset", "resume", "skip_current")
-#: What a start can carry for the mission, with the kind of its type; other fields of a request have defaults.
-CARRIED: Mapping[str, str] = {"tag_sequence": "list", "discovery_goal": "integer"}
-REQUESTS = ("mission.start", *(f"operator.{name}" for name in OPERATOR_REQUESTS))
 
 
 @record(frozen=True)
@@ -312,6 +307,11 @@ class Chart:
     plugins: tuple[str, ...] = ()
     summary: str = ""
     catalog: Catalog = field(default_factory=Catalog)
+
+    @property
+    def profile(self) -> Profile:
+        """What these missions visit, and how visits can end."""
+        return self.catalog.profile
 
     def ancestors(self, name: str) -> list[str]:
         """Return the proper ancestors of a state, innermost first, the root included."""

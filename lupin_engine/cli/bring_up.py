@@ -70,6 +70,7 @@ class Options:
 
         folder = new_run_folder(self._wanted.log_dir)
         return Settings(
+            profile=self._loaded.chart.profile,
             folder=folder,
             environment=for_children(folder),
             parameters=parameters,

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import wraps
 from pathlib import Path
 from typing import Any, TypeVar
 
 import click
 
+from lupin_engine.plugin.profile import RequestField
+from lupin_engine.plugin.registry import load_profiles
 from lupin_engine.ros.launch.environment import HIGHEST_DOMAIN
 
 _F = TypeVar("_F", bound=Callable[..., Any])
@@ -20,13 +23,55 @@ TERMINAL = "-"
 SVG, PNG = ".svg", ".png"
 
 
-def _tags(_: click.Context, __: click.Parameter, text: str | None) -> tuple[str, ...]:
-    return tuple(part.strip() for part in (text or "").split(",") if part.strip())
+def _request_fields() -> dict[str, RequestField]:
+    """Return the fields of requests that the installed profiles have options for."""
+    fields = [pair for profile in load_profiles() for pair in profile.request.items()]
+    return {name: field for name, field in fields if field.option}
 
 
-tags = click.option(
-    "--tags", metavar="1,5,12", callback=_tags, help="The tags to visit; default: the mission's own."
-)
+def request_options() -> list[str]:
+    """Return the options that fill requests."""
+    return [field.option for field in _request_fields().values()]
+
+
+def requested(command: Callable[..., int]) -> Callable[..., int]:
+    """Add the options that fill a mission's request; the command gets them as `request`, by field."""
+    fields = _request_fields()
+
+    @wraps(command)
+    def with_request(**given: Any) -> int:
+        request = {name: given.pop(name) for name in fields}
+        return command(request=request, **given)
+
+    found: Callable[..., int] = with_request
+    for name, field in reversed(fields.items()):
+        found = _option(name, field)(found)
+    return found
+
+
+def _option(name: str, field: RequestField) -> Callable[[_F], _F]:
+    """Return the option of a field; nothing, or 0, leaves the field to the mission."""
+    kind, metavar = field.type, field.metavar or None
+    if kind.kind == "list":
+        return click.option(field.option, name, metavar=metavar, callback=_split, help=field.doc)
+    if kind.kind == "bool":
+        return click.option(field.option, name, is_flag=True, help=field.doc)
+    if kind.kind == "text":
+        return click.option(field.option, name, metavar=metavar, default="", help=field.doc)
+    whole = kind.kind == "integer"
+    bounds = click.FloatRange(kind.minimum, kind.maximum)
+    span = click.IntRange(_whole(kind.minimum), _whole(kind.maximum)) if whole else bounds
+    return click.option(field.option, name, type=span, metavar=metavar, default=0, help=field.doc)
+
+
+def _whole(bound: float | None) -> int | None:
+    return None if bound is None else int(bound)
+
+
+def _split(_: click.Context, __: click.Parameter, text: str | None) -> list[str]:
+    return [part.strip() for part in (text or "").split(",") if part.strip()]
+
+
 settings = click.option(
     "--set",
     "settings",

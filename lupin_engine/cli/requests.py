@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
+from lupin_engine.chart.model import Chart
 from lupin_engine.errors import Problems, UsageError
 from lupin_engine.missions.load import LoadedMissions
 
 
-def check_fields(loaded: LoadedMissions, tags: Sequence[str], goal: int) -> None:
+def check_fields(loaded: LoadedMissions, request: Mapping[str, Any]) -> None:
     """Look whether a request of the first mission has a field for what is given.
 
     Raises:
@@ -17,16 +18,23 @@ def check_fields(loaded: LoadedMissions, tags: Sequence[str], goal: int) -> None
     """
     problems = Problems(UsageError)
     fields = loaded.chart.missions[loaded.names[0]].request
-    for option, field, value in (("--tags", "tag_sequence", tags), ("--goal", "discovery_goal", goal)):
-        if value and field not in fields:
+    installed = loaded.chart.catalog.profiles.values()
+    options = {name: field.option for each in installed for name, field in each.request.items()}
+    for name, value in request.items():
+        if value and name not in fields:
             problems.add(
-                f"{loaded.names[0]} has no use for {option}: its request has no {field}; "
+                f"{loaded.names[0]} has no use for {options[name]}: its request has no {name}; "
                 f"it has {', '.join(fields) or 'no fields'}"
             )
     problems.tell()
 
 
-def check_request(loaded: LoadedMissions, given: Mapping[str, Any], tags: Sequence[str], goal: int) -> None:
+def carried(chart: Chart, request: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what a start of the chart's missions carries of what options give."""
+    return {name: value for name, value in request.items() if name in chart.profile.request}
+
+
+def check_request(loaded: LoadedMissions, given: Mapping[str, Any], request: Mapping[str, Any]) -> None:
     """Ask the first mission whether it would take a request, as far as that needs no robot.
 
     Raises:
@@ -42,10 +50,10 @@ def check_request(loaded: LoadedMissions, given: Mapping[str, Any], tags: Sequen
 
     problems = Problems(UsageError)
     with problems.collecting():
-        check_fields(loaded, tags, goal)
+        check_fields(loaded, request)
     with problems.collecting():
         world = make_world(loaded.chart, given)
-        data = {"mission_type": loaded.names[0], "tag_sequence": list(tags), "discovery_goal": goal}
+        data = {"mission_type": loaded.names[0], **carried(loaded.chart, request)}
         _, refusal = read_request(world, data, EvaluationScope(world, Memory()).at("", 0.0))
         if refusal is not None:
             problems.add(refusal.text)

@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
-from lupin_engine.chart.compose.actions import BUILTIN_ACTIONS, STATUSES
-from lupin_engine.chart.compose.declare import REQUESTS, level_events
+from lupin_engine.chart.compose.actions import builtin_actions
+from lupin_engine.chart.compose.declare import level_events
 from lupin_engine.chart.documents import ActionNode, InvokeNode, PartNode, RetryNode, StateNode
 from lupin_engine.chart.expressions.scope import BUILTIN_CALLS, Scope
 from lupin_engine.chart.nodes import Meaning, Node
@@ -219,7 +219,7 @@ class _Completion:
 
     def _plain(self, spot: Spot) -> Iterator[Offer]:
         if spot.holder is ActionNode and spot.name == "status":
-            yield from (Offer(word, Sort.WORD) for word in STATUSES)
+            yield from (Offer(word, Sort.WORD) for word in self._catalog.profile.statuses)
 
     def _states(self, spot: Spot) -> Iterator[Offer]:
         """Offer the states in scope, the nearest first; after a dot, what is inside the state before it."""
@@ -265,11 +265,12 @@ class _Completion:
 
     def _actions(self) -> Iterator[Offer]:
         """Offer actions; those with arguments as keys, which `insert` tells."""
-        for name in ("set", "raise", *BUILTIN_ACTIONS):
-            takes = name in ("set", "raise") or bool(BUILTIN_ACTIONS[name])
-            yield Offer(
-                name, Sort.ACTION, docs.ACTIONS[name], docs.builtin_action(name), name if takes else ""
-            )
+        profile = self._catalog.profile
+        wanted, told = builtin_actions(profile), docs.builtin_actions_of(profile)
+        for name in ("set", "raise", *wanted):
+            takes = name in ("set", "raise") or bool(wanted[name])
+            doc = docs.builtin_action(name, profile)
+            yield Offer(name, Sort.ACTION, told[name], doc, name if takes else "")
         for name, action in self._catalog.actions.items():
             insert = name if action.arguments else ""
             yield Offer(name, Sort.ACTION, action.doc, docs.action(name, action), insert)
@@ -283,8 +284,8 @@ class _Completion:
             yield Offer(name, Sort.EVENT, "raised in this chart")
 
     def _requests(self) -> Iterator[Offer]:
-        for name in REQUESTS:
-            yield Offer(name, Sort.EVENT, docs.REQUESTS[name])
+        for name, doc in self._catalog.profile.events.items():
+            yield Offer(name, Sort.EVENT, doc)
 
     def _levels(self) -> Iterator[Offer]:
         if self._model is not None:
@@ -460,7 +461,7 @@ def _arguments_of(owner: str, holder: type[Node] | None, catalog: Catalog) -> Ma
         operation = catalog.operations.get(owner)
         return operation.arguments if operation else {}
     action = catalog.actions.get(owner)
-    return action.arguments if action else BUILTIN_ACTIONS.get(owner, {})
+    return action.arguments if action else builtin_actions(catalog.profile).get(owner, {})
 
 
 def _must(argument: Argument) -> bool:

@@ -12,7 +12,7 @@ from typing import Any
 
 from pydantic.fields import FieldInfo
 
-from lupin_engine.chart.compose.actions import BUILTIN_ACTIONS
+from lupin_engine.chart.compose.actions import builtin_actions
 from lupin_engine.chart.model import Hold, Input, Kind, State, Variable
 from lupin_engine.errors import Severity
 from lupin_engine.plugin.contract import (
@@ -27,6 +27,7 @@ from lupin_engine.plugin.contract import (
     Parameter,
 )
 from lupin_engine.plugin.describe import number_text
+from lupin_engine.plugin.profile import Profile
 from lupin_engine.plugin.types import UNITS, Type
 
 #: What an expression may call without a plugin: how it is written, and what comes of it.
@@ -69,19 +70,6 @@ ACTIONS: Mapping[str, str] = MappingProxyType(
         "itinerary.close_rest": "Close all targets that are still open.",
         "report.clear": "Forget the last error.",
         "report.summary": "Publish the summary of the mission.",
-        "publish.reading": "Publish a reading that belongs to no visit.",
-    }
-)
-#: What people ask for, and the other events that the engine makes.
-REQUESTS: Mapping[str, str] = MappingProxyType(
-    {
-        "mission.start": "Somebody asks to start a mission.",
-        "operator.abort": "The operator ends the mission.",
-        "operator.dock": "The operator sends the robot to the dock.",
-        "operator.pause": "The operator suspends the mission.",
-        "operator.reset": "The operator leaves FAULT.",
-        "operator.resume": "The operator lets the mission go on.",
-        "operator.skip_current": "The operator skips the current target.",
     }
 )
 _KINDS = {
@@ -179,10 +167,16 @@ def action(name: str, found: Action) -> str:
     return paragraphs(head, found.doc, arguments(found.arguments), moves)
 
 
-def builtin_action(name: str) -> str:
+def builtin_actions_of(profile: Profile) -> Mapping[str, str]:
+    """Return what each of the engine's own actions does, and of those that publish."""
+    return {**ACTIONS, **{name: publication.doc for name, publication in profile.publications.items()}}
+
+
+def builtin_action(name: str, profile: Profile) -> str:
     """Say what one of the engine's own actions does."""
-    wanted = BUILTIN_ACTIONS.get(name, {})
-    return paragraphs(code(f"action {name}({_names(wanted)})"), ACTIONS.get(name, ""), arguments(wanted))
+    wanted = builtin_actions(profile).get(name, {})
+    doc = builtin_actions_of(profile).get(name, "")
+    return paragraphs(code(f"action {name}({_names(wanted)})"), doc, arguments(wanted))
 
 
 def function(name: str, found: Function) -> str:

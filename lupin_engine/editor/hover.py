@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from lupin_engine.chart.compose.actions import BUILTIN_ACTIONS
+from lupin_engine.chart.compose.actions import builtin_actions
 from lupin_engine.chart.documents import MissionNode
 from lupin_engine.chart.nodes import Meaning, Node
 from lupin_engine.editor import docs
@@ -87,16 +87,16 @@ def _of_plugin(folder: Folder, meaning: Meaning, mention: Mention) -> str:
             return docs.operation(name, catalog.operations[name])
         case Meaning.ACTION if name in catalog.actions:
             return docs.action(name, catalog.actions[name])
-        case Meaning.ACTION if name in docs.ACTIONS:
-            return docs.builtin_action(name)
+        case Meaning.ACTION if name in docs.builtin_actions_of(catalog.profile):
+            return docs.builtin_action(name, catalog.profile)
         case Meaning.FUNCTION if mention.whole in catalog.functions:
             return docs.function(mention.whole, catalog.functions[mention.whole])
         case Meaning.FUNCTION if mention.whole in docs.CALLS:
             return docs.call(mention.whole)
         case Meaning.EVENT if name in catalog.events:
             return docs.event(name, catalog.events[name])
-        case Meaning.EVENT if name in docs.REQUESTS:
-            return docs.paragraphs(docs.code(f"request {name}"), docs.REQUESTS[name])
+        case Meaning.EVENT if name in catalog.profile.events:
+            return docs.paragraphs(docs.code(f"request {name}"), catalog.profile.events[name])
         case Meaning.LIVE_VALUE if name in catalog.values:
             return docs.live_value(name, catalog.values[name])
         case Meaning.TYPE if name in catalog.known_types:
@@ -109,7 +109,7 @@ def _of_plugin(folder: Folder, meaning: Meaning, mention: Mention) -> str:
 def _argument(folder: Folder, mention: Mention) -> str:
     catalog = folder.catalog
     owner = catalog.operations.get(mention.of) or catalog.actions.get(mention.of)
-    wanted = owner.arguments if owner else BUILTIN_ACTIONS.get(mention.of, {})
+    wanted = owner.arguments if owner else builtin_actions(catalog.profile).get(mention.of, {})
     argument = wanted.get(mention.name)
     return docs.argument_line(mention.name, argument) if argument else ""
 

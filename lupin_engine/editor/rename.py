@@ -24,9 +24,6 @@ from lupin_engine.editor.places import place_of
 from lupin_engine.editor.scan import Scan, scan
 from lupin_engine.errors import LupinError, Severity
 
-#: Top-level states that the engine looks for by name: where what breaks leads, where a run begins and ends.
-KNOWN_TO_ENGINE = (FAULT, "BOOT", "DONE")
-
 
 class Refused(LupinError):
     """The state cannot be renamed like that; the text says why."""
@@ -88,7 +85,7 @@ def _drafts(folder: Folder, path: Path, mention: Mention) -> list[Draft]:
         if draft.node is None:
             what = "is made by the key 'history'" if draft.kind is Kind.HISTORY else "is a mission"
             raise Refused(f"{draft.local!r} {what}, and not a state that can be renamed")
-        if draft.name in KNOWN_TO_ENGINE:
+        if draft.name == FAULT or draft.name in folder.catalog.profile.stages.anchors:
             raise Refused(f"the engine knows {draft.name!r} by its name")
     places = {place_of(folder, draft) for draft in found}
     if len(places) > 1:

@@ -16,12 +16,12 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from lupin_engine.chart.compose.actions import BUILTIN_ACTIONS, STATUSES
-from lupin_engine.chart.compose.declare import REQUESTS
+from lupin_engine.chart.compose.actions import builtin_actions
 from lupin_engine.editor import docs
 from lupin_engine.editor.grammar import FILES
 from lupin_engine.editor.snippets import EXAMPLES, SNIPPETS, Snippet
 from lupin_engine.plugin.contract import Argument
+from lupin_engine.plugin.profile import NO_PROFILE, Profile
 from lupin_engine.plugin.registry import Catalog
 from lupin_engine.plugin.types import BUILTIN_TYPES, UNITS, Type
 
@@ -51,6 +51,7 @@ def schema(
     short_forms: Mapping[str, Schema] | None = None,
     one_alone: Iterable[str] = (),
     catalog: Catalog | None = None,
+    profile: Profile = NO_PROFILE,
 ) -> Schema:
     """Return the schema of one kind of file; with a catalog also the names that plugins offer.
 
@@ -60,6 +61,9 @@ def schema(
     made = model.model_json_schema(by_alias=True, ref_template="#/definitions/{model}")
     definitions = made.pop("$defs", {})
     forms = {**SHORT_FORMS, **(short_forms or {})}
+    if "VisitNode" in definitions:
+        _, whole = definitions["VisitNode"]["anyOf"]
+        whole["properties"]["status"]["enum"] = [*profile.statuses, "open"]
     for name, definition in definitions.items():
         _finish(name, definition)
     _finish(model.__name__, made)
@@ -67,7 +71,7 @@ def schema(
         holder, _, key = name.partition(".")
         if holder in definitions:
             _let_one_stand_alone(definitions[holder]["properties"][key])
-    definitions["Action"] = _action()
+    definitions["Action"] = _action(profile)
     if catalog is not None:
         _add_names(made, definitions, catalog.for_missions)
     definitions = {
@@ -151,23 +155,24 @@ def _let_one_stand_alone(node: Schema) -> None:
     node["anyOf"] = [{"type": node.pop("type"), "items": node.pop("items")}, item]
 
 
-def _action() -> Schema:
+def _action(profile: Profile) -> Schema:
     """Return what an action is: its name, or a mapping of its name to its arguments."""
-    takes = {name: wanted for name, wanted in BUILTIN_ACTIONS.items() if wanted}
+    known, told = builtin_actions(profile), docs.builtin_actions_of(profile)
+    takes = {name: wanted for name, wanted in known.items() if wanted}
     mapping: Schema = {
         "type": "object",
         "minProperties": 1,
         "maxProperties": 1,
-        "properties": {name: _arguments(wanted, docs.ACTIONS[name]) for name, wanted in takes.items()},
+        "properties": {name: _arguments(wanted, told[name]) for name, wanted in takes.items()},
         "additionalProperties": {"type": ["object", "null"]},
     }
     mapping["properties"]["set"] = {"type": "object", "minProperties": 1, "description": docs.ACTIONS["set"]}
     mapping["properties"]["raise"] = _arguments({"event": _TEXT}, docs.ACTIONS["raise"])
-    mapping["properties"]["itinerary.close"]["properties"]["status"]["enum"] = list(STATUSES)
+    mapping["properties"]["itinerary.close"]["properties"]["status"]["enum"] = list(profile.statuses)
     return {
         "title": "Action",
         "description": "An action: a name, or a mapping of one name to its arguments.",
-        "anyOf": [{"type": "string", "examples": [*BUILTIN_ACTIONS]}, mapping],
+        "anyOf": [{"type": "string", "examples": [*known]}, mapping],
         "defaultSnippets": _plain(SNIPPETS["Action"]),
     }
 
@@ -264,7 +269,7 @@ def _add_actions(action: Schema, catalog: Catalog) -> None:
     for name, found in catalog.actions.items():
         mapping["properties"][name] = _arguments(found.arguments, found.doc)
         mapping["properties"][name]["markdownDescription"] = docs.action(name, found)
-    names = [*BUILTIN_ACTIONS, *catalog.actions]
+    names = [*builtin_actions(catalog.profile), *catalog.actions]
     alone.pop("examples")
     alone["enum"] = [name for name in names if not mapping["properties"].get(name, {}).get("required")]
     mapping["additionalProperties"] = False
@@ -273,8 +278,8 @@ def _add_actions(action: Schema, catalog: Catalog) -> None:
 
 
 def _events(each: Schema, catalog: Catalog) -> Iterator[tuple[str, Schema]]:
-    for name in REQUESTS:
-        yield name, {**each, "description": docs.REQUESTS[name]}
+    for name, doc in catalog.profile.events.items():
+        yield name, {**each, "description": doc}
     for name, found in catalog.events.items():
         shown = docs.event(name, found)
         yield name, {**each, "description": found.doc, "markdownDescription": shown}
@@ -313,9 +318,12 @@ def all_schemas(
     short_forms: Mapping[str, Schema] | None = None,
     one_alone: Iterable[str] = (),
     catalog: Catalog | None = None,
+    profile: Profile = NO_PROFILE,
 ) -> dict[str, Schema]:
     """Return the schema of every kind, and last the one that serves them all."""
-    found = {kind: schema(kind, model, short_forms, one_alone, catalog) for kind, model in models.items()}
+    found = {
+        kind: schema(kind, model, short_forms, one_alone, catalog, profile) for kind, model in models.items()
+    }
     return {**found, ANY_KIND: any_kind(found)}
 
 

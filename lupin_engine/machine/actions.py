@@ -16,6 +16,7 @@ from lupin_engine.machine.itineraries import Itineraries
 from lupin_engine.machine.memory import Traversal, Visit
 from lupin_engine.machine.scope import EvaluationScope, evaluated
 from lupin_engine.machine.step import Macrostep
+from lupin_engine.plugin.profile import Publication
 
 
 class ExecutableContent:
@@ -41,8 +42,11 @@ class ExecutableContent:
         action = self._scope.chart.catalog.actions.get(call.name)
         arguments = evaluated(call.arguments, action.arguments if action else {}, env)
         builtin = _BUILTINS.get(call.name)
+        publication = self._scope.chart.profile.publications.get(call.name)
         if builtin is not None:
             builtin(self, arguments, self.itineraries.of(state), step)
+        elif publication is not None:
+            self.publish(publication, arguments, step)
         elif call.moves and self._scope.memory.held:
             self._scope.memory.waiting_actions.append((state, call.name, arguments))
         else:
@@ -95,9 +99,10 @@ class ExecutableContent:
         """`itinerary.close_rest`: give every open visit its outcome."""
         self.itineraries.close_rest(traversal, arguments, step)
 
-    def publish_reading(self, arguments: Mapping[str, Any], _: Traversal | None, step: Macrostep) -> None:
-        """`publish.reading`: publish a reading that belongs to no visit."""
-        self.itineraries.publish(Visit(arguments["tag"], "OK", reading=arguments["reading"]), step)
+    def publish(self, publication: Publication, arguments: Mapping[str, Any], step: Macrostep) -> None:
+        """Publish what was read at a target outside of a visit: an action of the profile."""
+        target, reading = arguments[publication.target[0]], arguments[publication.reading[0]]
+        self.itineraries.publish(Visit(target, publication.outcome, reading=reading), step)
 
     def clear(self, _: Mapping[str, Any], __: Traversal | None, ___: Macrostep) -> None:
         """`report.clear`: nothing is wrong any more; forget the code reported last."""
@@ -118,7 +123,6 @@ _BUILTINS = {
     "itinerary.advance": ExecutableContent.advance,
     "itinerary.close": ExecutableContent.close,
     "itinerary.close_rest": ExecutableContent.close_rest,
-    "publish.reading": ExecutableContent.publish_reading,
     "report.clear": ExecutableContent.clear,
     "report.summary": ExecutableContent.summary,
 }

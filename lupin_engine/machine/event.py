@@ -8,6 +8,8 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any
 
+from lupin_engine.plugin.profile import START, Publish
+
 #: The data of an event that has none.
 NOTHING: Mapping[str, Any] = MappingProxyType({})
 
@@ -22,7 +24,7 @@ class Event:
     @property
     def is_request(self) -> bool:
         """Requests come from a person and are answered: accepted, or refused with a reason."""
-        return self.name == "mission.start" or self.name.startswith("operator.")
+        return self.name == START or self.name.startswith("operator.")
 
     @property
     def is_attempt_event(self) -> bool:
@@ -83,7 +85,7 @@ def flaw(event: Event) -> str:
             return f"{event.name} has a wrong {name}: {reprlib.repr(data[name])}"
     if event.name == "value" and (isinstance(data["stamp"], bool) or not abs(data["stamp"]) <= _END_OF_TIME):
         return f"value has a wrong stamp: {reprlib.repr(data['stamp'])}"
-    if event.name == "mission.start" and not isinstance(data.get("mission_type", ""), str):
+    if event.name == START and not isinstance(data.get("mission_type", ""), str):
         return f"mission.start has a wrong mission_type: {reprlib.repr(data['mission_type'])}"
     return ""
 
@@ -143,19 +145,6 @@ class Act:
 
     action: str
     arguments: Mapping[str, Any]
-
-
-@dataclass(frozen=True)
-class Publish:
-    """Tell the world what became of a target. `status` is OK, UNREACHABLE, SCAN_FAILED or SKIPPED."""
-
-    source: str
-    mission_id: str
-    target: str
-    status: str
-    code: str = ""
-    detail: str = ""
-    reading: Mapping[str, Any] | None = None
 
 
 @dataclass(frozen=True)

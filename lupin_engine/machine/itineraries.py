@@ -8,10 +8,11 @@ from typing import Any
 from lupin_engine.chart.expressions.evaluation import UnknownInput
 from lupin_engine.chart.model import Itinerary, State
 from lupin_engine.errors import reason
-from lupin_engine.machine.event import Publish, Trigger
+from lupin_engine.machine.event import Trigger
 from lupin_engine.machine.memory import Traversal, Visit
 from lupin_engine.machine.scope import EvaluationScope, traversal_of
 from lupin_engine.machine.step import Macrostep
+from lupin_engine.plugin.profile import Publish
 
 
 class OpenVisit(Exception):

@@ -19,10 +19,9 @@ from lupin_engine.machine.scope import World
 from lupin_engine.machine.snapshot import restore, snapshot
 from lupin_engine.machine.structure import dispatch_table
 from lupin_engine.plugin.builtin import BUILTIN
+from lupin_engine.plugin.profile import START
 
 _T = TypeVar("_T")
-
-START = "mission.start"
 
 
 def is_idle(machine: Machine) -> bool:

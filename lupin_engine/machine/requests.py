@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from lupin_engine.chart.expressions.evaluation import Environment, UnknownInput
-from lupin_engine.chart.model import REQUESTS, Field, Transition
+from lupin_engine.chart.model import Field, Transition
 from lupin_engine.chart.semantics import ENGINE_EVENTS
 from lupin_engine.errors import nearest, reason, shortened
 from lupin_engine.machine.event import NO_TRIGGER, Event, Trigger
@@ -279,8 +279,9 @@ class Explainer:
         operations end and time passes is not asked for. What a mission's request must carry is
         looked at only when it comes, and a guard that reads the event's data sees none.
         """
-        others = [n for n in (*self._structure.events, "") if n not in REQUESTS and not _is_internal(n)]
-        found = [self._request(name, now) for name in REQUESTS] + [self._event(name, now) for name in others]
+        requests = self._scope.chart.profile.events
+        others = [n for n in (*self._structure.events, "") if n not in requests and not _is_internal(n)]
+        found = [self._request(name, now) for name in requests] + [self._event(name, now) for name in others]
         return tuple(one for one in found if one.considered or one.event != ALWAYS)
 
     def considered(self, event: str, now: float, trigger: Trigger = NO_TRIGGER) -> tuple[Considered, ...]:

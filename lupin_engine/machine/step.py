@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from lupin_engine.chart.model import Chart
@@ -182,6 +183,7 @@ class Attempting:
 class View:
     """The machine at one moment. `lifecycle` is the published top state, `phase` the innermost phase.
 
+    `counts` says how many visits ended in each of the profile's outcomes, over all sweeps.
     `cancelling` are the operations that nobody wants any more and whose end the server has not confirmed.
     `code` and `detail` are what was reported last. `paused`: held, or in a state that waits for the operator.
     """
@@ -194,10 +196,7 @@ class View:
     started_at: float | None
     target: str
     total: int
-    completed: int
-    failed: int
-    unreachable: int
-    skipped: int
+    counts: Mapping[str, int]
     code: str
     detail: str
     held: tuple[str, ...]
@@ -230,10 +229,7 @@ def view_of(chart: Chart, memory: Memory) -> View:
         started_at=memory.started_at,
         target=moment.target,
         total=len(traversal.items) if traversal else 0,
-        completed=traversal.count("OK") if traversal else 0,
-        failed=traversal.count("SCAN_FAILED") if traversal else 0,
-        unreachable=traversal.count("UNREACHABLE") if traversal else 0,
-        skipped=traversal.count("SKIPPED") if traversal else 0,
+        counts={status: traversal.count(status) if traversal else 0 for status in chart.profile.statuses},
         code=memory.code,
         detail=memory.detail,
         held=tuple(memory.held),

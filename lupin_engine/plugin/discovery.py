@@ -18,6 +18,8 @@ _T = TypeVar("_T")
 
 #: Entry points of this group name a `Plugin`.
 GROUP = "lupin.plugins"
+#: Entry points of this group name a `Profile`.
+PROFILES = "lupin.profiles"
 #: Entry points of this group name a click command, which becomes a verb of `lupin` by the entry point's name.
 VERBS = "lupin.verbs"
 

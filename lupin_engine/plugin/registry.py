@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from types import MappingProxyType
 from typing import Any, TypeVar
@@ -28,7 +28,8 @@ from lupin_engine.plugin.contract import (
     Plugin,
     Reader,
 )
-from lupin_engine.plugin.discovery import EntryPoint, entry_points
+from lupin_engine.plugin.discovery import PROFILES, EntryPoint, entry_points
+from lupin_engine.plugin.profile import NO_PROFILE, Profile
 from lupin_engine.plugin.shapes import misshapen
 from lupin_engine.plugin.types import BUILTIN_TYPES, UNITS, Type, convert, problems
 
@@ -61,7 +62,8 @@ class Catalog:
     """All that the plugins offer, by full name; verified.
 
     Operations, actions and events are `plugin.local`; functions, values, types and parameters carry their own
-    full names. `owners` says which plugin a function, value, type or parameter comes from.
+    full names. `owners` says which plugin a function, value, type or parameter comes from. `profiles` are
+    those that are installed, `profile` the one that holds: the only one, or the one that a lifecycle names.
     """
 
     plugins: Mapping[str, Plugin] = field(default_factory=dict)
@@ -75,6 +77,8 @@ class Catalog:
     parameters: Mapping[str, Parameter] = field(default_factory=dict)
     codes: Mapping[str, Code] = field(default_factory=dict)
     owners: Mapping[tuple[str, str], str] = field(default_factory=dict)
+    profiles: Mapping[str, Profile] = field(default_factory=dict)
+    profile: Profile = NO_PROFILE
 
     @property
     def known_types(self) -> Mapping[str, Type]:
@@ -85,19 +89,40 @@ class Catalog:
     def for_missions(self) -> Catalog:
         """What authors of missions are offered: all but what is internal to plugins."""
         offered = {name: plugin for name, plugin in self.plugins.items() if not plugin.internal}
-        return self if len(offered) == len(self.plugins) else _join(offered)
+        return self if len(offered) == len(self.plugins) else self._with_plugins(_join(offered))
+
+    def with_plugin(self, plugin: Plugin) -> Catalog:
+        """Return a catalog that has another plugin too; errors as for `build_catalog`."""
+        return self._with_plugins(build_catalog([*self.plugins.values(), plugin]))
+
+    def with_profile(self, name: str) -> Catalog:
+        """Return the same with the profile `name`, which is installed, as the one that holds."""
+        chosen = self.profiles[name]
+        return self if chosen is self.profile else replace(self, profile=chosen)
+
+    def _with_plugins(self, other: Catalog) -> Catalog:
+        return replace(other, profiles=self.profiles, profile=self.profile)
 
 
 def load_catalog() -> Catalog:
-    """Find the installed plugins, verify them and return what they offer, the built-in plugin included.
+    """Find the installed plugins and profiles, verify them and return what they and the engine offer.
 
     Raises:
-        PluginError: a plugin cannot be imported, breaks the contract, or contradicts another one.
+        PluginError: one cannot be imported, breaks the contract, or contradicts another one.
     """
     points = {point: import_plugin(point) for point in entry_points()}
     for name in dict.fromkeys(plugin.name for plugin in points.values()):
         refuse_rivals(name, [point for point, plugin in points.items() if plugin.name == name])
-    return build_catalog([builtin.PLUGIN, *points.values()])
+    return build_catalog([builtin.PLUGIN, *points.values()], load_profiles())
+
+
+def load_profiles() -> list[Profile]:
+    """Find the installed profiles.
+
+    Raises:
+        PluginError: one cannot be imported.
+    """
+    return [point.load_as(Profile, "profile", "a Profile") for point in entry_points(group=PROFILES)]
 
 
 def refuse_rivals(name: str, points: Sequence[EntryPoint]) -> None:
@@ -132,11 +157,11 @@ def verified_plugin(point: EntryPoint) -> Plugin:
     return plugin
 
 
-def build_catalog(plugins: Iterable[Plugin]) -> Catalog:
+def build_catalog(plugins: Iterable[Plugin], profiles: Iterable[Profile] = ()) -> Catalog:
     """Verify `plugins` and join what they offer; the built-in plugin is added when it is not among them.
 
     Raises:
-        PluginError: names the plugin and the reason.
+        PluginError: names the plugin or profile and the reason.
     """
     named: dict[str, Plugin] = {}
     for plugin in (builtin.PLUGIN, *plugins):
@@ -146,7 +171,44 @@ def build_catalog(plugins: Iterable[Plugin]) -> Catalog:
             raise _refused(plugin, "another plugin has the same name")
         _verify(plugin)
         named[plugin.name] = plugin
-    return _join(named)
+    return replace(_join(named), **_profiles(profiles))
+
+
+def _profiles(profiles: Iterable[Profile]) -> dict[str, Any]:
+    """Return what a catalog has of profiles."""
+    found: dict[str, Profile] = {}
+    for profile in profiles:
+        if profile.name in found:
+            raise PluginError(f"profile {profile.name!r} is installed twice; uninstall one")
+        problems = [f"profile {profile.name!r}: {problem}" for problem in _profile_problems(profile)]
+        if problems:
+            raise PluginError("\n".join(problems))
+        found[profile.name] = profile
+    only = next(iter(found.values())) if len(found) == 1 else NO_PROFILE
+    return {"profiles": MappingProxyType(found), "profile": only}
+
+
+def _profile_problems(profile: Profile) -> Iterator[str]:
+    families: tuple[tuple[str, re.Pattern[str], Iterable[str]], ...] = (
+        ("profile", NAME, [profile.name]),
+        ("outcome", FREE_NAME, profile.statuses),
+        ("counter", NAME, [outcome.counter for outcome in profile.outcomes]),
+        ("request field", NAME, profile.request),
+        ("operator's request", NAME, profile.requests),
+        ("publication", DOTTED_NAME, profile.publications),
+    )
+    for family, pattern, names in families:
+        yield from _bad_spellings(family, pattern, names)
+        twice = sorted({name for name in names if list(names).count(name) > 1})
+        yield from (f"{family} {name!r} is there twice" for name in twice)
+    for name, publication in profile.publications.items():
+        if publication.outcome not in profile.statuses:
+            yield f"{name} publishes an unknown outcome {publication.outcome!r}; " + nearest(
+                publication.outcome, profile.statuses
+            )
+    for gauge, flag in profile.terminal.gauges.items():
+        if flag not in profile.terminal.flags:
+            yield f"gauge {gauge!r} names an unknown flag {flag!r}; {nearest(flag, profile.terminal.flags)}"
 
 
 def _join(plugins: dict[str, Plugin]) -> Catalog:
@@ -267,12 +329,16 @@ def _bad_names(plugin: Plugin) -> Iterator[str]:
         ("node", NAME, plugin.nodes),
     )
     for family, pattern, names in families:
-        for name in names:
-            if not pattern.fullmatch(name):
-                yield f"{family} {name!r}: the name must be {LETTERS[pattern]}"
+        yield from _bad_spellings(family, pattern, names)
     for target in filter(None, (plugin.client, *plugin.nodes.values())):
         if not _TARGET.fullmatch(target):
             yield f"{target!r} must have the form 'module:name'"
+
+
+def _bad_spellings(family: str, pattern: re.Pattern[str], names: Iterable[str]) -> Iterator[str]:
+    for name in names:
+        if not pattern.fullmatch(name):
+            yield f"{family} {name!r}: the name must be {LETTERS[pattern]}"
 
 
 def _operation_problems(where: str, operation: Operation) -> Iterator[str]:

@@ -11,16 +11,16 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from lupin_engine.chart.model import OPERATOR_REQUESTS, Chart
+from lupin_engine.chart.model import Chart
 from lupin_engine.errors import LupinError, nearest
 from lupin_engine.machine.scope import World
+from lupin_engine.plugin.profile import START
 from lupin_engine.plugin.types import ANY, DURATION, Type, convert
 from lupin_engine.replay import panels
 from lupin_engine.replay.rewind import Move, Rewindable, effect, go_on, wait_until
 from lupin_engine.replay.story import TonedLine, laid_out, usual_columns
 from lupin_engine.sim.narration import tell
 from lupin_engine.sim.simulation import (
-    START,
     Ask,
     Effect,
     End,
@@ -170,9 +170,9 @@ class Debugger:
         name = _first(words, "which event", self.event_names())
         if name == START:
             return self.start(words[1:])
-        if f"operator.{name}" in _requests():
+        if name in self._chart.profile.requests:
             name = f"operator.{name}"
-        if name in _requests():
+        if name in self._chart.profile.events:
             return self._let(_typed("send", words), Ask(name, self._fields(words[1:], {})))
         if name not in self._catalog.events:
             raise Wrong(f"unknown event {name!r}; {nearest(name, self.event_names())}")
@@ -304,7 +304,7 @@ class Debugger:
 
     def event_names(self) -> list[str]:
         """Return what can be sent: requests, also without their first word, and the plugins' events."""
-        return [START, *_requests(), *OPERATOR_REQUESTS, *self._catalog.events]
+        return [*self._chart.profile.events, *self._chart.profile.requests, *self._catalog.events]
 
     def value_names(self) -> dict[str, str]:
         """Return what can be set: the chart's names and the plugins' names, each with the plugin's name."""
@@ -380,10 +380,6 @@ class Debugger:
 
 
 # -- small pieces -----------------------------------------------------------------------------------------
-
-
-def _requests() -> list[str]:
-    return [f"operator.{name}" for name in OPERATOR_REQUESTS]
 
 
 def _first(words: list[str], question: str, allowed: Iterable[str]) -> str:

@@ -86,7 +86,7 @@ def _transitions(chart: Chart) -> Iterator[Transition]:
 def where(chart: Chart, view: View) -> list[TonedLine]:
     """Tell where a machine is and what is under way."""
     rows = [labelled("state", short_name(chart, name), "state") for name in _innermost(chart, view)]
-    closed = view.completed + view.failed + view.unreachable + view.skipped
+    closed = sum(view.counts.values())
     facts = {
         "mission": " ".join(filter(None, (view.mission, view.mission_id))),
         "target": f"{view.target} ({closed} of {view.total} closed)" if view.target else "",

@@ -20,14 +20,15 @@ from typing import Any
 
 from lupin_engine.chart.model import Chart
 from lupin_engine.errors import UsageError
-from lupin_engine.machine.event import Publish, Start
+from lupin_engine.machine.event import Start
 from lupin_engine.machine.step import Step
+from lupin_engine.plugin.profile import START, Publish
 from lupin_engine.replay.yaml_text import yaml_text
 from lupin_engine.runtime.history import AttemptHistory, History
 from lupin_engine.runtime.record import read_step
 from lupin_engine.runtime.setup import check_parameters
 from lupin_engine.sim.scenario import Missions, load_scenario_text
-from lupin_engine.sim.simulation import ENDED, FAULTED, START, Run, is_named, label_of
+from lupin_engine.sim.simulation import Run, is_named, label_of
 
 #: To how many digits times are written: the first that makes the run come out the same will do.
 _DIGITS = (3, 6, 12)
@@ -298,7 +299,7 @@ def script_of(recording: RunRecord, mission: str, promise: str, chart: Chart, di
 def _limit(recording: RunRecord, chart: Chart, digits: int, starts: bool) -> str:
     """Return how long the record goes on, when it ends in the middle of a mission."""
     steps = recording.steps
-    if label_of(chart, steps[-1].configuration) in (ENDED, FAULTED):
+    if label_of(chart, steps[-1].configuration) in chart.profile.stages.over:
         return ""
     waited = 0.0
     if starts:

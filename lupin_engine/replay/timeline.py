@@ -9,8 +9,8 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 
 from lupin_engine.chart.model import Chart
-from lupin_engine.machine.event import Publish
 from lupin_engine.machine.step import Step
+from lupin_engine.plugin.profile import Publish
 from lupin_engine.plugin.types import NUMBER
 from lupin_engine.sim.simulation import Run, label_of
 

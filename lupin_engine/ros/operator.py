@@ -9,26 +9,20 @@ from __future__ import annotations
 import json
 import os
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, Literal
+from typing import Any
 
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
-from lupin_engine.chart.model import OPERATOR_REQUESTS
+from lupin_engine.plugin.profile import Profile
 from lupin_engine.ros.adapter.network import Kind, interfaces
 from lupin_engine.ros.adapter.node import CallFailure, Qos, RosNode, ServiceCaller
-from lupin_engine.ros.names import (
-    OBSERVATIONS_TOPIC,
-    START_SERVICE,
-    STATE_TOPIC,
-    STEPS_TOPIC,
-    request_service,
-)
-from lupin_msgs.msg import MissionState, Observation
-from lupin_msgs.srv import StartMission
+from lupin_engine.ros.bindings.definitions import interface_class
+from lupin_engine.ros.messages import wire_of, write
+from lupin_engine.ros.names import STEPS_TOPIC
 
 _START = "start"
 
@@ -37,7 +31,7 @@ _START = "start"
 class Arrival:
     """A message as plain data, and when it came, in seconds of the monotonic clock."""
 
-    kind: Literal["state", "observation", "step"]
+    kind: str  #: state, observation or step
     data: dict[str, Any]
     at: float
 
@@ -55,20 +49,27 @@ class Answer:
 class Operator:
     """A node that watches and asks; closed with `close`."""
 
-    def __init__(self) -> None:
+    def __init__(self, profile: Profile) -> None:
         self._ros = RosNode(f"lupin_operator_{os.getpid()}")
         self._arrived: list[Arrival] = []
-        self._callers: dict[str, ServiceCaller] = {_START: self._ros.service(StartMission, START_SERVICE)}
-        for name in OPERATOR_REQUESTS:
-            self._callers[name] = self._ros.service(Trigger, request_service(name))
+        self._wire = wire = wire_of(profile)
+        self._start_type = interface_class(wire.start.type)
+        self._callers: dict[str, ServiceCaller] = {
+            _START: self._ros.service(self._start_type, wire.start.name)
+        }
+        for name in profile.requests:
+            self._callers[name] = self._ros.service(Trigger, wire.requests.format(name))
         # The state is latched with depth 1 by its publisher. A reader of that depth would lose all but the
         # last of the short phases that come in one burst.
         listen = partial(self._ros.subscribe, qos=Qos.BACKLOG)
-        listen(MissionState, STATE_TOPIC, callback=lambda m: self._keep("state", _plain(m)))
-        listen(Observation, OBSERVATIONS_TOPIC, callback=lambda m: self._keep("observation", _plain(m)))
+        for kind, channel in (("state", wire.state), ("observation", wire.outcomes)):
+            listen(interface_class(channel.type), channel.name, callback=partial(self._keep_message, kind))
         listen(String, STEPS_TOPIC, callback=lambda m: self._keep("step", json.loads(m.data)))
 
-    def _keep(self, kind: Literal["state", "observation", "step"], data: dict[str, Any]) -> None:
+    def _keep_message(self, kind: str, message: Any) -> None:
+        self._keep(kind, _plain(message))
+
+    def _keep(self, kind: str, data: dict[str, Any]) -> None:
         self._arrived.append(Arrival(kind, data, time.monotonic()))
 
     def spin(self, seconds: float) -> None:
@@ -112,9 +113,9 @@ class Operator:
         """Say whether the orchestrator's services can be reached."""
         return all(caller.ready() for caller in self._callers.values())
 
-    def start(self, mission: str, tags: Sequence[str], goal: int, timeout: float) -> Answer:
-        """Ask for a mission; no tags and goal 0 mean the mission's own defaults."""
-        request = StartMission.Request(mission_type=mission, tag_sequence=list(tags), discovery_goal=goal)
+    def start(self, mission: str, given: Mapping[str, Any], timeout: float) -> Answer:
+        """Ask for a mission; fields of the request that are not given mean the mission's own defaults."""
+        request = write(self._start_type.Request(), {self._wire.start.mission: mission, **given})
         return self._call(_START, request, timeout)
 
     def ask(self, name: str, timeout: float) -> Answer:
@@ -130,20 +131,20 @@ class Operator:
             pass
         call.cancel()
         if answers:
-            return _answer(answers[0])
+            return self._answer(name, answers[0])
         return Answer(False, f"{self._callers[name].name}: no answer", reached=False)
+
+    def _answer(self, name: str, outcome: Any) -> Answer:
+        if isinstance(outcome, CallFailure):
+            return Answer(False, outcome.detail, reached=False)
+        if name == _START:
+            names = (self._wire.start.accepted, self._wire.start.reason, self._wire.start.mission_id)
+            return Answer(*(getattr(outcome, field) for field in names))
+        return Answer(outcome.success, outcome.message)
 
     def close(self) -> None:
         """Leave the network; nothing can be asked any more."""
         self._ros.leave()
-
-
-def _answer(outcome: Any) -> Answer:
-    if isinstance(outcome, CallFailure):
-        return Answer(False, outcome.detail, reached=False)
-    if hasattr(outcome, "mission_id"):
-        return Answer(outcome.accepted, outcome.error_message, outcome.mission_id)
-    return Answer(outcome.success, outcome.message)
 
 
 def _plain(value: Any) -> Any:

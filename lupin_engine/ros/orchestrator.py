@@ -2,7 +2,8 @@
 
 Everything that ROS tells it becomes an event of one queue, stepped on the node's thread; nothing blocks.
 The node knows no mission and no plugin: which servers it talks to follows from the missions' operations,
-its parameters from the chart, its answers from the step that a request caused.
+its parameters from the chart, its answers from the step that a request caused, and what it publishes and
+serves from the profile.
 """
 
 from __future__ import annotations
@@ -10,36 +11,35 @@ from __future__ import annotations
 import json
 import uuid
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
-from builtin_interfaces.msg import Time
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
-from lupin_engine.chart.model import OPERATOR_REQUESTS
 from lupin_engine.errors import LupinError
-from lupin_engine.machine.event import Event, Publish, Report
+from lupin_engine.machine.event import Event, Report
 from lupin_engine.machine.reload import is_idle, successor
 from lupin_engine.machine.step import Moment, Step, View
 from lupin_engine.missions.load import LoadedMissions
 from lupin_engine.plugin.builtin import BUILTIN
 from lupin_engine.plugin.clients import make_client
 from lupin_engine.plugin.contract import Driver, Parameter
+from lupin_engine.plugin.profile import START, Channel, Fields, Publish
 from lupin_engine.plugin.registry import load_catalog
 from lupin_engine.plugin.types import NUMBER, TEXT, list_of
 from lupin_engine.ros import messages
 from lupin_engine.ros.adapter.node import Qos, RosNode, RosTimer
 from lupin_engine.ros.bindings.client import BoundClient
+from lupin_engine.ros.bindings.definitions import interface_class
 from lupin_engine.ros.folder import LOOK_PERIOD_S, MissionsFolder
-from lupin_engine.ros.names import NODE, OBSERVATIONS_TOPIC, START_SERVICE, STATE_TOPIC, request_service
+from lupin_engine.ros.names import NODE
 from lupin_engine.ros.readiness import Readiness
 from lupin_engine.runtime.engine import Engine, EngineOutlet
 from lupin_engine.runtime.offer import offered
 from lupin_engine.runtime.record import step_record, view_record
 from lupin_engine.runtime.setup import make_machine, make_world
-from lupin_msgs.msg import MissionState, Observation
-from lupin_msgs.srv import StartMission
 
 #: Seconds after which a request is not carried out: whoever sent it has given up.
 STALE_AFTER_S = 5.0
@@ -109,14 +109,15 @@ class Orchestrator:
         drivers: dict[str, Driver] = {}
         self._engine = Engine(machine, self._clock, drivers, ros.guarded(self._stepped))
         self._outlet = Outlet(self._engine, self._clock, self._work)
-        self._state = ros.publisher(MissionState, STATE_TOPIC, Qos.LATCHED)
-        self._observations = ros.publisher(Observation, OBSERVATIONS_TOPIC, Qos.BACKLOG)
+        self._wire = messages.wire_of(chart.profile)
+        self._state = _Publisher(ros, self._wire.state)
+        self._outcomes = _Publisher(ros, self._wire.outcomes)
         self._steps = ros.publisher(String, "~/steps", Qos.BACKLOG)
         self._missions = ros.publisher(String, "~/missions", Qos.LATCHED)
         self._offered = ""
         self._published: tuple[object, ...] = ()
         self._noted: dict[str, tuple[str, ...]] = {}
-        self._started: Time | None = None
+        self._started: Fields | None = None
         self._deadline: tuple[float, RosTimer] | None = None
         drivers.update(_clients(ros, loaded, chart.plugins, self._outlet, machine.world.parameters))
         drivers[BUILTIN] = Readiness(drivers, self._outlet, ros.steady_timer, ros.now)
@@ -137,29 +138,34 @@ class Orchestrator:
     # -- requests ---------------------------------------------------------------------------------------
 
     def _serve(self) -> None:
-        serve = partial(self._ros.serve, refuse=_refuse)
-        serve(StartMission, START_SERVICE, self._start, stale_after=STALE_AFTER_S)
-        for name in OPERATOR_REQUESTS:
-            # Stopping late is better than not at all.
-            limit = None if name == "pause" else STALE_AFTER_S
+        start = self._wire.start
+        self._ros.serve(
+            interface_class(start.type),
+            start.name,
+            self._start,
+            stale_after=STALE_AFTER_S,
+            refuse=partial(_refuse, field=start.reason),
+        )
+        for name, request in self._chart.profile.requests.items():
+            limit = None if request.however_late else STALE_AFTER_S
             answer = _answering(self._ask, f"operator.{name}")
-            serve(Trigger, request_service(name), answer, stale_after=limit)
+            refuse = partial(_refuse, field="message")
+            self._ros.serve(
+                Trigger, self._wire.requests.format(name), answer, stale_after=limit, refuse=refuse
+            )
 
     def _start(self, request: Any, response: Any) -> Any:
-        mission_id = f"{self._prefix}-{uuid.uuid4().hex[:8]}"
-        data = {
-            "mission_type": request.mission_type,
-            "mission_id": mission_id,
-            "tag_sequence": list(request.tag_sequence),
-            "discovery_goal": request.discovery_goal,
-        }
+        names = self._wire.start
+        mission, mission_id = getattr(request, names.mission), f"{self._prefix}-{uuid.uuid4().hex[:8]}"
+        fields = {name: _plain(getattr(request, name)) for name in self._chart.profile.request}
         self._look()  # what is started is what the files say now
-        step = self._ask(Event("mission.start", data))
-        response.accepted = bool(step.accepted)
-        response.mission_id = mission_id if step.accepted else ""
-        response.error_message = step.refusal.text if step.refusal else ""
-        if request.mission_type not in self._chart.missions and self._folder.problem:
-            response.error_message += f"; what is new cannot be used: {self._folder.problem}"
+        step = self._ask(Event(START, {"mission_type": mission, "mission_id": mission_id, **fields}))
+        reason = step.refusal.text if step.refusal else ""
+        if mission not in self._chart.missions and self._folder.problem:
+            reason += f"; what is new cannot be used: {self._folder.problem}"
+        setattr(response, names.accepted, bool(step.accepted))
+        setattr(response, names.mission_id, mission_id if step.accepted else "")
+        setattr(response, names.reason, reason)
         return response
 
     def _ask(self, event: Event) -> Step:
@@ -194,6 +200,8 @@ class Orchestrator:
         """
         chart = loaded.chart
         declared = {**OWN_PARAMETERS, **chart.parameters}
+        if chart.profile is not self._chart.profile:
+            raise LupinError("another profile needs a new start")
         values = self._ros.starting_values(declared)
         world = make_world(chart, {name: values[name] for name in chart.parameters})
         machine = successor(self._machine, world)
@@ -246,8 +254,8 @@ class Orchestrator:
 
     def _stepped(self, step: Step) -> None:
         """Tell the world what a step did."""
-        if step.event.name == "mission.start" and step.accepted:
-            self._started = self._ros.stamp()
+        if step.event.name == START and step.accepted:
+            self._started = self._stamp()
         # Live values come all the time. The reports of attempts are told even when they change nothing: who
         # watches sees what is waited for, and when the last goal has ended.
         if step.event.name == "value" and not step.changed and not self._is_news(step):
@@ -263,7 +271,8 @@ class Orchestrator:
             self._publish_if_changed(view, moment)
         self._publish_if_changed(view)
         self._log(step, view)
-        record = {"time": self._clock.now(), "step": step_record(step), "view": view_record(view)}
+        shown = view_record(view, self._chart.profile)
+        record = {"time": self._clock.now(), "step": step_record(step), "view": shown}
         self._steps.publish(String(data=json.dumps(record, default=str)))
 
     def _is_news(self, step: Step) -> bool:
@@ -274,70 +283,74 @@ class Orchestrator:
         return notes not in ((), known)
 
     def _observe(self, published: Publish) -> None:
-        now = self._clock.now()
-        discovered = self._value("discovered", now) or ()
-        pose = messages.place_of(published.target, discovered, self._value("pose", now))
-        self._observations.publish(messages.observation(published, pose, self._ros.stamp()))
+        value = partial(self._value, now=self._clock.now())
+        self._outcomes.publish(self._wire.outcome_fields(published, value, self._stamp()))
 
     def _log(self, step: Step, view: View) -> None:
         if step.taken:
             now = " ".join(filter(None, (view.lifecycle, view.phase)))
-            ids = {"tag_id": view.target or "-", "mission_id": view.mission_id or "-"}
+            target = f"{self._chart.profile.terminal.target}_id"
+            ids = {target: view.target or "-", "mission_id": view.mission_id or "-"}
             self._ros.log.info("step", on=step.event.name, taken=list(step.taken), now=now, **ids)
         for note in step.notes:
             self._ros.log.info(note)
 
     def _report(self, report: Report, view: View) -> None:
         """Log the final summary: counts over all sweeps, as published, and the targets of the last one."""
-        counted = ("total", "completed", "failed", "unreachable", "skipped")
-        counts = {name: getattr(view, name) for name in counted}
-        self._ros.log.info("mission ended", mission_id=report.mission_id, **counts)
+        profile = self._chart.profile
+        counts = {outcome.counter: view.counts[outcome.name] for outcome in profile.outcomes}
+        self._ros.log.info("mission ended", mission_id=report.mission_id, total=view.total, **counts)
         for visit in report.visits:
-            self._ros.log.info("target", **messages.summary(visit))
+            self._ros.log.info("target", **messages.visit_record(visit, profile))
 
     # -- publishing -------------------------------------------------------------------------------------
 
     def _publish_if_changed(self, view: View, moment: Moment | None = None) -> None:
         """Publish at once when lifecycle, phase, target or a flag is new."""
-        inputs = self._inputs()
-        shown = moment or Moment(view.lifecycle, view.phase, view.target)
-        flags = (view.paused, view.code, inputs.estop, inputs.battery_low, view.mission_id)
-        if (shown, *flags) != self._published:
-            self._published = (shown, *flags)
-            self._publish_state(view, shown)
-
-    def _publish_state(self, view: View | None = None, moment: Moment | None = None) -> None:
-        view = view or self._machine.view
-        request = self._machine.memory.request
-        message = messages.mission_state(
-            view, self._inputs(), self._chart.codes, request, self._ros.stamp(), self._started
-        )
         if moment is not None:
-            message.lifecycle_state, message.mission_phase = moment.lifecycle, moment.phase
-            message.current_target = moment.target
-        self._state.publish(message)
+            view = replace(view, lifecycle=moment.lifecycle, phase=moment.phase, target=moment.target)
+        fields = self._state_fields(view)
+        said = (view.lifecycle, view.phase, view.target, view.paused, view.code, view.mission_id)
+        shown = (*said, *(fields[name] for name in self._wire.urgent))
+        if shown != self._published:
+            self._published = shown
+            self._state.publish(fields)
 
-    def _inputs(self) -> messages.Inputs:
-        now = self._clock.now()
-        battery = self._value("battery", now) or {}
-        discovered = self._value("discovered", now) or ()
-        return messages.Inputs(
-            estop=self._value("estop", now),
-            battery=battery.get("value"),
-            battery_low=bool(battery.get("low", False)),
-            discovered=len(discovered),
-        )
+    def _publish_state(self) -> None:
+        self._state.publish(self._state_fields(self._machine.view))
+
+    def _state_fields(self, view: View) -> Fields:
+        value, request = partial(self._value, now=self._clock.now()), self._machine.memory.request
+        stamp, codes = self._stamp(), self._chart.codes
+        return self._wire.state_fields(messages.situation(view, codes, request, value, self._started, stamp))
+
+    def _stamp(self) -> Fields:
+        stamp = self._ros.stamp()
+        return {"sec": stamp.sec, "nanosec": stamp.nanosec}
 
     def _value(self, name: str, now: float) -> Any:
         return self._machine.input_value(name, now) if name in self._chart.inputs else None
 
 
-def _refuse(response: Any, reason: str) -> Any:
-    """Say no to a StartMission or a Trigger."""
-    if hasattr(response, "error_message"):
-        response.error_message = reason
-    else:
-        response.message = reason
+class _Publisher:
+    """Publishes plain data on a channel of the profile."""
+
+    def __init__(self, ros: RosNode, channel: Channel) -> None:
+        self._make = interface_class(channel.type)
+        self._publisher = ros.publisher(self._make, channel.name, Qos[channel.qos])
+
+    def publish(self, fields: Fields) -> None:
+        self._publisher.publish(messages.write(self._make(), fields))
+
+
+def _plain(value: Any) -> Any:
+    """Return a field of a request as plain data: lists come as arrays of several kinds."""
+    return value if isinstance(value, str) or not hasattr(value, "__iter__") else list(value)
+
+
+def _refuse(response: Any, reason: str, field: str) -> Any:
+    """Say no to a request."""
+    setattr(response, field, reason)
     return response
 
 

@@ -10,8 +10,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from lupin_engine.machine.event import Cancel, Command, Publish, Report, Start
+from lupin_engine.machine.event import Cancel, Command, Report, Start
 from lupin_engine.machine.step import Step
+from lupin_engine.plugin.profile import Publish
 
 #: How an attempt can end, beside the codes of its operation.
 DONE, FAILED, CANCELLED, TIMED_OUT, OPEN = "done", "failed", "cancelled", "timed out", "open"

@@ -10,8 +10,9 @@ from typing import Annotated, Any
 from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, ValidationError, field_validator
 from pydantic_core.core_schema import ValidationInfo
 
-from lupin_engine.machine.event import Act, Cancel, Command, Event, Publish, Report, Start
+from lupin_engine.machine.event import Act, Cancel, Command, Event, Report, Start
 from lupin_engine.machine.step import Refusal, Step, View
+from lupin_engine.plugin.profile import START, Profile, Publish
 
 _NAMES = {Start: "start", Cancel: "cancel", Act: "act", Publish: "publish", Report: "report"}
 
@@ -43,9 +44,13 @@ def command_record(command: Command) -> dict[str, Any]:
     return {"command": _NAMES[type(command)], **asdict(command)}
 
 
-def view_record(view: View) -> dict[str, Any]:
-    """Return a view as JSON data."""
-    return asdict(view)
+def view_record(view: View, profile: Profile) -> dict[str, Any]:
+    """Return a view as JSON data; its counts stand under the names that the profile has for them."""
+    counts = {outcome.counter: view.counts.get(outcome.name, 0) for outcome in profile.outcomes}
+    record: dict[str, Any] = {}
+    for name, value in asdict(view).items():
+        record.update(counts if name == "counts" else {name: value})
+    return record
 
 
 # -- and back ---------------------------------------------------------------------------------------------
@@ -87,7 +92,7 @@ class _StartData(_Data):
 _DATA: Mapping[str, type[_Data]] = MappingProxyType(
     {
         "value": _ValueData,
-        "mission.start": _StartData,
+        START: _StartData,
         "attempt.progress": _ProgressData,
         "attempt.failed": _FailedData,
     }

@@ -6,9 +6,10 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 from lupin_engine.chart.model import Chart
-from lupin_engine.machine.event import Act, Cancel, Command, Publish, Start
+from lupin_engine.machine.event import Act, Cancel, Command, Start
 from lupin_engine.machine.memory import Visit
 from lupin_engine.machine.step import Step, View
+from lupin_engine.plugin.profile import Publish
 from lupin_engine.sim.entry_order import ROUNDING, OrderComparison, seconds
 from lupin_engine.sim.failure import FailureMaker, ScenarioFailure
 from lupin_engine.sim.narration import shorten

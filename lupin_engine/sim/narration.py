@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from lupin_engine.chart.model import Chart, Kind
-from lupin_engine.machine.event import Act, Cancel, Command, Event, Publish, Report, Start
+from lupin_engine.machine.event import Act, Cancel, Command, Event, Report, Start
 from lupin_engine.machine.step import Step
+from lupin_engine.plugin.profile import Publish
 from lupin_engine.runtime.history import History
 
 #: Longest text of one argument.

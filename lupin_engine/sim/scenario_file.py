@@ -288,8 +288,7 @@ class LeadsNode(Node):
     within: Duration = Field(None, description="longest duration between the two")
 
 
-#: What can become of a target, and what a visit is called that has no outcome yet.
-STATUSES = ("OK", "UNREACHABLE", "SCAN_FAILED", "SKIPPED")
+#: What a visit is called that has no outcome yet; the outcomes are those of the profile.
 OPEN = "open"
 
 
@@ -297,7 +296,7 @@ class VisitNode(ShortNode):
     """What became of a target. Short: `TARGET STATUS` or `TARGET STATUS CODE`."""
 
     target: str = Field(description="target")
-    status: Literal["OK", "UNREACHABLE", "SCAN_FAILED", "SKIPPED", "open"] = Field(description="status")
+    status: Annotated[str, NameOf("status of a visit", "status")] = Field(description="status")
     code: str | None = Field(None, description="code; empty: none")
     detail: str | None = Field(None, description="a piece of the detail")
     reading: dict[str, Any] | None = Field(None, description="fields that the reading has")

@@ -9,7 +9,7 @@ from typing import Any
 
 from lupin_engine.chart.expressions.values import is_expression, read_constant
 from lupin_engine.chart.findings import Findings
-from lupin_engine.chart.model import OPERATOR_REQUESTS, Chart
+from lupin_engine.chart.model import Chart
 from lupin_engine.chart.nodes import Node, show
 from lupin_engine.chart.source import Map, Seq
 from lupin_engine.errors import Place
@@ -19,7 +19,7 @@ from lupin_engine.plugin.types import DURATION, NUMBER, Type, convert
 from lupin_engine.sim.scenario_file import (
     END,
     EVERY,
-    STATUSES,
+    OPEN,
     EndNode,
     IsDuration,
     MockNode,
@@ -31,7 +31,6 @@ from lupin_engine.sim.scenario_file import (
 from lupin_engine.sim.scripted import AnyOf, Between, MockOutcome, OnCancel, Rule
 from lupin_engine.sim.simulation import (
     LIMIT,
-    START,
     Ask,
     ComeBack,
     Effect,
@@ -71,6 +70,7 @@ _RULES: Mapping[str, str] = MappingProxyType(
         "published state": "unknown-state",
         "request": "unknown-event",
         "status": "unknown-name",
+        "status of a visit": "unknown-name",
         "variable": "unknown-name",
         "word": "unknown-name",
     }
@@ -93,7 +93,8 @@ class ScenarioNames:
             "operation or action": lambda: (*operations, *actions),
             "phase": lambda: self._published("phase"),
             "published state": lambda: self._published("label"),
-            "status": lambda: STATUSES,
+            "status": lambda: chart.profile.statuses,
+            "status of a visit": lambda: (*chart.profile.statuses, OPEN),
             "variable": lambda: chart.context,
         }
 
@@ -347,7 +348,7 @@ class ScriptReader:
     def _effects(self, node: WhenNode) -> Iterator[Effect]:
         words = self._words
         if node.request is not None:
-            allowed = (START, *(f"operator.{verb}" for verb in OPERATOR_REQUESTS))
+            allowed = tuple(words.chart.profile.events)
             words.known(node.at("request"), "request", node.request.name, allowed, "when")
             yield Ask(node.request.name, node.request.data)
         for name, value in (node.value or {}).items():

@@ -19,6 +19,7 @@ from lupin_engine.machine.memory import Visit
 from lupin_engine.machine.scope import World
 from lupin_engine.machine.snapshot import restore
 from lupin_engine.machine.step import Step, View, target_of
+from lupin_engine.plugin.profile import START
 from lupin_engine.runtime.clock import VirtualClock
 from lupin_engine.runtime.engine import Engine, EngineOutlet
 from lupin_engine.runtime.history import History
@@ -26,9 +27,6 @@ from lupin_engine.runtime.setup import make_world
 from lupin_engine.sim.agenda import Agenda
 from lupin_engine.sim.scripted import MockOutcome, Rule, Stage
 
-#: Published states in which a mission is over.
-ENDED, FAULTED = "DONE", "FAULT"
-START = "mission.start"
 #: How long a simulation goes on when nobody says otherwise, in seconds of virtual time.
 LIMIT = 24 * 3600.0
 #: How many things may happen at one moment; more are a mission that goes in circles in no time.
@@ -191,7 +189,7 @@ class Run:
     @property
     def ended(self) -> bool:
         """Whether the mission was carried out to its end."""
-        return self.view.lifecycle == ENDED
+        return self.view.lifecycle in self.chart.profile.stages.ended
 
 
 def simulate(
@@ -312,7 +310,8 @@ class Simulation:
         if self._stopped:
             return True
         idle = self._started and not self._planned
-        return idle and label_of(self._machine.chart, self._machine.memory.configuration) in (ENDED, FAULTED)
+        chart = self._machine.chart
+        return idle and label_of(chart, self._machine.memory.configuration) in chart.profile.stages.over
 
     @property
     def next_due(self) -> float | None:

@@ -19,6 +19,7 @@ from lupin_engine.plugin.contract import (
 )
 from lupin_engine.plugin.registry import Catalog, build_catalog
 from lupin_engine.plugin.types import BOOL, DURATION, LENGTH, NUMBER, POSE, TEXT, Type, list_of
+from lupin_greenhouse.profile import PROFILE
 
 TAG = Type("record", "tag", fields={"id": TEXT, "x": LENGTH, "y": LENGTH})
 READING = Type("record", "reading")
@@ -104,4 +105,4 @@ ARM = Plugin(
 @pytest.fixture(scope="session")
 def catalog() -> Catalog:
     """What nav, bridge, perception and arm offer, as far as the shipped missions use it."""
-    return build_catalog([NAV, BRIDGE, PERCEPTION, ARM])
+    return build_catalog([NAV, BRIDGE, PERCEPTION, ARM], [PROFILE])

@@ -6,10 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from lupin_engine.chart.compose.actions import BUILTIN_ACTIONS, STATUSES
+from lupin_engine.chart.compose.actions import builtin_actions
 from lupin_engine.missions.folders import LIFECYCLE
 from lupin_engine.missions.load import check_chart
 from lupin_engine.plugin.registry import Catalog
+from lupin_greenhouse.profile import PROFILE
 
 MINI = Path(__file__).parents[1] / "charts" / "mini" / LIFECYCLE
 MISSION = """\
@@ -43,7 +44,7 @@ def told(action: str, folder: Path, catalog: Catalog) -> list[str]:
 @pytest.mark.parametrize(
     "action",
     [
-        *(f"itinerary.close: {{status: {status}}}" for status in STATUSES),
+        *(f"itinerary.close: {{status: {status}}}" for status in PROFILE.statuses),
         "itinerary.close: {status: OK, code: late, detail: x, reading: '${ event.reading }'}",
         "itinerary.close_rest: {status: SKIPPED, code: late, detail: x}",
         "{publish.reading: {tag: T, reading: '${ event.reading }'}}",
@@ -119,7 +120,7 @@ def test_what_an_action_cannot_do_is_told(
 
 def test_every_argument_is_explained() -> None:
     """The editor shows it, and so does the page of the language."""
-    assert list(BUILTIN_ACTIONS) == [
+    assert list(builtin_actions(PROFILE)) == [
         "itinerary.advance",
         "itinerary.close",
         "itinerary.close_rest",
@@ -128,7 +129,9 @@ def test_every_argument_is_explained() -> None:
         "publish.reading",
     ]
     explained = {
-        name: argument.doc for arguments in BUILTIN_ACTIONS.values() for name, argument in arguments.items()
+        name: argument.doc
+        for arguments in builtin_actions(PROFILE).values()
+        for name, argument in arguments.items()
     }
     assert explained == {
         "status": "how the visit ended: OK, UNREACHABLE, SCAN_FAILED, SKIPPED",

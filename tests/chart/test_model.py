@@ -7,10 +7,11 @@ from pathlib import Path
 import pytest
 
 from lupin_engine.chart.expressions.evaluation import UnknownInput
-from lupin_engine.chart.model import OPERATOR_REQUESTS, REQUESTS, Chart, Kind
+from lupin_engine.chart.model import Chart, Kind
 from lupin_engine.missions.folders import LIFECYCLE
 from lupin_engine.missions.load import load_chart
 from lupin_engine.plugin.registry import Catalog
+from lupin_greenhouse.profile import PROFILE
 
 CHARTS = Path(__file__).parents[1] / "charts"
 MISSION = """\
@@ -49,8 +50,8 @@ def test_the_kinds_of_states_are_called_as_in_scxml() -> None:
 
 def test_the_requests_are_those_of_the_operators_services() -> None:
     """Starting a mission, and six of the operator's."""
-    assert [word.rpartition(".")[0] for word in REQUESTS] == ["mission", *["operator"] * 6]
-    assert set(OPERATOR_REQUESTS) == {"abort", "dock", "pause", "reset", "resume", "skip_current"}
+    assert [word.rpartition(".")[0] for word in PROFILE.events] == ["mission", *["operator"] * 6]
+    assert set(PROFILE.requests) == {"abort", "dock", "pause", "reset", "resume", "skip_current"}
 
 
 def test_an_unknown_input_is_called_by_its_name() -> None:

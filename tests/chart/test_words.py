@@ -23,6 +23,7 @@ from lupin_engine.missions.load import check_chart, load_chart
 from lupin_engine.plugin.contract import Argument, Function, LiveValue, Operation
 from lupin_engine.plugin.registry import Catalog, build_catalog
 from lupin_engine.plugin.types import LENGTH, POSE, list_of
+from lupin_greenhouse.profile import PROFILE
 from tests import shipped
 from tests.chart.conftest import ARM, BRIDGE, NAV, PERCEPTION, TAG
 from tests.chart.test_documents import all_models
@@ -53,7 +54,7 @@ def wide_catalog() -> Catalog:
     perception = replace(
         PERCEPTION, values={"tags.discovered": LiveValue("Tags that were seen.", list_of(TAG))}
     )
-    return build_catalog([nav, BRIDGE, perception, ARM])
+    return build_catalog([nav, BRIDGE, perception, ARM], [PROFILE])
 
 
 @pytest.fixture(scope="module")

@@ -6,13 +6,13 @@ from pathlib import Path
 
 import pytest
 
-from lupin_engine.chart.compose.actions import BUILTIN_ACTIONS
-from lupin_engine.chart.compose.declare import REQUESTS
+from lupin_engine.chart.compose.actions import builtin_actions
 from lupin_engine.chart.expressions.scope import BUILTIN_CALLS, ROOTS
 from lupin_engine.chart.nodes import Node
 from lupin_engine.editor import docs
 from lupin_engine.editor.grammar import FILES, Shape, fields_of, kind_of, spot_at
 from lupin_engine.editor.scan import Scan, Steps
+from lupin_engine.plugin.profile import NO_PROFILE
 
 ROOT = Path(__file__).parents[2]
 GOOD = sorted([*(ROOT / "missions").rglob("*.yaml"), *(ROOT / "tests" / "charts" / "good").rglob("*.yaml")])
@@ -33,8 +33,7 @@ def test_the_engines_own_words_are_documented() -> None:
     """What an expression can call and read, what an action can do, what can be asked for."""
     assert set(docs.CALLS) == set(BUILTIN_CALLS)
     assert set(docs.ROOTS) == set(ROOTS)
-    assert set(docs.ACTIONS) == {*BUILTIN_ACTIONS, "set", "raise"}
-    assert set(docs.REQUESTS) == set(REQUESTS)
+    assert set(docs.ACTIONS) == {*builtin_actions(NO_PROFILE), "set", "raise"}
 
 
 def test_every_key_of_the_language_is_described() -> None:

@@ -42,6 +42,7 @@ from lupin_engine.machine.step import Step
 from lupin_engine.plugin.contract import Action, Argument, Code, OnHold, Operation
 from lupin_engine.plugin.registry import Catalog
 from lupin_engine.plugin.types import ANY, BOOL, NUMBER, within
+from lupin_greenhouse.profile import PROFILE
 
 PLACE = Place("test.yaml", 1, 1)
 
@@ -293,7 +294,7 @@ def chart(
     return Chart(
         name="test",
         files=("test.yaml",),
-        catalog=Catalog(actions=ACTIONS),
+        catalog=Catalog(actions=ACTIONS, profile=PROFILE),
         states=Builder().build(root),
         missions={name: _mission(name, fields) for name, fields in (missions or {}).items()},
         holds={name: _hold(name, fields) for name, fields in (holds or {}).items()},

@@ -8,7 +8,8 @@ from typing import Any
 import pytest
 
 from lupin_engine.chart.model import Variable
-from lupin_engine.machine.event import Act, Publish, Report
+from lupin_engine.machine.event import Act, Report
+from lupin_engine.plugin.profile import Publish
 from lupin_engine.plugin.types import COUNT
 from tests.machine.charts import PAUSE, PLACE, Bench, chart, said, value
 
@@ -218,7 +219,7 @@ def test_close_rest_closes_what_is_open() -> None:
     assert said(step) == ["publish 2 SKIPPED", "publish 3 SKIPPED"]
     assert bench.send("rest").commands == ()
     view = bench.machine.view
-    assert (view.total, view.completed, view.skipped) == (3, 1, 2)
+    assert (view.total, view.counts["OK"], view.counts["SKIPPED"]) == (3, 1, 2)
 
 
 def test_an_itinerary_survives_its_state() -> None:
@@ -232,7 +233,7 @@ def test_an_itinerary_survives_its_state() -> None:
     bench.send("out")
     bench.send("again")
     assert bench.machine.view.target == "1"
-    assert bench.machine.view.completed == 0
+    assert bench.machine.view.counts["OK"] == 0
 
 
 def test_a_summary_tells_every_visit() -> None:

@@ -11,12 +11,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lupin_engine.chart.model import OPERATOR_REQUESTS
 from lupin_engine.machine import event as events
 from lupin_engine.machine.event import Event
 from lupin_engine.machine.holds import MAX_DEFERRED
 from lupin_engine.machine.operations import CANCEL_DEADLINE, MAX_LOST
 from lupin_engine.machine.step import Refusal
+from lupin_greenhouse.profile import PROFILE
 from tests.machine.charts import PAUSE, Bench, chart, legal
 from tests.machine.test_properties import World
 from tests.machine.test_snapshot import RICH
@@ -25,7 +25,7 @@ WORDS = ("accepted", "progress", "done", "failed", "cancelled", "", "resource fr
 NAMES = st.sampled_from(
     [
         *(f"attempt.{word}" for word in WORDS),
-        *(f"operator.{verb}" for verb in (*OPERATOR_REQUESTS, "", "nonsense")),
+        *(f"operator.{verb}" for verb in (*PROFILE.requests, "", "nonsense")),
         *("mission.start", "value", "start", "close", "rest", "flip", "out", "back", "", "done", "error"),
         *("error.execution", "after.0", "budget", "timer.after", "input.seen", "input.charge.low"),
     ]

@@ -8,9 +8,9 @@ import pytest
 
 from lupin_engine.chart.model import Chart
 from lupin_engine.machine import event as events
-from lupin_engine.machine.event import Publish
 from lupin_engine.machine.itineraries import identity_of
 from lupin_engine.machine.memory import Traversal, Visit
+from lupin_engine.plugin.profile import Publish
 from tests.machine.charts import PAUSE, Bench, chart, expression, fails, said
 
 CLOSE = ("itinerary.close", {"status": "OK"})
@@ -197,7 +197,7 @@ def test_counters_go_over_all_sweeps() -> None:
     walk(bench, "fail", "next")
     visit(bench, 3)
     view = bench.machine.view
-    assert (view.total, view.completed, view.failed) == (3, 3, 1)
+    assert (view.total, view.counts["OK"], view.counts["SCAN_FAILED"]) == (3, 3, 1)
     assert seen(bench) == {"open": True, "remaining": 1, "total": 3, "closed": 1, "sweep": 2}
 
 
@@ -232,7 +232,7 @@ def test_what_leaves_open_is_not_closed_by_close_rest() -> None:
     bench = walking(leaves_open=True)
     bench.send("close")
     step = bench.send("skip")
-    assert (said(step), bench.machine.view.skipped) == ([], 0)
+    assert (said(step), bench.machine.view.counts["SKIPPED"]) == ([], 0)
 
 
 @pytest.mark.parametrize(("rule", "source"), [({"source": "Rounds"}, "Rounds"), ({}, "")])

@@ -7,23 +7,25 @@ import copy
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lupin_engine.chart.model import OPERATOR_REQUESTS, Chart
+from lupin_engine.chart.model import Chart
 from lupin_engine.machine import event as events
-from lupin_engine.machine.event import Event, Publish
+from lupin_engine.machine.event import Event
 from lupin_engine.machine.machine import Machine
 from lupin_engine.machine.memory import Memory, Phase
 from lupin_engine.machine.snapshot import restore
 from lupin_engine.machine.step import Step
 from lupin_engine.machine.timers import NEVER_FROZEN
 from lupin_engine.plugin.contract import OnHold
+from lupin_engine.plugin.profile import Publish
 from lupin_engine.runtime.setup import make_machine
+from lupin_greenhouse.profile import PROFILE
 from tests import shipped
 from tests.machine.charts import legal
 
 READING = {"reading": {"tag_id": "1", "stamp": 0.0, "sim_time_of_day_seconds": 0.0, "readings": []}}
 START = Event("mission.start", {"mission_type": "InspectionMission", "tag_sequence": ["1", "2"]})
 
-REQUESTS = st.sampled_from([START, *(Event(f"operator.{verb}") for verb in OPERATOR_REQUESTS)])
+REQUESTS = st.sampled_from([START, *(Event(f"operator.{verb}") for verb in PROFILE.requests)])
 VALUES = st.sampled_from(
     [events.observed("robot.estop", engaged, 0.0) for engaged in (True, False)]
     + [events.observed("robot.battery", charge, 0.0) for charge in (0.1, 0.22, 0.9)]

@@ -18,7 +18,7 @@ import pytest
 import yaml
 
 from lupin_engine.machine import operations
-from lupin_engine.machine.event import Publish, Start
+from lupin_engine.machine.event import Start
 from lupin_engine.machine.inputs import Inputs
 from lupin_engine.machine.itineraries import Itineraries
 from lupin_engine.machine.memory import Phase, Visit
@@ -26,6 +26,7 @@ from lupin_engine.machine.operations import Operations
 from lupin_engine.machine.timers import Timers
 from lupin_engine.missions.folders import default_missions_folder
 from lupin_engine.plugin.contract import OnHold
+from lupin_engine.plugin.profile import Publish
 from lupin_engine.plugin.registry import Catalog
 from lupin_engine.plugin.types import NUMBER
 from lupin_engine.runtime.engine import EngineOutlet

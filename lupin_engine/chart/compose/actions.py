@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from types import MappingProxyType
 from typing import Any
 
 from lupin_engine.chart.compose.declare import NAME
@@ -16,31 +15,26 @@ from lupin_engine.chart.model import ActionCall, Variable
 from lupin_engine.chart.source import Map, Text
 from lupin_engine.errors import nearest
 from lupin_engine.plugin.contract import Argument
+from lupin_engine.plugin.profile import Profile
 from lupin_engine.plugin.registry import RESERVED_EVENTS, Catalog
 from lupin_engine.plugin.types import ANY, TEXT
 
-#: How a visit can end.
-STATUSES = ("OK", "UNREACHABLE", "SCAN_FAILED", "SKIPPED")
-
-_STATUS = Argument(TEXT, f"how the visit ended: {', '.join(STATUSES)}")
 _CODE = Argument(TEXT, "the reason, a declared code", optional=True)
 _DETAIL = Argument(TEXT, "free text for people", optional=True)
 _READING = Argument(ANY, "what was read there", optional=True)
 
-#: The engine's own actions besides `set` and `raise`, whose arguments depend on the chart.
-BUILTIN_ACTIONS: Mapping[str, Mapping[str, Argument]] = MappingProxyType(
-    {
+
+def builtin_actions(profile: Profile) -> Mapping[str, Mapping[str, Argument]]:
+    """Return the engine's own actions besides `set` and `raise`, whose arguments depend on the chart."""
+    status = Argument(TEXT, f"how the visit ended: {', '.join(profile.statuses)}")
+    return {
         "itinerary.advance": {},
-        "itinerary.close": {"status": _STATUS, "code": _CODE, "detail": _DETAIL, "reading": _READING},
-        "itinerary.close_rest": {"status": _STATUS, "code": _CODE, "detail": _DETAIL},
+        "itinerary.close": {"status": status, "code": _CODE, "detail": _DETAIL, "reading": _READING},
+        "itinerary.close_rest": {"status": status, "code": _CODE, "detail": _DETAIL},
         "report.clear": {},
         "report.summary": {},
-        "publish.reading": {
-            "tag": Argument(TEXT, "id of the tag"),
-            "reading": Argument(ANY, "what was read"),
-        },
+        **{name: publication.arguments for name, publication in profile.publications.items()},
     }
-)
 
 
 class ActionReader:
@@ -50,6 +44,7 @@ class ActionReader:
         self, catalog: Catalog, variables: Mapping[str, Variable], codes: Iterable[str], findings: Findings
     ) -> None:
         self._catalog = catalog
+        self._builtin = builtin_actions(catalog.profile)
         self._variables = variables
         self._codes = set(codes)
         self._findings = findings
@@ -68,9 +63,9 @@ class ActionReader:
         if node.name == "raise":
             return self._raise(node, given, path)
         action = self._catalog.actions.get(node.name)
-        wanted = action.arguments if action else BUILTIN_ACTIONS.get(node.name)
+        wanted = action.arguments if action else self._builtin.get(node.name)
         if wanted is None:
-            known = [*BUILTIN_ACTIONS, "set", "raise", *self._catalog.actions]
+            known = [*self._builtin, "set", "raise", *self._catalog.actions]
             self._findings.unknown(node.place, "unknown-action", path, "action", node.name, known)
             return None
         if node.name in ("itinerary.advance", "itinerary.close") and "itinerary" in scope.absent:
@@ -126,7 +121,7 @@ class ActionReader:
 
     def _check_close(self, arguments: Mapping[str, Value], path: str) -> None:
         for key, allowed, rule in (
-            ("status", STATUSES, "wrong-type"),
+            ("status", self._catalog.profile.statuses, "wrong-type"),
             ("code", self._codes, "undeclared-code"),
         ):
             value = arguments.get(key)

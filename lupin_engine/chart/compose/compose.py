@@ -15,7 +15,7 @@ from itertools import chain
 from typing import Any
 
 from lupin_engine.chart.compose.actions import ActionReader, raised_events
-from lupin_engine.chart.compose.declare import REQUESTS, Declared, Declarer, level_events
+from lupin_engine.chart.compose.declare import Declared, Declarer, level_events
 from lupin_engine.chart.compose.invoke import InvokeReader, check_code, names_when_done, names_when_failed
 from lupin_engine.chart.compose.tree import Draft, Forest
 from lupin_engine.chart.documents import (
@@ -115,6 +115,20 @@ def compose(
     return _Composer(lifecycle, missions, parts, catalog, findings).compose()
 
 
+def with_profile(catalog: Catalog, lifecycle: LifecycleNode, findings: Findings) -> Catalog:
+    """Return the catalog with the profile that a lifecycle names; without a name the only one holds."""
+    name, known = lifecycle.profile, catalog.profiles
+    if name is None:
+        if len(known) > 1:
+            problem, hint = f"several profiles are installed: {', '.join(known)}", "write 'profile: NAME'"
+            findings.add(lifecycle.place, "missing-key", "profile", problem, hint)
+        return catalog
+    if name not in known:
+        findings.unknown(lifecycle.at("profile"), "unknown-profile", "profile", "profile", name, known)
+        return catalog
+    return catalog.with_profile(name)
+
+
 class _Composer:
     def __init__(
         self,
@@ -127,7 +141,7 @@ class _Composer:
         self._lifecycle = lifecycle
         self._missions = list(missions)
         self._parts = parts
-        self._catalog = catalog
+        self._catalog = catalog = with_profile(catalog, lifecycle, findings)
         self._findings = findings
         self._usage = Usage()
         self._declarer = Declarer(catalog, findings, self._usage)
@@ -199,7 +213,7 @@ class _Composer:
         """Return the events that can arrive, as the keys of a mapping: they are looked up for every `on`."""
         raised = set(raised_events([a for draft in self._forest.drafts.values() for a in _actions(draft)]))
         levels = level_events(self._declared.inputs)
-        return dict.fromkeys([*REQUESTS, *levels, *self._catalog.events, *sorted(raised)])
+        return dict.fromkeys([*self._catalog.profile.events, *levels, *self._catalog.events, *sorted(raised)])
 
     def _plugins(self) -> tuple[str, ...]:
         """Return the plugins that anything of theirs is used from, sorted, without the built-in one."""
@@ -690,7 +704,8 @@ class _Composer:
 
     def _check_sense(self, node: TransitionNode, event: str, path: str) -> None:
         """Refuse combinations that contradict themselves."""
-        if node.refuse is not None and event not in REQUESTS and not event.startswith("operator."):
+        is_request = event in self._catalog.profile.events or event.startswith("operator.")
+        if node.refuse is not None and not is_request:
             problem = "only a request can be refused"
             self._findings.add(node.key_at("refuse"), "wrong-shape", path, problem, "leave 'refuse' out")
         elif node.refuse is not None and (node.target is not None or node.do):

@@ -25,7 +25,7 @@ from lupin_engine.chart.expressions.scope import BUILTIN_CALLS, ROOTS, WORDS, Sc
 from lupin_engine.chart.expressions.units import describe, in_lists, is_number, one, with_article
 from lupin_engine.chart.expressions.values import read_constant, read_guard, read_key, read_value
 from lupin_engine.chart.findings import Findings
-from lupin_engine.chart.model import CARRIED, REQUESTS, Field, Hold, Input, Level, Variable
+from lupin_engine.chart.model import Field, Hold, Input, Level, Variable
 from lupin_engine.chart.nodes import Node
 from lupin_engine.errors import Place, Severity, nearest
 from lupin_engine.plugin.contract import Code, Parameter
@@ -51,6 +51,15 @@ SEVERITIES: Mapping[str, Severity] = {"info": Severity.INFO, "warn": Severity.WA
 _TAKEN: Mapping[str, frozenset[str]] = {
     **dict.fromkeys(("variable", "element"), ROOTS.union(BUILTIN_CALLS, WORDS)),
     **dict.fromkeys(("parameter", "input", "level", "field", "hold"), WORDS),
+}
+
+#: What a field of a request is to whoever starts a mission, by the kind of its type.
+_KINDS: Mapping[str, str] = {
+    "list": "a list",
+    "integer": "a whole number",
+    "number": "a number",
+    "text": "a text",
+    "bool": "yes or no",
 }
 
 _T = TypeVar("_T")
@@ -364,12 +373,13 @@ class Declarer:
 
     def _hold(self, name: str, node: HoldNode, place: Place, scope: Scope, codes: set[str]) -> Hold:
         path, findings = f"holds.{name}", self._findings
-        allowed = [*REQUESTS, *level_events(self.declared.inputs)]
+        requests = self._catalog.profile.events
+        allowed = [*requests, *level_events(self.declared.inputs)]
         if node.engage not in allowed:
             findings.unknown(node.at("engage"), "unknown-event", path, "event", node.engage, allowed)
         for index, event in enumerate(node.release):
-            if event not in REQUESTS:
-                findings.unknown(node.at("release", index), "unknown-event", path, "request", event, REQUESTS)
+            if event not in requests:
+                findings.unknown(node.at("release", index), "unknown-event", path, "request", event, requests)
         for key in ("code", "engage_code"):
             code = getattr(node, key)
             if code is not None and code not in codes:
@@ -421,13 +431,13 @@ class Declarer:
 
     def _can_be_given(self, name: str, node: RequestFieldNode, kind: Type, place: Place, path: str) -> None:
         """Refuse a field that no start can fill: a mission with it could never begin."""
-        carried = CARRIED.get(name)
+        fields = self._catalog.profile.request
+        carried = fields[name].type.kind if name in fields else None
         if carried is None and node.default is None:
-            problem = f"no start carries {name!r} ({' and '.join(CARRIED)} are all), so it needs a default"
+            problem = f"no start carries {name!r} ({' and '.join(fields)} are all), so it needs a default"
             self._findings.add(place, "missing-key", path, problem, "write 'default: ...'")
         elif carried is not None and kind.kind != carried:
-            article = "a list" if carried == "list" else "a whole number"
-            problem = f"a start carries {name!r} as {article}, this is {describe(kind)}"
+            problem = f"a start carries {name!r} as {_KINDS[carried]}, this is {describe(kind)}"
             self._findings.add(node.at("type"), "wrong-type", path, problem, "choose another name")
 
 
@@ -477,4 +487,4 @@ def _text(value: Any) -> Any:
     return getattr(value, "source", None) or getattr(value, "value", None)
 
 
-__all__ = ["NAME", "REQUESTS", "SEVERITIES", "Declared", "Declarer", "input_type", "level_events"]
+__all__ = ["NAME", "SEVERITIES", "Declared", "Declarer", "input_type", "level_events"]

@@ -21,8 +21,7 @@ if TYPE_CHECKING:
 
 @click.command(short_help="Run a mission over ROS 2 and watch it.")
 @click.argument("mission")
-@options.tags
-@click.option("--goal", type=click.IntRange(min=0, max=65535), default=0, help="How many tags to discover.")
+@options.requested
 @options.bring_up
 @click.option(
     "--patience",
@@ -40,8 +39,7 @@ if TYPE_CHECKING:
 @not_done()
 def run(
     mission: str,
-    tags: tuple[str, ...],
-    goal: int,
+    request: dict[str, Any],
     patience: float | None,
     as_json: bool,
     save_svg: Path | None,
@@ -57,7 +55,7 @@ def run(
     nobody reads any more.
     """
     from lupin_engine.cli.bring_up import Options, Wanted
-    from lupin_engine.cli.requests import check_request
+    from lupin_engine.cli.requests import carried, check_request
     from lupin_engine.cli.run_folders import writable
     from lupin_engine.cli.terminal.tty import quiet_terminal
     from lupin_engine.missions.selection import load_missions
@@ -67,7 +65,7 @@ def run(
     loaded = load_missions([mission], catalog)
     given = Options(Wanted(**wanted), loaded, catalog)
     with given.problems.collecting():
-        check_request(loaded, given.values, tags, goal)
+        check_request(loaded, given.values, request)
     with given.problems.collecting():
         if save_svg is not None:
             writable(save_svg.parent, "picture")
@@ -79,7 +77,7 @@ def run(
     with quiet_terminal(), Interrupts() as interrupts:
         observer = _observer(as_json, save_svg, loaded, interrupts)
         with Session(settings, observer, interrupts) as session:
-            code = _carry_out(session, observer, loaded, catalog, tags, goal)
+            code = _carry_out(session, observer, loaded, catalog, carried(loaded.chart, request))
         observer.close(session.story, code)
     return code
 
@@ -89,8 +87,7 @@ def _carry_out(
     observer: Any,
     loaded: LoadedMissions,
     catalog: Catalog,
-    tags: tuple[str, ...],
-    goal: int,
+    request: dict[str, Any],
 ) -> int:
     """Run the mission; an error is reported to the observer and aborts the mission."""
     from lupin_engine.ros.launch.interrupts import Interrupted
@@ -98,7 +95,7 @@ def _carry_out(
 
     try:
         session.bring_up(loaded.plugins, catalog)
-        story = session.start(loaded.names[0], tags, goal)
+        story = session.start(loaded.names[0], request)
         session.follow(story)
         return story.verdict
     except Interrupted:

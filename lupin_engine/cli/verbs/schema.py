@@ -64,4 +64,6 @@ def schemas(with_names: bool = False) -> dict[str, dict[str, Any]]:
     from lupin_engine.sim.scenario_file import ScenarioNode
 
     models = kinds({"scenario": ScenarioNode})
-    return all_schemas(models, SHORT_FORMS, ONE_ALONE, load_catalog() if with_names else None)
+    catalog = load_catalog()
+    named = catalog if with_names else None
+    return all_schemas(models, SHORT_FORMS, ONE_ALONE, named, catalog.profile)

@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -26,8 +26,7 @@ if TYPE_CHECKING:
 
 @click.command(short_help="Run a mission in virtual time, without ROS.")
 @click.argument("mission")
-@options.tags
-@click.option("--goal", type=click.IntRange(min=0), default=0, help="How many tags to discover.")
+@options.requested
 @click.option(
     "--set",
     "settings",
@@ -60,8 +59,7 @@ if TYPE_CHECKING:
 @not_done()
 def simulate(
     mission: str,
-    tags: tuple[str, ...],
-    goal: int,
+    request: dict[str, Any],
     settings: tuple[str, ...],
     until: str | None,
     seed: int | None,
@@ -85,11 +83,12 @@ def simulate(
 
     problems = Problems(UsageError)
     if interactive and (as_json or quiet or speed or picture or until is not None):
-        problems.add("--interactive goes with --tags, --goal, --set and --seed only")
+        allowed = ", ".join((*options.request_options(), "--set"))
+        problems.add(f"--interactive goes with {allowed} and --seed only")
     with problems.collecting():
         _check_picture(picture)
     with problems.collecting():
-        subject = _subject(problems, mission, tags, goal, settings, until)
+        subject = _subject(problems, mission, request, settings, until)
     problems.tell()
     if seed is not None:
         subject = replace(subject, script=replace(subject.script, seed=seed))
@@ -145,8 +144,7 @@ class SimulationTask:
 def _subject(
     problems: Problems,
     mission: str,
-    tags: tuple[str, ...],
-    goal: int,
+    request: dict[str, Any],
     settings: tuple[str, ...],
     until: str | None,
 ) -> SimulationTask:
@@ -155,7 +153,7 @@ def _subject(
     Raises:
         LupinError: there is no such mission or scenario, or it cannot be used.
     """
-    from lupin_engine.cli.requests import check_fields
+    from lupin_engine.cli.requests import carried, check_fields
     from lupin_engine.cli.settings import settings_in
     from lupin_engine.missions.selection import load_missions
     from lupin_engine.runtime.setup import make_world
@@ -164,18 +162,19 @@ def _subject(
 
     catalog = load_catalog()
     if is_scenario(mission):
-        if tags or goal or settings:
+        if any(request.values()) or settings:
+            names = ", ".join(options.request_options())
             problems.add(
-                "a scenario names its own request and parameters; --tags, --goal and --set are for missions"
+                f"a scenario names its own request and parameters; {names} and --set are for missions"
             )
         scenario = load_scenario(mission, catalog)
         chart, script, parameters = scenario.chart, scenario.script, scenario.parameters
     else:
         loaded = load_missions([mission], catalog)
         chart = loaded.chart
-        script = Script(loaded.names[0], {"tag_sequence": list(tags), "discovery_goal": goal}, limit=LIMIT)
+        script = Script(loaded.names[0], carried(chart, request), limit=LIMIT)
         with problems.collecting():
-            check_fields(loaded, tags, goal)
+            check_fields(loaded, request)
         parameters, wrong = settings_in("--set", settings, chart.parameters)
         problems.add(*wrong)
     end: float | str | None = None

@@ -218,13 +218,13 @@ def _carried(message: Any, name: str, value: Any, wanted: Type) -> Any:
     if length is not None and len(value) != int(length[1]):
         raise ValueError(f"expected {declared}, got {len(value)} elements")
     if wanted.item is not None and wanted.item.kind == "record":
-        return [fill(_element(declared), each, wanted.item) for each in value]
+        return [fill(element_of(declared), each, wanted.item) for each in value]
     if wanted.name == "byte":  # of which Python's side of ROS wants the bytes themselves
         return bytes([convert(value, wanted)])
     return convert(value, wanted)
 
 
-def _element(listed: str) -> Any:
+def element_of(listed: str) -> Any:
     """Make an element of a list declared as `sequence<geometry_msgs/Point>` or `geometry_msgs/Point[3]`."""
     name = listed.partition("<")[2].rstrip(">").partition(",")[0] or listed.partition("[")[0]
     package, _, local = name.partition("/")

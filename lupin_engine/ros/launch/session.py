@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from lupin_engine.errors import LupinError, Severity
+from lupin_engine.plugin.profile import Profile
 from lupin_engine.plugin.registry import Catalog
 from lupin_engine.ros.launch.dds_discovery import settled
 from lupin_engine.ros.launch.description import Launch, Plan, Present, Values, command, make_plan
@@ -73,7 +74,7 @@ class Observer(Protocol):
 
 @dataclass(frozen=True)
 class Settings:
-    """How the nodes are to be started.
+    """How the nodes are to be started: those of missions of the `profile`.
 
     `parameters` are by node name, `known` the names of those that the missions have. `insisted` names nodes
     that must be started here, with the option that wants it: using one that runs already would ignore the
@@ -81,6 +82,7 @@ class Settings:
     `respawn` says whether a node that dies is started again.
     """
 
+    profile: Profile
     folder: Path
     environment: Mapping[str, str]
     parameters: Mapping[str, Values] = field(default_factory=dict)
@@ -101,7 +103,7 @@ class Session:
         self._settings = settings
         self._observer = observer
         self._interrupts = interrupts
-        self._operator = Operator()
+        self._operator = Operator(settings.profile)
         self._state: dict[str, Any] = {}
         self._states = 0
         self._view: dict[str, Any] = {}
@@ -220,14 +222,14 @@ class Session:
 
     # -- the mission ------------------------------------------------------------------------------------
 
-    def start(self, mission: str, tags: Sequence[str], goal: int) -> Story:
-        """Start a mission.
+    def start(self, mission: str, request: Mapping[str, Any]) -> Story:
+        """Start a mission with the fields of a request.
 
         Raises:
             RunFailed: it was refused, or nobody answered.
         """
         began = time.monotonic()
-        answer = self._operator.start(mission, tags, goal, ANSWER_S)
+        answer = self._operator.start(mission, request, ANSWER_S)
         if not answer.reached:
             raise RunFailed(f"the mission could not be started: {answer.text}")
         if not answer.accepted:

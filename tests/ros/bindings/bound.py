@@ -21,6 +21,7 @@ from lupin_engine.chart.validation import validate
 from lupin_engine.plugin.registry import build_catalog
 from lupin_engine.ros.adapter.node import Qos, RosNode, ServedGoal
 from lupin_engine.ros.bindings.definitions import interface_types
+from lupin_greenhouse.profile import PROFILE
 
 SPRAYER = Path(__file__).parents[3] / "docs" / "sprayer"
 
@@ -32,7 +33,7 @@ def binding_of(text: str) -> Binding:
     assert raw is not None
     node = validate(raw, BindingNode, findings)
     assert node is not None, findings.all
-    binding = read_binding(node, build_catalog([]), findings)
+    binding = read_binding(node, build_catalog([], [PROFILE]), findings)
     check_definition(binding, interface_types, findings)
     assert findings.errors == ()
     return binding

@@ -20,9 +20,10 @@ from lupin_engine.ros.launch.nodes import Node
 from lupin_engine.ros.launch.session import RunFailed, Session, Settings
 from lupin_engine.ros.launch.story import Story
 from lupin_engine.ros.operator import Arrival
+from lupin_greenhouse.profile import PROFILE
 from tests.ros.launch.processes import until
 
-CATALOG = build_catalog([])
+CATALOG = build_catalog([], [PROFILE])
 
 
 class Notes:

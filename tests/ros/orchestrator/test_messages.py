@@ -3,20 +3,23 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import replace
 
 import pytest
 
 pytest.importorskip("lupin_msgs.msg", reason="the interface packages are not built here")
 
-from builtin_interfaces.msg import Time
+from geometry_msgs.msg import Pose
 
 from lupin_engine.errors import Severity
-from lupin_engine.machine.event import Publish
 from lupin_engine.machine.step import View
 from lupin_engine.plugin.contract import Code
+from lupin_engine.plugin.profile import Fields, Publish
 from lupin_engine.plugin.wire import SMALLEST_W
 from lupin_engine.ros import messages
+from lupin_greenhouse import messages as greenhouse
+from lupin_greenhouse.profile import PROFILE
 from lupin_msgs.msg import MissionState, Observation
 
 CODES = {
@@ -38,10 +41,7 @@ VIEW = View(
     started_at=3.0,
     target="5",
     total=4,
-    completed=1,
-    failed=1,
-    unreachable=1,
-    skipped=0,
+    counts={"OK": 1, "SCAN_FAILED": 1, "UNREACHABLE": 1, "SKIPPED": 0},
     code="localization_failed",
     detail="no pose",
     held=("pause",),
@@ -52,15 +52,25 @@ VIEW = View(
 )
 
 
-HERE = messages.to_pose({"x": 1.0, "y": 2.0, "yaw": 0.0})
+HERE = {"x": 1.0, "y": 2.0, "yaw": 0.0}
+NOW = {"sec": 7, "nanosec": 0}
 
 
 def published(status: str = "OK", **changes: object) -> Publish:
     return Publish("InspectionMission", "lupin-1", "5", status, **changes)  # type: ignore[arg-type]
 
 
+def observation(told: Publish, **values: object) -> Observation:
+    """The message that is sent, of the inputs that are known."""
+    return messages.write(Observation(), greenhouse.observation_fields(told, values.get, NOW))
+
+
+def to_pose(fields: Fields) -> Pose:
+    return messages.write(Pose(), fields)
+
+
 def test_an_ok_observation_carries_its_reading_and_pose() -> None:
-    message = messages.observation(published(reading=READING), HERE, Time(sec=7))
+    message = observation(published(reading=READING), pose=HERE)
     assert (message.status, message.status_detail) == (Observation.STATUS_OK, "")
     assert message.tag_reading.tag_id == "5"
     assert [(r.name, r.value) for r in message.tag_reading.readings] == [
@@ -78,24 +88,24 @@ def test_an_ok_observation_carries_its_reading_and_pose() -> None:
 
 def test_a_failed_observation_carries_its_tag_and_reason_but_no_reading_and_no_pose() -> None:
     failed = published("UNREACHABLE", code="nav_status_6", detail="aborted")
-    message = messages.observation(failed, HERE, Time())
+    message = observation(failed, pose=HERE)
     assert (message.status, message.status_detail) == (Observation.STATUS_UNREACHABLE, "aborted")
     assert (message.tag_reading.tag_id, list(message.tag_reading.readings)) == ("5", [])
     assert message.tag_pose_in_map.orientation.w == 0.0
 
 
 def test_a_code_is_the_reason_where_there_is_no_detail() -> None:
-    message = messages.observation(published("SKIPPED", code="skipped_by_operator"), None, Time())
+    message = observation(published("SKIPPED", code="skipped_by_operator"))
     assert message.status_detail == "skipped_by_operator"
 
 
 def test_without_any_pose_w_stays_zero_which_means_never_observed() -> None:
-    assert messages.observation(published(reading=READING), None, Time()).tag_pose_in_map.orientation.w == 0.0
+    assert observation(published(reading=READING)).tag_pose_in_map.orientation.w == 0.0
 
 
 @pytest.mark.parametrize("yaw", [math.pi, -math.pi, 3 * math.pi])
 def test_a_true_half_turn_is_never_taken_for_never_observed(yaw: float) -> None:
-    pose = messages.to_pose({"x": 0.0, "y": 0.0, "yaw": yaw})
+    pose = to_pose(greenhouse.floor_pose({"x": 0.0, "y": 0.0, "yaw": yaw}))
     assert pose.orientation.w != 0.0
     assert math.hypot(pose.orientation.z, pose.orientation.w) == pytest.approx(1.0)
 
@@ -122,23 +132,25 @@ def test_the_summary_of_a_target_says_what_was_read_or_why_not(
     visit: dict[str, object], told: dict[str, object]
 ) -> None:
     nothing = {"target": "7", "status": "", "code": "", "detail": "", "reading": None}
-    found = messages.summary({**nothing, "tries": {"nav.go_to": 2}, **visit})
+    found = messages.visit_record({**nothing, "tries": {"nav.go_to": 2}, **visit}, PROFILE)
     assert found == {"tag": "7", "status": visit.get("status"), "tries": {"nav.go_to": 2}, **told}
 
 
 def test_a_target_that_was_seen_is_where_it_was_seen_turned_as_its_plate() -> None:
-    pose = messages.place_of("5", [{**SEEN, "id": "4"}, SEEN], ROBOT)
-    assert pose is not None
+    fields = greenhouse.place_of("5", [{**SEEN, "id": "4"}, SEEN], ROBOT)
+    assert fields is not None
+    pose = to_pose(fields)
     assert (pose.position.x, pose.position.y) == (3.0, 4.0)
     q = pose.orientation
     assert (q.x, q.y, q.z, q.w) == (0.0, HALF, 0.0, HALF)
 
 
 def test_one_that_was_not_is_where_the_robot_stands_before_it_if_anybody_knows() -> None:
-    pose = messages.place_of("6", [SEEN], ROBOT)
-    assert pose is not None
+    fields = greenhouse.place_of("6", [SEEN], ROBOT)
+    assert fields is not None
+    pose = to_pose(fields)
     assert (pose.position.x, pose.position.y) == (1.0, 2.0)
-    assert messages.place_of("6", [SEEN], None) is None
+    assert greenhouse.place_of("6", [SEEN], None) is None
 
 
 @pytest.mark.parametrize(
@@ -149,15 +161,24 @@ def test_one_that_was_not_is_where_the_robot_stands_before_it_if_anybody_knows()
     ],
 )
 def test_a_place_that_is_known_never_looks_unpopulated(facing: dict[str, float], w: float) -> None:
-    assert messages.plate_pose({**SEEN, "facing": facing}).orientation.w == w
+    assert to_pose(greenhouse.plate_pose({**SEEN, "facing": facing})).orientation.w == w
 
 
 # --- the state
 
 
+def published_state(
+    view: View, request: Mapping[str, int], started: Fields | None = None, **values: object
+) -> MissionState:
+    """The message that is sent, of the inputs that are known."""
+    now = messages.situation(view, CODES, request, values.get, started, NOW)
+    return messages.write(MissionState(), greenhouse.state_fields(now))
+
+
 def state(view: View, discovered: int, goal: int) -> MissionState:
-    inputs = messages.Inputs(estop=False, battery=1.0, battery_low=False, discovered=discovered)
-    return messages.mission_state(view, inputs, CODES, {"discovery_goal": goal}, Time(), None)
+    battery = {"value": 1.0, "low": False}
+    seen = [{"id": str(n)} for n in range(discovered)]
+    return published_state(view, {"discovery_goal": goal}, estop=False, battery=battery, discovered=seen)
 
 
 def counters(message: MissionState) -> tuple[int, ...]:
@@ -170,7 +191,7 @@ def counters(message: MissionState) -> tuple[int, ...]:
     )
 
 
-SEARCHING = replace(VIEW, mission="ExplorationMission", total=0, completed=0, failed=0, unreachable=0)
+SEARCHING = replace(VIEW, mission="ExplorationMission", total=0, counts=dict.fromkeys(VIEW.counts, 0))
 
 
 def test_a_search_counts_the_tags_that_it_found() -> None:
@@ -180,7 +201,7 @@ def test_a_search_counts_the_tags_that_it_found() -> None:
 
 
 def test_with_a_list_of_targets_its_visits_count_and_the_discovery_is_told_beside() -> None:
-    message = state(replace(VIEW, total=5, completed=2), discovered=6, goal=5)
+    message = state(replace(VIEW, total=5, counts={**VIEW.counts, "OK": 2}), discovered=6, goal=5)
     assert (message.tags_discovered, message.discovery_goal) == (6, 5)
     assert counters(message) == (5, 2, 1, 1, 0)
 
@@ -191,13 +212,13 @@ def test_without_a_goal_there_is_no_discovery() -> None:
 
 
 def test_a_robot_that_monitors_for_weeks_stays_at_the_highest_count() -> None:
-    message = state(replace(VIEW, total=5, completed=70_000), discovered=70_000, goal=5)
+    message = state(replace(VIEW, total=5, counts={"OK": 70_000}), discovered=70_000, goal=5)
     assert (message.targets_completed, message.tags_discovered) == (65_535, 65_535)
 
 
 def test_the_state_has_label_severity_and_counts_of_the_view() -> None:
-    inputs = messages.Inputs(estop=True, battery=0.5, battery_low=False)
-    state = messages.mission_state(VIEW, inputs, CODES, {}, Time(sec=1), Time(sec=5))
+    battery = {"value": 0.5, "low": False}
+    state = published_state(VIEW, {}, {"sec": 5, "nanosec": 0}, estop=True, battery=battery)
     assert (state.lifecycle_state, state.mission_phase, state.current_target) == (
         "INSPECTING",
         "NAVIGATING",
@@ -212,8 +233,7 @@ def test_the_state_has_label_severity_and_counts_of_the_view() -> None:
 
 
 def test_an_unknown_battery_is_not_a_number() -> None:
-    inputs = messages.Inputs(estop=None, battery=None, battery_low=False)
-    state = messages.mission_state(VIEW, inputs, CODES, {}, Time(), None)
+    state = published_state(VIEW, {})
     assert math.isnan(state.battery_percentage)
     assert state.estop_engaged is False
     assert state.started_at.sec == 0

@@ -10,8 +10,11 @@ from lupin_engine.chart.model import Chart
 from lupin_engine.missions.folders import LIFECYCLE
 from lupin_engine.missions.load import load_chart
 from lupin_engine.plugin.registry import build_catalog
+from lupin_greenhouse.profile import PROFILE
 
 #: Where the chart is written down.
 FOLDER = Path(lupin_arm.calibration.__file__).parent
 
-CHART: Chart = load_chart(FOLDER / LIFECYCLE, [FOLDER / "calibration.yaml"], build_catalog([PLUGIN]))
+CHART: Chart = load_chart(
+    FOLDER / LIFECYCLE, [FOLDER / "calibration.yaml"], build_catalog([PLUGIN], [PROFILE])
+)

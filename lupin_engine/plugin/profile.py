@@ -1,0 +1,320 @@
+"""What a profile is: everything that one kind of robot says in its own words, declared as data.
+
+The engine knows requests, operations, holds, inputs and itineraries. What a mission visits, how a visit can
+end, which message tells the state and what the terminal calls all that is one `Profile` object, found by
+entry point (group `lupin.profiles`). Loading it needs no ROS: messages are named by their types, and the
+functions of `Wire` turn plain data into the fields of a message and back.
+"""
+
+from __future__ import annotations
+
+import enum
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from lupin_engine.errors import Severity
+from lupin_engine.plugin.contract import Argument
+from lupin_engine.plugin.types import Type
+
+#: The fields of a message, service request or response, by name.
+Fields = Mapping[str, Any]
+
+
+# -- the words of missions ------------------------------------------------------------------------------
+
+
+class Rating(enum.Enum):
+    """What an outcome means to whoever looks at a run."""
+
+    GOOD = "good"  #: the visit did what it was for
+    BAD = "bad"  #: it did not
+    LEFT_OUT = "left out"  #: nobody tried
+
+
+@dataclass(frozen=True)
+class TargetOutcome:
+    """How a visit to a target can end: `name` in missions, `counter` in views and records, `word` in text."""
+
+    name: str
+    counter: str
+    word: str
+    rating: Rating = Rating.BAD
+
+    @property
+    def is_good(self) -> bool:
+        """Whether the visit did what it was for."""
+        return self.rating is Rating.GOOD
+
+
+@dataclass(frozen=True)
+class RequestField:
+    """A field that a start can carry: missions declare it under `request` with a type of the same kind.
+
+    `option` is the option of `lupin run` and `lupin simulate` that fills it; a list is written with commas.
+    """
+
+    type: Type
+    option: str = ""
+    metavar: str = ""
+    doc: str = ""
+
+
+@dataclass(frozen=True)
+class OperatorRequest:
+    """Something that an operator may ask for at any time; `however_late`: a delayed request still counts."""
+
+    doc: str
+    however_late: bool = False
+
+
+@dataclass(frozen=True)
+class Publication:
+    """An action that publishes `outcome` for a target outside of a visit.
+
+    `target` and `reading` are its arguments: who the target is, and what was read there.
+    """
+
+    doc: str
+    outcome: str
+    target: tuple[str, Argument]
+    reading: tuple[str, Argument]
+
+    @property
+    def arguments(self) -> Mapping[str, Argument]:
+        """The arguments by name."""
+        return dict((self.target, self.reading))
+
+
+@dataclass(frozen=True)
+class Stages:
+    """What published lifecycle states mean: the labels of the lifecycles of this profile."""
+
+    starting: tuple[str, ...] = ()
+    ready: tuple[str, ...] = ()
+    returning: tuple[str, ...] = ()
+    ended: tuple[str, ...] = ()
+    faulted: tuple[str, ...] = ()
+
+    @property
+    def without_mission(self) -> frozenset[str]:
+        """The states in which no mission is under way."""
+        return frozenset((*self.starting, *self.ready, *self.over))
+
+    @property
+    def over(self) -> frozenset[str]:
+        """The states in which a mission is over, well or not."""
+        return frozenset((*self.ended, *self.faulted))
+
+    @property
+    def anchors(self) -> frozenset[str]:
+        """The states in which a run begins and ends; they are looked for by name, so they keep it."""
+        return self.over.union(self.starting)
+
+
+# -- the wire -------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Channel:
+    """A topic of the orchestrator; `qos` is a name of `ros.adapter.qos.Qos`, such as `LATCHED`."""
+
+    name: str
+    type: str
+    qos: str
+
+
+@dataclass(frozen=True)
+class StartService:
+    """The service that starts a mission; the other names are those of its fields.
+
+    The fields of `Profile.request` are fields of its request under the same names.
+    """
+
+    name: str
+    type: str
+    mission: str = "mission_type"
+    accepted: str = "accepted"
+    mission_id: str = "mission_id"
+    reason: str = "error_message"
+
+
+@dataclass(frozen=True)
+class Publish:
+    """What became of a target, to be told to the world. `status` is the name of an outcome."""
+
+    source: str
+    mission_id: str
+    target: str
+    status: str
+    code: str = ""
+    detail: str = ""
+    reading: Mapping[str, Any] | None = None
+
+
+@dataclass(frozen=True)
+class Situation:
+    """Where a mission stands, as its state message is made from it.
+
+    `counts` is by outcome, `value(name)` an input of the lifecycle or None while it is unknown, `request`
+    what the mission was started with. `label` and `severity` belong to `code`; `started` and `stamp` are the
+    fields of a Time.
+    """
+
+    mission: str
+    mission_id: str
+    lifecycle: str
+    phase: str
+    target: str
+    total: int
+    counts: Mapping[str, int]
+    code: str
+    detail: str
+    label: str
+    severity: Severity
+    paused: bool
+    request: Mapping[str, Any]
+    value: Callable[[str], Any]
+    started: Fields | None
+    stamp: Fields
+
+
+@dataclass(frozen=True)
+class Progress:
+    """Where a mission stands, as its state message says it to whoever follows a run.
+
+    `goal` and `found` are of a mission that searches for its targets. `error` is the code and detail reported
+    last, `event` its label. `flags` and `gauges` (0 to 1) are by the names that `Terminal` has for them.
+    """
+
+    mission: str = ""
+    mission_id: str = ""
+    lifecycle: str = ""
+    phase: str = ""
+    target: str = ""
+    total: int = 0
+    counts: Mapping[str, int] = field(default_factory=dict)
+    goal: int = 0
+    found: int = 0
+    error: str = ""
+    event: str = ""
+    severity: Severity = Severity.INFO
+    paused: bool = False
+    flags: Mapping[str, bool] = field(default_factory=dict)
+    gauges: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class TargetResult:
+    """What was told of one target: the outcome, why, and the columns that were read there."""
+
+    target: str
+    status: str
+    reason: str
+    values: Mapping[str, float]
+    mission_id: str = ""
+
+
+@dataclass(frozen=True)
+class Remark:
+    """Something else that was told during a mission."""
+
+    severity: Severity
+    text: str
+    mission_id: str = ""
+
+
+@dataclass(frozen=True)
+class Wire:
+    """The orchestrator on the network.
+
+    `requests` is the name of an operator's service (std_srvs/srv/Trigger), with `{}` for the request.
+    `state_fields` and `outcome_fields` make messages, `read_state` and `read_outcome` read them; the latter
+    returns None for what is not meant for people. The state is published at once when a field in `urgent`
+    changes, besides the published labels, the target, the code and the pause. `hashes` are the types that
+    every run uses, each with the hash that the other end of the wire has.
+    """
+
+    state: Channel
+    outcomes: Channel
+    start: StartService
+    requests: str
+    state_fields: Callable[[Situation], Fields]
+    outcome_fields: Callable[[Publish, Callable[[str], Any], Fields], Fields]
+    read_state: Callable[[Fields], Progress]
+    read_outcome: Callable[[Fields], TargetResult | Remark | None]
+    urgent: tuple[str, ...] = ()
+    hashes: Mapping[str, str] = field(default_factory=dict)
+
+
+# -- the terminal ---------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Flag:
+    """Something that is so or not: a pill in the title, and a line when it begins and when it ends."""
+
+    pill: str
+    on: str
+    off: str
+    alarm: bool = False
+
+
+@dataclass(frozen=True)
+class Terminal:
+    """What the terminal calls things.
+
+    `columns` are what can be read at a target, in order, each with its unit; `read` is what all of them are
+    called. `gauges` maps a gauge to the flag that turns it red.
+    """
+
+    target: str = "target"
+    targets: str = "targets"
+    read: str = "values"
+    columns: Mapping[str, str] = field(default_factory=dict)
+    flags: Mapping[str, Flag] = field(default_factory=dict)
+    gauges: Mapping[str, str] = field(default_factory=dict)
+
+
+# -- all of it ------------------------------------------------------------------------------------------
+
+
+def _no_values(reading: Mapping[str, Any]) -> Mapping[str, float]:
+    return {}
+
+
+@dataclass(frozen=True)
+class Profile:
+    """All that the engine must know of one kind of robot and its missions.
+
+    `values_of` returns the terminal's columns of what was read at a target. Without `wire` missions can be
+    checked, drawn and simulated, but not run.
+    """
+
+    name: str
+    doc: str
+    outcomes: tuple[TargetOutcome, ...] = ()
+    request: Mapping[str, RequestField] = field(default_factory=dict)
+    requests: Mapping[str, OperatorRequest] = field(default_factory=dict)
+    publications: Mapping[str, Publication] = field(default_factory=dict)
+    stages: Stages = field(default_factory=Stages)
+    terminal: Terminal = field(default_factory=Terminal)
+    values_of: Callable[[Mapping[str, Any]], Mapping[str, float]] = _no_values
+    wire: Wire | None = None
+
+    @property
+    def statuses(self) -> tuple[str, ...]:
+        """The names of the outcomes."""
+        return tuple(outcome.name for outcome in self.outcomes)
+
+    @property
+    def events(self) -> Mapping[str, str]:
+        """The requests as events, each with what it means: the start, then the operator's."""
+        asked = {f"operator.{name}": request.doc for name, request in self.requests.items()}
+        return {START: "Somebody asks to start a mission.", **asked}
+
+
+#: The request that starts a mission.
+START = "mission.start"
+#: Where no profile is installed: missions have states and operations, but nothing to visit.
+NO_PROFILE = Profile("", "No profile.")

@@ -1,0 +1,191 @@
+"""`lupin_msgs` of the orchestrator as plain data: what is published of a mission, and what it says."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any
+
+from lupin_engine.errors import Severity
+from lupin_engine.plugin.profile import Fields, Progress, Publish, Remark, Situation, TargetResult
+from lupin_engine.plugin.wire import filled_in, pose_fields, time_fields
+
+#: The counters of MissionState are uint16; a robot that monitors for weeks stays at the highest.
+HIGHEST_COUNT = 2**16 - 1
+
+#: Values of `Observation.status`, by number, each with its counter in MissionState.
+STATUSES: Mapping[str, str] = {
+    "OK": "targets_completed",
+    "UNREACHABLE": "targets_unreachable",
+    "SCAN_FAILED": "targets_failed",
+    "SKIPPED": "targets_skipped",
+}
+#: Values of `Observation.kind`; those of later builds are passed over.
+TAG_READING, FLOWER, ANOMALY = 0, 1, 2
+
+#: Flags of MissionState.
+FLAGS = ("estop_engaged", "paused", "battery_low")
+
+
+# -- MissionState ---------------------------------------------------------------------------------------
+
+
+def state_fields(now: Situation) -> Fields:
+    """Return the published state. An empty mission leaves the mission's fields empty."""
+    battery = now.value("battery") or {}
+    charge = battery.get("value")
+    return {
+        "header": {"stamp": now.stamp, "frame_id": "map"},
+        "mission_id": now.mission_id,
+        "mission_type": now.mission,
+        "lifecycle_state": now.lifecycle,
+        "mission_phase": now.phase,
+        "current_target": now.target,
+        **_counters(now),
+        "last_error": f"{now.code}: {now.detail}" if now.detail else now.code,
+        "last_event": now.label,
+        "last_event_severity": int(now.severity),
+        "estop_engaged": now.value("estop") is True,
+        "paused": now.paused,
+        "battery_percentage": math.nan if charge is None else charge,
+        "battery_low": bool(battery.get("low", False)),
+        "started_at": now.started or {},
+    }
+
+
+def _counters(now: Situation) -> Fields:
+    goal = int(now.request.get("discovery_goal", 0))
+    discovered = _count(len(now.value("discovered") or ())) if goal else 0
+    search = {"discovery_goal": goal, "tags_discovered": discovered}
+    if goal and not now.total:  # it searches: what it is to find is its list
+        return {**search, "targets_total": goal, "targets_completed": discovered}
+    counts = {counter: _count(now.counts.get(status, 0)) for status, counter in STATUSES.items()}
+    return {**search, "targets_total": _count(now.total), **counts}
+
+
+def _count(number: int) -> int:
+    return min(number, HIGHEST_COUNT)
+
+
+def read_state(data: Fields) -> Progress:
+    """Return what a MissionState says."""
+    return Progress(
+        mission=str(data.get("mission_type", "")),
+        mission_id=str(data.get("mission_id", "")),
+        lifecycle=str(data.get("lifecycle_state", "")),
+        phase=str(data.get("mission_phase", "")),
+        target=str(data.get("current_target", "")),
+        total=int(data.get("targets_total", 0)),
+        counts={status: int(data.get(counter, 0)) for status, counter in STATUSES.items()},
+        goal=int(data.get("discovery_goal", 0)),
+        found=int(data.get("tags_discovered", 0)),
+        error=str(data.get("last_error", "")),
+        event=str(data.get("last_event", "")),
+        severity=Severity(data.get("last_event_severity", 0)),
+        paused=bool(data.get("paused")),
+        flags={flag: bool(data.get(flag)) for flag in FLAGS},
+        gauges={"battery": float(data.get("battery_percentage", 0.0))},
+    )
+
+
+# -- Observation ----------------------------------------------------------------------------------------
+
+
+def observation_fields(published: Publish, value: Callable[[str], Any], stamp: Fields) -> Fields:
+    """Return the observation of one closed visit, or of a reading on the way.
+
+    The target's id is carried whatever the outcome, because consumers key on it; a reading and a place only
+    with OK. Where nobody knows the place, `orientation.w` is 0, which means "never observed".
+    """
+    fields: dict[str, Any] = {
+        "header": {"stamp": stamp, "frame_id": "map"},
+        "mission_id": published.mission_id,
+        "source": published.source,
+        "kind": TAG_READING,
+        "status": list(STATUSES).index(published.status),
+        "tag_reading": {"tag_id": published.target},
+        "tag_pose_in_map": {"orientation": {"w": 0.0}},
+    }
+    if published.status != "OK":
+        return {**fields, "status_detail": published.detail or published.code}
+    fields["tag_reading"] = reading_fields(published.target, published.reading or {})
+    place = place_of(published.target, value("discovered") or (), value("pose"))
+    if place is not None:
+        fields["tag_pose_in_map"] = place
+    return fields
+
+
+def reading_fields(tag_id: str, reading: Mapping[str, Any]) -> Fields:
+    """Return a TagReading as the bridge gave it."""
+    return {
+        "tag_id": tag_id,
+        "stamp": time_fields(float(reading.get("stamp", 0.0))),
+        "sim_time_of_day_seconds": float(reading.get("sim_time_of_day_seconds", 0.0)),
+        "readings": [
+            {"name": sensor["name"], "value": float(sensor["value"])}
+            for sensor in reading.get("readings", ())
+        ],
+    }
+
+
+def values_of(reading: Mapping[str, Any]) -> Mapping[str, float]:
+    """Return what the sensors of a tag said."""
+    return {str(sensor["name"]): float(sensor["value"]) for sensor in reading.get("readings", ())}
+
+
+def place_of(
+    target: str, discovered: Iterable[Mapping[str, Any]], robot: Mapping[str, float] | None
+) -> Fields | None:
+    """Return where a target is: its own pose where it was seen, else that of the robot in front of it."""
+    for seen in discovered:
+        if seen.get("id") == target:
+            return plate_pose(seen)
+    return None if robot is None else floor_pose(robot)
+
+
+def plate_pose(seen: Mapping[str, Any]) -> Fields:
+    """Return the pose of a tag that was seen; an orientation that nobody filled in becomes the identity."""
+    facing = {axis: float(value) for axis, value in seen.get("facing", {}).items()}
+    if any(facing.values()):
+        facing["w"] = filled_in(facing.get("w", 1.0))
+    else:
+        facing = {"w": 1.0}
+    return {"position": {"x": float(seen["x"]), "y": float(seen["y"])}, "orientation": facing}
+
+
+def floor_pose(pose: Mapping[str, float]) -> Fields:
+    """Return a pose on the floor; its quaternion's w is never exactly 0."""
+    fields = pose_fields(pose)
+    fields["orientation"]["w"] = filled_in(fields["orientation"]["w"])
+    return fields
+
+
+def read_observation(data: Fields) -> TargetResult | Remark | None:
+    """Return what an observation tells."""
+    kind, mission_id = int(data.get("kind", TAG_READING)), str(data.get("mission_id", ""))
+    if kind == FLOWER:
+        return Remark(*_flowers(data["flower"]), mission_id)
+    if kind == ANOMALY:
+        return Remark(*_anomaly(data["anomaly"]), mission_id)
+    if kind != TAG_READING:
+        return None
+    status, reading = int(data.get("status", 0)), data.get("tag_reading", {})
+    return TargetResult(
+        target=str(reading.get("tag_id", "")),
+        status=list(STATUSES)[status] if status < len(STATUSES) else f"status {status}",
+        reason=str(data.get("status_detail", "")),
+        values=values_of(reading),
+        mission_id=mission_id,
+    )
+
+
+def _flowers(flower: Fields) -> tuple[Severity, str]:
+    species, confidence = flower["species"] or "no species", float(flower["confidence"])
+    text = f"tag {flower['tag_id']}: {species} ({confidence:.2f}), blooms: {len(flower['flowers'])}"
+    return (Severity.WARN, f"{text}, anomaly") if flower["anomaly"] else (Severity.INFO, text)
+
+
+def _anomaly(anomaly: Fields) -> tuple[Severity, str]:
+    place = anomaly["pose"]["pose"]["position"]
+    text = f"anomaly at x {place['x']:.2f} m, y {place['y']:.2f} m: {anomaly['description']}"
+    return Severity.WARN, text
