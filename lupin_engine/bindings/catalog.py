@@ -38,14 +38,14 @@ class BoundCatalog:
 
 
 @dataclass(frozen=True, eq=False)
-class _File:
+class _BindingFile:
     """What one file comes to: nothing when it has not even the shape of a binding."""
 
     binding: Binding | None
     found: tuple[Diagnostic, ...]
 
 
-_UNREAD = _File(None, ())
+_UNREAD = _BindingFile(None, ())
 
 
 class _Same:
@@ -97,7 +97,7 @@ def _paths(folders: Iterable[Path], texts: Iterable[Path]) -> Iterable[Path]:
 
 
 @lru_cache(maxsize=MAX_FILES)
-def _file(name: str, stem: str, raw: bytes, key: _Same) -> _File:
+def _file(name: str, stem: str, raw: bytes, key: _Same) -> _BindingFile:
     # Most folders have no bindings, and nearly all that a check takes are imports.
     from lupin_engine.bindings.file import KIND, BindingNode
     from lupin_engine.bindings.reader import read_binding
@@ -109,15 +109,15 @@ def _file(name: str, stem: str, raw: bytes, key: _Same) -> _File:
         want_defaults(parsed, findings)
         node = validate(parsed, BindingNode, findings)
     if node is None:
-        return _File(None, findings.all)
+        return _BindingFile(None, findings.all)
     if node.binding != stem:
         problem = f"the binding calls itself {node.binding!r}, its file {stem!r}"
         findings.add(node.at("binding"), "bad-name", "binding", problem, f"write 'binding: {stem}'")
-    return _File(read_binding(node, key.catalog, findings), findings.all)
+    return _BindingFile(read_binding(node, key.catalog, findings), findings.all)
 
 
 @lru_cache(maxsize=MAX_CATALOGS)
-def _join(files: tuple[_File, ...], key: _Same) -> BoundCatalog:
+def _join(files: tuple[_BindingFile, ...], key: _Same) -> BoundCatalog:
     """Join what the bindings offer to the catalog; those that contradict it are told and left out."""
     bindings: dict[str, Binding] = {}
     catalog, findings = key.catalog, Findings()

@@ -83,7 +83,7 @@ def read_binding(node: BindingNode, catalog: Catalog, findings: Findings) -> Bin
 
     `catalog` has the types that arguments, results and values may have.
     """
-    return _Reader(node, catalog, findings).read()
+    return _BindingReader(node, catalog, findings).read()
 
 
 def check_definition(binding: Binding, definitions: Definitions, findings: Findings) -> None:
@@ -183,10 +183,10 @@ class _Bound:
             for name, each in written.items()
         }
 
-    def read(self, meaning: WireExpressions, plugin: Plugin) -> _Read:
+    def read(self, meaning: WireExpressions, plugin: Plugin) -> _ReadExpressions:
         """Read all its expressions."""
         node = self.node
-        found = _Read()
+        found = _ReadExpressions()
         if isinstance(node, BoundOperationNode | BoundActionNode):
             found.sending = Sending(meaning.sent(node))
         if isinstance(node, BoundOperationNode):
@@ -203,7 +203,7 @@ class _Bound:
 
 
 @dataclass
-class _Read:
+class _ReadExpressions:
     """The expressions of a thing."""
 
     sending: Sending = field(default_factory=lambda: Sending({}))
@@ -241,7 +241,7 @@ def _bound(node: BindingNode) -> Iterator[_Bound]:
 # -- the whole file ----------------------------------------------------------------------------------------
 
 
-class _Reader:
+class _BindingReader:
     """Reads one file."""
 
     def __init__(self, node: BindingNode, catalog: Catalog, findings: Findings) -> None:
@@ -296,7 +296,7 @@ class _Reader:
                 problem = f"{endpoint.name!r} is {first.type} in line {first.at('type').line}"
                 self._findings.add(place, "wrong-type", path, problem, "one name has one type")
 
-    def _made(self, bound: _Bound, endpoint: Endpoint, read: _Read) -> Any:
+    def _made(self, bound: _Bound, endpoint: Endpoint, read: _ReadExpressions) -> Any:
         node = bound.node
         if isinstance(node, BoundOperationNode):
             return OperationCall(

@@ -104,7 +104,7 @@ class Semantics:
             remembered: the states that a history state stands for; none: its parent is entered anew.
             resume: the child to enter when a state comes back by history; None: its default child.
         """
-        entry = _Entry(self, mission, resume)
+        entry = _EntrySet(self, mission, resume)
         for rule in rules:
             if rule.target is not None:
                 entry.follow(rule, rule.target, remembered)
@@ -167,7 +167,7 @@ class Semantics:
         return tuple(kept)
 
 
-class _Entry:
+class _EntrySet:
     """SCXML's computeEntrySet: collects what is entered together."""
 
     def __init__(self, semantics: Semantics, mission: str, resume: Callable[[State], str | None]) -> None:

@@ -83,7 +83,7 @@ class Mark(Protocol):
         ...
 
 
-class _Spot(NamedTuple):
+class _Position(NamedTuple):
     """A mark that the parser did not make."""
 
     line: int
@@ -113,8 +113,8 @@ class File:
         return _new(Place, (self.name, line + 1, column + 1))
 
 
-def _spot_of(place: Place) -> _Spot:
-    return _Spot(place.line - 1, place.column - 1)
+def _spot_of(place: Place) -> _Position:
+    return _Position(place.line - 1, place.column - 1)
 
 
 class Text(str):
@@ -172,7 +172,7 @@ def _ink(text: str) -> int:
     return sum(1 for char in text if not char.isspace())
 
 
-def _inked(text: Text) -> Iterator[_Spot]:
+def _inked(text: Text) -> Iterator[_Position]:
     """Yield the place of every character of the file that stands for one which is no blank.
 
     It goes on behind the end of the text, which only its caller knows.
@@ -186,7 +186,7 @@ def _inked(text: Text) -> Iterator[_Spot]:
             continue
         width, blank = _character(row, column, style)
         if not blank:
-            yield _Spot(line, column)
+            yield _Position(line, column)
         column += width
 
 
@@ -365,7 +365,7 @@ def parse(text: str, name: str, findings: Findings) -> Map | None:
     return root
 
 
-_BEGINNING = _Spot(0, 0)
+_BEGINNING = _Position(0, 0)
 
 
 class _Unreadable(Exception):
@@ -398,7 +398,7 @@ class _Builder:
             line = self._text.count("\n", 0, position)
             column = position - self._text.rfind("\n", 0, position) - 1
             reason = getattr(error, "reason", None) or "not YAML"
-            self._refuse(_Spot(line, column), "wrong-yaml", str(reason))
+            self._refuse(_Position(line, column), "wrong-yaml", str(reason))
 
     def _document(self) -> Any:
         self._next()

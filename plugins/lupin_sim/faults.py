@@ -5,7 +5,7 @@ from __future__ import annotations
 import enum
 
 
-class Fault(enum.Enum):
+class InjectedFault(enum.Enum):
     """The ways to fail."""
 
     NONE = "none"
@@ -23,39 +23,39 @@ class Faults:
     """
 
     def __init__(self) -> None:
-        self._kind = Fault.NONE
+        self._kind = InjectedFault.NONE
         self._left = 0
-        self._of_goal = Fault.NONE
+        self._of_goal = InjectedFault.NONE
 
     @property
-    def kind(self) -> Fault:
+    def kind(self) -> InjectedFault:
         """The fault that the next goal will meet."""
         return self._kind
 
-    def now(self, fault: Fault) -> bool:
+    def now(self, fault: InjectedFault) -> bool:
         """Say whether the robot, or its running goal, suffers `fault`.
 
         A fault that hits goals does so only through them: a counted one that waits for its goal does
         nothing yet. Lost localization needs no goal.
         """
-        return self._of_goal is fault or (fault is Fault.LOSE_LOCALIZATION and self._kind is fault)
+        return self._of_goal is fault or (fault is InjectedFault.LOSE_LOCALIZATION and self._kind is fault)
 
-    def set(self, kind: Fault, count: int, goal_running: bool) -> None:
+    def set(self, kind: InjectedFault, count: int, goal_running: bool) -> None:
         """Replace the fault; a running goal is hit at once."""
         self._kind, self._left = kind, count
-        self._of_goal = Fault.NONE
-        if goal_running and kind is not Fault.REJECT:
+        self._of_goal = InjectedFault.NONE
+        if goal_running and kind is not InjectedFault.REJECT:
             self.take()
 
-    def take(self) -> Fault:
+    def take(self) -> InjectedFault:
         """Return what a new goal suffers, and count it."""
         self._of_goal = self._kind
         if self._left > 0:
             self._left -= 1
             if self._left == 0:
-                self._kind = Fault.NONE
+                self._kind = InjectedFault.NONE
         return self._of_goal
 
     def goal_ended(self) -> None:
         """End what the goal suffered."""
-        self._of_goal = Fault.NONE
+        self._of_goal = InjectedFault.NONE

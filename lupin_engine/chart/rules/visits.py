@@ -31,7 +31,7 @@ def visits(index: Index) -> Iterator[Diagnostic]:
         if walker.itinerary is not None:
             inside = list(_below(index, walker))
             followed = not any(_is_not_followed(state) for state in inside if state is not walker)
-            refused = list(_Walk(index, walker, inside).refused()) if followed else []
+            refused = list(_VisitAnalysis(index, walker, inside).refused()) if followed else []
             yield from refused or _never_closed(index, walker)
 
 
@@ -46,7 +46,7 @@ def _never_closed(index: Index, walker: State) -> Iterator[Diagnostic]:
         yield Diagnostic(call.action.place, "open-visit", call.path, problem, hint)
 
 
-def _calls(state: State) -> Iterator[_Call]:
+def _calls(state: State) -> Iterator[_VisitCall]:
     """Yield what a state's actions do to the itinerary."""
     yield from _walking(f"{state.name}.entry", state.entry)
     yield from _walking(f"{state.name}.exit", state.exit)
@@ -67,7 +67,7 @@ def _is_not_followed(state: State) -> bool:
 
 
 @dataclass(frozen=True)
-class _Call:
+class _VisitCall:
     """An action on the itinerary, and the path of the list that it stands in."""
 
     action: ActionCall
@@ -75,7 +75,7 @@ class _Call:
 
 
 @dataclass(frozen=True)
-class _Step:
+class _VisitStep:
     """What a transition does to the visit: when it is taken, what it calls, which innermost states it enters.
 
     Where a history state leads is not known, so after a `vague` step the visit may be either.
@@ -83,12 +83,12 @@ class _Step:
 
     transition: Transition
     when: tuple[Condition, ...]
-    calls: tuple[_Call, ...]
+    calls: tuple[_VisitCall, ...]
     leaves: tuple[str, ...]
     vague: bool = False
 
 
-class _Walk:
+class _VisitAnalysis:
     """What the visit may be in each innermost state of one itinerary."""
 
     def __init__(self, index: Index, walker: State, inside: Sequence[State]) -> None:
@@ -99,7 +99,7 @@ class _Walk:
         self._leaving = {name: calls for name, calls in leaving.items() if calls}
         leaves = [state for state in inside if state.kind is not Kind.HISTORY and not index.begun(state)]
         self._at: dict[str, Visit] = {leaf.name: frozenset() for leaf in leaves}
-        self._known: dict[str, _Step] = {}
+        self._known: dict[str, _VisitStep] = {}
         self._steps = {leaf.name: list(self._steps_of(leaf)) for leaf in leaves}
         self._settle()
 
@@ -115,7 +115,7 @@ class _Walk:
 
     # -- ways ----------------------------------------------------------------------------------------------
 
-    def _steps_of(self, leaf: State) -> Iterator[_Step]:
+    def _steps_of(self, leaf: State) -> Iterator[_VisitStep]:
         """Yield what may happen in an innermost state, up to the state that walks."""
         around = [self._inside[name] for name in self._index.lineage[leaf.name] if name in self._inside]
         restless = any(not t.event and always_taken(t) for state in around for t in state.transitions)
@@ -141,7 +141,7 @@ class _Walk:
         )
         return not left or not transition.event
 
-    def _step_from(self, leaf: State, transition: Transition) -> _Step:
+    def _step_from(self, leaf: State, transition: Transition) -> _VisitStep:
         """Return a step with what leaving the innermost state does."""
         step = self._known.get(transition.id)
         if step is None:
@@ -154,7 +154,7 @@ class _Walk:
             return replace(step, calls=(*left, *step.calls))
         return step
 
-    def _step(self, transition: Transition) -> _Step:
+    def _step(self, transition: Transition) -> _VisitStep:
         """Return what a transition does, from wherever inside its source it is taken."""
         when = [condition(transition)] if _asks(transition) else []
         own = self._inside[transition.source].transitions
@@ -163,17 +163,17 @@ class _Walk:
         when += [negate(condition(other)) for other in asked]
         calls = list(_walking(f"{transition.id}.do", transition.actions))
         if transition.target is None:
-            return _Step(transition, tuple(when), tuple(calls), ())
+            return _VisitStep(transition, tuple(when), tuple(calls), ())
         target = self._index.chart.states[transition.target]
         if target.kind is Kind.HISTORY:
             leaves = tuple(self._leaves_in(target.parent or ""))
-            return _Step(transition, tuple(when), tuple(calls), leaves, vague=True)
+            return _VisitStep(transition, tuple(when), tuple(calls), leaves, vague=True)
         domain = self._index.semantics.domain(transition, target.name)
         begun = [self._inside[name] for name in self._index.entered(target.name) if name in self._inside]
         for state in {s.name: s for s in (*self._path(target.name, domain)[::-1], *begun)}.values():
             calls += _walking(f"{state.name}.entry", state.entry)
         leaves = tuple(state.name for state in begun if state.name in self._at)
-        return _Step(transition, tuple(when), tuple(calls), leaves)
+        return _VisitStep(transition, tuple(when), tuple(calls), leaves)
 
     def _path(self, name: str, domain: str) -> list[State]:
         """Return a state and those around it below `domain`, as far as they belong to the walk."""
@@ -198,20 +198,20 @@ class _Walk:
                 after = _EITHER if step.vague else self._after(step, self._at[leaf])
                 waiting.extend((name, after) for name in step.leaves)
 
-    def _along(self, step: _Step, visit: Visit) -> Iterator[tuple[_Call, Visit]]:
+    def _along(self, step: _VisitStep, visit: Visit) -> Iterator[tuple[_VisitCall, Visit]]:
         """Yield the calls of a step with what the visit may be before each; none when it cannot be taken."""
         visit = _those(visit, step.when)
         for call in step.calls if visit else ():
             yield call, visit
             visit = self._called(call, visit)
 
-    def _after(self, step: _Step, visit: Visit) -> Visit:
+    def _after(self, step: _VisitStep, visit: Visit) -> Visit:
         visit = _those(visit, step.when)
         for call in step.calls if visit else ():
             visit = self._called(call, visit)
         return visit
 
-    def _called(self, call: _Call, visit: Visit) -> Visit:
+    def _called(self, call: _VisitCall, visit: Visit) -> Visit:
         if call.action.name == "itinerary.advance":
             return frozenset([OPEN])
         walk = self._walker.itinerary
@@ -276,12 +276,12 @@ def _asks(transition: Transition) -> bool:
     return transition.guard is not None and "itinerary.open" in transition.guard.source
 
 
-def _walking(path: str, calls: Iterable[ActionCall]) -> Iterator[_Call]:
+def _walking(path: str, calls: Iterable[ActionCall]) -> Iterator[_VisitCall]:
     """Yield the actions of a list that do something to the itinerary."""
-    return (_Call(call, path) for call in calls if call.name.startswith("itinerary."))
+    return (_VisitCall(call, path) for call in calls if call.name.startswith("itinerary."))
 
 
-def _told(leaf: str, call: _Call) -> Diagnostic:
+def _told(leaf: str, call: _VisitCall) -> Diagnostic:
     closes = call.action.name == "itinerary.close"
     how = "closed already" if closes else "still open"
     problem = f"the visit is {how} in {local(leaf)!r}, so this would be refused"

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from lupin_engine.plugin.registry import Catalog
-from lupin_engine.ros.launch.nodes import ORCHESTRATOR, Node, nodes_of
+from lupin_engine.ros.launch.nodes import ORCHESTRATOR, LaunchableNode, nodes_of
 
 #: Values of ROS parameters by name.
 Values = Mapping[str, Any]
@@ -38,7 +38,7 @@ class Present:
 class Launch:
     """A node to start, with its parameters."""
 
-    node: Node
+    node: LaunchableNode
     parameters: Values = field(default_factory=dict)
 
 
@@ -55,7 +55,7 @@ class Plan:
         return tuple(launch.node.name for launch in self.launches)
 
 
-def simulators(catalog: Catalog) -> Mapping[str, Node]:
+def simulators(catalog: Catalog) -> Mapping[str, LaunchableNode]:
     """Return the nodes that stand in for something real."""
     nodes = nodes_of(catalog)
     return {name: nodes[name] for plugin in catalog.plugins.values() for name in plugin.stands_in}
@@ -94,14 +94,14 @@ def make_plan(
     return Plan(tuple(Launch(node, given.get(node.name, {})) for node in starting), tuple(joined))
 
 
-def _assumed(starting: Iterable[Node], catalog: Catalog, known: Container[str]) -> Values:
+def _assumed(starting: Iterable[LaunchableNode], catalog: Catalog, known: Container[str]) -> Values:
     """Return what parameters of the missions are where these simulations run."""
     simulated = simulators(catalog)
     plugins = [catalog.plugins[node.plugin] for node in starting if node.name in simulated]
     return {name: v for plugin in plugins for name, v in plugin.simulated_defaults.items() if name in known}
 
 
-def _needed(plugins: set[str], catalog: Catalog, simulate: bool) -> Iterator[Node]:
+def _needed(plugins: set[str], catalog: Catalog, simulate: bool) -> Iterator[LaunchableNode]:
     """Yield simulations first and the orchestrator last, so that it is also the first to be stopped.
 
     One whose plugin no mission can use directly, such as the robot itself, is there for all of them.
@@ -118,7 +118,7 @@ def _needed(plugins: set[str], catalog: Catalog, simulate: bool) -> Iterator[Nod
     yield nodes[ORCHESTRATOR]
 
 
-def _already(node: Node, catalog: Catalog, present: Present) -> str:
+def _already(node: LaunchableNode, catalog: Catalog, present: Present) -> str:
     """Name what makes starting this node unnecessary; '' when it is needed."""
     if node.name in present.nodes:
         return node.name

@@ -21,7 +21,7 @@ _ORCHESTRATOR_ENTRY = "lupin_engine.ros.orchestrator:main"
 
 
 @dataclass(frozen=True)
-class Node:
+class LaunchableNode:
     """A node: its name, `module:function`, and the plugin that brings it ('' for the engine's own)."""
 
     name: str
@@ -96,16 +96,16 @@ class Node:
         )
 
 
-def nodes_of(catalog: Catalog) -> Mapping[str, Node]:
+def nodes_of(catalog: Catalog) -> Mapping[str, LaunchableNode]:
     """Return every node by name, the orchestrator first."""
-    found = {ORCHESTRATOR: Node(ORCHESTRATOR, _ORCHESTRATOR_ENTRY)}
+    found = {ORCHESTRATOR: LaunchableNode(ORCHESTRATOR, _ORCHESTRATOR_ENTRY)}
     for plugin in catalog.plugins.values():
         for name, entry in plugin.nodes.items():
-            found.setdefault(name, Node(name, entry, plugin.name))
+            found.setdefault(name, LaunchableNode(name, entry, plugin.name))
     return found
 
 
-def find_node(name: str, catalog: Catalog) -> Node:
+def find_node(name: str, catalog: Catalog) -> LaunchableNode:
     """Return the node `name`.
 
     Raises:

@@ -30,7 +30,7 @@ from lupin_engine.plugin.wire import time_fields
 from lupin_engine.ros.adapter.host import Repeater
 from lupin_engine.ros.adapter.node import Qos, RosNode, ServedGoal
 from lupin_greenhouse.poses import heading
-from lupin_sim.faults import Fault, Faults
+from lupin_sim.faults import Faults, InjectedFault
 from lupin_sim.floor import Floor
 from lupin_sim.layout import load_layout
 from lupin_sim.node import senses
@@ -67,7 +67,7 @@ NO_VALID_PATH = 208
 #: Parameters that take effect while the node runs.
 LIVE = ("speed", "estop", "battery", "drain_per_s", "fault", "fault_count")
 
-_FAULTS = one_of(*(fault.value for fault in Fault))
+_FAULTS = one_of(*(fault.value for fault in InjectedFault))
 
 PARAMETERS = {
     "tag_locations_file": Parameter(TEXT, "", "layout of the greenhouse, JSON; empty: the bundled one"),
@@ -76,7 +76,7 @@ PARAMETERS = {
     "estop": Parameter(BOOL, False, "whether the emergency stop is engaged, besides /lupin/hmi/estop"),
     "battery": Parameter(NUMBER, 1.0, "charge of the battery, 0 to 1; setting it sets the level", 0.0, 1.0),
     "drain_per_s": Parameter(NUMBER, 0.0, "charge that the battery loses in a second", minimum=0.0),
-    "fault": Parameter(_FAULTS, Fault.NONE.value, "what goes wrong"),
+    "fault": Parameter(_FAULTS, InjectedFault.NONE.value, "what goes wrong"),
     "fault_count": Parameter(COUNT, 0, "goals that the fault hits; 0: until it is changed. Set it first"),
     **senses.PARAMETERS,
 }
@@ -162,25 +162,25 @@ class SimNode:
         self._estop_parameter = values.get("estop", self._estop_parameter)
         self._fault_count = values.get("fault_count", self._fault_count)
         if "fault" in values:
-            self._set_fault(Fault(values["fault"]))
+            self._set_fault(InjectedFault(values["fault"]))
         self._settle()
         if "battery" in values:
             self._publish_battery()
         return None
 
-    def _set_fault(self, fault: Fault) -> None:
+    def _set_fault(self, fault: InjectedFault) -> None:
         self._faults.set(fault, self._fault_count, goal_running=self._goal is not None)
         self._show_used_up_fault(fault)
 
-    def _show_used_up_fault(self, before: Fault) -> None:
+    def _show_used_up_fault(self, before: InjectedFault) -> None:
         """Let the parameter say `none` once the fault has hit its last goal."""
         if self._faults.kind is before:
             return
 
         def show() -> None:
-            if self._faults.kind is Fault.NONE:
+            if self._faults.kind is InjectedFault.NONE:
                 self._correcting_fault = True
-                self._ros.set_parameter("fault", Fault.NONE.value)
+                self._ros.set_parameter("fault", InjectedFault.NONE.value)
                 self._correcting_fault = False
 
         self._ros.post(show)
@@ -197,7 +197,7 @@ class SimNode:
 
     def _settle(self) -> None:
         """Carry over what has changed at once: the brake, and what everybody is told."""
-        self._robot.braked = self._estop or self._faults.now(Fault.STALL)
+        self._robot.braked = self._estop or self._faults.now(InjectedFault.STALL)
         self._publish_estop()
         self._publish_pose()
 
@@ -212,7 +212,7 @@ class SimNode:
         before = self._faults.kind
         fault = self._faults.take()
         self._show_used_up_fault(before)
-        return fault is not Fault.REJECT
+        return fault is not InjectedFault.REJECT
 
     def _start(self, served: ServedGoal) -> None:
         self._advance()
@@ -240,7 +240,7 @@ class SimNode:
         self._moves += 1
         if self._goal is None:
             return
-        if self._faults.now(Fault.ABORT):
+        if self._faults.now(InjectedFault.ABORT):
             self._end_goal("aborted", "fault: abort")
         elif self._robot.arrived:
             self._stand()
@@ -314,13 +314,13 @@ class SimNode:
         self._beats += 1
 
     def _lose_or_find_the_way(self) -> None:
-        if self._faults.now(Fault.LOSE_LOCALIZATION):
+        if self._faults.now(InjectedFault.LOSE_LOCALIZATION):
             self._variance = min(LOST_VARIANCE, self._variance * LOSING)
 
     def _publish_pose(self) -> None:
         # From here on, so that a pose that was sent on arrival is not repeated at once.
         self._next_pose = self._ros.elapsed() + POSE_PERIOD_S - HEARTBEAT_S / 2
-        if not self._faults.now(Fault.LOSE_LOCALIZATION):
+        if not self._faults.now(InjectedFault.LOSE_LOCALIZATION):
             self._believed, self._variance = self._robot.pose, VARIANCE
         message = PoseWithCovarianceStamped()
         stamped = self._pose_message(self._believed)
@@ -333,7 +333,7 @@ class SimNode:
     def _publish_transforms(self, sensed: Sequence[TransformStamped] = ()) -> None:
         """Tell where the robot is, and what it senses from there, all at one moment."""
         transforms = [_transform("odom", "base_link", self._robot.pose), *sensed]
-        if not self._faults.now(Fault.LOSE_LOCALIZATION):
+        if not self._faults.now(InjectedFault.LOSE_LOCALIZATION):
             transforms.insert(0, _transform("map", "odom", FloorPose(0.0, 0.0, 0.0)))
         stamp = self._ros.stamp()
         for transform in transforms:

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from lupin_engine.errors import LupinError
 from lupin_greenhouse.layout import Table, Tag
-from lupin_sim.faults import Fault, Faults
+from lupin_sim.faults import Faults, InjectedFault
 from lupin_sim.floor import ROBOT_RADIUS, Floor, Point
 from lupin_sim.layout import LENGTH, WIDTH, Floorplan, load_layout
 from lupin_sim.robot import TURN_RATE, FloorPose, Robot
@@ -244,57 +244,63 @@ def test_time_that_runs_backwards_moves_nothing() -> None:
 
 
 def test_nothing_goes_wrong_at_first() -> None:
-    assert [fault.value for fault in Fault] == ["none", "reject", "abort", "stall", "lose_localization"]
+    assert [fault.value for fault in InjectedFault] == [
+        "none",
+        "reject",
+        "abort",
+        "stall",
+        "lose_localization",
+    ]
     faults = Faults()
-    assert [fault for fault in Fault if faults.now(fault)] == [Fault.NONE]
-    assert (faults.kind, faults.take()) == (Fault.NONE, Fault.NONE)
+    assert [fault for fault in InjectedFault if faults.now(fault)] == [InjectedFault.NONE]
+    assert (faults.kind, faults.take()) == (InjectedFault.NONE, InjectedFault.NONE)
 
 
 def test_another_fault_ends_what_a_running_goal_suffers() -> None:
     """A goal that runs can be rejected no more."""
     faults = Faults()
-    faults.set(Fault.STALL, 0, goal_running=True)
-    faults.set(Fault.REJECT, 1, goal_running=True)
-    assert not faults.now(Fault.STALL)
-    assert faults.take() is Fault.REJECT
+    faults.set(InjectedFault.STALL, 0, goal_running=True)
+    faults.set(InjectedFault.REJECT, 1, goal_running=True)
+    assert not faults.now(InjectedFault.STALL)
+    assert faults.take() is InjectedFault.REJECT
 
 
 def test_a_fault_without_a_count_lasts_until_it_is_changed() -> None:
     faults = Faults()
-    faults.set(Fault.REJECT, 0, goal_running=False)
-    assert [faults.take() for _ in range(3)] == [Fault.REJECT] * 3
-    faults.set(Fault.NONE, 0, goal_running=False)
-    assert faults.take() is Fault.NONE
+    faults.set(InjectedFault.REJECT, 0, goal_running=False)
+    assert [faults.take() for _ in range(3)] == [InjectedFault.REJECT] * 3
+    faults.set(InjectedFault.NONE, 0, goal_running=False)
+    assert faults.take() is InjectedFault.NONE
 
 
 def test_a_counted_fault_hits_that_many_goals() -> None:
     faults = Faults()
-    faults.set(Fault.ABORT, 2, goal_running=False)
-    assert [faults.take() for _ in range(3)] == [Fault.ABORT, Fault.ABORT, Fault.NONE]
-    assert faults.kind is Fault.NONE
+    faults.set(InjectedFault.ABORT, 2, goal_running=False)
+    assert [faults.take() for _ in range(3)] == [InjectedFault.ABORT, InjectedFault.ABORT, InjectedFault.NONE]
+    assert faults.kind is InjectedFault.NONE
 
 
 def test_a_running_goal_is_hit_and_counts() -> None:
     faults = Faults()
-    faults.set(Fault.STALL, 1, goal_running=True)
-    assert faults.now(Fault.STALL)
-    assert faults.kind is Fault.NONE
+    faults.set(InjectedFault.STALL, 1, goal_running=True)
+    assert faults.now(InjectedFault.STALL)
+    assert faults.kind is InjectedFault.NONE
     faults.goal_ended()
-    assert not faults.now(Fault.STALL)
+    assert not faults.now(InjectedFault.STALL)
 
 
 def test_a_stalled_goal_goes_on_when_the_fault_is_lifted() -> None:
     faults = Faults()
-    faults.set(Fault.STALL, 0, goal_running=True)
-    faults.set(Fault.NONE, 0, goal_running=True)
-    assert not faults.now(Fault.STALL)
+    faults.set(InjectedFault.STALL, 0, goal_running=True)
+    faults.set(InjectedFault.NONE, 0, goal_running=True)
+    assert not faults.now(InjectedFault.STALL)
 
 
 def test_localization_is_lost_without_a_goal_and_found_after_a_counted_one() -> None:
     faults = Faults()
-    faults.set(Fault.LOSE_LOCALIZATION, 1, goal_running=False)
-    assert faults.now(Fault.LOSE_LOCALIZATION)
+    faults.set(InjectedFault.LOSE_LOCALIZATION, 1, goal_running=False)
+    assert faults.now(InjectedFault.LOSE_LOCALIZATION)
     faults.take()
-    assert faults.now(Fault.LOSE_LOCALIZATION)
+    assert faults.now(InjectedFault.LOSE_LOCALIZATION)
     faults.goal_ended()
-    assert not faults.now(Fault.LOSE_LOCALIZATION)
+    assert not faults.now(InjectedFault.LOSE_LOCALIZATION)

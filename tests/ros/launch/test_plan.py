@@ -13,7 +13,7 @@ from lupin_engine.errors import LupinError, PluginError
 from lupin_engine.plugin.contract import Operation, Plugin
 from lupin_engine.plugin.registry import Catalog, build_catalog
 from lupin_engine.ros.launch.description import Launch, Present, command, make_plan, parameter_file
-from lupin_engine.ros.launch.nodes import Node
+from lupin_engine.ros.launch.nodes import LaunchableNode
 
 CATALOG: Catalog = build_catalog(
     [
@@ -108,7 +108,7 @@ def test_a_simulation_has_defaults_of_its_own_for_missions(
 
 def test_parameters_reach_their_node(tmp_path: Path) -> None:
     """As a file, because arguments carry neither lists nor the difference between 5 and '5'."""
-    launch = Launch(Node("reader", "r:main", "read"), {"tags": ["1", "5"]})
+    launch = Launch(LaunchableNode("reader", "r:main", "read"), {"tags": ["1", "5"]})
     line = command(launch, tmp_path)
     assert line[-6:] == ["lupin_engine.cli.main", "node", "reader", "--ros-args", "--params-file", line[-1]]
     assert Path(line[-1]).read_text() == 'reader:\n  ros__parameters:\n    tags: ["1", "5"]\n'
@@ -138,7 +138,7 @@ def test_what_a_node_checks_is_told_and_its_defects_are_its_own(monkeypatch: pyt
 
     module = ModuleType("pump")
     monkeypatch.setitem(sys.modules, "pump", module)
-    node = Node("pump", "pump:main", "water")
+    node = LaunchableNode("pump", "pump:main", "water")
     node.check({"low": 5, "high": 1})
     module.check = check  # type: ignore[attr-defined]
     node.check({"low": 1, "high": 5})

@@ -16,7 +16,7 @@ from lupin_engine.plugin.registry import build_catalog
 from lupin_engine.ros.launch import session as sessions
 from lupin_engine.ros.launch.description import Launch, Plan
 from lupin_engine.ros.launch.interrupts import Interrupts
-from lupin_engine.ros.launch.nodes import Node
+from lupin_engine.ros.launch.nodes import LaunchableNode
 from lupin_engine.ros.launch.session import RunFailed, Session, Settings
 from lupin_engine.ros.launch.story import Story
 from lupin_engine.ros.operator import Arrival
@@ -102,7 +102,7 @@ def test_every_node_that_dies_at_the_start_is_told_with_its_last_words(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     """Two with one reason are told as two: the exit code, the log, and its last lines."""
-    launches = tuple(Launch(Node(name, "")) for name in ("reader", "looker"))
+    launches = tuple(Launch(LaunchableNode(name, "")) for name in ("reader", "looker"))
 
     def command(launch: Launch, folder: Path) -> list[str]:
         return [sys.executable, "-c", f"print('no {launch.node.name} here'); raise SystemExit(3)"]
@@ -122,7 +122,7 @@ def test_a_disk_that_is_full_is_told_and_ends_what_was_started(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     """The file with a node's parameters could not be written."""
-    launches = tuple(Launch(Node(name, "")) for name in ("reader", "looker"))
+    launches = tuple(Launch(LaunchableNode(name, "")) for name in ("reader", "looker"))
 
     def command(launch: Launch, folder: Path) -> list[str]:
         if launch.node.name == "looker":
