@@ -10,9 +10,9 @@ checked for shape only, what they mean is `compose`'s work.
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from types import MappingProxyType
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, TypeVar
 
 from pydantic import (
     BeforeValidator,
@@ -512,6 +512,29 @@ class PartNode(FileNode):
     def name(self) -> str:
         """The name that the file gives itself."""
         return self.part
+
+
+_N = TypeVar("_N", bound=Node)
+
+
+def written_in(node: Node, kind: type[_N]) -> Iterator[_N]:
+    """Yield the nodes of a kind that a state or a file writes itself, not in the states inside it."""
+    for name in type(node).model_fields:
+        if name in node.model_fields_set:
+            yield from _nodes(getattr(node, name), kind)
+
+
+def _nodes(value: Any, kind: type[_N]) -> Iterator[_N]:
+    if isinstance(value, kind):
+        yield value
+    if isinstance(value, Node) and not isinstance(value, StateNode):
+        yield from written_in(value, kind)
+    elif isinstance(value, (list, tuple)):
+        for each in value:
+            yield from _nodes(each, kind)
+    elif isinstance(value, dict) and not isinstance(value, Map):
+        for each in value.values():
+            yield from _nodes(each, kind)
 
 
 KINDS: Mapping[str, type[FileNode]] = {"lifecycle": LifecycleNode, "mission": MissionNode, "part": PartNode}

@@ -11,10 +11,10 @@ from __future__ import annotations
 import enum
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, ClassVar
 
 from lupin_engine.chart.expressions.evaluation import Expression, Value
-from lupin_engine.chart.records import record
+from lupin_engine.chart.records import Role, record, said
 from lupin_engine.errors import Place
 from lupin_engine.plugin.contract import Code, Operation, Parameter
 from lupin_engine.plugin.profile import Profile
@@ -29,8 +29,10 @@ class ActionCall:
     For `set` the arguments are the context variables; for `raise` the single argument `event` is the name.
     """
 
+    KEY: ClassVar[str] = "name"
+
     name: str
-    arguments: Mapping[str, Value]
+    arguments: Mapping[str, Value] = field(metadata=said(Role.VALUE))
     place: Place
     moves: bool = False
 
@@ -46,26 +48,30 @@ class Transition:
     refusal: actions only. A `refuse` transition answers a request with that code and changes nothing.
     """
 
+    KEY: ClassVar[str] = "id"
+
     id: str
-    event: str
+    event: str = field(metadata=said(Role.EVENT))
     source: str
     place: Place
-    target: str | None = None
-    guard: Expression | None = None
-    actions: tuple[ActionCall, ...] = ()
-    refuse: str | None = None
-    during: frozenset[str] = frozenset()
-    releases: frozenset[str] = frozenset()
-    code: str | None = None
-    internal: bool = False
+    target: str | None = field(default=None, metadata=said(Role.STATE, "target"))
+    guard: Expression | None = field(default=None, metadata=said(Role.CONDITION, "guard"))
+    actions: tuple[ActionCall, ...] = field(default=(), metadata=said(Role.ACTIONS, "do"))
+    refuse: str | None = field(default=None, metadata=said(Role.CODE, "refuse"))
+    during: frozenset[str] = field(default=frozenset(), metadata=said(Role.HOLDS, "during"))
+    releases: frozenset[str] = field(default=frozenset(), metadata=said(Role.HOLDS, "releases"))
+    code: str | None = field(default=None, metadata=said(Role.CODE, "code"))
+    internal: bool = field(default=False, metadata=said(Role.PLAIN, "internal"))
 
 
 @record(frozen=True)
 class Timer:
     """An `after` or the `budget` of a state: `event` is what its transitions listen to."""
 
+    KEY: ClassVar[str] = "event"
+
     event: str
-    after: Value
+    after: Value = field(metadata=said(Role.VALUE))
     place: Place
 
 
@@ -77,24 +83,24 @@ class Retry:
     of up to `jitter` (0.2 is a fifth) of itself. Codes in `unless` are not tried again.
     """
 
-    attempts: Value
-    backoff: Value | None = None
-    unless: frozenset[str] = frozenset()
-    factor: Value | None = None
-    jitter: Value | None = None
+    attempts: Value = field(metadata=said(Role.VALUE, "attempts"))
+    backoff: Value | None = field(default=None, metadata=said(Role.VALUE, "backoff"))
+    unless: frozenset[str] = field(default=frozenset(), metadata=said(Role.CODE, "unless"))
+    factor: Value | None = field(default=None, metadata=said(Role.VALUE, "factor"))
+    jitter: Value | None = field(default=None, metadata=said(Role.VALUE, "jitter"))
 
 
 @record(frozen=True)
 class Invoke:
     """An operation that lives exactly as long as its state. `timeout` is None for `never`."""
 
-    name: str
+    name: str = field(metadata=said(Role.PLAIN, "do"))
     operation: Operation
-    arguments: Mapping[str, Value]
+    arguments: Mapping[str, Value] = field(metadata=said(Role.VALUE, "with"))
     place: Place
-    timeout: Value | None = None
-    timeout_code: str | None = None
-    retry: Retry | None = None
+    timeout: Value | None = field(default=None, metadata=said(Role.VALUE, "timeout.after"))
+    timeout_code: str | None = field(default=None, metadata=said(Role.CODE, "timeout.code"))
+    retry: Retry | None = field(default=None, metadata=said(Role.INSIDE, "retry"))
 
 
 @record(frozen=True)
@@ -107,15 +113,15 @@ class ForEach:
     or `error` like a transition's.
     """
 
-    name: str
-    items: Value
-    key: Value
-    invoke: Invoke
+    name: str = field(metadata=said(Role.PLAIN, "item"))
+    items: Value = field(metadata=said(Role.VALUE, "in"))
+    key: Value = field(metadata=said(Role.VALUE, "key"))
+    invoke: Invoke = field(metadata=said(Role.INSIDE, "invoke"))
     place: Place
-    limit: Value | None = None
-    when: Expression | None = None
-    on_done: tuple[ActionCall, ...] = ()
-    on_error: tuple[ActionCall, ...] = ()
+    limit: Value | None = field(default=None, metadata=said(Role.VALUE, "limit"))
+    when: Expression | None = field(default=None, metadata=said(Role.CONDITION, "when"))
+    on_done: tuple[ActionCall, ...] = field(default=(), metadata=said(Role.ACTIONS, "on_done.do"))
+    on_error: tuple[ActionCall, ...] = field(default=(), metadata=said(Role.ACTIONS, "on_error.do"))
 
 
 @record(frozen=True)
@@ -128,12 +134,12 @@ class Itinerary:
     observations name as their source, '' for the mission's name.
     """
 
-    items: Value
+    items: Value = field(metadata=said(Role.VALUE, "items"))
     place: Place
-    order: Value | None = None
-    sweeps: Value | None = None
-    leaves_open: bool = False
-    source: str = ""
+    order: Value | None = field(default=None, metadata=said(Role.VALUE, "order"))
+    sweeps: Value | None = field(default=None, metadata=said(Role.VALUE, "sweeps"))
+    leaves_open: bool = field(default=False, metadata=said(Role.PLAIN, "on_abort"))
+    source: str = field(default="", metadata=said(Role.PLAIN, "source"))
 
 
 class Kind(enum.Enum):
@@ -158,27 +164,27 @@ class State:
     """
 
     name: str
-    kind: Kind
+    kind: Kind = field(metadata=said(Role.PLAIN, "type"))
     place: Place
     parent: str | None = None
     children: tuple[str, ...] = ()
-    initial: str | None = None
+    initial: str | None = field(default=None, metadata=said(Role.STATE, "initial"))
     label: str = ""
     mission: str = ""
-    slot: bool = False
-    phase: str | None = None
-    paused: bool = False
-    entry: tuple[ActionCall, ...] = ()
-    exit: tuple[ActionCall, ...] = ()
-    transitions: tuple[Transition, ...] = ()
-    timers: tuple[Timer, ...] = ()
-    budget: Timer | None = None
-    invoke: Invoke | None = None
-    for_each: ForEach | None = None
-    itinerary: Itinerary | None = None
-    resume_at: tuple[Transition, ...] = ()
-    depth: int | None = None
-    summary: str = ""
+    slot: bool = field(default=False, metadata=said(Role.PLAIN, "slot"))
+    phase: str | None = field(default=None, metadata=said(Role.PLAIN, "phase"))
+    paused: bool = field(default=False, metadata=said(Role.PLAIN, "paused"))
+    entry: tuple[ActionCall, ...] = field(default=(), metadata=said(Role.ACTIONS, "entry"))
+    exit: tuple[ActionCall, ...] = field(default=(), metadata=said(Role.ACTIONS, "exit"))
+    transitions: tuple[Transition, ...] = field(default=(), metadata=said(Role.INSIDE))
+    timers: tuple[Timer, ...] = field(default=(), metadata=said(Role.INSIDE))
+    budget: Timer | None = field(default=None, metadata=said(Role.INSIDE, "budget.after"))
+    invoke: Invoke | None = field(default=None, metadata=said(Role.INSIDE, "invoke"))
+    for_each: ForEach | None = field(default=None, metadata=said(Role.INSIDE, "for_each"))
+    itinerary: Itinerary | None = field(default=None, metadata=said(Role.INSIDE, "itinerary"))
+    resume_at: tuple[Transition, ...] = field(default=(), metadata=said(Role.INSIDE, "resume_at"))
+    depth: int | None = field(default=None, metadata=said(Role.PLAIN, "depth"))
+    summary: str = field(default="", metadata=said(Role.PLAIN, "summary"))
 
     @property
     def local_name(self) -> str:
@@ -196,13 +202,13 @@ class Hold:
     """
 
     name: str
-    engage: str
-    release: tuple[str, ...]
-    code: str
+    engage: str = field(metadata=said(Role.EVENT, "engage"))
+    release: tuple[str, ...] = field(metadata=said(Role.EVENT, "release"))
+    code: str = field(metadata=said(Role.CODE, "code"))
     place: Place
-    engage_guard: Expression | None = None
-    engage_code: str | None = None
-    release_guard: Expression | None = None
+    engage_guard: Expression | None = field(default=None, metadata=said(Role.CONDITION, "engage_guard"))
+    engage_code: str | None = field(default=None, metadata=said(Role.CODE, "engage_code"))
+    release_guard: Expression | None = field(default=None, metadata=said(Role.CONDITION, "release_guard"))
 
 
 @record(frozen=True)
@@ -210,11 +216,11 @@ class Field:
     """A field of a mission's request: type, default, and the code that refuses an empty list."""
 
     name: str
-    type: Type
+    type: Type = field(metadata=said(Role.PLAIN, "type"))
     place: Place
-    default: Value | None = None
-    not_empty: str | None = None
-    minimum: float | None = None
+    default: Value | None = field(default=None, metadata=said(Role.VALUE, "default"))
+    not_empty: str | None = field(default=None, metadata=said(Role.CODE, "not_empty"))
+    minimum: float | None = field(default=None, metadata=said(Role.PLAIN, "min"))
 
 
 @record(frozen=True)
@@ -224,8 +230,8 @@ class Mission:
     name: str
     state: str
     file: str
-    summary: str
-    request: Mapping[str, Field]
+    summary: str = field(metadata=said(Role.PLAIN, "summary"))
+    request: Mapping[str, Field] = field(metadata=said(Role.INSIDE, "request"))
     place: Place
 
 
@@ -234,8 +240,8 @@ class Variable:
     """A context variable: written by `set`, kept in the snapshot."""
 
     name: str
-    type: Type
-    default: Value
+    type: Type = field(metadata=said(Role.PLAIN, "type"))
+    default: Value = field(metadata=said(Role.VALUE, "default"))
     place: Place
 
 
@@ -247,11 +253,13 @@ class Level:
     fallen to `above - hysteresis`.
     """
 
+    KEY: ClassVar[str] = "name"
+
     name: str
-    hysteresis: Value | None
+    hysteresis: Value | None = field(metadata=said(Role.VALUE, "hysteresis"))
     place: Place
-    below: Value | None = None
-    above: Value | None = None
+    below: Value | None = field(default=None, metadata=said(Role.VALUE, "below"))
+    above: Value | None = field(default=None, metadata=said(Role.VALUE, "above"))
 
 
 @record(frozen=True)
@@ -263,15 +271,15 @@ class Input:
     """
 
     name: str
-    value: str
+    value: str = field(metadata=said(Role.PLAIN, "value"))
     type: Type
     place: Place
-    freshness: float | None = None
-    initial: Any = None
-    levels: tuple[Level, ...] = ()
-    minimum: float | None = None
-    maximum: float | None = None
-    of_mission: bool = False
+    freshness: float | None = field(default=None, metadata=said(Role.PLAIN, "freshness"))
+    initial: Any = field(default=None, metadata=said(Role.PLAIN, "initial"))
+    levels: tuple[Level, ...] = field(default=(), metadata=said(Role.INSIDE, "levels"))
+    minimum: float | None = field(default=None, metadata=said(Role.PLAIN, "min"))
+    maximum: float | None = field(default=None, metadata=said(Role.PLAIN, "max"))
+    of_mission: bool = field(default=False, metadata=said(Role.PLAIN, "since"))
 
 
 @record(frozen=True)
@@ -279,9 +287,9 @@ class Invariant:
     """A condition that holds whenever the machine is at rest; broken, it is an error that leads to FAULT."""
 
     name: str
-    that: Expression
+    that: Expression = field(metadata=said(Role.CONDITION))
     place: Place
-    summary: str = ""
+    summary: str = field(default="", metadata=said(Role.PLAIN, "summary"))
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,10 +1,18 @@
-"""Records that a large chart has thousands of."""
+"""The records that a composed chart is made of, and the one walk through their parts.
+
+A field of a record that authors write says with `said` what it is and by which word; the others are what
+makes the record the one that it is (names, places), or follow from that. Whoever looks at everything that a
+chart says (the checker, SCXML, what compares declarations) walks by that, so that a word that is added needs
+no entry in a list of theirs.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+import enum
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, fields, is_dataclass
+from functools import cache
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 if TYPE_CHECKING:
     from dataclasses import dataclass as record
@@ -18,4 +26,115 @@ else:
         return dataclass(unsafe_hash=frozen, slots=True)
 
 
-__all__ = ["record"]
+class Role(enum.Enum):
+    """What a field of a record holds; of the optional ones, None or nothing where it is not written."""
+
+    #: A yes or no, a number, a word or a text for people.
+    PLAIN = enum.auto()
+    #: A value that is computed, or several by name.
+    VALUE = enum.auto()
+    #: A condition that is computed.
+    CONDITION = enum.auto()
+    #: Actions in their order.
+    ACTIONS = enum.auto()
+    #: The name of a code, or several.
+    CODE = enum.auto()
+    #: The name of a state.
+    STATE = enum.auto()
+    #: The name of an event, or several.
+    EVENT = enum.auto()
+    #: The names of holds.
+    HOLDS = enum.auto()
+    #: Another record, or several: in their order, or by name.
+    INSIDE = enum.auto()
+
+
+class Part(NamedTuple):
+    """A field of a record; `word` is what it is called where it is written."""
+
+    field: str
+    role: Role
+    word: str
+
+
+class Walked(NamedTuple):
+    """Something that a record says: the way of words that leads to it, what it is, and it."""
+
+    words: tuple[str, ...]
+    role: Role
+    value: Any
+
+
+def said(role: Role, word: str = "") -> Mapping[str, Any]:
+    """Return the metadata of a field; without a word it is written without one, or not by authors."""
+    return {"role": role, "word": word}
+
+
+@cache
+def parts_of(kind: type) -> tuple[Part, ...]:
+    """Return what a kind of record can say, in the order of its fields."""
+    return tuple(Part(f.name, f.metadata["role"], f.metadata["word"]) for f in fields(kind) if f.metadata)
+
+
+@cache
+def _asked(kind: type, roles: frozenset[Role]) -> tuple[Part, ...]:
+    return tuple(part for part in parts_of(kind) if part.role in roles or part.role in _NESTED)
+
+
+#: Roles of what is walked into: actions have arguments.
+_NESTED = (Role.INSIDE, Role.ACTIONS)
+
+
+def walk(thing: Any, roles: frozenset[Role], words: tuple[str, ...] = ()) -> Iterator[Walked]:
+    """Yield all of some roles that a record says, and the records in it.
+
+    Records in a list are told apart by the field that is their `KEY`; an `id` is a whole path.
+    """
+    kind: type = type(thing)
+    for field, role, word in _asked(kind, roles):
+        value = getattr(thing, field)
+        if value is None or value == ():
+            continue
+        inner = (*words, word) if word else words
+        if role in roles:
+            if role is Role.VALUE and isinstance(value, Mapping):
+                yield from (Walked((*inner, name), role, each) for name, each in value.items())
+            else:
+                yield Walked(inner, role, value)
+        if role in _NESTED:
+            for each, path in _inside(value, inner):
+                yield from walk(each, roles, path)
+
+
+def _inside(value: Any, words: tuple[str, ...]) -> Iterator[tuple[Any, tuple[str, ...]]]:
+    """Yield the records that a field holds, each with the words that lead to it."""
+    if isinstance(value, Mapping):
+        yield from ((each, (*words, name)) for name, each in value.items())
+    elif isinstance(value, tuple):
+        for each in value:
+            key = getattr(each, each.KEY)
+            yield each, (key,) if each.KEY == "id" else (*words, key)
+    else:
+        yield value, words
+
+
+#: Fields that make no difference to what a declaration means.
+_ASIDE = ("place", "summary", "doc")
+
+
+def same_meaning(first: Any, second: Any) -> bool:
+    """Tell whether two declarations of one name say the same, wherever and however they are written."""
+    if type(first) is not type(second):
+        return False
+    if isinstance(first, tuple):
+        return len(first) == len(second) and all(map(same_meaning, first, second))
+    if hasattr(first, "evaluate"):  # an expression, or a constant
+        attribute = "source" if hasattr(first, "source") else "value"
+        return bool(getattr(first, attribute) == getattr(second, attribute))
+    if not is_dataclass(first):
+        return bool(first == second)
+    names = [field.name for field in fields(first) if field.name not in _ASIDE]
+    return all(same_meaning(getattr(first, name), getattr(second, name)) for name in names)
+
+
+__all__ = ["Part", "Role", "Walked", "parts_of", "record", "said", "same_meaning", "walk"]

@@ -10,9 +10,11 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator, Mapping
+from typing import Any
 
-from lupin_engine.chart.expressions.evaluation import Constant, UnknownInput, Value
+from lupin_engine.chart.expressions.evaluation import Constant, Expression, UnknownInput, Value
 from lupin_engine.chart.model import ActionCall, Chart, Invoke, Kind, State, Timer, Transition
+from lupin_engine.chart.records import parts_of
 from lupin_engine.diagram.outline import find_state
 from lupin_engine.diagram.picture import LineRole, Picture, StateBox
 from lupin_engine.diagram.xml_text import escape, quoted
@@ -97,10 +99,7 @@ class _ScxmlWriter:
             "type": "internal"
             if rule.internal and (rule.target or "").startswith(f"{state.name}.")
             else None,
-            "lupin:refuse": rule.refuse,
-            "lupin:during": " ".join(sorted(rule.during)),
-            "lupin:releases": " ".join(sorted(rule.releases)),
-            "lupin:code": rule.code,
+            **_extensions(rule),
         }
         yield from _element("transition", attributes, [*refusal, *self._actions(rule.actions)], always=True)
 
@@ -166,6 +165,22 @@ class _ScxmlWriter:
             else:
                 attributes = {"type": _TYPE, "event": action.name}
                 yield from _element("send", attributes, _params(action.arguments), always=True)
+
+
+#: What of a transition SCXML has a word for.
+_STANDARD = ("target", "guard", "actions", "internal")
+
+
+def _extensions(rule: Transition) -> dict[str, str | None]:
+    """Return what else a transition says, by the words of the language."""
+    said = ((part, getattr(rule, part.field)) for part in parts_of(Transition) if part.field not in _STANDARD)
+    return {f"lupin:{part.word}": _text(value) for part, value in said if part.word and value is not None}
+
+
+def _text(value: Any) -> str:
+    if isinstance(value, (Expression, Constant)):
+        return _written(value)
+    return " ".join(sorted(value)) if isinstance(value, frozenset) else str(value)
 
 
 def _id(name: str | None) -> str:

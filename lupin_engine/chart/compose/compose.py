@@ -23,12 +23,14 @@ from lupin_engine.chart.documents import (
     BudgetNode,
     FileNode,
     InvariantNode,
+    InvokeNode,
     ItineraryNode,
     LifecycleNode,
     MissionNode,
     PartNode,
     StateNode,
     TransitionNode,
+    written_in,
 )
 from lupin_engine.chart.expressions.checker import check_expression
 from lupin_engine.chart.expressions.evaluation import Expression
@@ -211,7 +213,7 @@ class _Composer:
 
     def _all_events(self) -> dict[str, None]:
         """Return the events that can arrive, as the keys of a mapping: they are looked up for every `on`."""
-        raised = set(raised_events([a for draft in self._forest.drafts.values() for a in _actions(draft)]))
+        raised = set(raised_events(a for draft in self._forest.drafts.values() for a in _actions(draft)))
         levels = level_events(self._declared.inputs)
         return dict.fromkeys([*self._catalog.profile.events, *levels, *self._catalog.events, *sorted(raised)])
 
@@ -772,36 +774,9 @@ def _path(state: str, word: str) -> str:
 
 def _invoked(draft: Draft) -> Iterator[str]:
     """Yield the names of the operations that a state's text begins."""
-    node = draft.node
-    if node is not None and node.invoke is not None:
-        yield node.invoke.do
-    if node is not None and node.for_each is not None:
-        yield node.for_each.invoke.do
+    return (node.do for node in written_in(draft.node or draft.file, InvokeNode))
 
 
-def _actions(draft: Draft) -> list[ActionNode]:
-    """Return every action that a state's text writes."""
-    node, file = draft.node, draft.file
-    found: list[ActionNode] = []
-    if node is None:
-        if isinstance(file, MissionNode):
-            found += (*file.entry, *file.exit)
-        if isinstance(file, (LifecycleNode, MissionNode)):
-            _add_done(found, file.on.values())
-        return found
-    found += (*node.entry, *node.exit)
-    answers = [node.on_done, node.on_error, node.always, *node.on.values(), *node.after.values()]
-    _add_done(found, answers)
-    if node.budget is not None:
-        found += node.budget.do
-    if node.for_each is not None:
-        for ending in (node.for_each.on_done, node.for_each.on_error):
-            found += ending.do if ending is not None else ()
-    return found
-
-
-def _add_done(found: list[ActionNode], lists: Iterable[Sequence[TransitionNode]]) -> None:
-    """Add what transitions do."""
-    for nodes in lists:
-        for node in nodes:
-            found += node.do
+def _actions(draft: Draft) -> Iterator[ActionNode]:
+    """Yield every action that a state's text writes."""
+    return written_in(draft.node or draft.file, ActionNode)

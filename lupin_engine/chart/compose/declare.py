@@ -27,6 +27,7 @@ from lupin_engine.chart.expressions.values import read_constant, read_guard, rea
 from lupin_engine.chart.findings import Findings
 from lupin_engine.chart.model import Field, Hold, Input, Level, Variable
 from lupin_engine.chart.nodes import Node
+from lupin_engine.chart.records import same_meaning
 from lupin_engine.errors import Place, Severity, nearest
 from lupin_engine.plugin.contract import Code, Parameter
 from lupin_engine.plugin.registry import Catalog
@@ -102,9 +103,9 @@ class Declarer:
 
     # -- shared --------------------------------------------------------------------------------------------
 
-    def _put(self, family: str, known: dict[str, _T], name: str, thing: _T, place: Place, same: Any) -> None:
-        """Enter a declaration; `same` tells whether it means what an earlier one of that name does."""
-        if name in known and not same(known[name], thing):
+    def _put(self, family: str, known: dict[str, _T], name: str, thing: _T, place: Place) -> None:
+        """Enter a declaration, which must mean what an earlier one of that name does."""
+        if name in known and not same_meaning(known[name], thing):
             first = self.declared.places[family, name]
             problem = f"{family} {name!r} is declared differently in {first}"
             self._findings.add(
@@ -169,13 +170,13 @@ class Declarer:
                 continue
             own[name] = parameter
             plugin = self._catalog.parameters.get(name)
-            if plugin is not None and not _same_parameter(plugin, parameter):
+            if plugin is not None and not same_meaning(plugin, parameter):
                 owner = self._catalog.owners["parameter", name]
                 problem = f"parameter {name!r} is declared differently by plugin {owner!r}"
                 self._findings.add(
                     place, "conflicting-definition", path, problem, "use that one, or rename yours"
                 )
-            self._put("parameter", self.declared.parameters, name, parameter, place, _same_parameter)
+            self._put("parameter", self.declared.parameters, name, parameter, place)
 
     def parameter(self, node: ParameterNode, path: str) -> Parameter | None:
         """Read a setting; None after findings that leave no type."""
@@ -254,7 +255,7 @@ class Declarer:
             place = file.key_at("codes", name)
             if self.good_name("code", name, place, f"codes.{name}"):
                 code = Code(name, node.label, SEVERITIES[node.severity])
-                self._put("code", self.declared.codes, name, code, place, _equal)
+                self._put("code", self.declared.codes, name, code, place)
 
     def _inputs(self, file: FileNode) -> None:
         scope = self.base_scope(file, functions=False)
@@ -266,7 +267,7 @@ class Declarer:
                 else None
             )
             if found is not None:
-                self._put("input", self.declared.inputs, name, found, place, _same_input)
+                self._put("input", self.declared.inputs, name, found, place)
 
     def _input(self, name: str, node: InputNode, place: Place, scope: Scope, path: str) -> Input | None:
         value = self._catalog.values.get(node.value)
@@ -352,7 +353,7 @@ class Declarer:
             default = read_value(node.default, at, kind, scope, self._findings, f"{path}.default")
             # One with a mistaken default is declared all the same, or each use would be told as well.
             variable = Variable(name, kind, default or Constant(None, at, kind), place)
-            self._put("variable", self.declared.context, name, variable, place, _same_variable)
+            self._put("variable", self.declared.context, name, variable, place)
 
     # -- holds and requests --------------------------------------------------------------------------------
 
@@ -453,38 +454,6 @@ def level_events(inputs: Mapping[str, Input]) -> list[str]:
     """Return the events that stand for a level: yes-or-no inputs, and the levels drawn from numbers."""
     plain = [f"input.{name}" for name, found in inputs.items() if found.type.kind == "bool"]
     return plain + [f"input.{name}.{level.name}" for name, found in inputs.items() for level in found.levels]
-
-
-def _equal(first: Any, second: Any) -> bool:
-    return bool(first == second)
-
-
-def _same_parameter(first: Parameter, second: Parameter) -> bool:
-    return (first.type, first.default, first.minimum, first.maximum) == (
-        second.type,
-        second.default,
-        second.minimum,
-        second.maximum,
-    )
-
-
-def _same_input(first: Input, second: Input) -> bool:
-    plain = [
-        (
-            *(i.value, i.freshness, i.initial, i.minimum, i.maximum, i.of_mission),
-            [(level.name, _text(level.below), _text(level.above)) for level in i.levels],
-        )
-        for i in (first, second)
-    ]
-    return plain[0] == plain[1]
-
-
-def _same_variable(first: Variable, second: Variable) -> bool:
-    return first.type == second.type and _text(first.default) == _text(second.default)
-
-
-def _text(value: Any) -> Any:
-    return getattr(value, "source", None) or getattr(value, "value", None)
 
 
 __all__ = ["NAME", "SEVERITIES", "Declared", "Declarer", "input_type", "level_events"]

@@ -206,7 +206,7 @@ class Index:
     @cached_property
     def reads(self) -> list[Read]:
         """Every expression of the chart."""
-        return reads_of(self.chart, self.calls)
+        return reads_of(self.chart)
 
     @cached_property
     def texts(self) -> Texts:

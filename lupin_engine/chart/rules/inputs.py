@@ -12,7 +12,7 @@ from lupin_engine.chart.rules.written import Read
 from lupin_engine.errors import Diagnostic
 
 #: What the engine does without as long as it is unknown: no element is new, the list's own order counts.
-_MAY_WAIT = ("for_each.in", "for_each.key", "itinerary.order")
+_MAY_WAIT = (("for_each", "in"), ("for_each", "key"), ("itinerary", "order"))
 
 
 def unknown_input_read(index: Index) -> Iterator[Diagnostic]:
@@ -25,7 +25,7 @@ def unknown_input_read(index: Index) -> Iterator[Diagnostic]:
     for read in index.reads:
         if "input." not in read.expression.source or not index.understood(read.expression):
             continue
-        if read.words[-1] in _MAY_WAIT:
+        if read.words[-2:] in _MAY_WAIT:
             continue
         for name in inputs_read(read.expression.source):
             if name in index.unsure:

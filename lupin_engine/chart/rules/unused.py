@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from lupin_engine.chart.expressions.evaluation import Constant
 from lupin_engine.chart.findings import warning
 from lupin_engine.chart.rules.index import Index
+from lupin_engine.chart.rules.written import codes_of
 from lupin_engine.chart.semantics import matches
 from lupin_engine.errors import Diagnostic, Place
 
@@ -68,23 +69,18 @@ def _own(index: Index, family: str) -> list[tuple[str, Place]]:
     return [(name, place) for name, place in _declared(index, family) if place.file != lifecycle]
 
 
-def _codes_used(index: Index) -> set[str | None]:
+def _codes_used(index: Index) -> set[str]:
     """Return all codes that are reported or asked for, and other texts among them."""
-    transitions = [t for state in index.states for t in state.transitions]
-    used = {t.code for t in transitions} | {t.refuse for t in transitions}
+    used = codes_of(index.chart)
     for work in index.works:
-        used.add(work.invoke.timeout_code)
         used.update([code.name for code in work.invoke.operation.codes])
-    for hold in index.chart.holds.values():
-        used |= {hold.code, hold.engage_code}
     for call in index.calls:
         for value in call.action.arguments.values():
             if isinstance(value, Constant) and value.type.kind == "text":
                 used.add(value.value)
     for mission in index.chart.missions.values():
         for field in mission.request.values():
-            # The second is what a reader refuses a wrong value with.
-            used |= {field.not_empty, f"unknown_{(field.type.item or field.type).name}"}
+            used.add(f"unknown_{(field.type.item or field.type).name}")  # of a wrong value, by its reader
     return used
 
 
