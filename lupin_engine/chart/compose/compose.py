@@ -9,14 +9,15 @@ Every step goes on after a finding. What comes out is a chart only when there ar
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
 from typing import Any
 
 from lupin_engine.chart.compose.actions import ActionReader, raised_events
 from lupin_engine.chart.compose.declare import Declared, Declarer, level_events
-from lupin_engine.chart.compose.invoke import InvokeReader, check_code, names_when_done, names_when_failed
+from lupin_engine.chart.compose.invoke import InvokeReader
+from lupin_engine.chart.compose.transitions import CompositionContext, TransitionReader, any_event, path_of
 from lupin_engine.chart.compose.tree import Draft, Forest
 from lupin_engine.chart.documents import (
     ActionNode,
@@ -29,7 +30,6 @@ from lupin_engine.chart.documents import (
     MissionNode,
     PartNode,
     StateNode,
-    TransitionNode,
     written_in,
 )
 from lupin_engine.chart.expressions.checker import check_expression
@@ -50,20 +50,18 @@ from lupin_engine.chart.model import (
     Chart,
     Field,
     Invariant,
-    Invoke,
     Itinerary,
     Kind,
     Mission,
     State,
     Timer,
-    Transition,
 )
 from lupin_engine.chart.source import Text
-from lupin_engine.errors import Place, nearest
+from lupin_engine.errors import Place
 from lupin_engine.plugin.builtin import BUILTIN
 from lupin_engine.plugin.contract import Code, Parameter
 from lupin_engine.plugin.registry import Catalog
-from lupin_engine.plugin.types import ANY, BOOL, COUNT, DURATION, TEXT, Type, list_of
+from lupin_engine.plugin.types import ANY, BOOL, COUNT, DURATION, Type, list_of
 
 #: What expressions see of the itinerary around them.
 ITINERARY = Type(
@@ -71,29 +69,9 @@ ITINERARY = Type(
     "itinerary",
     fields={"open": BOOL, "remaining": COUNT, "total": COUNT, "closed": COUNT, "sweep": COUNT},
 )
-_START = Type("record", "event", fields={"mission_type": TEXT, "mission_id": TEXT})
-_NOTHING = Type("record", "event")
-_NO_HOLDS: frozenset[str] = frozenset()
-
-_Names = Callable[[Invoke | None], Mapping[str, Type]]
-
 #: What an invariant does not see, because it is told of every moment.
 _MOMENTARY = ("event", "error", "request", "target", "itinerary")
 _AT_ALL_TIMES = "an invariant holds at every moment, with and without a mission"
-
-
-@dataclass(frozen=True)
-class TransitionSite:
-    """The key of a state under which transitions are written, and their event and evaluation scope.
-
-    `owner` writes them and `source` takes them: they differ for copies only.
-    """
-
-    source: Draft
-    owner: Draft
-    key: str
-    event: str
-    scope: Scope
 
 
 @dataclass
@@ -153,9 +131,6 @@ class _Composer:
         self._bound: dict[str, list[set[str]]] = {}
         self._codes: dict[str, Code] = {}
         self._events: dict[str, None] = {}
-        self._event_types: dict[str, Type] = {}
-        self._heard: set[str] = set()
-        self._after_work: dict[tuple[Scope, _Names, str, str | None], Scope] = {}
 
     @property
     def _declared(self) -> Declared:
@@ -173,6 +148,16 @@ class _Composer:
         self._invokes = InvokeReader(
             self._catalog, self._declarer, self._codes, self._actions, self._findings
         )
+        context = CompositionContext(
+            self._catalog,
+            self._declared,
+            self._forest,
+            self._codes,
+            self._events,
+            self._outer,
+            self._findings,
+        )
+        self._transitions = TransitionReader(context, self._actions)
         self._read_requests()
         states = {draft.name: self._state(draft) for draft in self._forest.drafts.values()}
         holds_scope = self._base(self._lifecycle, "")
@@ -220,7 +205,7 @@ class _Composer:
     def _plugins(self) -> tuple[str, ...]:
         """Return the plugins that anything of theirs is used from, sorted, without the built-in one."""
         names = self._invokes.used | (self._actions.used & self._catalog.actions.keys())
-        for event in self._heard:
+        for event in self._transitions.heard:
             names.update(self._plugin_events(event))
         found = {name.partition(".")[0] for name in names}
         owners = self._catalog.owners
@@ -388,7 +373,7 @@ class _Composer:
 
     def _of_file(self, draft: Draft) -> dict[str, Any]:
         """Return what the file says of the root, or of the wrapper of a mission."""
-        file, scope = draft.file, self._any_event(draft)
+        file, scope = draft.file, any_event(draft)
         entry = file.entry if isinstance(file, MissionNode) else []
         leave = file.exit if isinstance(file, MissionNode) else []
         handlers = file.on if isinstance(file, (LifecycleNode, MissionNode)) else {}
@@ -396,20 +381,20 @@ class _Composer:
             "summary": file.summary,
             "entry": self._read_actions(entry, scope, draft, "entry"),
             "exit": self._read_actions(leave, scope, draft, "exit"),
-            "transitions": tuple(self._handlers(draft, file, handlers)),
+            "transitions": tuple(self._transitions.handlers(draft, file, handlers)),
         }
 
     def _of_state(self, draft: Draft, node: StateNode) -> dict[str, Any]:
-        scope = self._any_event(draft)
+        scope = any_event(draft)
         works = draft.kind is not Kind.FINAL and draft.kind is not Kind.HISTORY
         assert draft.scope is not None
         invoke = None
         found: dict[str, Any] = {"summary": node.summary, "phase": node.phase, "paused": node.paused}
         if node.invoke and works:
-            invoke = self._invokes.read(node.invoke, scope, _path(draft.name, "invoke"))
+            invoke = self._invokes.read(node.invoke, scope, path_of(draft.name, "invoke"))
             found["invoke"] = invoke
         if node.for_each and works:
-            path = _path(draft.name, "for_each")
+            path = path_of(draft.name, "for_each")
             found["for_each"] = self._invokes.for_each(node.for_each, draft.scope, path)
         if node.budget and works:
             found["budget"] = self._budget(draft, node.budget)
@@ -417,16 +402,16 @@ class _Composer:
             found["entry"] = self._read_actions(node.entry, scope, draft, "entry")
         if node.exit:
             found["exit"] = self._read_actions(node.exit, scope, draft, "exit")
-        found["transitions"] = self._transitions(draft, node, invoke, scope)
+        found["transitions"] = self._transitions.read(draft, node, invoke, scope)
         if node.after:
             found["timers"] = tuple(self._timers(draft, node, scope))
-        found["resume_at"] = self._resume_at(draft, node)
+        found["resume_at"] = self._transitions.resume_at(draft, node)
         return found
 
     def _read_actions(
         self, nodes: Sequence[ActionNode], scope: Scope, draft: Draft, key: str
     ) -> tuple[ActionCall, ...]:
-        return self._actions.read(nodes, scope, _path(draft.name, key))
+        return self._actions.read(nodes, scope, path_of(draft.name, key))
 
     def _initial(self, draft: Draft) -> str | None:
         written = draft.initial
@@ -434,13 +419,15 @@ class _Composer:
             siblings = draft.parent
             if written is None or siblings is None:
                 return None
-            return self._forest.resolve_child(written[0], siblings, written[1], _path(draft.name, "initial"))
+            return self._forest.resolve_child(
+                written[0], siblings, written[1], path_of(draft.name, "initial")
+            )
         if draft.kind is Kind.PARALLEL and written is not None:
             problem = "every child of a parallel state is entered, none of them first"
             self._findings.add(written[1], "wrong-shape", draft.name, problem, "leave 'initial' out")
             return None
         if written is not None:
-            return self._forest.resolve_child(written[0], draft, written[1], _path(draft.name, "initial"))
+            return self._forest.resolve_child(written[0], draft, written[1], path_of(draft.name, "initial"))
         if draft.kind is not Kind.COMPOUND:
             return None
         return self._only_child(draft)
@@ -463,7 +450,7 @@ class _Composer:
         return None
 
     def _itinerary(self, draft: Draft, node: ItineraryNode, outer: Scope) -> tuple[Itinerary | None, Scope]:
-        path = _path(draft.name, "itinerary")
+        path = path_of(draft.name, "itinerary")
         items = read_key(node, "items", list_of(ANY), outer, self._findings, path)
         item = (items.type.item if items is not None else None) or ANY
         sweeps = read_key(node, "sweeps", COUNT, outer, self._findings, path)
@@ -500,7 +487,7 @@ class _Composer:
         own = self._declared.by_file.get(part.title, {})
         found: dict[str, Typed] = {}
         for name, raw in node.with_.items():
-            path, place = _path(draft.name, f"with.{name}"), node.value_at("with", name)
+            path, place = path_of(draft.name, f"with.{name}"), node.value_at("with", name)
             if name not in own:
                 at = node.key_at("with", name)
                 self._findings.unknown(at, "unknown-parameter", path, "parameter of the part", name, own)
@@ -523,253 +510,19 @@ class _Composer:
         constant = read_constant(raw, place, wanted, self._findings, path)
         return literal(constant.value, wanted) if constant else None
 
-    def _any_event(self, draft: Draft) -> Scope:
-        """Return a state's scope with the event that led there, of which nothing is known beforehand."""
-        assert draft.scope is not None
-        return draft.scope.with_event(ANY)
-
-    # -- transitions ---------------------------------------------------------------------------------------
-
-    def _transitions(
-        self, draft: Draft, node: StateNode, invoke: Invoke | None, any_event: Scope
-    ) -> tuple[Transition, ...]:
-        """Compose what a state does about endings, events and time, in the order of the language."""
-        assert draft.scope is not None
-        scope = draft.scope
-        found: list[Transition] = []
-        if node.on_done:
-            ended = self._after(scope, names_when_done, invoke)
-            found += self._list(node.on_done, TransitionSite(draft, draft, "on_done", "done", ended))
-        if node.on_error:
-            failed = self._after(scope, names_when_failed, invoke)
-            found += self._list(node.on_error, TransitionSite(draft, draft, "on_error", "error", failed))
-        if node.on:
-            found += self._handlers(draft, node, node.on)
-        if node.always:
-            found += self._list(node.always, TransitionSite(draft, draft, "always", "", any_event))
-        for index, nodes in enumerate(node.after.values()):
-            found += self._list(
-                nodes, TransitionSite(draft, draft, f"after.{index}", f"after.{index}", any_event)
-            )
-        if node.budget is not None:
-            found.append(self._when_used_up(draft, node.budget))
-        return tuple(found)
-
-    def _after(self, scope: Scope, names: _Names, invoke: Invoke | None) -> Scope:
-        """Return what is seen after an operation, worked out once for all states that invoke it."""
-        key = (scope, names, invoke.name if invoke else "", invoke.timeout_code if invoke else None)
-        found = self._after_work.get(key)
-        if found is None:
-            found = self._after_work[key] = scope.with_names(names(invoke))
-        return found
-
-    def _handlers(
-        self, draft: Draft, holder: StateNode | FileNode, handlers: Mapping[str, list[TransitionNode]]
-    ) -> list[Transition]:
-        found: list[Transition] = []
-        for event, nodes in handlers.items():
-            # What an unknown event leads to is read all the same: a slip in its name hides no other.
-            known = self._is_event(event, holder, draft) or event.startswith("operator.")
-            found += self._handler(draft, event, nodes, event if known else f"unknown.{event}")
-        return found
-
-    def _handler(self, draft: Draft, event: str, nodes: list[TransitionNode], heard: str) -> list[Transition]:
-        copies = [node for node in nodes if node.use is not None]
-        if not copies:
-            scope = self._event_scope(draft, event)
-            return self._list(nodes, TransitionSite(draft, draft, f"on.{event}", heard, scope))
-        node, path = copies[0], _path(draft.name, f"on.{event}")
-        if len(nodes) > 1 or node.model_fields_set != {"use"}:
-            problem, hint = "'use' copies all that the other state answers", "let it stand alone"
-            self._findings.add(node.key_at("use"), "wrong-shape", path, problem, hint)
-            return []
-        return self._copy(draft, event, node, path)
-
-    def _copy(self, draft: Draft, event: str, node: TransitionNode, path: str) -> list[Transition]:
-        """Compose another state's transitions for an event again, with this state as their source."""
-        name = self._forest.resolve(node.use or "", draft, node, "use", path)
-        other = self._forest.drafts[name] if name is not None else None
-        if other is None:
-            return []
-        answers = other.node.on.get(event, []) if other.node else []
-        if not answers or any(answer.use for answer in answers):
-            problem = f"{other.name!r} has no answer of its own to {event!r}"
-            self._findings.add(node.at("use"), "unknown-state", path, problem, "name a state that answers it")
-            return []
-        if other.scope is None:
-            other.scope = self._outer(other)
-        site = TransitionSite(draft, other, f"on.{event}", event, self._event_scope(other, event))
-        return self._list(answers, site)
-
-    def _when_used_up(self, draft: Draft, node: BudgetNode) -> Transition:
-        """Compose what happens when the time of a state is used up."""
-        path = _path(draft.name, "budget")
-        check_code(node.code, node.at("code"), f"{path}.code", self._codes, self._findings)
-        return Transition(
-            id=path,
-            event="budget",
-            source=draft.name,
-            place=node.place,
-            target=self._forest.resolve(node.target, draft, node, "target", path),
-            actions=self._actions.read(node.do, self._any_event(draft), f"{path}.do"),
-            code=node.code,
-        )
-
-    def _is_event(self, event: str, holder: StateNode | FileNode, draft: Draft) -> bool:
-        """Tell whether an event that `holder` listens to can arrive."""
-        if event in self._events or event == "*":
-            return True
-        return self._check_event(event, holder.key_at("on", event), _path(draft.name, f"on.{event}"))
-
-    def _check_event(self, event: str, place: Place, path: str) -> bool:
-        if event.endswith(".*") and any(known.startswith(event[:-1]) for known in self._events):
-            if event.startswith("input."):
-                problem = "levels cannot be listened to all at once"
-                self._findings.add(place, "unknown-event", path, problem, "name each of them")
-                return False
-            return True
-        allowed = self._events
-        named = event.removeprefix("input.").partition(".")[0]
-        if event == f"input.{named}" and named in self._declared.inputs:
-            levels = [name for name in allowed if name.startswith(f"{event}.")]
-            problem = f"{event!r} is a {self._declared.inputs[named].type}, which is no event"
-            hint = nearest(event, levels) if levels else "only a yes or no, or a level, can be listened to"
-            self._findings.add(place, "unknown-event", path, problem, hint)
-            return False
-        self._findings.unknown(place, "unknown-event", path, "event", event, allowed)
-        return False
-
-    def _event_scope(self, draft: Draft, event: str) -> Scope:
-        assert draft.scope is not None
-        if event == "mission.start":
-            return draft.scope.with_event(_START)
-        if event in self._catalog.events:
-            return draft.scope.with_event(self._type_of(event))
-        return draft.scope.with_event(_NOTHING if event.startswith("operator.") else ANY)
-
-    def _type_of(self, event: str) -> Type:
-        """Return what is known of an event of a plugin, the same object every time."""
-        if event not in self._event_types:
-            self._event_types[event] = Type("record", "event", fields=self._catalog.events[event].fields)
-        return self._event_types[event]
-
-    def _list(self, nodes: Sequence[TransitionNode], site: TransitionSite) -> list[Transition]:
-        """Compose the transitions of one key of a state."""
-        self._heard.add(site.event)
-        prefix, found = _path(site.source.name, site.key), []
-        for index, node in enumerate(nodes):
-            id = prefix if index == 0 and site.key.startswith("after.") else f"{prefix}.{index}"
-            found.append(self._transition(node, id, site))
-        return found
-
-    def _transition(self, node: TransitionNode, id: str, site: TransitionSite) -> Transition:
-        event, scope, path = site.event, site.scope, _path(site.owner.name, site.key)
-        if node.use is not None:
-            problem = "only the answer to an event can be copied"
-            self._findings.add(node.key_at("use"), "wrong-shape", path, problem)
-        target, refuse, code = node.target, node.refuse, node.code
-        resolved = None
-        if target is not None:
-            resolved = self._forest.resolve(target, site.owner, node, "target", path)
-        if refuse is not None or code is not None:
-            self._check_codes(node, path)
-        if refuse is not None or target is None:
-            self._check_sense(node, event, path)
-        return Transition(
-            id,
-            event,
-            site.source.name,
-            node.place,
-            resolved,
-            self._guard(node, scope, path) if node.guard is not None else None,
-            self._actions.read(node.do, scope, f"{path}.do") if node.do else (),
-            refuse,
-            self._hold_names(node, "during", path) if node.during else _NO_HOLDS,
-            self._hold_names(node, "releases", path) if node.releases else _NO_HOLDS,
-            code,
-            node.internal,
-        )
-
-    def _guard(self, node: TransitionNode, scope: Scope, path: str) -> Expression | None:
-        """Read a guard; one with mistakes still counts as a guard for the rules that follow."""
-        if node.guard is None:
-            return None
-        place = node.at("guard")
-        found = read_guard(node.guard, place, scope, self._findings, f"{path}.guard")
-        return found or Expression(str(node.guard), place, BOOL, lambda _: False)
-
-    def _check_codes(self, node: TransitionNode, path: str) -> None:
-        for word in ("refuse", "code"):
-            code = getattr(node, word)
-            if code is not None:
-                check_code(code, node.at(word), path, self._codes, self._findings)
-
-    def _check_sense(self, node: TransitionNode, event: str, path: str) -> None:
-        """Refuse combinations that contradict themselves."""
-        is_request = event in self._catalog.profile.events or event.startswith("operator.")
-        if node.refuse is not None and not is_request:
-            problem = "only a request can be refused"
-            self._findings.add(node.key_at("refuse"), "wrong-shape", path, problem, "leave 'refuse' out")
-        elif node.refuse is not None and (node.target is not None or node.do):
-            problem = "a refusal changes nothing, so it has no target and no actions"
-            self._findings.add(node.key_at("refuse"), "wrong-shape", path, problem, "write two transitions")
-        elif event.startswith("input.") and node.target is None:
-            problem = f"while {event} is true this would be taken for ever"
-            self._findings.add(node.place, "level-without-target", path, problem, "add 'target: STATE'")
-
-    def _hold_names(self, node: TransitionNode, key: str, path: str) -> frozenset[str]:
-        found = set()
-        for index, name in enumerate(getattr(node, key)):
-            place = node.at(key, index)
-            hold = self._declared.holds.get(name)
-            if hold is None:
-                self._findings.unknown(place, "unknown-hold", path, "hold", name, self._declared.holds)
-            elif key == "releases" and hold.engage.startswith("input."):
-                problem = f"the hold {name!r} follows {hold.engage} and can only be released by a person"
-                self._findings.add(place, "releases-level-hold", path, problem, f"write 'during: {name}'")
-            else:
-                found.add(name)
-        return frozenset(found)
-
-    def _resume_at(self, draft: Draft, node: StateNode) -> tuple[Transition, ...]:
-        """Compose which child is entered on coming back; a use may decide otherwise than its part."""
-        own = node.resume_at or (draft.part.resume_at if draft.part else [])
-        if not own:
-            return ()
-        inner = draft.scope if node.resume_at else draft.inner
-        assert inner is not None
-        scope = inner.with_names({"event": ANY})
-        path = _path(draft.name, "resume_at")
-        found = []
-        for index, written in enumerate(own):
-            if written.target is None:
-                hint = "add 'target: CHILD'"
-                self._findings.add(written.place, "missing-key", path, "'resume_at' names a child", hint)
-                continue
-            target = self._forest.resolve_child(written.target, draft, written.at("target"), path)
-            guard = self._guard(written, scope, path)
-            found.append(
-                Transition(f"{path}.{index}", "resume", draft.name, written.place, target=target, guard=guard)
-            )
-        return tuple(found)
-
     def _timers(self, draft: Draft, node: StateNode, scope: Scope) -> Iterator[Timer]:
         for index, key in enumerate(node.after):
             text, event = node.text_of_key("after", key), f"after.{index}"
             place = text.place
-            value = read_value(text, place, DURATION, scope, self._findings, _path(draft.name, event))
+            value = read_value(text, place, DURATION, scope, self._findings, path_of(draft.name, event))
             if value is not None:
                 yield Timer(event, value, place)
 
     def _budget(self, draft: Draft, node: BudgetNode) -> Timer | None:
         assert draft.scope is not None
         scope = draft.scope.without("event", "the time is counted over all visits")
-        value = read_key(node, "after", DURATION, scope, self._findings, _path(draft.name, "budget"))
+        value = read_key(node, "after", DURATION, scope, self._findings, path_of(draft.name, "budget"))
         return None if value is None else Timer("budget", value, node.place)
-
-
-def _path(state: str, word: str) -> str:
-    return f"{state}.{word}" if state else word
 
 
 def _invoked(draft: Draft) -> Iterator[str]:
