@@ -25,7 +25,7 @@ LINT = ["ruff", "check"]
 TYPES = ["mypy"]
 # Tests over ROS 2 mostly wait. A module's nodes are started by one worker, so a file stays with one.
 QUICK = [*PYTEST, f"-n{CORES}", "-m", f"not ({MORE})", "--ignore=tests/ros"]
-ROS = [*PYTEST, f"-n{2 * CORES + 1}", "--dist=loadfile", "-m", MORE]
+ROS = [*PYTEST, f"-n{2 * CORES + 1}", "--dist=loadfile", "--no-loadscope-reorder", "-m", MORE]
 
 NO_TESTS = 5
 _CLOSING = re.compile(r"^(\x1b\[\d+m)*=+ .* in [\d.]+s.* =+(\x1b\[\d+m)*$")
