@@ -1,14 +1,20 @@
-"""How property tests run: the same few examples each time, however long one takes on this machine.
+"""How tests run: the longest first, and properties with the same few examples each time.
 
-So a failure can be repeated, and comes with the change that causes it. `--hypothesis-profile=search` looks
-for others, at random and for long.
+So a failure of a property can be repeated, and comes with the change that causes it.
+`--hypothesis-profile=search` looks for others, at random and for long.
 """
 
 from __future__ import annotations
 
+import pytest
 from hypothesis import HealthCheck, settings
 
 _SLOW = {"deadline": None, "suppress_health_check": [*settings().suppress_health_check, HealthCheck.too_slow]}
 settings.register_profile("suite", **_SLOW, max_examples=40, derandomize=True)
 settings.register_profile("search", **_SLOW, max_examples=2_000, derandomize=False)
 settings.load_profile("suite")
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Begin with the files that may take longest, by their timeout: else workers wait for the last one."""
+    items.sort(key=lambda item: -max((mark.args[0] for mark in item.iter_markers("timeout")), default=0.0))

@@ -12,8 +12,6 @@ from functools import cache
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
-import pytest
-
 ROOT = Path(__file__).parents[1]
 ENGINE = ROOT / "lupin_engine"
 PLUGINS = ROOT / "plugins"
@@ -75,10 +73,16 @@ def modules() -> dict[str, Path]:
 
 
 @cache
+def nodes(name: str) -> list[ast.AST]:
+    """Return all nodes of a module's source."""
+    return list(ast.walk(ast.parse(modules()[name].read_text(encoding="utf-8"))))
+
+
+@cache
 def imports(name: str) -> dict[str, int]:
     """Return what a module imports, as full module names, with the line; `from a import b` as `a.b` too."""
     found: dict[str, int] = {}
-    for node in ast.walk(ast.parse(modules()[name].read_text(encoding="utf-8"))):
+    for node in nodes(name):
         if isinstance(node, ast.Import):
             found.update({alias.name: node.lineno for alias in node.names})
         elif isinstance(node, ast.ImportFrom):
@@ -131,11 +135,10 @@ def breaches(name: str) -> Iterator[str]:
             yield f"{where}: {room} depends on nothing but its inputs"
 
 
-@pytest.mark.parametrize("name", engine_modules())
-def test_the_engine_keeps_the_rule(name: str) -> None:
+def test_the_engine_keeps_the_rule() -> None:
     """A room imports only what lies below it."""
-    assert room_of(name) in RULE, f"{name} is in no room"
-    assert list(breaches(name)) == []
+    assert [name for name in engine_modules() if room_of(name) not in RULE] == []
+    assert [breach for name in engine_modules() for breach in breaches(name)] == []
 
 
 def plugin_breaches(name: str) -> Iterator[str]:
@@ -154,10 +157,9 @@ def plugin_breaches(name: str) -> Iterator[str]:
             yield f"{where}: only {' and '.join(ROS_SIDE)} may"
 
 
-@pytest.mark.parametrize("name", plugin_modules())
-def test_plugins_keep_the_rule(name: str) -> None:
+def test_plugins_keep_the_rule() -> None:
     """A plugin knows the contract and nobody else; its client and node know ROS too."""
-    assert list(plugin_breaches(name)) == []
+    assert [breach for name in plugin_modules() for breach in plugin_breaches(name)] == []
 
 
 def circle(graph: Mapping[str, set[str]]) -> list[str]:
@@ -187,21 +189,18 @@ def test_a_circle_of_types_is_one() -> None:
     assert set(circle({**graph, used: graph[used] | {user}})) == {user, used}
 
 
-@pytest.mark.parametrize("name", engine_modules())
-def test_the_engine_names_no_plugin(name: str) -> None:
+def constants(name: str) -> set[str]:
+    """Return the texts of a module, docstrings left out."""
+    found = (node.value for node in nodes(name) if isinstance(node, ast.Constant))
+    texts = {value for value in found if isinstance(value, str)}
+    return texts - {ast.get_docstring(node, clean=False) for node in nodes(name) if _has_docstring(node)}
+
+
+def test_the_engine_names_no_plugin() -> None:
     """No module of the engine holds the name of a plugin's package, not even as text."""
     plugins = [path.name for path in PLUGINS.iterdir() if path.is_dir()]
-    text = modules()[name].read_text(encoding="utf-8")
-    code = {
-        node.value
-        for node in ast.walk(ast.parse(text))
-        if isinstance(node, ast.Constant) and isinstance(node.value, str)
-    }
-    documents = {
-        ast.get_docstring(node, clean=False) for node in ast.walk(ast.parse(text)) if _has_docstring(node)
-    }
-    for constant in code - documents:
-        assert not any(plugin in constant for plugin in plugins), constant
+    texts = {(name, text) for name in engine_modules() for text in constants(name)}
+    assert [(name, text) for name, text in texts if any(plugin in text for plugin in plugins)] == []
 
 
 def _has_docstring(node: ast.AST) -> bool:

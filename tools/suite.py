@@ -20,12 +20,13 @@ ROOT = Path(__file__).parents[1]
 CORES = os.cpu_count() or 1
 #: What a test needs beside Python; see `markers` in pyproject.toml.
 MORE = "ros or node or browser or broker"
-PYTEST = ["pytest", "--durations=10"]
+# A file stays with one worker: what a module makes once, nodes above all, is made once.
+PYTEST = ["pytest", "--durations=10", "--dist=loadfile", "--no-loadscope-reorder"]
 LINT = ["ruff", "check"]
 TYPES = ["mypy"]
-# Tests over ROS 2 mostly wait. A module's nodes are started by one worker, so a file stays with one.
 QUICK = [*PYTEST, f"-n{CORES}", "-m", f"not ({MORE})", "--ignore=tests/ros"]
-ROS = [*PYTEST, f"-n{2 * CORES + 1}", "--dist=loadfile", "--no-loadscope-reorder", "-m", MORE]
+# Tests over ROS 2 mostly wait.
+ROS = [*PYTEST, f"-n{2 * CORES + 1}", "-m", MORE]
 
 NO_TESTS = 5
 _CLOSING = re.compile(r"^(\x1b\[\d+m)*=+ .* in [\d.]+s.* =+(\x1b\[\d+m)*$")

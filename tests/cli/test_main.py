@@ -32,18 +32,20 @@ def test_help_imports_nothing_heavy() -> None:
     assert all(f"  {verb} " in output for verb in VERBS)
 
 
-@pytest.mark.parametrize("verb", VERBS)
-def test_the_help_of_a_verb_imports_nothing_heavy(verb: str) -> None:
+def test_the_help_of_a_verb_imports_nothing_heavy() -> None:
     """What a verb works with is imported when it works."""
     program = (
-        f"import sys; from lupin_engine.cli.main import main; code = main([{verb!r}, '--help']); "
-        f"print('HEAVY', code, sorted(set({HEAVY!r}) & set(sys.modules)))"
+        "import sys; from lupin_engine.cli.main import VERBS, main\n"
+        "for verb in VERBS:\n"
+        "    code = main([verb, '--help'])\n"
+        f"    print('HEAVY', verb, code, sorted(set({HEAVY!r}) & set(sys.modules)))"
     )
     output = subprocess.run(
         [sys.executable, "-c", program], capture_output=True, text=True, check=True
     ).stdout
-    assert output.splitlines()[-1] == "HEAVY 0 []"
-    assert output.startswith(f"Usage: lupin {verb} ")
+    said = [line for line in output.splitlines() if line.startswith("HEAVY")]
+    assert said == [f"HEAVY {verb} 0 []" for verb in VERBS]
+    assert all(f"Usage: lupin {verb} " in output for verb in VERBS)
 
 
 @pytest.mark.parametrize("verb", VERBS)

@@ -17,15 +17,11 @@ from tests.ros.world import Operator, World
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark all that lies below this folder, so that `-m "not ros"` leaves it out; the longest come first.
-
-    How long a file may take is told by its timeout: workers that share files would else wait for the last.
-    """
+    """Mark all that lies below this folder, so that `-m "not ros"` leaves it out."""
     here = Path(__file__).parent
     for item in items:
         if here in item.path.parents:
             item.add_marker("ros")
-    items.sort(key=lambda item: -max((mark.args[0] for mark in item.iter_markers("timeout")), default=0.0))
 
 
 @pytest.fixture(scope="session", autouse=True)
