@@ -7,12 +7,13 @@ nothing. The same lines give the same answers.
 from __future__ import annotations
 
 import shlex
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar
 
-from lupin_engine.chart.model import Chart
+from lupin_engine.chart.model import Chart, Field
 from lupin_engine.errors import LupinError, nearest
+from lupin_engine.machine.requests import Possibility
 from lupin_engine.machine.scope import World
 from lupin_engine.plugin.profile import START
 from lupin_engine.plugin.types import ANY, DURATION, Type, convert
@@ -48,12 +49,38 @@ class Wrong(Exception):
 
 @dataclass(frozen=True)
 class DebuggerCommand:
-    """A word that can be typed first: how it is written, what it does, and the words that can follow."""
+    """A word that can be typed first: how it is written, what it does, and the words that can follow.
+
+    `act` returns what there is to say, or what it lets happen. `first` are the words that can follow, `then`
+    those that can follow one of these.
+    """
 
     usage: str
     about: str
-    act: Callable[[Debugger, list[str]], list[TonedLine]]
-    words: Callable[[Debugger, list[str]], Iterable[str]] = lambda debugger, before: ()
+    act: Callable[[Any, list[str]], list[TonedLine] | Effect]
+    first: Callable[[Any], Iterable[str]]
+    then: Callable[[Any, str], Iterable[str]]
+
+
+#: What can be typed first, in the order in which help tells it.
+COMMANDS: dict[str, DebuggerCommand] = {}
+
+_Act = TypeVar("_Act", bound=Callable[[Any, list[str]], list[TonedLine] | Effect])
+
+
+def _command(
+    usage: str,
+    about: str,
+    first: Callable[[Any], Iterable[str]] = lambda debugger: (),
+    then: Callable[[Any, str], Iterable[str]] = lambda debugger, word: (),
+) -> Callable[[_Act], _Act]:
+    """Make a method of the debugger what the first word of `usage` does."""
+
+    def register(act: _Act) -> _Act:
+        COMMANDS[usage.split()[0]] = DebuggerCommand(usage, about, act, first, then)
+        return act
+
+    return register
 
 
 class Debugger:
@@ -109,10 +136,9 @@ class Debugger:
         if not words:
             return []
         try:
-            return self._command(words[0]).act(self, words[1:])
-        except Wrong as problem:
-            return _refused(str(problem))
-        except LupinError as problem:
+            come = _known(words[0]).act(self, words[1:])
+            return come if isinstance(come, list) else self._let(" ".join(words), come)
+        except (Wrong, LupinError) as problem:
             return _refused(str(problem))
 
     def complete(self, line: str) -> list[str]:
@@ -122,7 +148,9 @@ class Debugger:
         if not before:
             return [name for name in COMMANDS if name.startswith(last)]
         command = COMMANDS.get(before[0])
-        words = command.words(self, before[1:]) if command else ()
+        if command is None:
+            return []
+        words = command.then(self, before[1]) if before[1:] else command.first(self)
         return sorted({word for word in words if word.startswith(last)})
 
     def interrupted(self) -> list[TonedLine]:
@@ -130,177 +158,50 @@ class Debugger:
         self._rewindable.again()
         return [*self._news(), [("interrupted", "note")]]
 
-    # -- what happens -------------------------------------------------------------------------------------
-
-    def _command(self, word: str) -> DebuggerCommand:
-        if word not in COMMANDS:
-            raise Wrong(f"unknown command {word!r}; {nearest(word, COMMANDS)}")
-        return COMMANDS[word]
-
-    def _news(self) -> list[TonedLine]:
-        """Tell the steps that were not told yet."""
-        lines = tell(self._chart, self.simulation.history, self._told)
-        self._told = len(self.simulation.steps)
-        return [row for line in lines for row in laid_out(line, self._columns)]
-
-    def _let(self, text: str, what: Effect) -> list[TonedLine]:
-        """Let something happen and tell what comes of it."""
-        if not self._rewindable.do(effect(text, what)):
-            raise Wrong("nothing came of that")
-        return self._news() or [[("nothing came of that", "dim")]]
-
-    def _step(self) -> list[TonedLine]:
-        """Let the next thing happen that is worth a line."""
-        news: list[TonedLine] = []
-        done = 0
-        while not news and done < _SILENT and self._rewindable.do(go_on(1)):
-            done += 1
-            news = self._news()
-        self._rewindable.join(done)
-        return news
-
-    def start(self, words: list[str]) -> list[TonedLine]:
-        """Start the mission."""
-        fields = self._chart.missions[self._script.mission].request
-        data = self._fields(words, {name: field.type for name, field in fields.items()})
-        return self._let(_typed("start", words), Ask(START, data))
-
-    def send(self, words: list[str]) -> list[TonedLine]:
-        """Let an operator ask for something, or a plugin tell something."""
-        name = _first(words, "which event", self.event_names())
-        if name == START:
-            return self.start(words[1:])
-        if name in self._chart.profile.requests:
-            name = f"operator.{name}"
-        if name in self._chart.profile.events:
-            return self._let(_typed("send", words), Ask(name, self._fields(words[1:], {})))
-        if name not in self._catalog.events:
-            raise Wrong(f"unknown event {name!r}; {nearest(name, self.event_names())}")
-        fields = self._fields(words[1:], self._catalog.events[name].fields)
-        return self._let(_typed("send", words), Happen(name, fields))
-
-    def set(self, words: list[str]) -> list[TonedLine]:
-        """Let a live value change."""
-        names = self.value_names()
-        name = _first(words, "which value", names)
-        if name not in names:
-            raise Wrong(f"unknown value {name!r}; {nearest(name, names)}")
-        if len(words) < 2:
-            raise Wrong(f"to what? {name} is a {self._catalog.values[names[name]].type}")
-        value = self._value(name, " ".join(words[1:]), self._catalog.values[names[name]].type)
-        return self._let(_typed("set", words), Tell(names[name], value))
-
-    def fail(self, words: list[str]) -> list[TonedLine]:
-        """Let an operation under way fail."""
-        operation = self._under_way(words)
-        codes = [code.name for code in self._catalog.operations[operation].codes]
-        code = _first(words[1:], "with which code", codes)
-        if code not in codes:
-            raise Wrong(f"{operation} has no code {code!r}; {nearest(code, codes)}")
-        return self._let(_typed("fail", words), End(operation, code, " ".join(words[2:])))
-
-    def done(self, words: list[str]) -> list[TonedLine]:
-        """Let an operation under way end well."""
-        operation = self._under_way(words)
-        fields = self._fields(words[1:], self._catalog.operations[operation].result)
-        return self._let(_typed("done", words), End(operation, result=fields))
-
-    def step(self, words: list[str]) -> list[TonedLine]:
-        """Let the next things happen by themselves."""
-        rows: list[TonedLine] = []
-        for _ in range(_count(words)):
-            news = self._step()
-            rows += news
-            if not news:
-                return [*rows, self._stands_still()]
-        return rows
-
-    def run(self, words: list[str]) -> list[TonedLine]:
-        """Go on for a while, to a state, or to the end."""
-        text = " ".join(words)
-        if text[:1].isdigit():
-            return self._run_for(self._duration(text))
-        if text and text not in self.state_names():
-            raise Wrong(f"no state {text!r}; {nearest(text, self.state_names())}")
-        rows: list[TonedLine] = []
-        for _ in range(MOST_STEPS):
-            if self.simulation.is_over:
-                return [*rows, [(f"the mission is over: {self._lifecycle()}", "note")]]
-            before = len(self.simulation.steps)
-            news = self._step()
-            rows += news
-            if not news:
-                return [*rows, self._stands_still()]
-            entered = (name for step in self.simulation.steps[before:] for name in step.entered)
-            if text and any(is_named(name, text) for name in entered):
-                return rows
-        return [*rows, [(f"stopped after {MOST_STEPS} steps; run goes on", "note")]]
-
-    def _run_for(self, seconds: float) -> list[TonedLine]:
-        end = self.simulation.now + seconds
-        rows: list[TonedLine] = []
-        for _ in range(MOST_STEPS):
-            due = self.simulation.next_due
-            if due is None or due > end:
-                self._rewindable.do(wait_until(end))
-                return rows
-            self._rewindable.do(go_on(1))
-            rows += self._news()
-        return [*rows, [(f"stopped after {MOST_STEPS} steps; run goes on", "note")]]
-
-    def back(self, words: list[str]) -> list[TonedLine]:
-        """Take moves back."""
-        if not self._rewindable.moves:
-            raise Wrong("there is nothing to take back")
-        taken = self._rewindable.back(_count(words))
-        self._told = len(self.simulation.steps)
-        return [[(f"took back {_summed(taken)}", "note")]]
-
-    # -- what there is to see -----------------------------------------------------------------------------
-
-    def why(self, words: list[str]) -> list[TonedLine]:
-        """Tell what is possible now, and why not the rest."""
-        found = {p.event: p for p in self.simulation.machine.explain(self.simulation.now)}
-        if not words:
-            return panels.possibilities(self._chart, found.values())
-        name = f"operator.{words[0]}" if f"operator.{words[0]}" in found else words[0]
-        if name not in found:
-            names = {*found, *(event.removeprefix("operator.") for event in found)}
-            raise Wrong(f"nothing listens to {name!r}; {nearest(name, names)}")
-        return panels.possibility(self._chart, found[name])
-
-    def where(self, words: list[str]) -> list[TonedLine]:
-        """Tell where the machine is and what is under way."""
-        return panels.where(self._chart, self.simulation.machine.view)
-
-    def inputs(self, words: list[str]) -> list[TonedLine]:
-        """Tell the live values."""
-        return panels.inputs(self._chart, self.simulation)
-
-    def timers(self, words: list[str]) -> list[TonedLine]:
-        """Tell what will happen by itself."""
-        return panels.timers(self._chart, self.simulation)
-
-    def history(self, words: list[str]) -> list[TonedLine]:
-        """Tell the moves that led here."""
-        rows: list[TonedLine] = []
-        for number, move in enumerate(self._rewindable.moves, 1):
-            rows.append([(f"{number:5}  ", "dim"), (move.text, "")])
-        return rows or [[("no moves so far", "dim")]]
-
-    def help(self, words: list[str]) -> list[TonedLine]:
-        """Tell what can be typed."""
-        if words:
-            command = self._command(words[0])
-            return [[(command.usage, "bold")], [(f"  {command.about}", "")]]
-        return [panels.labelled(command.usage, command.about, width=32) for command in COMMANDS.values()]
-
-    def quit(self, words: list[str]) -> list[TonedLine]:
-        """End the debugger."""
-        self.over = True
-        return []
-
     # -- names and values ---------------------------------------------------------------------------------
+
+    @property
+    def _request(self) -> Mapping[str, Field]:
+        return self._chart.missions[self._script.mission].request
+
+    def _request_words(self, before: str = "") -> list[str]:
+        return [f"{name}=" for name in self._request]
+
+    def _event_words(self, event: str) -> list[str]:
+        if event == START:
+            return self._request_words()
+        known = self._catalog.events.get(event)
+        return [f"{name}=" for name in known.fields] if known else []
+
+    def _choices(self, name: str) -> Iterable[str]:
+        """Return what a live value can be, where that is one of a few words."""
+        names = self.value_names()
+        if name not in names:
+            return ()
+        kind = self._catalog.values[names[name]].type
+        return ("true", "false") if kind.kind == "bool" else kind.values
+
+    def _codes(self, operation: str) -> list[str]:
+        known = self._catalog.operations.get(operation)
+        return [code.name for code in known.codes] if known else []
+
+    def _results(self, operation: str) -> Mapping[str, Type]:
+        known = self._catalog.operations.get(operation)
+        return known.result if known else {}
+
+    def _result_words(self, operation: str) -> list[str]:
+        return [f"{name}=" for name in self._results(operation)]
+
+    def _possible(self) -> dict[str, Possibility]:
+        return {found.event: found for found in self.simulation.machine.explain(self.simulation.now)}
+
+    def _listened_to(self) -> set[str]:
+        """Return the events of which something can be told, requests also without their first word."""
+        found = self._possible()
+        return {*found, *(event.removeprefix("operator.") for event in found)}
+
+    def _command_names(self) -> list[str]:
+        return list(COMMANDS)
 
     def event_names(self) -> list[str]:
         """Return what can be sent: requests, also without their first word, and the plugins' events."""
@@ -378,6 +279,173 @@ class Debugger:
         waits = "it waits for the operator" if view.paused else "nothing will happen by itself"
         return [(f"{waits}; why tells what is possible", "note")]
 
+    # -- what happens -------------------------------------------------------------------------------------
+
+    def _news(self) -> list[TonedLine]:
+        """Tell the steps that were not told yet."""
+        lines = tell(self._chart, self.simulation.history, self._told)
+        self._told = len(self.simulation.steps)
+        return [row for line in lines for row in laid_out(line, self._columns)]
+
+    def _let(self, text: str, what: Effect) -> list[TonedLine]:
+        """Let something happen and tell what comes of it."""
+        if not self._rewindable.do(effect(text, what)):
+            raise Wrong("nothing came of that")
+        return self._news() or [[("nothing came of that", "dim")]]
+
+    def _step(self) -> list[TonedLine]:
+        """Let the next thing happen that is worth a line."""
+        news: list[TonedLine] = []
+        done = 0
+        while not news and done < _SILENT and self._rewindable.do(go_on(1)):
+            done += 1
+            news = self._news()
+        self._rewindable.join(done)
+        return news
+
+    @_command(
+        "start [NAME=VALUE ...]", "start the mission; fields of its request", _request_words, _request_words
+    )
+    def _start(self, words: list[str]) -> Effect:
+        data = self._fields(words, {name: field.type for name, field in self._request.items()})
+        return Ask(START, data)
+
+    @_command("send EVENT [NAME=VALUE ...]", "an operator asks, or a plugin tells", event_names, _event_words)
+    def _send(self, words: list[str]) -> Effect:
+        name = _first(words, "which event", self.event_names())
+        if name == START:
+            return self._start(words[1:])
+        if name in self._chart.profile.requests:
+            name = f"operator.{name}"
+        if name in self._chart.profile.events:
+            return Ask(name, self._fields(words[1:], {}))
+        if name not in self._catalog.events:
+            raise Wrong(f"unknown event {name!r}; {nearest(name, self.event_names())}")
+        return Happen(name, self._fields(words[1:], self._catalog.events[name].fields))
+
+    @_command("set VALUE X", "a live value changes", value_names, _choices)
+    def _set(self, words: list[str]) -> Effect:
+        names = self.value_names()
+        name = _first(words, "which value", names)
+        if name not in names:
+            raise Wrong(f"unknown value {name!r}; {nearest(name, names)}")
+        if len(words) < 2:
+            raise Wrong(f"to what? {name} is a {self._catalog.values[names[name]].type}")
+        value = self._value(name, " ".join(words[1:]), self._catalog.values[names[name]].type)
+        return Tell(names[name], value)
+
+    @_command("fail OPERATION CODE [TEXT]", "an operation under way fails", operations_under_way, _codes)
+    def _fail(self, words: list[str]) -> Effect:
+        operation = self._under_way(words)
+        codes = self._codes(operation)
+        code = _first(words[1:], "with which code", codes)
+        if code not in codes:
+            raise Wrong(f"{operation} has no code {code!r}; {nearest(code, codes)}")
+        return End(operation, code, " ".join(words[2:]))
+
+    @_command(
+        "done OPERATION [NAME=VALUE ...]",
+        "an operation under way ends well",
+        operations_under_way,
+        _result_words,
+    )
+    def _done(self, words: list[str]) -> Effect:
+        operation = self._under_way(words)
+        return End(operation, result=self._fields(words[1:], self._results(operation)))
+
+    @_command("step [N]", "let the next thing happen")
+    def _steps(self, words: list[str]) -> list[TonedLine]:
+        rows: list[TonedLine] = []
+        for _ in range(_count(words)):
+            news = self._step()
+            rows += news
+            if not news:
+                return [*rows, self._stands_still()]
+        return rows
+
+    @_command("run [DURATION | STATE]", "go on to the end, so long, or until there", state_names)
+    def _run(self, words: list[str]) -> list[TonedLine]:
+        text = " ".join(words)
+        if text[:1].isdigit():
+            return self._run_for(self._duration(text))
+        if text and text not in self.state_names():
+            raise Wrong(f"no state {text!r}; {nearest(text, self.state_names())}")
+        rows: list[TonedLine] = []
+        for _ in range(MOST_STEPS):
+            if self.simulation.is_over:
+                return [*rows, [(f"the mission is over: {self._lifecycle()}", "note")]]
+            before = len(self.simulation.steps)
+            news = self._step()
+            rows += news
+            if not news:
+                return [*rows, self._stands_still()]
+            entered = (name for step in self.simulation.steps[before:] for name in step.entered)
+            if text and any(is_named(name, text) for name in entered):
+                return rows
+        return [*rows, [(f"stopped after {MOST_STEPS} steps; run goes on", "note")]]
+
+    def _run_for(self, seconds: float) -> list[TonedLine]:
+        end = self.simulation.now + seconds
+        rows: list[TonedLine] = []
+        for _ in range(MOST_STEPS):
+            due = self.simulation.next_due
+            if due is None or due > end:
+                self._rewindable.do(wait_until(end))
+                return rows
+            self._rewindable.do(go_on(1))
+            rows += self._news()
+        return [*rows, [(f"stopped after {MOST_STEPS} steps; run goes on", "note")]]
+
+    @_command("back [N]", "take the last moves back, with all that came of them")
+    def _back(self, words: list[str]) -> list[TonedLine]:
+        if not self._rewindable.moves:
+            raise Wrong("there is nothing to take back")
+        taken = self._rewindable.back(_count(words))
+        self._told = len(self.simulation.steps)
+        return [[(f"took back {_summed(taken)}", "note")]]
+
+    # -- what there is to see -----------------------------------------------------------------------------
+
+    @_command("why [EVENT]", "what is possible now, and why not the rest", _listened_to)
+    def _why(self, words: list[str]) -> list[TonedLine]:
+        found = self._possible()
+        if not words:
+            return panels.possibilities(self._chart, found.values())
+        name = f"operator.{words[0]}" if f"operator.{words[0]}" in found else words[0]
+        if name not in found:
+            raise Wrong(f"nothing listens to {name!r}; {nearest(name, self._listened_to())}")
+        return panels.possibility(self._chart, found[name])
+
+    @_command("where", "the state, the target, what is under way")
+    def _where(self, words: list[str]) -> list[TonedLine]:
+        return panels.where(self._chart, self.simulation.machine.view)
+
+    @_command("inputs", "the live values")
+    def _inputs(self, words: list[str]) -> list[TonedLine]:
+        return panels.inputs(self._chart, self.simulation)
+
+    @_command("timers", "what will happen by itself, and when")
+    def _timers(self, words: list[str]) -> list[TonedLine]:
+        return panels.timers(self._chart, self.simulation)
+
+    @_command("history", "the moves that led here")
+    def _history(self, words: list[str]) -> list[TonedLine]:
+        moves = enumerate(self._rewindable.moves, 1)
+        rows = [[(f"{number:5}  ", "dim"), (move.text, "")] for number, move in moves]
+        return rows or [[("no moves so far", "dim")]]
+
+    @_command("help [COMMAND]", "this list", _command_names)
+    def _help(self, words: list[str]) -> list[TonedLine]:
+        if words:
+            command = _known(words[0])
+            return [[(command.usage, "bold")], [(f"  {command.about}", "")]]
+        return [panels.labelled(command.usage, command.about, width=32) for command in COMMANDS.values()]
+
+    @_command("quit", "end")
+    def _quit(self, words: list[str]) -> list[TonedLine]:
+        self.over = True
+        return []
+
 
 # -- small pieces -----------------------------------------------------------------------------------------
 
@@ -394,12 +462,13 @@ def _count(words: list[str]) -> int:
     digits = words[0].lstrip("0")
     if not (digits.isascii() and digits.isdecimal()):
         raise Wrong(f"{words[0]!r} is no number of moves; write 1 or more")
-    # Python reads no number of more than 4,300 digits, and nobody means one.
     return MOST_STEPS if len(digits) > _MOST_DIGITS else min(int(digits), MOST_STEPS)
 
 
-def _typed(command: str, words: list[str]) -> str:
-    return " ".join([command, *words])
+def _known(word: str) -> DebuggerCommand:
+    if word not in COMMANDS:
+        raise Wrong(f"unknown command {word!r}; {nearest(word, COMMANDS)}")
+    return COMMANDS[word]
 
 
 def _refused(text: str) -> list[TonedLine]:
@@ -411,89 +480,3 @@ def _summed(moves: list[Move]) -> str:
     texts = list(dict.fromkeys(move.text for move in reversed(moves)))
     counts = {text: sum(move.text == text for move in moves) for text in texts}
     return ", ".join(f"{counts[text]} x {text}" if counts[text] > 1 else text for text in texts)
-
-
-# -- what can be typed ------------------------------------------------------------------------------------
-
-
-def _start_words(debugger: Debugger, before: list[str]) -> Iterator[str]:
-    mission = debugger._chart.missions[debugger._script.mission]
-    yield from (f"{name}=" for name in mission.request)
-
-
-def _send_words(debugger: Debugger, before: list[str]) -> Iterator[str]:
-    if not before:
-        yield from debugger.event_names()
-    elif before[0] == START:
-        yield from _start_words(debugger, [])
-    elif before[0] in debugger._catalog.events:
-        yield from (f"{name}=" for name in debugger._catalog.events[before[0]].fields)
-
-
-def _set_words(debugger: Debugger, before: list[str]) -> Iterator[str]:
-    names = debugger.value_names()
-    if not before:
-        yield from names
-    elif before[0] in names:
-        kind = debugger._catalog.values[names[before[0]]].type
-        yield from ("true", "false") if kind.kind == "bool" else kind.values
-
-
-def _fail_words(debugger: Debugger, before: list[str]) -> Iterator[str]:
-    if not before:
-        yield from debugger.operations_under_way()
-    elif len(before) == 1 and before[0] in debugger._catalog.operations:
-        yield from (code.name for code in debugger._catalog.operations[before[0]].codes)
-
-
-def _done_words(debugger: Debugger, before: list[str]) -> Iterator[str]:
-    if not before:
-        yield from debugger.operations_under_way()
-    elif before[0] in debugger._catalog.operations:
-        yield from (f"{name}=" for name in debugger._catalog.operations[before[0]].result)
-
-
-def _run_words(debugger: Debugger, before: list[str]) -> Iterable[str]:
-    return debugger.state_names() if not before else ()
-
-
-def _why_words(debugger: Debugger, before: list[str]) -> Iterable[str]:
-    if before:
-        return ()
-    events = [found.event for found in debugger.simulation.machine.explain(debugger.simulation.now)]
-    return [*events, *(name.removeprefix("operator.") for name in events)]
-
-
-COMMANDS: Mapping[str, DebuggerCommand] = {
-    "start": DebuggerCommand(
-        "start [NAME=VALUE ...]", "start the mission; fields of its request", Debugger.start, _start_words
-    ),
-    "send": DebuggerCommand(
-        "send EVENT [NAME=VALUE ...]", "an operator asks, or a plugin tells", Debugger.send, _send_words
-    ),
-    "set": DebuggerCommand("set VALUE X", "a live value changes", Debugger.set, _set_words),
-    "fail": DebuggerCommand(
-        "fail OPERATION CODE [TEXT]", "an operation under way fails", Debugger.fail, _fail_words
-    ),
-    "done": DebuggerCommand(
-        "done OPERATION [NAME=VALUE ...]", "an operation under way ends well", Debugger.done, _done_words
-    ),
-    "step": DebuggerCommand("step [N]", "let the next thing happen", Debugger.step),
-    "run": DebuggerCommand(
-        "run [DURATION | STATE]", "go on to the end, so long, or until there", Debugger.run, _run_words
-    ),
-    "back": DebuggerCommand(
-        "back [N]", "take the last moves back, with all that came of them", Debugger.back
-    ),
-    "why": DebuggerCommand(
-        "why [EVENT]", "what is possible now, and why not the rest", Debugger.why, _why_words
-    ),
-    "where": DebuggerCommand("where", "the state, the target, what is under way", Debugger.where),
-    "inputs": DebuggerCommand("inputs", "the live values", Debugger.inputs),
-    "timers": DebuggerCommand("timers", "what will happen by itself, and when", Debugger.timers),
-    "history": DebuggerCommand("history", "the moves that led here", Debugger.history),
-    "help": DebuggerCommand(
-        "help [COMMAND]", "this list", Debugger.help, lambda debugger, before: () if before else COMMANDS
-    ),
-    "quit": DebuggerCommand("quit", "end", Debugger.quit),
-}
