@@ -249,7 +249,7 @@ class Debugger:
         return found
 
     def _request_value(self, name: str, text: str, kind: Type) -> Any:
-        """Read a field; one of a plugin's type, such as a tag, is left to the plugin's reader."""
+        """Read a field; one of a plugin's type is left to the plugin's reader."""
         item = kind.item
         if kind.name in self._world.readers:
             return text

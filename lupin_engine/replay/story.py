@@ -9,7 +9,7 @@ from textwrap import wrap
 
 from lupin_engine.sim.narration import StepLine
 
-#: A text and what it is about: "time", "state", "event", "refused", "note", "command" or a target's status.
+#: A text and its tone: "time", "state", "event", "refused", "note", "command" or the rating of an outcome.
 TonedText = tuple[str, str]
 #: A line in texts that can be coloured.
 TonedLine = list[TonedText]
@@ -60,8 +60,8 @@ def laid_out(line: StepLine, columns: Columns) -> Iterator[TonedLine]:
     states = [(text, "state") for text in _wrapped(line.moved, max(1, columns.state))]
     events = [(text, "refused" if line.refused else "event") for text in wrap(line.event, columns.event)]
     commands = [
-        (text, _tone(command))
-        for command in line.commanded
+        (text, rating or "command")
+        for command, rating in line.commanded
         for text in wrap(
             command, columns.command or columns.event, max_lines=_COMMAND_LINES, placeholder=" ..."
         )
@@ -110,8 +110,3 @@ def _row(cells: list[tuple[str, str, int]]) -> TonedLine:
         cells.pop()
     padded = [(f"{text:<{width}}", tone) for text, tone, width in cells[:-1]]
     return padded + [(text, tone) for text, tone, _ in cells[-1:]]
-
-
-def _tone(command: str) -> str:
-    words = command.split()
-    return words[2] if words[0] == "publish" and len(words) > 2 else "command"

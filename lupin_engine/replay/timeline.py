@@ -10,8 +10,8 @@ from dataclasses import dataclass, replace
 
 from lupin_engine.chart.model import Chart
 from lupin_engine.machine.step import Step
-from lupin_engine.plugin.profile import Publish
 from lupin_engine.plugin.types import NUMBER
+from lupin_engine.sim.narration import rating
 from lupin_engine.sim.simulation import Run, label_of
 
 
@@ -19,6 +19,7 @@ from lupin_engine.sim.simulation import Run, label_of
 class Bar:
     """Something that lasted. `text` is what it was, `outcome` how it ended, `detail` why.
 
+    For a visit `rating` is what its outcome means (see `plugin.profile.Rating`).
     For an attempt `tries` counts from 1 and `wanted_until` is when it was cancelled, else its end.
     """
 
@@ -29,6 +30,7 @@ class Bar:
     detail: str = ""
     tries: int = 1
     wanted_until: float | None = None
+    rating: str = ""
 
     @property
     def seconds(self) -> float:
@@ -129,7 +131,10 @@ def _targets(run: Run) -> tuple[Bar, ...]:
     for step, publish in run.history.published:
         for index, bar in enumerate(bars):
             if bar.text == publish.target and not bar.outcome and bar.begin <= step.time <= bar.end:
-                bars[index] = replace(bar, outcome=publish.status, detail=_reason(publish))
+                means = rating(run.chart, publish.status)
+                bars[index] = replace(
+                    bar, outcome=publish.status, detail=publish.detail or publish.code, rating=means
+                )
                 break
     return tuple(bars)
 
@@ -138,10 +143,6 @@ def _target(chart: Chart, step: Step) -> str | None:
     """Return the target after a step, None where it is as before."""
     now = label_of(chart, step.configuration), _phase(chart, step)
     return next((m.target for m in reversed(step.trail) if (m.lifecycle, m.phase) == now), None)
-
-
-def _reason(publish: Publish) -> str:
-    return publish.detail or publish.code
 
 
 def _attempts(run: Run) -> Iterator[Bar]:

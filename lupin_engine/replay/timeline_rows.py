@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
+from lupin_engine.plugin.profile import Rating
 from lupin_engine.replay.timeline import Bar, Curve, Lane, Tick, Timeline
 from lupin_engine.runtime.history import FAILED
 
@@ -84,7 +85,7 @@ def tick_text(tick: Tick) -> str:
 
 def inside(bar: Bar, kind: str) -> Iterator[str]:
     """Yield what could be written into a bar, the best first: what its row does not say already."""
-    why = bar.detail.partition(" ")[0] if bar.outcome and bar.outcome != "OK" else ""
+    why = bar.detail.partition(" ")[0] if bar.outcome and bar.rating != Rating.GOOD.value else ""
     if kind == TARGET:
         yield f"{bar.text} {why}".rstrip()
         yield bar.text

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping
 from html import escape
 from typing import Any
 
+from lupin_engine.plugin.profile import Rating
 from lupin_engine.replay.timeline import Bar, Curve, Timeline
 from lupin_engine.replay.timeline_rows import (
     CURVE,
@@ -41,10 +42,9 @@ _COLOURS = {
     TIMED_OUT: "#e08a1e",
     CANCELLED: "#9aa5b1",
     OPEN: "#5b8def",
-    "OK": "#3f9d63",
-    "UNREACHABLE": "#cf4458",
-    "SCAN_FAILED": "#cf4458",
-    "SKIPPED": "#e0b31e",
+    Rating.GOOD.value: "#3f9d63",
+    Rating.BAD.value: "#cf4458",
+    Rating.LEFT_OUT.value: "#e0b31e",
 }
 _KINDS = {STATE: "#4c6ef5", PHASE: "#8c9eff", HOLD: "#e0b31e", FLAG: "#cf4458"}
 _LINE, _OPEN_VISIT = "#3b7dd8", "#c3cad2"
@@ -146,7 +146,7 @@ class _SvgTimeline:
         width = max(end - x, 1.2)
         yield f"<g>{_title(told(bar))}"
         edge = f' stroke="{_INK}" stroke-width="1.2"' if bar.tries > 1 else ""
-        colour = _KINDS.get(kind) or _COLOURS.get(bar.outcome, _OPEN_VISIT)
+        colour = _KINDS.get(kind) or _COLOURS.get(bar.rating or bar.outcome, _OPEN_VISIT)
         yield _rect(x, top, width, _BAR, colour, f' rx="2"{edge}')
         if bar.wanted_until is not None and bar.wanted_until < bar.end:
             wanted = self._x(bar.wanted_until)

@@ -166,7 +166,7 @@ class _TextTimeline:
             shown = self._signs.edge + name
             for cell in range(begin, end):
                 offset = cell - begin
-                cells[cell] = (shown[offset] if offset < len(shown) else " ", bar.outcome or "open")
+                cells[cell] = (shown[offset] if offset < len(shown) else " ", bar.rating or "open")
         return cells
 
     def _curve(self, curve: Curve) -> Iterator[str]:

@@ -18,12 +18,15 @@ _WIDTH = 48
 
 @dataclass(frozen=True)
 class StepLine:
-    """One step: `moved` is where it led (empty: nowhere), `commanded` what follows, `notes` why (not)."""
+    """One step: `moved` is where it led (empty: nowhere), `commanded` what follows, `notes` why (not).
+
+    With each command stands what the outcome is rated that it publishes; '' for every other command.
+    """
 
     time: float
     event: str
     moved: str
-    commanded: tuple[str, ...]
+    commanded: tuple[tuple[str, str], ...]
     notes: tuple[str, ...]
     refused: bool = False
 
@@ -31,7 +34,7 @@ class StepLine:
         parts = (
             f"{self.time:8.1f} s  {self.event}",
             f"-> {self.moved}" if self.moved else "",
-            *self.commanded,
+            *(text for text, _ in self.commanded),
         )
         return "   ".join(part for part in (*parts, *self.notes) if part)
 
@@ -80,10 +83,13 @@ class _Narrator:
             time=step.time,
             event=self._event(step),
             moved=self._moved(step),
-            commanded=tuple(_command(command) for command in step.commands),
+            commanded=tuple((_command(command), self._rating(command)) for command in step.commands),
             notes=(*step.notes, *(() if step.refusal else map(str, step.why))),
             refused=step.accepted is False,
         )
+
+    def _rating(self, command: Command) -> str:
+        return rating(self._chart, command.status) if isinstance(command, Publish) else ""
 
     def _event(self, step: Step) -> str:
         event = step.event
@@ -127,6 +133,11 @@ class _Narrator:
         passed = [short_name(self._chart, name) for name in told if name not in step.configuration]
         here = dict.fromkeys(short_name(self._chart, name) for name in told if name in step.configuration)
         return " -> ".join([*passed, *([" + ".join(here)] if here else [])])
+
+
+def rating(chart: Chart, status: str) -> str:
+    """Return what an outcome of a target means to whoever looks at a run; '' where it has none yet."""
+    return next((known.rating.value for known in chart.profile.outcomes if known.name == status), "")
 
 
 def _command(command: Command) -> str:

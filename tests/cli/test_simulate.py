@@ -119,10 +119,15 @@ def test_regions_entered_together_are_told_as_such() -> None:
 def test_refusals_and_notes_stand_out() -> None:
     """Each piece of a line knows what it is about; the terminal colours it."""
     line = StepLine(
-        1.0, "operator.pause REFUSED: no", "", ("publish 2 SKIPPED", "cancel nav.go_to"), ("why",), True
+        1.0,
+        "operator.pause REFUSED: no",
+        "",
+        (("publish 2 SKIPPED", "left out"), ("cancel nav.go_to", "")),
+        ("why",),
+        True,
     )
     tones = [tone for row in laid_out(line, columns_for([line], 120)) for text, tone in row if text.strip()]
-    assert tones == ["time", "refused", "SKIPPED", "command", "note"]
+    assert tones == ["time", "refused", "left out", "command", "note"]
 
 
 # -- the figures ------------------------------------------------------------------------------------------
