@@ -6,51 +6,74 @@ the step goes on, so a configuration is never left half-way.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Container, Iterable, Mapping
 from typing import Any
 
-from lupin_engine.chart.model import ActionCall
+from lupin_engine.chart.model import ActionCall, Chart
 from lupin_engine.errors import reason
 from lupin_engine.machine.event import Act, InternalEvent, Report, Trigger
 from lupin_engine.machine.itineraries import Itineraries
-from lupin_engine.machine.memory import Traversal, Visit
-from lupin_engine.machine.scope import EvaluationScope, evaluated
+from lupin_engine.machine.memory import Visit
+from lupin_engine.machine.scope import CONTEXT, EvaluationScope, check_range, worked_out
 from lupin_engine.machine.step import Macrostep
 from lupin_engine.plugin.profile import Publication
+
+
+class CompiledAction:
+    """An action with what is known of it before it is carried out.
+
+    `checked` are the arguments that are worked out, each with the type that the catalog declares.
+    """
+
+    __slots__ = ("builtin", "call", "checked", "publication", "values")
+
+    def __init__(self, call: ActionCall, chart: Chart) -> None:
+        declared = chart.catalog.actions.get(call.name)
+        self.call = call
+        self.builtin = _BUILTINS.get(call.name)
+        self.publication = chart.profile.publications.get(call.name)
+        self.values = tuple((name, value.evaluate) for name, value in call.arguments.items())
+        self.checked = worked_out(call.arguments, declared.arguments if declared else {})
 
 
 class ExecutableContent:
     """Runs the actions of one machine."""
 
-    __slots__ = ("_scope", "itineraries")
+    __slots__ = ("_compiled", "_scope", "itineraries")
 
     def __init__(self, scope: EvaluationScope) -> None:
         self._scope = scope
+        self._compiled: dict[int, CompiledAction] = {}
         self.itineraries = Itineraries(scope)
 
     def run(self, actions: Iterable[ActionCall], state: str, trigger: Trigger, step: Macrostep) -> None:
         """Carry out a block of actions written in `state`."""
+        compiled = self._compiled
         for call in actions:
+            action = compiled.get(id(call))
+            if action is None:
+                # The chart keeps its calls as long as it lives, so that an id means one of them.
+                action = compiled[id(call)] = CompiledAction(call, self._scope.chart)
             try:
-                self._run(call, state, trigger, step)
+                self._run(action, state, trigger, step)
             except Exception as problem:
                 step.fail(state, f"{call.place}: {call.name}: {reason(problem)}")
                 return
 
-    def _run(self, call: ActionCall, state: str, trigger: Trigger, step: Macrostep) -> None:
-        env = self._scope.see(state, step, trigger)
-        action = self._scope.chart.catalog.actions.get(call.name)
-        arguments = evaluated(call.arguments, action.arguments if action else {}, env)
-        builtin = _BUILTINS.get(call.name)
-        publication = self._scope.chart.profile.publications.get(call.name)
-        if builtin is not None:
-            builtin(self, arguments, self.itineraries.of(state), step)
-        elif publication is not None:
-            self.publish(publication, arguments, step)
-        elif call.moves and self._scope.memory.held:
-            self._scope.memory.waiting_actions.append((state, call.name, arguments))
+    def _run(self, action: CompiledAction, state: str, trigger: Trigger, step: Macrostep) -> None:
+        scope = self._scope
+        env = scope.at(state, step.now, trigger)
+        arguments = {name: evaluate(env) for name, evaluate in action.values}
+        if action.checked:
+            check_range(arguments, action.checked)
+        if action.builtin is not None:
+            action.builtin(self, arguments, state, step)
+        elif action.publication is not None:
+            self.publish(action.publication, arguments, step)
+        elif action.call.moves and scope.memory.held:
+            scope.memory.waiting_actions.append((state, action.call.name, arguments))
         else:
-            step.commands.append(Act(call.name, arguments))
+            step.commands.append(Act(action.call.name, arguments))
 
     def suspend(self, step: Macrostep) -> None:
         """A hold was engaged: actions are over at once, there is nothing to stop."""
@@ -61,55 +84,57 @@ class ExecutableContent:
         step.commands.extend(Act(name, arguments) for _, name, arguments in waiting)
         waiting.clear()
 
-    def forget_actions(self, state: str) -> None:
-        """Drop what waits for a release in a state that is left: it was meant for there."""
+    def forget_actions(self, left: Container[str]) -> None:
+        """Drop what waits for a release in states that are left: it was meant for there."""
         waiting = self._scope.memory.waiting_actions
-        waiting[:] = [action for action in waiting if action[0] != state]
+        waiting[:] = [action for action in waiting if action[0] not in left]
 
-    def set(self, arguments: Mapping[str, Any], _: Traversal | None, __: Macrostep) -> None:
+    def set(self, arguments: Mapping[str, Any], _: str, __: Macrostep) -> None:
         """`set`: write context variables."""
-        fitting = {name: self._fitting(name, value) for name, value in arguments.items()}
-        self._scope.memory.context.update(fitting)
+        for name, value in arguments.items():
+            self._check_minimum(name, value)
+        self._scope.memory.context.update(arguments)
+        self._scope.touch(CONTEXT)
 
-    def _fitting(self, name: str, value: Any) -> Any:
-        """Return what is to be written to a variable; its kind was checked at load, its range is here.
+    def _check_minimum(self, name: str, value: Any) -> None:
+        """Hold what is to be written to a variable against its range; its kind was checked at load.
 
         Raises:
             ValueError: the variable's type has a minimum, and the value is below.
         """
         variable = self._scope.chart.context.get(name)
-        least = variable.type.minimum if variable else None
+        least = variable.type.minimum if variable is not None else None
         if variable is not None and least is not None and value < least:
             raise ValueError(f"{name} is a {variable.type} of at least {least:g}, got {value!r}")
-        return value
 
-    def raise_event(self, arguments: Mapping[str, Any], _: Traversal | None, step: Macrostep) -> None:
+    def raise_event(self, arguments: Mapping[str, Any], _: str, step: Macrostep) -> None:
         """`raise`: queue an internal event."""
         step.queue.append(InternalEvent(str(arguments["event"])))
 
-    def advance(self, _: Mapping[str, Any], traversal: Traversal | None, step: Macrostep) -> None:
+    def advance(self, _: Mapping[str, Any], state: str, step: Macrostep) -> None:
         """`itinerary.advance`: go on to the next target."""
-        self.itineraries.advance(traversal, step)
+        self.itineraries.advance(self.itineraries.of(state), step)
 
-    def close(self, arguments: Mapping[str, Any], traversal: Traversal | None, step: Macrostep) -> None:
+    def close(self, arguments: Mapping[str, Any], state: str, step: Macrostep) -> None:
         """`itinerary.close`: give the current visit its outcome."""
-        self.itineraries.close(traversal, arguments, step)
+        self.itineraries.close(self.itineraries.of(state), arguments, step)
 
-    def close_rest(self, arguments: Mapping[str, Any], traversal: Traversal | None, step: Macrostep) -> None:
+    def close_rest(self, arguments: Mapping[str, Any], state: str, step: Macrostep) -> None:
         """`itinerary.close_rest`: give every open visit its outcome."""
-        self.itineraries.close_rest(traversal, arguments, step)
+        self.itineraries.close_rest(self.itineraries.of(state), arguments, step)
 
     def publish(self, publication: Publication, arguments: Mapping[str, Any], step: Macrostep) -> None:
         """Publish what was read at a target outside of a visit: an action of the profile."""
         target, reading = arguments[publication.target[0]], arguments[publication.reading[0]]
         self.itineraries.publish(Visit(target, publication.outcome, reading=reading), step)
 
-    def clear(self, _: Mapping[str, Any], __: Traversal | None, ___: Macrostep) -> None:
+    def clear(self, _: Mapping[str, Any], __: str, ___: Macrostep) -> None:
         """`report.clear`: nothing is wrong any more; forget the code reported last."""
         self._scope.memory.code = self._scope.memory.detail = ""
 
-    def summary(self, _: Mapping[str, Any], traversal: Traversal | None, step: Macrostep) -> None:
+    def summary(self, _: Mapping[str, Any], state: str, step: Macrostep) -> None:
         """`report.summary`: say what became of every target."""
+        traversal = self.itineraries.of(state)
         told = ("target", "status", "code", "detail", "reading", "tries")
         visits = (
             tuple({name: getattr(v, name) for name in told} for v in traversal.visits) if traversal else ()
@@ -117,7 +142,8 @@ class ExecutableContent:
         step.commands.append(Report(self._scope.memory.mission, self._scope.memory.mission_id, visits))
 
 
-_BUILTINS = {
+_Builtin = Callable[[ExecutableContent, Mapping[str, Any], str, Macrostep], None]
+_BUILTINS: Mapping[str, _Builtin] = {
     "set": ExecutableContent.set,
     "raise": ExecutableContent.raise_event,
     "itinerary.advance": ExecutableContent.advance,

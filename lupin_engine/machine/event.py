@@ -8,13 +8,14 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any
 
+from lupin_engine.chart.records import record
 from lupin_engine.plugin.profile import START, Publish
 
 #: The data of an event that has none.
 NOTHING: Mapping[str, Any] = MappingProxyType({})
 
 
-@dataclass(frozen=True, slots=True)
+@record(frozen=True)
 class Event:
     """Something that happened outside: a request, a report of an attempt, a live value."""
 
@@ -47,19 +48,23 @@ _FIELDS: Mapping[str, Mapping[str, type | tuple[type, ...]]] = MappingProxyType(
 _END_OF_TIME = 1e12
 
 
-@dataclass(frozen=True, slots=True)
 class Trigger:
     """Why something is evaluated: the event's data, the error of an attempt, a `for_each`'s element."""
 
-    event: Mapping[str, Any] = field(default_factory=lambda: NOTHING)
-    error: Mapping[str, str] = field(default_factory=lambda: NOTHING)
-    item: Any = None
+    __slots__ = ("error", "event", "item")
+
+    def __init__(
+        self, event: Mapping[str, Any] = NOTHING, error: Mapping[str, str] = NOTHING, item: Any = None
+    ) -> None:
+        self.event = event
+        self.error = error
+        self.item = item
 
 
 NO_TRIGGER = Trigger()
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class InternalEvent:
     """An event that the machine itself raises. With `state` only that state's transitions listen to it."""
 

@@ -19,7 +19,7 @@ from lupin_engine.chart.expressions.evaluation import Expression
 from lupin_engine.chart.model import Hold, Transition
 from lupin_engine.machine.event import Event
 from lupin_engine.machine.memory import Memory
-from lupin_engine.machine.scope import EvaluationScope
+from lupin_engine.machine.scope import HELD, EvaluationScope, Reads, Watch
 from lupin_engine.machine.step import Macrostep
 from lupin_engine.plugin.contract import OnHold, Operation
 
@@ -75,18 +75,26 @@ def defer(memory: Memory, event: Event, step: Macrostep) -> None:
 class Holds:
     """The holds of one machine."""
 
-    __slots__ = ("_levels", "_parts", "_scope")
+    __slots__ = ("_levels", "_parts", "_reads", "_scope", "_watch")
 
     def __init__(self, scope: EvaluationScope, parts: Sequence[Suspendable]) -> None:
         """Make the holds of a machine; `parts` are what they stop, in the order in which it goes on."""
         self._scope = scope
         self._parts = parts
         self._levels = [hold for hold in scope.chart.holds.values() if hold.engage.startswith("input.")]
+        self._reads = Reads(scope.chart, (), [hold.engage for hold in self._levels])
+        self._reads.parts |= HELD
+        self._watch = Watch()
+        scope.watches.append(self._watch)
 
     def engage_levels(self, step: Macrostep) -> bool:
         """Engage the holds whose level is true; say whether there were any."""
+        if not self._watch.is_due(self._reads, step.now):
+            return False
         inputs, held = self._scope.inputs, self._scope.memory.held
         inputs.now = step.now
+        self._scope.doubtful = False
+        self._watch.settle(self._reads, self._scope, step.now)
         rising = [hold for hold in self._levels if hold.name not in held and inputs.holds(hold.engage)]
         for hold in rising:
             self.engage(hold, step)
@@ -97,6 +105,7 @@ class Holds:
         scope = self._scope
         first = not scope.memory.held
         scope.memory.held.append(hold.name)
+        scope.touch(HELD)
         step.note(f"hold {hold.name} engaged")
         scope.record_code(hold.code, "")
         if first:
@@ -110,6 +119,7 @@ class Holds:
         if name not in held:
             return
         held.remove(name)
+        self._scope.touch(HELD)
         step.note(f"hold {name} released")
         if not held:
             self._scope.timers.thaw(step.now)

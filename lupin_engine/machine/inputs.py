@@ -10,7 +10,7 @@ from lupin_engine.chart.model import Input, Level
 from lupin_engine.errors import reason
 from lupin_engine.machine.event import Event
 from lupin_engine.machine.memory import Reported
-from lupin_engine.machine.scope import EvaluationScope
+from lupin_engine.machine.scope import EvaluationScope, input_part
 from lupin_engine.machine.step import Macrostep
 from lupin_engine.plugin.types import Notation, problems
 
@@ -18,10 +18,14 @@ from lupin_engine.plugin.types import Notation, problems
 class Inputs:
     """The live values of one machine."""
 
-    __slots__ = ("_scope",)
+    __slots__ = ("_parts", "_scope", "_told")
 
     def __init__(self, scope: EvaluationScope) -> None:
         self._scope = scope
+        self._parts = {name: input_part(scope.chart, name) for name in scope.chart.inputs}
+        self._told: dict[str, list[Input]] = {}
+        for spec in scope.chart.inputs.values():
+            self._told.setdefault(spec.value, []).append(spec)
 
     def begin(self, step: Macrostep) -> None:
         """Set what the chart starts with."""
@@ -52,6 +56,7 @@ class Inputs:
                 for level in spec.levels:
                     memory.levels.pop(f"input.{spec.name}.{level.name}", None)
                 self._scope.timers.disarm("fresh", spec.name)
+                self._scope.touch(self._parts[spec.name])
                 self._begin(spec, step)
 
     def _begin(self, spec: Input, step: Macrostep) -> None:
@@ -61,9 +66,7 @@ class Inputs:
     def observe(self, event: Event, step: Macrostep) -> None:
         """Take in a report; one that is older than the last, or out of the declared range, is dropped."""
         data = event.data
-        for spec in self._scope.chart.inputs.values():
-            if spec.value != data["name"]:
-                continue
+        for spec in self._told.get(data["name"], ()):
             known = self._scope.memory.inputs.get(spec.name)
             flaw = _flaw(spec, data["value"])
             if flaw:
@@ -93,15 +96,25 @@ class Inputs:
         return started is not None and stamp >= started
 
     def _set(self, spec: Input, found: Reported, step: Macrostep) -> None:
-        known = self._scope.memory.inputs.get(spec.name)
-        self._scope.memory.inputs[spec.name] = found
+        memory = self._scope.memory
+        known = memory.inputs.get(spec.name)
+        memory.inputs[spec.name] = found
+        same = known is not None and not self._is_old(spec, known, step) and known.value == found.value
         for level in spec.levels:
             name = f"input.{spec.name}.{level.name}"
+            before = memory.levels.get(name)
             try:
-                self._scope.memory.levels[name] = self._is_reached(level, name, found.value, step)
+                memory.levels[name] = reached = self._is_reached(level, name, found.value, step)
+                same = same and reached is before
             except Exception as problem:
                 step.fail("", f"{level.place}: level {level.name}: {reason(problem)}")
+        if not same:
+            self._scope.touch(self._parts[spec.name])
         self._watch_age(spec, known, found, step)
+
+    @staticmethod
+    def _is_old(spec: Input, known: Reported, step: Macrostep) -> bool:
+        return spec.freshness is not None and step.now >= known.stamp + spec.freshness
 
     def _watch_age(self, spec: Input, known: Reported | None, found: Reported, step: Macrostep) -> None:
         """Look again when the value will have grown old; a newer report is looked for only then."""

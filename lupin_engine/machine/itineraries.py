@@ -10,7 +10,7 @@ from lupin_engine.chart.model import Itinerary, State
 from lupin_engine.errors import reason
 from lupin_engine.machine.event import Trigger
 from lupin_engine.machine.memory import Traversal, Visit
-from lupin_engine.machine.scope import EvaluationScope, traversal_of
+from lupin_engine.machine.scope import ITINERARY, EvaluationScope, traversal_of
 from lupin_engine.machine.step import Macrostep
 from lupin_engine.plugin.profile import Publish
 
@@ -39,6 +39,7 @@ class Itineraries:
             memory.itineraries[state.name] = traversal
             self._choose(traversal, 0, step)
         memory.current_itinerary = state.name
+        self._scope.touch(ITINERARY)
 
     def of(self, state: str) -> Traversal | None:
         """Return the itinerary that `state` works on."""
@@ -48,8 +49,9 @@ class Itineraries:
         """Go on to the next target; refused when there is none.
 
         Raises:
-            OpenVisit: the current visit has no outcome. Going on as if it had would traversal to it for ever.
+            OpenVisit: the current visit has no outcome. Going on as if it had would walk to it for ever.
         """
+        self._scope.touch(ITINERARY)
         if traversal is None or traversal.visit is None:
             step.note("itinerary.advance refused: there is no target to go on from")
         elif not traversal.visit.closed:
@@ -83,6 +85,7 @@ class Itineraries:
         step.commands.append(Publish(source or memory.mission, memory.mission_id, *told))
 
     def _close(self, traversal: Traversal, visit: Visit, outcome: Mapping[str, Any], step: Macrostep) -> None:
+        self._scope.touch(ITINERARY)
         visit.status = outcome["status"]
         visit.code = outcome.get("code", "")
         visit.detail = outcome.get("detail", "")
@@ -100,7 +103,7 @@ class Itineraries:
     def _sweep_again(self, traversal: Traversal, step: Macrostep) -> None:
         """Begin the next sweep with what the list is now; one that became empty stays as it was."""
         state = self._scope.chart.states[traversal.state]
-        assert state.itinerary is not None, f"{traversal.state} itineraries without an itinerary"
+        assert state.itinerary is not None, f"{traversal.state} walks without an itinerary"
         for visit in traversal.visits:
             traversal.past[visit.status] = traversal.past.get(visit.status, 0) + 1
         traversal.sweep += 1

@@ -24,7 +24,7 @@ from lupin_engine.machine.inputs import Inputs
 from lupin_engine.machine.memory import Memory, Timer
 from lupin_engine.machine.operations import Operations
 from lupin_engine.machine.requests import BAD_REQUEST, Explainer, Possibility, Requests, consider
-from lupin_engine.machine.scope import EvaluationScope, World
+from lupin_engine.machine.scope import CONFIGURATION, ITINERARY, REQUEST, EvaluationScope, Watch, World
 from lupin_engine.machine.snapshot import snapshot
 from lupin_engine.machine.step import (
     EXECUTION_CODE,
@@ -39,6 +39,7 @@ from lupin_engine.machine.step import (
 from lupin_engine.machine.structure import (
     FAULT_RULE,
     DispatchTable,
+    LevelRules,
     Microstep,
     dispatch_table,
 )
@@ -58,6 +59,7 @@ class Machine:
         "_content",
         "_holds",
         "_inputs",
+        "_level_watch",
         "_operations",
         "_requests",
         "_step",
@@ -81,6 +83,8 @@ class Machine:
         self._holds = Holds(scope, (self._content, self._operations))
         self._requests = Requests(scope, self._holds, self._table.structure)
         self._inputs = Inputs(scope)
+        self._level_watch = Watch()
+        scope.watches.append(self._level_watch)
         self._active = self._table.configuration(self.memory.configuration)
         self._step = _NO_STEP
 
@@ -218,7 +222,10 @@ class Machine:
         return step.record(memory.sequence, memory.configuration)
 
     def _comes_to_rest(self) -> bool:
-        return any(not self._progress() for _ in range(MICROSTEP_LIMIT))
+        left = MICROSTEP_LIMIT
+        while left and self._progress():
+            left -= 1
+        return left > 0
 
     def _break_cycle(self) -> None:
         """Lead a chart that never comes to rest to FAULT, which cancels what it did."""
@@ -244,10 +251,12 @@ class Machine:
         step, memory = self._step, self.memory
         if self._holds.engage_levels(step):
             return True
-        rules = self._enabled_levels() if self._active.levels else ()
-        if rules:
-            self._take(rules, NO_TRIGGER)
-            return True
+        levels = self._active.levels
+        if levels.offered and self._level_watch.is_due(levels.reads, step.now):
+            rules = self._enabled_levels(levels)
+            if rules:
+                self._take(rules, NO_TRIGGER)
+                return True
         if step.queue:
             self._offer(step.queue.pop(0))
             return True
@@ -287,9 +296,10 @@ class Machine:
     def _listeners(self, internal: InternalEvent) -> list[Transition]:
         """Return the transitions that an internal event causes, for each leaf one."""
         rules = self._enabled(self._offered(internal), internal.trigger)
-        # An error within FAULT does not lead there again, or a failing entry action would repeat for ever.
-        in_fault = FAULT in self.memory.configuration
-        return [rule for rule in rules if not (rule.id == FAULT_RULE and in_fault)]
+        if internal.name == EXECUTION_ERROR and FAULT in self.memory.configuration:
+            # An error within FAULT does not lead there again, or a failing entry action would never end.
+            return [rule for rule in rules if rule.id != FAULT_RULE]
+        return rules
 
     def _offered(self, internal: InternalEvent) -> Sequence[Sequence[Transition]]:
         structure = self._table.structure
@@ -318,15 +328,21 @@ class Machine:
                     break
         return chosen
 
-    def _enabled_levels(self) -> list[Transition]:
+    def _enabled_levels(self, levels: LevelRules) -> list[Transition]:
         """Return the eventless transitions and the ones on a level of an input that can be taken now."""
-        held, inputs = self.memory.held, self.scope.inputs
+        held, inputs, scope = self.memory.held, self.scope.inputs, self.scope
         inputs.now = self._step.now
         offered = [
             [r for r in rules if passes(r, held) and (not r.event or inputs.holds(r.event))]
-            for rules in self._active.levels
+            for rules in levels.offered
         ]
-        return self._enabled(offered, NO_TRIGGER) if any(offered) else []
+        scope.doubtful = False
+        rules = self._enabled(offered, NO_TRIGGER) if any(offered) else []
+        if rules:
+            self._level_watch.forget()
+        else:
+            self._level_watch.settle(levels.reads, scope, self._step.now)
+        return rules
 
     # -- requests, holds --------------------------------------------------------------------------------
 
@@ -363,6 +379,7 @@ class Machine:
         ):
             of_mission.clear()
         memory.current_itinerary = ""
+        self.scope.touch(REQUEST | ITINERARY)
         memory.code = memory.detail = ""
         self._inputs.begin_mission(self._step)
 
@@ -405,17 +422,26 @@ class Machine:
         return None
 
     def _take(self, chosen: Sequence[Transition], trigger: Trigger) -> None:
-        mission = self.memory.mission
-        plan = self._table.microstep(self._active, chosen, mission, self._remembered, self._resume_child)
+        plan = self._active.microsteps.get((self.memory.mission, *[rule.id for rule in chosen]))
+        if plan is None:
+            plan = self._table.microstep(
+                self._active, chosen, self.memory.mission, self._remembered, self._resume_child
+            )
         self._microstep(plan, trigger)
 
     def _microstep(self, plan: Microstep, trigger: Trigger) -> None:
         """Carry out a microstep: exits, actions, entries; then the holds that its transitions release."""
-        step, memory, rules = self._step, self.memory, plan.rules
-        memory.history.update(plan.remembers)
+        step, memory = self._step, self.memory
+        if plan.remembers:
+            memory.history.update(plan.remembers)
+        if plan.moves:
+            self.scope.touch(CONFIGURATION)
+            if memory.waiting_actions:
+                self._content.forget_actions(plan.exited)
         for state, configuration in plan.exits:
             self._exit(state, configuration, trigger)
-        for rule in rules:
+        memory.configuration = plan.between
+        for rule in plan.active_rules:
             if rule.actions:
                 self._content.run(rule.actions, rule.source, trigger, step)
             if rule.code is not None:
@@ -423,26 +449,31 @@ class Machine:
         for state, configuration in plan.entries:
             self._enter(state, configuration, trigger, state.name in plan.back)
         self._active = active = plan.leads_to
-        step.taken += plan.taken
-        step.exited += plan.exited
-        step.entered += plan.entered
-        for name in dict.fromkeys(hold for rule in rules for hold in rule.releases):
+        memory.configuration = active.states
+        if step.taken or step.exited or step.entered:
+            step.taken += plan.taken
+            step.exited += plan.exited
+            step.entered += plan.entered
+        else:
+            step.taken, step.exited, step.entered = plan.taken, plan.exited, plan.entered
+        for name in plan.releases:
             self._holds.release(name, step)
         if not active.passing:
-            target = target_of(memory)
-            step.trail.append(Moment(active.label, active.phase, target) if target else active.moment)
+            target = target_of(memory) if memory.itineraries else ""
+            moment = Moment(active.label, active.phase, target) if target else active.moment
+            step.trail = (*step.trail, moment) if step.trail else active.trail if not target else (moment,)
 
     def _exit(self, state: State, configuration: tuple[str, ...], trigger: Trigger) -> None:
         step = self._step
+        self.memory.configuration = configuration
         if state.exit:
             self._content.run(state.exit, state.name, trigger, step)
-        self._content.forget_actions(state.name)
-        self._operations.end(state, step)
+        if state.invoke is not None or state.for_each is not None:
+            self._operations.end(state, step)
         if state.timers:
             self.scope.timers.disarm("after", state.name)
         if state.budget is not None:
             self._keep_budget(state.name)
-        self.memory.configuration = configuration
 
     def _keep_budget(self, state: str) -> None:
         """Remember what a state has left, unless it was entered before the mission began."""
@@ -455,12 +486,14 @@ class Machine:
         self, state: State, configuration: tuple[str, ...], trigger: Trigger, comes_back: bool
     ) -> None:
         self.memory.configuration = configuration
-        self._content.itineraries.begin(state, trigger, self._step, comes_back)
+        if state.itinerary is not None:
+            self._content.itineraries.begin(state, trigger, self._step, comes_back)
         if state.entry:
             self._content.run(state.entry, state.name, trigger, self._step)
         if state.invoke is not None:
             self._operations.enter(state.name, trigger.event)
-        self._arm_timers(state, trigger)
+        if state.timers or state.budget is not None:
+            self._arm_timers(state, trigger)
         if state.kind is Kind.FINAL:
             self._completed(state)
 

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import ast
+import math
 from collections import ChainMap
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import lru_cache
 from types import MappingProxyType
 from typing import Any
 
-from lupin_engine.chart.expressions.evaluation import Environment, Expression, UnknownInput, Value
+from lupin_engine.chart.expressions.evaluation import Compiled, Environment, Expression, UnknownInput, Value
 from lupin_engine.chart.model import Chart
 from lupin_engine.chart.semantics import FAULT
 from lupin_engine.errors import Severity, reason
@@ -17,7 +20,7 @@ from lupin_engine.machine.memory import Memory, Traversal
 from lupin_engine.machine.step import Macrostep
 from lupin_engine.machine.timers import Timers
 from lupin_engine.plugin.contract import Argument
-from lupin_engine.plugin.types import Notation, problems
+from lupin_engine.plugin.types import Notation, Type, problems
 
 
 @dataclass(frozen=True)
@@ -32,6 +35,116 @@ class World:
     functions: Mapping[str, Callable[..., Any]] = field(default_factory=dict)
     readers: Mapping[str, Callable[[Any], Any]] = field(default_factory=dict)
     seed: int = 0
+
+
+#: Parts of what expressions see, as bits; every input has one of its own after them.
+CONTEXT, REQUEST, CONFIGURATION, HELD, ITINERARY = (1 << index for index in range(5))
+_FIRST_INPUT = 5
+_EVERYTHING = -1
+_PARTS: Mapping[str, int] = MappingProxyType(
+    {
+        "context": CONTEXT,
+        "request": REQUEST,
+        "in_state": CONFIGURATION,
+        "held": HELD,
+        "target": ITINERARY,
+        "itinerary": ITINERARY,
+        # Constant while conditions are watched, or a function of its arguments.
+        **dict.fromkeys(("param", "functions", "event", "error"), 0),
+    }
+)
+
+
+def input_part(chart: Chart, name: str) -> int:
+    """Return the bit of an input."""
+    return 1 << (_FIRST_INPUT + list(chart.inputs).index(name))
+
+
+class Reads:
+    """What some conditions read: `parts` as bits, and of the inputs those that grow old.
+
+    `certain` is false when one of them is no checked expression: nobody knows then what it reads.
+    """
+
+    __slots__ = ("ageing", "certain", "parts")
+
+    def __init__(self, chart: Chart, conditions: Iterable[Value], levels: Iterable[str] = ()) -> None:
+        """Collect what conditions and levels (`input.NAME` or `input.NAME.LEVEL`) read."""
+        found = {("input", level.split(".")[1]) for level in levels}
+        self.certain = True
+        for condition in conditions:
+            if not isinstance(condition, Expression):
+                continue
+            if isinstance(condition.evaluate, Compiled):
+                found.update(_reads_of(condition.evaluate.code))
+            else:
+                self.certain = False
+        names = {name for root, name in found if root in ("input", "known")}
+        inputs = chart.inputs if "" in names else [name for name in chart.inputs if name in names]
+        self.parts = 0
+        for name in inputs:
+            self.parts |= input_part(chart, name)
+        for root, _ in found:
+            self.parts |= _PARTS.get(root, 0 if root in ("input", "known") else _EVERYTHING)
+        self.ageing = tuple(name for name in inputs if chart.inputs[name].freshness is not None)
+
+
+@lru_cache(4096)
+def _reads_of(code: str) -> tuple[tuple[str, str], ...]:
+    """Return the roots of the environment that checked code reads, with what of the root ('' if not said)."""
+    tree = ast.parse(code, mode="eval")
+    roots = {
+        id(node): str(node.slice.value)
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Subscript)
+        and isinstance(node.value, ast.Name)
+        and node.value.id == "env"
+        and isinstance(node.slice, ast.Constant)
+    }
+    below = dict.fromkeys(roots, "")
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Subscript) and isinstance(node.slice, ast.Constant):
+            if id(node.value) in roots:
+                below[id(node.value)] = str(node.slice.value)
+        elif isinstance(node, ast.Call) and id(node.func) in roots:
+            first = node.args[0] if node.args else None
+            below[id(node.func)] = str(first.value) if isinstance(first, ast.Constant) else ""
+    return tuple((root, below[key]) for key, root in roots.items())
+
+
+class Watch:
+    """Says when conditions that were found false must be looked at again.
+
+    That is when something that they read has changed, or an input that they read has grown old; or when
+    others than before are watched.
+    """
+
+    __slots__ = ("_reads", "_until", "unseen")
+
+    def __init__(self) -> None:
+        #: What has changed since the conditions were found false.
+        self.unseen = _EVERYTHING
+        self._reads: Reads | None = None
+        self._until = 0.0
+
+    def is_due(self, reads: Reads, now: float) -> bool:
+        """Say whether the conditions must be looked at now."""
+        return reads is not self._reads or bool(self.unseen & reads.parts) or now >= self._until
+
+    def forget(self) -> None:
+        """Look at the conditions again: one of them is true."""
+        self._reads = None
+
+    def settle(self, reads: Reads, scope: EvaluationScope, now: float) -> None:
+        """Remember that all of the conditions are false now."""
+        self._reads = reads if reads.certain and not scope.doubtful else None
+        self.unseen = 0
+        self._until = math.inf
+        for name in reads.ageing:
+            known = scope.memory.inputs.get(name)
+            end = known.stamp + (scope.chart.inputs[name].freshness or 0.0) if known is not None else now
+            if end > now:
+                self._until = min(self._until, end)
 
 
 class LiveInputs(Mapping[str, Any]):
@@ -83,13 +196,27 @@ class EvaluationScope(dict[str, Any]):
     is looked up only when it is read: the itinerary depends on the state that the expression is written in.
     """
 
-    __slots__ = ("_state", "_trigger", "chart", "inputs", "memory", "timers", "world")
+    __slots__ = (
+        "_state",
+        "_trigger",
+        "chart",
+        "doubtful",
+        "inputs",
+        "memory",
+        "timers",
+        "watches",
+        "world",
+    )
 
     def __init__(self, world: World, memory: Memory) -> None:
         self.world = world
         self.chart: Chart = world.chart
         self.memory = memory
         self.timers = Timers(memory)
+        #: Whoever must know what changes; see `Watch`.
+        self.watches: list[Watch] = []
+        #: Whether a condition could not be evaluated since this was last set to False.
+        self.doubtful = False
         self._state = ""
         self._trigger = NO_TRIGGER
         self.inputs = LiveInputs(world.chart, memory)
@@ -122,10 +249,17 @@ class EvaluationScope(dict[str, Any]):
         try:
             return bool(guard.evaluate(self.see(state, step, trigger)))
         except UnknownInput as unknown:
+            self.doubtful = True
             step.note(f"{guard.place}: {guard.source}: {unknown}")
         except Exception as problem:
+            self.doubtful = True
             step.fail_once(state, f"{guard.place}: {guard.source}: {reason(problem)}")
         return False
+
+    def touch(self, part: int) -> None:
+        """Tell the watches that a part of what expressions see has changed."""
+        for watch in self.watches:
+            watch.unseen |= part
 
     def record_code(self, code: str, detail: str) -> None:
         """Remember a code for `last_error`; what is mere information does not replace a warning.
@@ -198,7 +332,20 @@ def _itinerary(traversal: Traversal | None) -> Mapping[str, Any]:
 def evaluated(
     values: Mapping[str, Value], declared: Mapping[str, Argument], env: Environment
 ) -> dict[str, Any]:
-    """Return the arguments as they are now.
+    """Return the arguments of an invoke or an action as they are now; errors as for `check_range`."""
+    arguments = {name: value.evaluate(env) for name, value in values.items()}
+    check_range(arguments, worked_out(values, declared))
+    return arguments
+
+
+def worked_out(values: Mapping[str, Value], declared: Mapping[str, Argument]) -> tuple[tuple[str, Type], ...]:
+    """Return the declared arguments that are not written out, with their types."""
+    names = [name for name in declared if isinstance(values.get(name), Expression)]
+    return tuple((name, declared[name].type) for name in names)
+
+
+def check_range(arguments: Mapping[str, Any], checked: Iterable[tuple[str, Type]]) -> None:
+    """Hold what a mission computes against what the catalog declares.
 
     Kinds and units were checked at load, and so was the range of what is written out; the range of what is
     worked out is known only here. Without this look a plugin would get what its catalog rules out, on the
@@ -206,12 +353,8 @@ def evaluated(
 
     Raises:
         ValueError: one is outside its range, or not finite; the text begins with its name.
-        Exception: an expression fails.
     """
-    arguments = {name: value.evaluate(env) for name, value in values.items()}
-    for name, argument in declared.items():
-        if isinstance(values.get(name), Expression):
-            found = problems(arguments[name], argument.type, Notation.DATA)
-            if found:
-                raise ValueError(found[0].at(name))
-    return arguments
+    for name, wanted in checked:
+        found = problems(arguments[name], wanted, Notation.DATA)
+        if found:
+            raise ValueError(found[0].at(name))

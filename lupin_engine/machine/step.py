@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from lupin_engine.chart.model import Chart
+from lupin_engine.chart.records import record
 from lupin_engine.errors import Place
 from lupin_engine.machine.event import Command, Event, InternalEvent, Trigger
 from lupin_engine.machine.memory import Memory, Phase
@@ -50,7 +51,7 @@ def _shown(value: object) -> str:
     return str(value).lower() if isinstance(value, bool) else str(value)
 
 
-@dataclass(frozen=True, slots=True)
+@record(frozen=True)
 class Moment:
     """What was published-worthy between two microsteps: short phases are seen although a step passes them."""
 
@@ -59,7 +60,7 @@ class Moment:
     target: str
 
 
-@dataclass(frozen=True, slots=True, repr=False)
+@record(frozen=True)
 class Step:
     """One macrostep, as the log stores it.
 
@@ -105,7 +106,6 @@ class Macrostep:
         "event",
         "exited",
         "failed",
-        "microsteps",
         "notes",
         "now",
         "queue",
@@ -118,14 +118,13 @@ class Macrostep:
     def __init__(self, event: Event, now: float) -> None:
         self.event = event
         self.now = now
-        self.commands: list[Command] = []
+        self.queue: list[InternalEvent] = []
         self.taken: tuple[str, ...] = ()
         self.exited: tuple[str, ...] = ()
         self.entered: tuple[str, ...] = ()
-        self.microsteps = 0
+        self.commands: list[Command] = []
         self.notes: list[str] = []
-        self.trail: list[Moment] = []
-        self.queue: list[InternalEvent] = []
+        self.trail: tuple[Moment, ...] = ()
         self.failed: list[str] = []
         self.why: tuple[Considered, ...] = ()
         self.accepted: bool | None = None
@@ -150,6 +149,7 @@ class Macrostep:
 
     def record(self, sequence: int, configuration: tuple[str, ...]) -> Step:
         """Return what happened, complete."""
+        trail = self.trail
         return Step(
             sequence,
             self.now,
@@ -158,9 +158,9 @@ class Macrostep:
             self.taken,
             self.exited,
             self.entered,
-            tuple(self.commands),
-            tuple(self.notes),
-            tuple(dict.fromkeys(self.trail)),
+            tuple(self.commands) if self.commands else (),
+            tuple(self.notes) if self.notes else (),
+            tuple(dict.fromkeys(trail)) if len(trail) > 1 else trail,
             self.accepted,
             self.refusal,
             self.why,

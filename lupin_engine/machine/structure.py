@@ -13,7 +13,7 @@ data (which guards hold, what a history state remembers) is asked of the caller.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from functools import lru_cache
 from typing import Any, TypeAlias
 
@@ -21,6 +21,7 @@ from transitions.extensions.nesting import HierarchicalMachine, NestedState, Nes
 
 from lupin_engine.chart.model import Chart, Kind, State, Transition
 from lupin_engine.chart.semantics import EXECUTION_ERROR, FAULT, Semantics, matches
+from lupin_engine.machine.scope import HELD, Reads
 from lupin_engine.machine.step import Moment
 
 ROOT = "chart"
@@ -133,6 +134,19 @@ def _conditions(rule: Transition) -> Any:
     return [lambda event_data: bool(guard.evaluate(event_data.kwargs["environment"]))]
 
 
+class LevelRules:
+    """For each leaf that has some: the transitions that need no event. `reads` is what decides on them."""
+
+    __slots__ = ("offered", "reads")
+
+    def __init__(self, chart: Chart, offered: tuple[tuple[Transition, ...], ...]) -> None:
+        self.offered = offered
+        rules = [rule for some in offered for rule in some]
+        guards = [rule.guard for rule in rules if rule.guard is not None]
+        self.reads = Reads(chart, guards, [rule.event for rule in rules if rule.event])
+        self.reads.parts |= HELD  # a hold lets through what says so
+
+
 class Structure(Semantics):
     """SCXML's answers for one chart, with the transitions read once from the library's machine."""
 
@@ -140,6 +154,7 @@ class Structure(Semantics):
         super().__init__(chart)
         self.machine = build_machine(chart)
         self._rules = self._collect_rules()
+        self._levels: dict[tuple[tuple[str, ...], ...], LevelRules] = {}
 
     def _collect_rules(self) -> dict[str, tuple[Transition, ...]]:
         found: dict[str, list[Transition]] = {name: [] for name in self.chart.states}
@@ -175,6 +190,17 @@ class Structure(Semantics):
             if rule.event == "" or rule.event.startswith("input.")
         )
 
+    def levels(self, leaves: Iterable[str]) -> LevelRules:
+        """Return the transitions that need no event while these leaves are active, equal ones once."""
+        offered = tuple(filter(None, map(self.level_rules, leaves)))
+        key = tuple(tuple(rule.id for rule in rules) for rules in offered)
+        found = self._levels.get(key)
+        if found is None:
+            found = LevelRules(self.chart, offered)
+            if len(self._levels) < MAX_CONFIGURATIONS:
+                self._levels[key] = found
+        return found
+
     @property
     def events(self) -> tuple[str, ...]:
         """The names of the events that some transition listens to, patterns left out, sorted."""
@@ -194,7 +220,7 @@ States: TypeAlias = tuple[str, ...]
 class Configuration:
     """A configuration and what follows from it alone.
 
-    `label` and `phase` are published. `levels` are, for each leaf, the transitions that need no event.
+    `label` and `phase` are published. `levels` are the transitions that need no event.
     `working` are the states with an operation. In a `passing` one a final state is active, or a helper (named
     in lower case): nobody should see it.
     """
@@ -210,6 +236,7 @@ class Configuration:
         "passing",
         "phase",
         "states",
+        "trail",
         "working",
     )
 
@@ -221,7 +248,8 @@ class Configuration:
         self.label = next((state.label for state in states if state.label), "")
         self.phase = next((state.phase for state in reversed(states) if state.phase), "")
         self.moment = Moment(self.label, self.phase, "")
-        self.levels = tuple(filter(None, (structure.level_rules(leaf) for leaf in self.leaves)))
+        self.trail = (self.moment,)
+        self.levels = structure.levels(self.leaves)
         self.working = tuple(state for state in states if state.invoke or state.for_each)
         self.passing = self.label.islower() or any(state.kind is Kind.FINAL for state in states)
         self.microsteps: dict[tuple[str, ...], Microstep] = {}
@@ -240,18 +268,25 @@ class Configuration:
 class Microstep:
     """Transitions taken together from one configuration: SCXML's microstep without its data.
 
-    `exits` and `entries` pair each state with the configuration once it was left or entered. `remembers` is
+    `exited` and `entered` are all states left and entered; `exits` and `entries` those for which there
+    is something to do, with the configuration before the state is left and after it is entered. `between` is
+    the configuration when all are left and none is entered, `active_rules` are the transitions that do
+    something there, `releases` the holds that are released afterwards. `remembers` is
     what the history states of what is left will stand for. `back` are the entered states that history
     brought back.
     """
 
     __slots__ = (
+        "active_rules",
         "back",
+        "between",
         "entered",
         "entries",
         "exited",
         "exits",
         "leads_to",
+        "moves",
+        "releases",
         "remembers",
         "rules",
         "taken",
@@ -262,19 +297,31 @@ class Microstep:
         rules: tuple[Transition, ...],
         exits: tuple[tuple[State, States], ...],
         entries: tuple[tuple[State, States], ...],
+        between: States,
         leads_to: Configuration,
-        remembers: tuple[tuple[str, States], ...] = (),
-        back: frozenset[str] = frozenset(),
     ) -> None:
         self.rules = rules
-        self.exits = exits
-        self.entries = entries
+        self.active_rules = tuple(rule for rule in rules if rule.actions or rule.code is not None)
+        self.releases = tuple(dict.fromkeys(hold for rule in rules for hold in rule.releases))
+        self.exits = tuple(left for left in exits if _has_work_at_exit(left[0]))
+        self.entries = tuple(entered for entered in entries if _has_work_at_entry(entered[0]))
+        self.between = between
         self.leads_to = leads_to
-        self.remembers = remembers
-        self.back = back
+        self.remembers: tuple[tuple[str, States], ...] = ()
+        self.back: frozenset[str] = frozenset()
         self.taken = tuple(rule.id for rule in rules if rule.id)
         self.exited = tuple(state.name for state, _ in exits)
         self.entered = tuple(state.name for state, _ in entries)
+        self.moves = bool(exits or entries)
+
+
+def _has_work_at_exit(state: State) -> bool:
+    return bool(state.exit or state.invoke or state.for_each or state.timers or state.budget)
+
+
+def _has_work_at_entry(state: State) -> bool:
+    lasting = state.itinerary or state.invoke or state.timers or state.budget
+    return bool(state.entry or lasting or state.kind is Kind.FINAL)
 
 
 @lru_cache(maxsize=32)
@@ -356,11 +403,13 @@ class DispatchTable:
         )
         exits, configuration = [], list(active.states)
         for name in left:
-            configuration.remove(name)
             exits.append((structure.chart.states[name], tuple(configuration)))
+            configuration.remove(name)
         entries = []
         for name in entered:
             configuration = sorted([*configuration, name], key=structure.order.__getitem__)
             entries.append((structure.chart.states[name], tuple(configuration)))
         leads_to = self.configuration(tuple(configuration)) if left or entered else active
-        return Microstep(rules, tuple(exits), tuple(entries), leads_to, remembers, back)
+        found = Microstep(rules, tuple(exits), tuple(entries), kept, leads_to)
+        found.remembers, found.back = remembers, back
+        return found

@@ -73,10 +73,10 @@ def to_function(code: str) -> Callable[[Environment], Any]:
 class Compiled:
     """A function of the environment that is compiled from checked code when it is first needed."""
 
-    __slots__ = ("_code", "_function")
+    __slots__ = ("_function", "code")
 
     def __init__(self, code: str) -> None:
-        self._code = code
+        self.code = code
         self._function: Callable[[Environment], Any] | None = None
 
     def __call__(self, env: Environment) -> Any:
@@ -86,7 +86,7 @@ class Compiled:
     def compiled(self) -> Callable[[Environment], Any]:
         """Return the plain function, for those who call it often."""
         if self._function is None:
-            self._function = to_function(self._code)
+            self._function = to_function(self.code)
         return self._function
 
 
