@@ -125,18 +125,36 @@ class Channel:
 
 
 @dataclass(frozen=True)
-class StartService:
-    """The service that starts a mission; the other names are those of its fields.
+class StartRequest:
+    """What somebody asks for: a mission by name, and fields of `Profile.request`."""
 
-    The fields of `Profile.request` are fields of its request under the same names.
+    mission: str
+    request: Fields
+
+
+@dataclass(frozen=True)
+class StartAnswer:
+    """What is answered: the id of the mission that has begun, or the reason why none has."""
+
+    accepted: bool
+    mission_id: str = ""
+    reason: str = ""
+
+
+@dataclass(frozen=True)
+class StartService:
+    """The service that starts a mission, and the functions that make and read its request and its response.
+
+    A field that is left out of what `request_fields` gets is left to the mission, as is one that
+    `read_request` returns empty.
     """
 
     name: str
     type: str
-    mission: str = "mission_type"
-    accepted: str = "accepted"
-    mission_id: str = "mission_id"
-    reason: str = "error_message"
+    request_fields: Callable[[StartRequest], Fields]
+    read_request: Callable[[Fields], StartRequest]
+    answer_fields: Callable[[StartAnswer], Fields]
+    read_answer: Callable[[Fields], StartAnswer]
 
 
 @dataclass(frozen=True)

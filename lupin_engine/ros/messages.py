@@ -69,14 +69,25 @@ def classify(code: str, codes: Mapping[str, Code]) -> tuple[str, Severity]:
 def write(message: Any, fields: Fields) -> Any:
     """Write plain data into a message, as it is; what is not named stays as it was."""
     for name, value in fields.items():
+        declared = message.get_fields_and_field_types()[name]
         if isinstance(value, Mapping):
             write(getattr(message, name), value)
         elif isinstance(value, (list, tuple)) and value and isinstance(value[0], Mapping):
-            declared = message.get_fields_and_field_types()[name]
             setattr(message, name, [write(element_of(declared), each) for each in value])
         else:
-            setattr(message, name, value)
+            setattr(message, name, bytes([value]) if declared == "octet" else value)
     return message
+
+
+def read(message: Any) -> Any:
+    """Return a message as dictionaries, lists and scalars."""
+    if hasattr(message, "get_fields_and_field_types"):
+        return {name: read(getattr(message, name)) for name in message.get_fields_and_field_types()}
+    if isinstance(message, bytes):
+        return message[0]  # an octet
+    if isinstance(message, str) or not hasattr(message, "__iter__"):
+        return message
+    return [read(element) for element in message]
 
 
 def visit_record(visit: Mapping[str, Any], profile: Profile) -> dict[str, Any]:

@@ -17,11 +17,11 @@ from typing import Any
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
-from lupin_engine.plugin.profile import Profile
+from lupin_engine.plugin.profile import Profile, StartRequest
 from lupin_engine.ros.adapter.network import Kind, interfaces
 from lupin_engine.ros.adapter.node import CallFailure, Qos, RosNode, ServiceCaller
 from lupin_engine.ros.bindings.definitions import interface_class
-from lupin_engine.ros.messages import wire_of, write
+from lupin_engine.ros.messages import read, wire_of, write
 from lupin_engine.ros.names import STEPS_TOPIC
 
 _START = "start"
@@ -67,7 +67,7 @@ class Operator:
         listen(String, STEPS_TOPIC, callback=lambda m: self._keep("step", json.loads(m.data)))
 
     def _keep_message(self, kind: str, message: Any) -> None:
-        self._keep(kind, _plain(message))
+        self._keep(kind, read(message))
 
     def _keep(self, kind: str, data: dict[str, Any]) -> None:
         self._arrived.append(Arrival(kind, data, time.monotonic()))
@@ -115,7 +115,8 @@ class Operator:
 
     def start(self, mission: str, given: Mapping[str, Any], timeout: float) -> Answer:
         """Ask for a mission; fields of the request that are not given mean the mission's own defaults."""
-        request = write(self._start_type.Request(), {self._wire.start.mission: mission, **given})
+        fields = self._wire.start.request_fields(StartRequest(mission, given))
+        request = write(self._start_type.Request(), fields)
         return self._call(_START, request, timeout)
 
     def ask(self, name: str, timeout: float) -> Answer:
@@ -138,19 +139,10 @@ class Operator:
         if isinstance(outcome, CallFailure):
             return Answer(False, outcome.detail, reached=False)
         if name == _START:
-            names = (self._wire.start.accepted, self._wire.start.reason, self._wire.start.mission_id)
-            return Answer(*(getattr(outcome, field) for field in names))
+            answer = self._wire.start.read_answer(read(outcome))
+            return Answer(answer.accepted, answer.reason, answer.mission_id)
         return Answer(outcome.success, outcome.message)
 
     def close(self) -> None:
         """Leave the network; nothing can be asked any more."""
         self._ros.leave()
-
-
-def _plain(value: Any) -> Any:
-    """Return a message as dictionaries, lists and scalars."""
-    if hasattr(value, "get_fields_and_field_types"):
-        return {name: _plain(getattr(value, name)) for name in value.get_fields_and_field_types()}
-    if isinstance(value, (str, bytes)) or not hasattr(value, "__iter__"):
-        return value
-    return [_plain(element) for element in value]

@@ -26,7 +26,7 @@ from lupin_engine.missions.load import LoadedMissions
 from lupin_engine.plugin.builtin import BUILTIN
 from lupin_engine.plugin.clients import make_client
 from lupin_engine.plugin.contract import Driver, Parameter
-from lupin_engine.plugin.profile import START, Channel, Fields, Publish
+from lupin_engine.plugin.profile import START, Channel, Fields, Publish, StartAnswer
 from lupin_engine.plugin.registry import load_catalog
 from lupin_engine.plugin.types import NUMBER, TEXT, list_of
 from lupin_engine.ros import messages
@@ -144,7 +144,7 @@ class Orchestrator:
             start.name,
             self._start,
             stale_after=STALE_AFTER_S,
-            refuse=partial(_refuse, field=start.reason),
+            refuse=lambda response, reason: self._answer(response, StartAnswer(False, reason=reason)),
         )
         for name, request in self._chart.profile.requests.items():
             limit = None if request.however_late else STALE_AFTER_S
@@ -155,18 +155,20 @@ class Orchestrator:
             )
 
     def _start(self, request: Any, response: Any) -> Any:
-        names = self._wire.start
-        mission, mission_id = getattr(request, names.mission), f"{self._prefix}-{uuid.uuid4().hex[:8]}"
-        fields = {name: _plain(getattr(request, name)) for name in self._chart.profile.request}
+        asked = self._wire.start.read_request(messages.read(request))
+        mission_id = f"{self._prefix}-{uuid.uuid4().hex[:8]}"
         self._look()  # what is started is what the files say now
-        step = self._ask(Event(START, {"mission_type": mission, "mission_id": mission_id, **fields}))
+        fields = {"mission_type": asked.mission, "mission_id": mission_id, **asked.request}
+        step = self._ask(Event(START, fields))
+        if step.accepted:
+            return self._answer(response, StartAnswer(True, mission_id))
         reason = step.refusal.text if step.refusal else ""
-        if mission not in self._chart.missions and self._folder.problem:
+        if asked.mission not in self._chart.missions and self._folder.problem:
             reason += f"; what is new cannot be used: {self._folder.problem}"
-        setattr(response, names.accepted, bool(step.accepted))
-        setattr(response, names.mission_id, mission_id if step.accepted else "")
-        setattr(response, names.reason, reason)
-        return response
+        return self._answer(response, StartAnswer(False, reason=reason))
+
+    def _answer(self, response: Any, answer: StartAnswer) -> Any:
+        return messages.write(response, self._wire.start.answer_fields(answer))
 
     def _ask(self, event: Event) -> Step:
         step = self._engine.request(event)
@@ -341,11 +343,6 @@ class _Publisher:
 
     def publish(self, fields: Fields) -> None:
         self._publisher.publish(messages.write(self._make(), fields))
-
-
-def _plain(value: Any) -> Any:
-    """Return a field of a request as plain data: lists come as arrays of several kinds."""
-    return value if isinstance(value, str) or not hasattr(value, "__iter__") else list(value)
 
 
 def _refuse(response: Any, reason: str, field: str) -> Any:

@@ -7,7 +7,16 @@ from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 from lupin_engine.errors import Severity
-from lupin_engine.plugin.profile import Fields, Progress, Publish, Remark, Situation, TargetResult
+from lupin_engine.plugin.profile import (
+    Fields,
+    Progress,
+    Publish,
+    Remark,
+    Situation,
+    StartAnswer,
+    StartRequest,
+    TargetResult,
+)
 from lupin_engine.plugin.wire import filled_in, pose_fields, time_fields
 
 #: The counters of MissionState are uint16; a robot that monitors for weeks stays at the highest.
@@ -25,6 +34,34 @@ TAG_READING, FLOWER, ANOMALY = 0, 1, 2
 
 #: Flags of MissionState.
 FLAGS = ("estop_engaged", "paused", "battery_low")
+
+
+# -- StartMission ---------------------------------------------------------------------------------------
+
+
+def start_fields(asked: StartRequest) -> Fields:
+    """Return the request of a start."""
+    return {"mission_type": asked.mission, **asked.request}
+
+
+def read_start(data: Fields) -> StartRequest:
+    """Return what a request asks for."""
+    request = dict(data)
+    return StartRequest(str(request.pop("mission_type")), request)
+
+
+def answer_fields(answer: StartAnswer) -> Fields:
+    """Return the response to a start."""
+    return {
+        "accepted": answer.accepted,
+        "mission_id": answer.mission_id,
+        "error_message": answer.reason,
+    }
+
+
+def read_answer(data: Fields) -> StartAnswer:
+    """Return what a response says."""
+    return StartAnswer(bool(data["accepted"]), str(data["mission_id"]), str(data["error_message"]))
 
 
 # -- MissionState ---------------------------------------------------------------------------------------

@@ -33,7 +33,14 @@ HASHES = {
 WIRE = Wire(
     state=Channel("/mission/state", "lupin_msgs/msg/MissionState", "LATCHED"),
     outcomes=Channel("/floranova/observations", "lupin_msgs/msg/Observation", "BACKLOG"),
-    start=StartService("/mission/start", "lupin_msgs/srv/StartMission"),
+    start=StartService(
+        "/mission/start",
+        "lupin_msgs/srv/StartMission",
+        request_fields=messages.start_fields,
+        read_request=messages.read_start,
+        answer_fields=messages.answer_fields,
+        read_answer=messages.read_answer,
+    ),
     requests="/mission/{}",
     state_fields=messages.state_fields,
     outcome_fields=messages.observation_fields,
