@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import wraps
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -34,34 +33,35 @@ def request_options() -> list[str]:
     return [field.option for field in _request_fields().values()]
 
 
-def requested(command: Callable[..., int]) -> Callable[..., int]:
-    """Add the options that fill a mission's request; the command gets them as `request`, by field."""
-    fields = _request_fields()
+class RequestCommand(click.Command):
+    """A verb with the options that fill a mission's request; it gets them as `request`, by field."""
 
-    @wraps(command)
-    def with_request(**given: Any) -> int:
-        request = {name: given.pop(name) for name in fields}
-        return command(request=request, **given)
+    def get_params(self, ctx: click.Context) -> list[click.Parameter]:
+        """Return the parameters: what is installed says which options there are."""
+        made: list[click.Parameter] = ctx.meta.setdefault(
+            __name__, [_option(name, field) for name, field in _request_fields().items()]
+        )
+        return [*made, *super().get_params(ctx)]
 
-    found: Callable[..., int] = with_request
-    for name, field in reversed(fields.items()):
-        found = _option(name, field)(found)
-    return found
+    def invoke(self, ctx: click.Context) -> Any:
+        """Carry out the verb."""
+        ctx.params["request"] = {name: ctx.params.pop(name) for name in _request_fields()}
+        return super().invoke(ctx)
 
 
-def _option(name: str, field: RequestField) -> Callable[[_F], _F]:
+def _option(name: str, field: RequestField) -> click.Option:
     """Return the option of a field; nothing, or 0, leaves the field to the mission."""
-    kind, metavar = field.type, field.metavar or None
+    kind, names, metavar = field.type, [field.option, name], field.metavar or None
     if kind.kind == "list":
-        return click.option(field.option, name, metavar=metavar, callback=_split, help=field.doc)
+        return click.Option(names, metavar=metavar, callback=_split, help=field.doc)
     if kind.kind == "bool":
-        return click.option(field.option, name, is_flag=True, help=field.doc)
+        return click.Option(names, is_flag=True, help=field.doc)
     if kind.kind == "text":
-        return click.option(field.option, name, metavar=metavar, default="", help=field.doc)
+        return click.Option(names, metavar=metavar, default="", help=field.doc)
     whole = kind.kind == "integer"
     bounds = click.FloatRange(kind.minimum, kind.maximum)
     span = click.IntRange(_whole(kind.minimum), _whole(kind.maximum)) if whole else bounds
-    return click.option(field.option, name, type=span, metavar=metavar, default=0, help=field.doc)
+    return click.Option(names, type=span, metavar=metavar, default=0, help=field.doc)
 
 
 def _whole(bound: float | None) -> int | None:

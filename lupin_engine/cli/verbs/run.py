@@ -19,9 +19,8 @@ if TYPE_CHECKING:
     from lupin_engine.ros.launch.session import Session
 
 
-@click.command(short_help="Run a mission over ROS 2 and watch it.")
+@click.command(cls=options.RequestCommand, short_help="Run a mission over ROS 2 and watch it.")
 @click.argument("mission")
-@options.requested
 @options.bring_up
 @click.option(
     "--patience",

@@ -24,9 +24,8 @@ if TYPE_CHECKING:
     from lupin_engine.sim.simulation import Run, Script
 
 
-@click.command(short_help="Run a mission in virtual time, without ROS.")
+@click.command(cls=options.RequestCommand, short_help="Run a mission in virtual time, without ROS.")
 @click.argument("mission")
-@options.requested
 @click.option(
     "--set",
     "settings",
