@@ -1,4 +1,4 @@
-"""What `run` and `up` have in common: from options to the settings of a session."""
+"""What `run` and `up` share: from the options to the settings of a bringup."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ from lupin_engine.errors import LupinError, Problems, UsageError, nearest
 from lupin_engine.missions.load import LoadedMissions
 from lupin_engine.plugin.contract import Parameter
 from lupin_engine.plugin.registry import Catalog
-from lupin_engine.ros.launch.description import Present, Values, make_plan, simulators
+from lupin_engine.ros.launch.description import ParameterValues, PresentEndpoints, describe_launch, simulators
 from lupin_engine.ros.launch.environment import close_the_doors, for_children
 from lupin_engine.ros.launch.nodes import ORCHESTRATOR, nodes_of
 from lupin_engine.ros.launch.requirements import prepare_ros
 
 if TYPE_CHECKING:
-    from lupin_engine.ros.launch.session import Settings
+    from lupin_engine.ros.launch.bringup import BringupSettings
 
 
 @dataclass(frozen=True)
-class Wanted:
+class GivenOptions:
     """The options that `run` and `up` share, as the command line gives them."""
 
     settings: tuple[str, ...] = ()
@@ -36,14 +36,14 @@ class Wanted:
     log_dir: Path | None = None
 
 
-class Options:
+class CheckedOptions:
     """The options of `run` and `up`, read against what missions and nodes declare.
 
     What is wrong with any of them is collected in `problems`; `values` are those of the missions' parameters
     that can be used.
     """
 
-    def __init__(self, wanted: Wanted, loaded: LoadedMissions, catalog: Catalog) -> None:
+    def __init__(self, wanted: GivenOptions, loaded: LoadedMissions, catalog: Catalog) -> None:
         self.problems = Problems(UsageError)
         self._wanted = wanted
         self._loaded = loaded
@@ -51,7 +51,7 @@ class Options:
         given = of_the_mission(wanted.settings)
         self.values = self._read("--set", given, loaded.chart.parameters)
 
-    def settings(self, patience: float | None = None) -> Settings:
+    def settings(self, patience: float | None = None) -> BringupSettings:
         """Make this process ready for ROS and return how the nodes of the missions are to be started.
 
         Raises:
@@ -66,10 +66,10 @@ class Options:
             parameters = self._parameters(given)
             self._check_nodes(parameters, given)
         self.problems.tell()
-        from lupin_engine.ros.launch.session import Settings  # needs rclpy
+        from lupin_engine.ros.launch.bringup import BringupSettings  # needs rclpy
 
         folder = new_run_folder(self._wanted.log_dir)
-        return Settings(
+        return BringupSettings(
             profile=self._loaded.chart.profile,
             folder=folder,
             environment=for_children(folder),
@@ -116,14 +116,14 @@ class Options:
         written = " or ".join(f"--set {node}.{name}=VALUE" for node in owners)
         return f"it belongs to {' and '.join(owners)}: write {written}" if owners else ""
 
-    def _given(self) -> dict[str, Values]:
+    def _given(self) -> dict[str, ParameterValues]:
         """Return what options say of nodes, by node."""
-        found: dict[str, Values] = self._of_simulators()
+        found: dict[str, ParameterValues] = self._of_simulators()
         for name, values in self._of_nodes().items():
             found[name] = {**found.get(name, {}), **values}
         return found
 
-    def _of_simulators(self) -> dict[str, Values]:
+    def _of_simulators(self) -> dict[str, ParameterValues]:
         """Return what `--sim` and `--speed` say of each simulation that has such a parameter."""
         declared = {name: self._declared[name] for name in simulators(self._catalog)}
         together = {name: spec for known in declared.values() for name, spec in known.items()}
@@ -133,9 +133,9 @@ class Options:
             for simulator, known in declared.items()
         }
 
-    def _of_nodes(self) -> dict[str, Values]:
+    def _of_nodes(self) -> dict[str, ParameterValues]:
         """Return what `--set NODE.NAME=VALUE` says, by node."""
-        found: dict[str, Values] = {}
+        found: dict[str, ParameterValues] = {}
         for name, given in of_nodes(self._wanted.settings).items():
             if name in self._declared:
                 found[name] = self._read("--set", given, self._declared[name], name)
@@ -146,9 +146,9 @@ class Options:
                 self.problems.add(f"--set: unknown node {name!r}; {nearest(name, self._declared)}")
         return found
 
-    def _parameters(self, given: Mapping[str, Values]) -> dict[str, Values]:
+    def _parameters(self, given: Mapping[str, ParameterValues]) -> dict[str, ParameterValues]:
         """Return the parameters of the nodes: the mission's for the orchestrator, and those given."""
-        found: dict[str, Values] = {ORCHESTRATOR: {**self._loaded.parameters(), **self.values}}
+        found: dict[str, ParameterValues] = {ORCHESTRATOR: {**self._loaded.parameters(), **self.values}}
         for name, known in self._declared.items():
             # What several know, such as the layout of the greenhouse, must be the same for all.
             shared = {setting: value for setting, value in self.values.items() if setting in known}
@@ -157,10 +157,14 @@ class Options:
 
     # -- what would keep them from starting ---------------------------------------------------------------
 
-    def _check_nodes(self, parameters: Mapping[str, Values], given: Mapping[str, Values]) -> None:
+    def _check_nodes(
+        self, parameters: Mapping[str, ParameterValues], given: Mapping[str, ParameterValues]
+    ) -> None:
         """Look whether the nodes that something is given to are started at all, and could be."""
         simulate = not self._wanted.no_sim
-        alone = make_plan(self._loaded.plugins, self._catalog, Present(), parameters, simulate=simulate)
+        alone = describe_launch(
+            self._loaded.plugins, self._catalog, PresentEndpoints(), parameters, simulate=simulate
+        )
         for name, option in self._insisted(given).items():
             if name not in alone.starts:
                 self.problems.add(f"{option} is for {name}, which {self._why_not(name)}")
@@ -176,7 +180,7 @@ class Options:
             return "--no-sim leaves out"
         return f"{', '.join(self._loaded.names)} has no use for"
 
-    def _insisted(self, given: Mapping[str, Values]) -> dict[str, str]:
+    def _insisted(self, given: Mapping[str, ParameterValues]) -> dict[str, str]:
         """Name the nodes that must be ours, because an option sets something of theirs, with that option."""
         found = {ORCHESTRATOR: "--set"} if of_the_mission(self._wanted.settings) else {}
         option = "--sim" if self._wanted.sim else "--speed"

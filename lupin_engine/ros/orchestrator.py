@@ -70,7 +70,7 @@ class NodeClock:
         return self.now() - (self._ros.now() - stamp)
 
 
-class Outlet(EngineOutlet):
+class RosOutlet(EngineOutlet):
     """Where the clients report; a value's stamp is turned into the loop's time."""
 
     def __init__(self, engine: Engine, clock: NodeClock, wake: Callable[[], None]) -> None:
@@ -108,7 +108,7 @@ class Orchestrator:
         self._machine = machine
         drivers: dict[str, Driver] = {}
         self._engine = Engine(machine, self._clock, drivers, ros.guarded(self._stepped))
-        self._outlet = Outlet(self._engine, self._clock, self._work)
+        self._outlet = RosOutlet(self._engine, self._clock, self._work)
         self._wire = messages.wire_of(chart.profile)
         self._state = _Publisher(ros, self._wire.state)
         self._outcomes = _Publisher(ros, self._wire.outcomes)
@@ -362,7 +362,11 @@ def _answering(ask: Callable[[Event], Step], name: str) -> Callable[[Any, Any], 
 
 
 def _clients(
-    ros: RosNode, loaded: LoadedMissions, names: Iterable[str], outlet: Outlet, parameters: Mapping[str, Any]
+    ros: RosNode,
+    loaded: LoadedMissions,
+    names: Iterable[str],
+    outlet: RosOutlet,
+    parameters: Mapping[str, Any],
 ) -> dict[str, Driver]:
     """Make the clients of some of the plugins that the missions use."""
     clients: dict[str, Driver] = {}

@@ -9,7 +9,7 @@ from rich.console import Console
 
 from lupin_engine.chart.model import Chart
 from lupin_engine.cli.terminal import view
-from lupin_engine.ros.launch.story import Reading, Story
+from lupin_engine.ros.launch.monitor import RunMonitor, TargetReading
 from tests import shipped
 from tests.ros.launch.messages import MISSION_ID, observation, state, step
 
@@ -25,14 +25,14 @@ def chart() -> Chart:
 
 
 @pytest.fixture
-def story() -> Story:
+def monitor() -> RunMonitor:
     """A mission on its way to the second of three tags, twelve seconds into the second try."""
-    story = Story(MISSION_ID, 100.0)
-    story.take(*state(current_target="1", targets_completed=0), at=100.0)
-    story.take(*observation("1", {"temperature": 21.5, "co2": 412.0}), at=103.0)
-    story.take(*state(), at=103.0)
-    story.take(*step([("nav.go_to", 2, 165.0)], DRIVING, time=105.0), at=105.0)
-    return story
+    monitor = RunMonitor(MISSION_ID, 100.0)
+    monitor.take(*state(current_target="1", targets_completed=0), at=100.0)
+    monitor.take(*observation("1", {"temperature": 21.5, "co2": 412.0}), at=103.0)
+    monitor.take(*state(), at=103.0)
+    monitor.take(*step([("nav.go_to", 2, 165.0)], DRIVING, time=105.0), at=105.0)
+    return monitor
 
 
 def drawn(thing: object, width: int = 100, encoding: str = "utf-8") -> str:
@@ -65,9 +65,9 @@ def test_the_tree_shows_the_outer_states_and_opens_the_active_path(chart: Chart)
     ]
 
 
-def test_the_picture_tells_where_the_mission_stands(story: Story, chart: Chart) -> None:
+def test_the_picture_tells_where_the_mission_stands(monitor: RunMonitor, chart: Chart) -> None:
     """State, target, counts, time against the deadline, battery, events, targets so far."""
-    text = drawn(view.picture(story, chart, 117.0))
+    text = drawn(view.picture(monitor, chart, 117.0))
     for part in (
         "InspectionMission lupin-1  INSPECTING · NAVIGATING  00:17.0",
         "● DRIVING",
@@ -84,27 +84,27 @@ def test_the_picture_tells_where_the_mission_stands(story: Story, chart: Chart) 
     assert "PAUSED" not in text
 
 
-def test_flags_are_in_the_title(story: Story, chart: Chart) -> None:
+def test_flags_are_in_the_title(monitor: RunMonitor, chart: Chart) -> None:
     """They are what an operator must not miss."""
-    story.take(*state(paused=True, estop_engaged=True, battery_low=True), at=118.0)
-    first = drawn(view.picture(story, chart, 118.0), width=120).splitlines()[0]
+    monitor.take(*state(paused=True, estop_engaged=True, battery_low=True), at=118.0)
+    first = drawn(view.picture(monitor, chart, 118.0), width=120).splitlines()[0]
     assert all(pill in first for pill in (" E-STOP ", " PAUSED ", " BATTERY LOW "))
 
 
 @pytest.mark.parametrize("width", [60, 80, 100, 200])
-def test_the_picture_keeps_its_size(story: Story, chart: Chart, width: int) -> None:
+def test_the_picture_keeps_its_size(monitor: RunMonitor, chart: Chart, width: int) -> None:
     """It is redrawn in place: no line may be longer than the terminal, and none may come and go."""
     heights = set()
     for moment in (105.0, 150.0, 170.0):
-        lines = drawn(view.picture(story, chart, moment), width=width).splitlines()
+        lines = drawn(view.picture(monitor, chart, moment), width=width).splitlines()
         assert max(map(len, lines)) <= width
         heights.add(len(lines))
     assert len(heights) == 1
 
 
-def test_a_terminal_without_unicode_gets_ascii(story: Story, chart: Chart) -> None:
+def test_a_terminal_without_unicode_gets_ascii(monitor: RunMonitor, chart: Chart) -> None:
     """Over a serial line as well."""
-    text = drawn(view.picture(story, chart, 117.0), encoding="ascii")
+    text = drawn(view.picture(monitor, chart, 117.0), encoding="ascii")
     assert "* DRIVING" in text
     assert "+ 1 visited" in text
 
@@ -112,9 +112,9 @@ def test_a_terminal_without_unicode_gets_ascii(story: Story, chart: Chart) -> No
 def test_the_table_is_hollow_where_a_tag_lacks_the_sensor() -> None:
     """Known sensors in their order with their unit, then others; failures with their reason."""
     readings = [
-        Reading("1", "OK", "", {"co2": 412.0, "temperature": 21.5}),
-        Reading("5", "SCAN_FAILED", "scan_timeout", {}),
-        Reading("12", "OK", "", {"wind": 3.0, "humidity": 55.123}),
+        TargetReading("1", "OK", "", {"co2": 412.0, "temperature": 21.5}),
+        TargetReading("5", "SCAN_FAILED", "scan_timeout", {}),
+        TargetReading("12", "OK", "", {"wind": 3.0, "humidity": 55.123}),
     ]
     rows = [line.split() for line in drawn(view.readings_table(readings)).splitlines()]
     assert ["tag", "status", "°C", "%", "ppm", "wind", "reason"] in rows
@@ -124,12 +124,12 @@ def test_the_table_is_hollow_where_a_tag_lacks_the_sensor() -> None:
     assert view.sensor_columns(readings) == ["temperature", "humidity", "co2", "wind"]
 
 
-def test_the_summary_is_one_sentence(story: Story) -> None:
+def test_the_summary_is_one_sentence(monitor: RunMonitor) -> None:
     """How it ended, what was visited, how long it took, and for a failure what was said last."""
-    assert view.summary(story, 117.0).plain == "given up in INSPECTING: 1 visited of 3 targets in 17.0 s"
+    assert view.summary(monitor, 117.0).plain == "given up in INSPECTING: 1 visited of 3 targets in 17.0 s"
     failed = state(lifecycle_state="DONE", targets_completed=2, targets_failed=1, last_error="scan_timeout")
-    story.take(*failed, at=120.0)
-    assert view.summary(story, 140.0).plain == (
+    monitor.take(*failed, at=120.0)
+    assert view.summary(monitor, 140.0).plain == (
         "DONE: 2 visited, 1 failed of 3 targets in 20.0 s; last: scan_timeout"
     )
 
@@ -151,23 +151,23 @@ def searching(**fields: object) -> tuple[str, dict[str, object]]:
 
 def test_a_search_shows_the_tags_found(chart: Chart) -> None:
     """Its counters are of the search: nothing has been visited yet."""
-    story = Story(MISSION_ID, 100.0)
-    story.take(*searching(), at=100.0)
-    assert "2/5 tags found" in drawn(view.picture(story, chart, 101.0))
+    monitor = RunMonitor(MISSION_ID, 100.0)
+    monitor.take(*searching(), at=100.0)
+    assert "2/5 tags found" in drawn(view.picture(monitor, chart, 101.0))
     assert view.plain_state(searching()[1], searching=True) == "EXPLORING  2/5 tags found"
-    story.take(*searching(lifecycle_state="DONE"), at=110.0)
-    assert view.summary(story, 140.0).plain == "DONE: 2/5 tags found in 10.0 s"
+    monitor.take(*searching(lifecycle_state="DONE"), at=110.0)
+    assert view.summary(monitor, 140.0).plain == "DONE: 2/5 tags found in 10.0 s"
 
 
 def test_what_was_found_and_visited_is_told_together(chart: Chart) -> None:
     """Two sweeps over what was found: more visits than targets."""
-    story = Story(MISSION_ID, 100.0)
+    monitor = RunMonitor(MISSION_ID, 100.0)
     found = searching(
         lifecycle_state="DONE", current_target="7", tags_discovered=5, targets_total=5, targets_completed=10
     )
-    story.take(*found, at=110.0)
-    assert view.summary(story, 110.0).plain == ("DONE: 5/5 tags found, 10 visited of 5 targets in 10.0 s")
-    assert "10 visits to 5 targets" in drawn(view.picture(story, chart, 110.0))
+    monitor.take(*found, at=110.0)
+    assert view.summary(monitor, 110.0).plain == ("DONE: 5/5 tags found, 10 visited of 5 targets in 10.0 s")
+    assert "10 visits to 5 targets" in drawn(view.picture(monitor, chart, 110.0))
 
 
 def test_durations() -> None:

@@ -20,7 +20,7 @@ from lupin_engine.chart.model import Chart
 from lupin_engine.cli.terminal import view
 from lupin_engine.cli.terminal.tty import hang_up
 from lupin_engine.errors import Severity
-from lupin_engine.ros.launch.story import STATUSES, TAG_READING, Happening, Reading, Story
+from lupin_engine.ros.launch.monitor import STATUSES, TAG_READING, RunEvent, RunMonitor, TargetReading
 
 #: Pictures a second in the terminal.
 PICTURES_HZ = 8.0
@@ -47,30 +47,30 @@ class PlainObserver:
         else:
             self._write(text)
 
-    def arrived(self, kind: str, data: Mapping[str, Any], story: Story) -> None:
+    def arrived(self, kind: str, data: Mapping[str, Any], monitor: RunMonitor) -> None:
         """Write a line when state, phase or target changed, and one for each event."""
-        self.show(story)
+        self.show(monitor)
         if kind == "state" and (key := view.changed_key(data)) != self._last:
             self._last = key
-            line = view.plain_state(data, story.searching)
-            self._write(f"{view.clock(story.elapsed(story.heard))}  {line}")
+            line = view.plain_state(data, monitor.searching)
+            self._write(f"{view.clock(monitor.elapsed(monitor.heard))}  {line}")
 
-    def show(self, story: Story) -> None:
+    def show(self, monitor: RunMonitor) -> None:
         """Write the events that are new."""
-        for happening in story.happenings[self._told :]:
+        for happening in monitor.happenings[self._told :]:
             self._write(_plain_event(happening))
-        self._told = len(story.happenings)
+        self._told = len(monitor.happenings)
 
-    def close(self, story: Story | None, code: int) -> None:
+    def close(self, monitor: RunMonitor | None, code: int) -> None:
         """Write the table of readings and the summary."""
-        if story is None:
+        if monitor is None:
             return
-        self.show(story)
+        self.show(monitor)
         console = Console(file=sys.stdout, width=120, color_system=None)
-        _finish(console, story)
+        _finish(console, monitor)
 
 
-def _plain_event(happening: Happening) -> str:
+def _plain_event(happening: RunEvent) -> str:
     mark = "" if happening.severity is Severity.INFO else f"  [{happening.severity.name.lower()}]"
     return f"{view.clock(happening.elapsed)}    {happening.text}{mark}"
 
@@ -89,38 +89,38 @@ class LiveObserver:
         style = "dim" if severity is Severity.INFO else view.STYLES[severity]
         self._console.print(Text(text, style))
 
-    def arrived(self, kind: str, data: Mapping[str, Any], story: Story) -> None:
+    def arrived(self, kind: str, data: Mapping[str, Any], monitor: RunMonitor) -> None:
         """Draw at once when something is new."""
         if kind != "state":
-            self._draw(story)
+            self._draw(monitor)
 
-    def show(self, story: Story) -> None:
+    def show(self, monitor: RunMonitor) -> None:
         """Draw when it is time for another picture."""
         if time.monotonic() - self._drawn >= 1.0 / PICTURES_HZ:
-            self._draw(story)
+            self._draw(monitor)
 
-    def _draw(self, story: Story) -> None:
+    def _draw(self, monitor: RunMonitor) -> None:
         self._drawn = time.monotonic()
         if self._live is None:
             self._live = Live(console=self._console, auto_refresh=False, transient=False)
             self._live.start()
-        self._live.update(view.picture(story, self._chart, self._drawn), refresh=True)
+        self._live.update(view.picture(monitor, self._chart, self._drawn), refresh=True)
 
-    def close(self, story: Story | None, code: int) -> None:
+    def close(self, monitor: RunMonitor | None, code: int) -> None:
         """Leave the last picture standing and print the table under it."""
         if self._live is not None:
-            if story is not None:
-                self._draw(story)
+            if monitor is not None:
+                self._draw(monitor)
             self._live.stop()
-        if story is not None:
-            _finish(self._console, story)
+        if monitor is not None:
+            _finish(self._console, monitor)
 
 
-def _finish(console: Console, story: Story) -> None:
+def _finish(console: Console, monitor: RunMonitor) -> None:
     symbols = view.ASCII if console.options.ascii_only else view.UNICODE
-    if story.readings:
-        console.print(view.readings_table(story.readings.values(), symbols))
-    console.print(view.summary(story, time.monotonic()))
+    if monitor.readings:
+        console.print(view.readings_table(monitor.readings.values(), symbols))
+    console.print(view.summary(monitor, time.monotonic()))
 
 
 class JsonObserver:
@@ -137,45 +137,45 @@ class JsonObserver:
         """Write a note."""
         self._put("note", severity=severity.name.lower(), text=text)
 
-    def arrived(self, kind: str, data: Mapping[str, Any], story: Story) -> None:
+    def arrived(self, kind: str, data: Mapping[str, Any], monitor: RunMonitor) -> None:
         """Write a state when anything but its stamp is new; every observation, finding and step."""
-        elapsed = round(time.monotonic() - story.began, 3)
+        elapsed = round(time.monotonic() - monitor.began, 3)
         if kind == "state":
             said = {name: value for name, value in data.items() if name != "header"}
             if said != self._last:
                 self._last = said
                 self._put("state", elapsed=elapsed, **said)
         elif kind == "observation" and data.get("kind", TAG_READING) != TAG_READING:
-            finding = story.happenings[-1]
+            finding = monitor.happenings[-1]
             self._put("finding", elapsed=elapsed, severity=finding.severity.name.lower(), text=finding.text)
         elif kind == "observation":
-            reading = list(story.readings.values())[-1]
+            reading = list(monitor.readings.values())[-1]
             self._put("observation", elapsed=elapsed, **_reading(reading))
         else:
             self._put("step", elapsed=elapsed, step=data.get("step"), view=data.get("view"))
 
-    def show(self, story: Story) -> None:
+    def show(self, monitor: RunMonitor) -> None:
         """Nothing: everything was written as it came."""
 
-    def close(self, story: Story | None, code: int) -> None:
+    def close(self, monitor: RunMonitor | None, code: int) -> None:
         """Write the result."""
-        if story is None:
+        if monitor is None:
             self._put("result", exit_code=code)
             return
         self._put(
             "result",
             exit_code=code,
-            mission_id=story.mission_id,
-            lifecycle=story.lifecycle,
-            seconds=round(story.elapsed(time.monotonic()), 3),
-            total=story.total,
-            counts={status: story.count(status) for status in STATUSES},
-            last_error=story.state.get("last_error", ""),
-            readings=[_reading(reading) for reading in story.readings.values()],
+            mission_id=monitor.mission_id,
+            lifecycle=monitor.lifecycle,
+            seconds=round(monitor.elapsed(time.monotonic()), 3),
+            total=monitor.total,
+            counts={status: monitor.count(status) for status in STATUSES},
+            last_error=monitor.state.get("last_error", ""),
+            readings=[_reading(reading) for reading in monitor.readings.values()],
         )
 
 
-def _reading(reading: Reading) -> dict[str, Any]:
+def _reading(reading: TargetReading) -> dict[str, Any]:
     return asdict(reading)
 
 
@@ -195,17 +195,17 @@ class Heard:
         """Pass on."""
         self._pass_on(self._inner.note, text, severity)
 
-    def arrived(self, kind: str, data: Mapping[str, Any], story: Story) -> None:
+    def arrived(self, kind: str, data: Mapping[str, Any], monitor: RunMonitor) -> None:
         """Pass on."""
-        self._pass_on(self._inner.arrived, kind, data, story)
+        self._pass_on(self._inner.arrived, kind, data, monitor)
 
-    def show(self, story: Story) -> None:
+    def show(self, monitor: RunMonitor) -> None:
         """Pass on."""
-        self._pass_on(self._inner.show, story)
+        self._pass_on(self._inner.show, monitor)
 
-    def close(self, story: Story | None, code: int) -> None:
+    def close(self, monitor: RunMonitor | None, code: int) -> None:
         """Pass on."""
-        self._pass_on(self._inner.close, story, code)
+        self._pass_on(self._inner.close, monitor, code)
 
     def _pass_on(self, tell: Callable[..., None], *what: Any) -> None:
         if self._gone:
@@ -229,37 +229,37 @@ class SavingPicture:
         """Pass on."""
         self._inner.note(text, severity)
 
-    def arrived(self, kind: str, data: Mapping[str, Any], story: Story) -> None:
+    def arrived(self, kind: str, data: Mapping[str, Any], monitor: RunMonitor) -> None:
         """Pass on."""
-        self._inner.arrived(kind, data, story)
+        self._inner.arrived(kind, data, monitor)
 
-    def show(self, story: Story) -> None:
+    def show(self, monitor: RunMonitor) -> None:
         """Pass on; save when the mission is in its middle and something has been going on for a moment."""
-        self._inner.show(story)
+        self._inner.show(monitor)
         now = time.monotonic()
-        under_way = any(running.since > 1.0 for running in story.running(now))
-        if not self._saved and under_way and story.total and 2 * story.closed >= story.total:
-            self._save(story, now)
+        under_way = any(running.since > 1.0 for running in monitor.running(now))
+        if not self._saved and under_way and monitor.total and 2 * monitor.closed >= monitor.total:
+            self._save(monitor, now)
 
-    def _save(self, story: Story, now: float) -> None:
+    def _save(self, monitor: RunMonitor, now: float) -> None:
         """Write the picture; a disk that is full is no reason to leave a robot alone."""
         self._saved = True
         try:
-            self.save(story, now)
+            self.save(monitor, now)
         except OSError as problem:
             self._inner.note(f"no picture in {str(self._path)!r}: {problem.strerror}", Severity.WARN)
 
-    def save(self, story: Story, now: float) -> None:
+    def save(self, monitor: RunMonitor, now: float) -> None:
         """Write the picture as SVG."""
         console = Console(record=True, width=SAVED_WIDTH, file=io.StringIO(), force_terminal=True)
-        console.print(view.picture(story, self._chart, now))
+        console.print(view.picture(monitor, self._chart, now))
         self._path.parent.mkdir(parents=True, exist_ok=True)
         svg = console.export_svg(title="lupin run")
         # rich names a font on the web; a picture in a repository should not fetch anything.
         self._path.write_text(re.sub(r"@font-face \{.*?\}\s*", "", svg, flags=re.DOTALL), encoding="utf-8")
 
-    def close(self, story: Story | None, code: int) -> None:
+    def close(self, monitor: RunMonitor | None, code: int) -> None:
         """Pass on; a mission that was too short for a middle is saved at its end."""
-        if not self._saved and story is not None:
-            self._save(story, time.monotonic())
-        self._inner.close(story, code)
+        if not self._saved and monitor is not None:
+            self._save(monitor, time.monotonic())
+        self._inner.close(monitor, code)

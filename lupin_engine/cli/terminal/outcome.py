@@ -17,7 +17,7 @@ from lupin_engine.replay.story import columns_for, laid_out
 from lupin_engine.replay.summary import Attempted, RunSummary, summarise
 from lupin_engine.replay.timeline import Timeline
 from lupin_engine.replay.timeline_rows import lasting
-from lupin_engine.ros.launch.story import ALL_VISITED, NOT_DONE, SOME_MISSED, STATUSES, Reading
+from lupin_engine.ros.launch.monitor import ALL_VISITED, NOT_DONE, SOME_MISSED, STATUSES, TargetReading
 from lupin_engine.runtime.record import command_record, step_record, view_record
 from lupin_engine.sim.narration import tell
 from lupin_engine.sim.simulation import Run
@@ -90,10 +90,10 @@ def _attempted(one: Attempted) -> str:
     return f"{one.operation} {one.attempts}" + (f" ({details})" if details else "")
 
 
-def _reading(visit: Visit) -> Reading:
+def _reading(visit: Visit) -> TargetReading:
     sensors = (visit.reading or {}).get("readings", ()) if isinstance(visit.reading, Mapping) else ()
     values = {str(sensor["name"]): float(sensor["value"]) for sensor in sensors}
-    return Reading(visit.target, visit.status, visit.detail or visit.code, values)
+    return TargetReading(visit.target, visit.status, visit.detail or visit.code, values)
 
 
 def verdict(run: Run) -> int:

@@ -1,4 +1,4 @@
-"""What a run looks like: pure functions from a story and a chart to pictures, tables and lines.
+"""What a run looks like: pure functions from a monitor and a chart to pictures, tables and lines.
 
 `picture` is the live view, `readings_table` and `summary` its end, `plain_state` the line that stands for a
 change where there is no terminal. Symbols are plain ASCII where the terminal cannot show others.
@@ -19,16 +19,16 @@ from rich.text import Text
 
 from lupin_engine.chart.model import Chart, Kind
 from lupin_engine.errors import Severity
-from lupin_engine.ros.launch.story import (
+from lupin_engine.ros.launch.monitor import (
     ALL_VISITED,
     COUNTERS,
     NOT_DONE,
     SOME_MISSED,
     STATUSES,
-    Happening,
-    Reading,
-    Running,
-    Story,
+    RunEvent,
+    RunMonitor,
+    RunningOperation,
+    TargetReading,
 )
 
 STYLES: Mapping[Severity, str] = {
@@ -124,100 +124,102 @@ def _role(name: str, chart: Chart, active: set[str]) -> str:
     return "path" if any(child in active for child in chart.states[name].children) else "active"
 
 
-def picture(story: Story, chart: Chart, now: float) -> RenderableType:
+def picture(monitor: RunMonitor, chart: Chart, now: float) -> RenderableType:
     """Return the live view at `now` (seconds of the monotonic clock)."""
-    return _Fitting(story, chart, now)
+    return _Fitting(monitor, chart, now)
 
 
 class _Fitting:
     """The live view, in the symbols that the console can show."""
 
-    def __init__(self, story: Story, chart: Chart, now: float) -> None:
-        self._story, self._chart, self._now = story, chart, now
+    def __init__(self, monitor: RunMonitor, chart: Chart, now: float) -> None:
+        self._story, self._chart, self._now = monitor, chart, now
 
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
         symbols = ASCII if options.ascii_only else UNICODE
-        story = self._story
+        monitor = self._story
         body = Table.grid(padding=(0, 2), expand=True)
         body.add_column(width=TREE_WIDTH)
         body.add_column(ratio=1)
-        body.add_row(_tree(self._chart, story, symbols), _details(story, self._now, symbols))
+        body.add_row(_tree(self._chart, monitor, symbols), _details(monitor, self._now, symbols))
         yield Panel(
-            Group(body, Text(), *_events(story.happenings)),
-            title=_title(story, self._now, symbols),
+            Group(body, Text(), *_events(monitor.happenings)),
+            title=_title(monitor, self._now, symbols),
             title_align="left",
-            subtitle=_strip(story, symbols),
+            subtitle=_strip(monitor, symbols),
             subtitle_align="left",
-            border_style=_border(story),
+            border_style=_border(monitor),
             box=ROUNDED,
         )
 
 
-def _title(story: Story, now: float, symbols: Symbols) -> Text:
-    mission = str(story.state.get("mission_type", "")) or "mission"
+def _title(monitor: RunMonitor, now: float, symbols: Symbols) -> Text:
+    mission = str(monitor.state.get("mission_type", "")) or "mission"
     phase = f" {symbols.dot} ".join(
-        filter(None, (story.lifecycle, str(story.state.get("mission_phase", ""))))
+        filter(None, (monitor.lifecycle, str(monitor.state.get("mission_phase", ""))))
     )
-    title = Text.assemble((mission, "bold"), (f" {story.mission_id}", "dim"), "  ", (phase, "bold green"))
-    title.append(f"  {clock(story.elapsed(now))}", "dim")
-    for name, style in pills(story):
+    title = Text.assemble((mission, "bold"), (f" {monitor.mission_id}", "dim"), "  ", (phase, "bold green"))
+    title.append(f"  {clock(monitor.elapsed(now))}", "dim")
+    for name, style in pills(monitor):
         title.append("  ")
         title.append(f" {name} ", style)
     return title
 
 
-def pills(story: Story) -> list[tuple[str, str]]:
+def pills(monitor: RunMonitor) -> list[tuple[str, str]]:
     """Return the flags that are up, each with its style."""
     flags = (
         ("estop_engaged", "E-STOP", "bold white on red"),
         ("paused", "PAUSED", "black on yellow"),
         ("battery_low", "BATTERY LOW", "black on yellow"),
     )
-    return [(name, style) for field, name, style in flags if story.state.get(field)]
+    return [(name, style) for field, name, style in flags if monitor.state.get(field)]
 
 
-def _border(story: Story) -> str:
-    if story.faulted or story.state.get("estop_engaged"):
+def _border(monitor: RunMonitor) -> str:
+    if monitor.faulted or monitor.state.get("estop_engaged"):
         return "red"
-    return "yellow" if story.waits else "green"
+    return "yellow" if monitor.waits else "green"
 
 
-def _tree(chart: Chart, story: Story, symbols: Symbols) -> RenderableType:
+def _tree(chart: Chart, monitor: RunMonitor, symbols: Symbols) -> RenderableType:
     marks = {
         "active": (symbols.active, "bold green"),
         "path": (symbols.path, "green"),
         "idle": (symbols.idle, "dim"),
     }
     lines = []
-    for line in tree_lines(chart, story.view.get("configuration", ())):
+    for line in tree_lines(chart, monitor.view.get("configuration", ())):
         mark, style = marks[line.role]
         text = f"{'  ' * line.depth}{mark} {line.name}"
         lines.append(Text(text, style=style, no_wrap=True, overflow="crop"))
     return Group(*lines)
 
 
-def _details(story: Story, now: float, symbols: Symbols) -> RenderableType:
+def _details(monitor: RunMonitor, now: float, symbols: Symbols) -> RenderableType:
     grid = Table.grid(padding=(0, 1), expand=True)
     grid.add_column(style="dim", width=10)
     grid.add_column(ratio=1)
-    grid.add_row("target", _target(story))
-    grid.add_row("progress", _progress(story))
-    grid.add_row("", _counts(story, symbols))
+    grid.add_row("target", _target(monitor))
+    grid.add_row("progress", _progress(monitor))
+    grid.add_row("", _counts(monitor, symbols))
     # This row is there even when it is empty, so that the picture does not jump.
-    grid.add_row("waits" if story.waits else "", Text(WAITS if story.waits else "", "yellow"))
-    under_way: list[Running | None] = [*story.running(now)]
+    grid.add_row("waits" if monitor.waits else "", Text(WAITS if monitor.waits else "", "yellow"))
+    under_way: list[RunningOperation | None] = [*monitor.running(now)]
     for running in under_way or [None]:
         grid.add_row("operation", _operation(running))
         grid.add_row("", _deadline(running))
         grid.add_row("", _running_detail(running))
-    grid.add_row("battery", _battery(story))
+    grid.add_row("battery", _battery(monitor))
     return grid
 
 
-def _progress(story: Story) -> RenderableType:
-    if story.searching:
-        return _measure(story.found, story.goal, "green", story.finds)
-    return _measure(story.closed, story.total, "green", f"{_share(story.closed, story.total)} targets")
+def _progress(monitor: RunMonitor) -> RenderableType:
+    if monitor.searching:
+        return _measure(monitor.found, monitor.goal, "green", monitor.finds)
+    return _measure(
+        monitor.closed, monitor.total, "green", f"{_share(monitor.closed, monitor.total)} targets"
+    )
 
 
 def _share(closed: int, total: int) -> str:
@@ -225,22 +227,22 @@ def _share(closed: int, total: int) -> str:
     return f"{closed}/{total}" if closed <= total else f"{closed} visits to {total}"
 
 
-def _target(story: Story) -> Text:
-    target = str(story.state.get("current_target", ""))
+def _target(monitor: RunMonitor) -> Text:
+    target = str(monitor.state.get("current_target", ""))
     return Text(f"tag {target}", "bold") if target else Text("none", "dim")
 
 
-def _counts(story: Story, symbols: Symbols) -> Text:
+def _counts(monitor: RunMonitor, symbols: Symbols) -> Text:
     marks = (symbols.ok, symbols.missed, symbols.missed, symbols.skipped)
     text = Text(no_wrap=True, overflow="crop")
     for status, mark in zip(STATUSES, marks, strict=True):
-        count = story.count(status)
+        count = monitor.count(status)
         if count or status == "OK":
             text.append(f"{mark} {count} {WORDS[status]}  ", STATUS_STYLES[status] if count else "dim")
     return text
 
 
-def _operation(running: Running | None) -> Text:
+def _operation(running: RunningOperation | None) -> Text:
     if running is None:
         return Text("none", "dim")
     text = Text(running.operation, "bold")
@@ -251,7 +253,7 @@ def _operation(running: Running | None) -> Text:
     return text
 
 
-def _deadline(running: Running | None) -> RenderableType:
+def _deadline(running: RunningOperation | None) -> RenderableType:
     if running is None:
         return Text()
     if running.limit is None:
@@ -261,13 +263,13 @@ def _deadline(running: Running | None) -> RenderableType:
     return _measure(running.since, running.limit, style, f"{running.since:.1f} s of {running.limit:.0f} s")
 
 
-def _running_detail(running: Running | None) -> Text:
+def _running_detail(running: RunningOperation | None) -> Text:
     return Text(running.detail if running else "", "dim", no_wrap=True, overflow="crop")
 
 
-def _battery(story: Story) -> RenderableType:
-    charge = float(story.state.get("battery_percentage", 0.0))
-    return _measure(charge, 1.0, "red" if story.state.get("battery_low") else "green", f"{charge:.0%}")
+def _battery(monitor: RunMonitor) -> RenderableType:
+    charge = float(monitor.state.get("battery_percentage", 0.0))
+    return _measure(charge, 1.0, "red" if monitor.state.get("battery_low") else "green", f"{charge:.0%}")
 
 
 def _measure(value: float, total: float, style: str, text: str) -> RenderableType:
@@ -279,7 +281,7 @@ def _measure(value: float, total: float, style: str, text: str) -> RenderableTyp
     return row
 
 
-def _events(happenings: Sequence[Happening]) -> Iterator[Text]:
+def _events(happenings: Sequence[RunEvent]) -> Iterator[Text]:
     shown = list(happenings[-SHOWN_EVENTS:])
     for happening in shown:
         yield event_line(happening)
@@ -287,22 +289,22 @@ def _events(happenings: Sequence[Happening]) -> Iterator[Text]:
         yield Text()
 
 
-def event_line(happening: Happening) -> Text:
+def event_line(happening: RunEvent) -> Text:
     """Return one event as a line, in the colour of its severity."""
     line = Text(no_wrap=True, overflow="crop")
     line.append(f"{clock(happening.elapsed)}  ", "dim")
     return line.append(happening.text, STYLES[happening.severity])
 
 
-def _strip(story: Story, symbols: Symbols) -> Text:
+def _strip(monitor: RunMonitor, symbols: Symbols) -> Text:
     """Return the targets so far in one line, each with the mark of its outcome."""
     marks = {"OK": symbols.ok, "SKIPPED": symbols.skipped}
     strip = Text(no_wrap=True, overflow="crop")
-    for reading in story.readings.values():
+    for reading in monitor.readings.values():
         mark = marks.get(reading.status, symbols.missed)
         strip.append(f" {reading.tag}{mark} ", STATUS_STYLES.get(reading.status, ""))
-    target = story.state.get("current_target")
-    if target and target not in story.readings:
+    target = monitor.state.get("current_target")
+    if target and target not in monitor.readings:
         strip.append(f" {target}{symbols.more} ", "bold")
     return strip
 
@@ -310,7 +312,7 @@ def _strip(story: Story, symbols: Symbols) -> Text:
 # -- the end --------------------------------------------------------------------------------------------
 
 
-def readings_table(readings: Iterable[Reading], symbols: Symbols = UNICODE) -> Table:
+def readings_table(readings: Iterable[TargetReading], symbols: Symbols = UNICODE) -> Table:
     """Return what became of every target, one row each; hollow where a tag lacks the sensor."""
     rows = list(readings)
     sensors = sensor_columns(rows)
@@ -328,7 +330,7 @@ def readings_table(readings: Iterable[Reading], symbols: Symbols = UNICODE) -> T
     return table
 
 
-def sensor_columns(readings: Iterable[Reading]) -> list[str]:
+def sensor_columns(readings: Iterable[TargetReading]) -> list[str]:
     """Return the sensors that occur: the known ones in their order, then the others as they came."""
     found = dict.fromkeys(name for reading in readings for name in reading.values)
     return [*(name for name in UNITS if name in found), *(name for name in found if name not in UNITS)]
@@ -338,24 +340,24 @@ def _value(value: float | None, symbols: Symbols) -> Text:
     return Text(symbols.dot, "dim") if value is None else Text(f"{value:.4g}")
 
 
-def summary(story: Story, now: float) -> Text:
+def summary(monitor: RunMonitor, now: float) -> Text:
     """Return the last line of a run."""
-    stage = story.lifecycle if story.ended else f"given up in {story.lifecycle or 'its beginning'}"
-    text = Text(stage, _VERDICT_STYLES[story.verdict])
-    text.append(f": {_outcome(story)} in {story.elapsed(now):.1f} s", "not bold")
-    error = story.state.get("last_error")
-    if error and story.verdict:
+    stage = monitor.lifecycle if monitor.ended else f"given up in {monitor.lifecycle or 'its beginning'}"
+    text = Text(stage, _VERDICT_STYLES[monitor.verdict])
+    text.append(f": {_outcome(monitor)} in {monitor.elapsed(now):.1f} s", "not bold")
+    error = monitor.state.get("last_error")
+    if error and monitor.verdict:
         text.append(f"; last: {error}", "yellow")
     return text
 
 
-def _outcome(story: Story) -> str:
-    if story.searching:
-        return story.finds
-    counted = ((story.count(status), WORDS[status]) for status in STATUSES)
+def _outcome(monitor: RunMonitor) -> str:
+    if monitor.searching:
+        return monitor.finds
+    counted = ((monitor.count(status), WORDS[status]) for status in STATUSES)
     counts = ", ".join(f"{count} {word}" for count, word in counted if count)
-    visited = f"{counts or 'none visited'} of {story.total} targets"
-    return f"{story.finds}, {visited}" if story.goal else visited
+    visited = f"{counts or 'none visited'} of {monitor.total} targets"
+    return f"{monitor.finds}, {visited}" if monitor.goal else visited
 
 
 # -- lines ----------------------------------------------------------------------------------------------

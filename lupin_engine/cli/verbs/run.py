@@ -15,8 +15,8 @@ from lupin_engine.plugin.registry import Catalog, load_catalog
 
 if TYPE_CHECKING:
     from lupin_engine.missions.load import LoadedMissions
+    from lupin_engine.ros.launch.bringup import Bringup
     from lupin_engine.ros.launch.interrupts import Interrupts
-    from lupin_engine.ros.launch.session import Session
 
 
 @click.command(cls=options.RequestCommand, short_help="Run a mission over ROS 2 and watch it.")
@@ -53,7 +53,7 @@ def run(
     Exit code: 0 all targets visited, 1 some missed, 2 fault or not started, 130 interrupted, or
     nobody reads any more.
     """
-    from lupin_engine.cli.bring_up import Options, Wanted
+    from lupin_engine.cli.bring_up import CheckedOptions, GivenOptions
     from lupin_engine.cli.requests import carried, check_request
     from lupin_engine.cli.run_folders import writable
     from lupin_engine.cli.terminal.tty import quiet_terminal
@@ -62,7 +62,7 @@ def run(
 
     catalog = load_catalog()
     loaded = load_missions([mission], catalog)
-    given = Options(Wanted(**wanted), loaded, catalog)
+    given = CheckedOptions(GivenOptions(**wanted), loaded, catalog)
     with given.problems.collecting():
         check_request(loaded, given.values, request)
     with given.problems.collecting():
@@ -71,18 +71,18 @@ def run(
     if patience is None and (as_json or not sys.stdout.isatty()):
         patience = options.PATIENCE_S
     settings = given.settings(patience)
-    from lupin_engine.ros.launch.session import Session  # needs rclpy
+    from lupin_engine.ros.launch.bringup import Bringup  # needs rclpy
 
     with quiet_terminal(), Interrupts() as interrupts:
         observer = _observer(as_json, save_svg, loaded, interrupts)
-        with Session(settings, observer, interrupts) as session:
-            code = _carry_out(session, observer, loaded, catalog, carried(loaded.chart, request))
-        observer.close(session.story, code)
+        with Bringup(settings, observer, interrupts) as bringup:
+            code = _carry_out(bringup, observer, loaded, catalog, carried(loaded.chart, request))
+        observer.close(bringup.monitor, code)
     return code
 
 
 def _carry_out(
-    session: Session,
+    bringup: Bringup,
     observer: Any,
     loaded: LoadedMissions,
     catalog: Catalog,
@@ -90,20 +90,20 @@ def _carry_out(
 ) -> int:
     """Run the mission; an error is reported to the observer and aborts the mission."""
     from lupin_engine.ros.launch.interrupts import Interrupted
-    from lupin_engine.ros.launch.story import INTERRUPTED, NOT_DONE
+    from lupin_engine.ros.launch.monitor import INTERRUPTED, NOT_DONE
 
     try:
-        session.bring_up(loaded.plugins, catalog)
-        story = session.start(loaded.names[0], request)
-        session.follow(story)
-        return story.verdict
+        bringup.bring_up(loaded.plugins, catalog)
+        monitor = bringup.start(loaded.names[0], request)
+        bringup.follow(monitor)
+        return monitor.verdict
     except Interrupted:
         code = INTERRUPTED
     except LupinError as problem:
         observer.note(str(problem), Severity.ERROR)
         code = NOT_DONE
-    if session.story is not None and not session.story.ended:
-        session.abort(session.story)
+    if bringup.monitor is not None and not bringup.monitor.ended:
+        bringup.abort(bringup.monitor)
     return code
 
 

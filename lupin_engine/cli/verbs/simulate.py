@@ -78,7 +78,7 @@ def simulate(
     """
     from lupin_engine.cli.terminal import outcome
     from lupin_engine.replay.timeline import timeline
-    from lupin_engine.ros.launch.story import INTERRUPTED
+    from lupin_engine.ros.launch.monitor import INTERRUPTED
 
     problems = Problems(UsageError)
     if interactive and (as_json or quiet or speed or picture or until is not None):

@@ -15,7 +15,7 @@ from lupin_engine.ros.launch.environment import current_domain
 
 if TYPE_CHECKING:
     from lupin_engine.missions.load import LoadedMissions
-    from lupin_engine.ros.launch.session import Observer, Session
+    from lupin_engine.ros.launch.bringup import Bringup, Observer
 
 
 @click.command(short_help="Start the nodes of missions; an operator starts the missions.")
@@ -29,7 +29,7 @@ def up(missions: tuple[str, ...], **wanted: Any) -> int:
 
     Exit code: 0 ended by Ctrl-C, 2 not started, or ended by what went wrong.
     """
-    from lupin_engine.cli.bring_up import Options, Wanted
+    from lupin_engine.cli.bring_up import CheckedOptions, GivenOptions
     from lupin_engine.cli.terminal.observers import Heard, PlainObserver
     from lupin_engine.missions.selection import load_missions
     from lupin_engine.ros.launch.interrupts import Interrupts
@@ -37,26 +37,26 @@ def up(missions: tuple[str, ...], **wanted: Any) -> int:
 
     catalog = load_catalog()
     loaded = load_missions(missions, catalog)
-    given = Options(Wanted(**wanted), loaded, catalog)
+    given = CheckedOptions(GivenOptions(**wanted), loaded, catalog)
     with given.problems.collecting():
         make_world(loaded.chart, given.values)
     settings = given.settings()
-    from lupin_engine.ros.launch.session import Session  # needs rclpy
+    from lupin_engine.ros.launch.bringup import Bringup  # needs rclpy
 
     with Interrupts() as interrupts:
         observer = Heard(PlainObserver(), interrupts.stop)
-        with Session(settings, observer, interrupts) as session:
-            return _serve(session, observer, loaded, catalog)
+        with Bringup(settings, observer, interrupts) as bringup:
+            return _serve(bringup, observer, loaded, catalog)
 
 
-def _serve(session: Session, observer: Observer, loaded: LoadedMissions, catalog: Catalog) -> int:
+def _serve(bringup: Bringup, observer: Observer, loaded: LoadedMissions, catalog: Catalog) -> int:
     from lupin_engine.ros.launch.interrupts import Interrupted
-    from lupin_engine.ros.launch.story import NOT_DONE
+    from lupin_engine.ros.launch.monitor import NOT_DONE
 
     try:
-        session.bring_up(loaded.plugins, catalog)
+        bringup.bring_up(loaded.plugins, catalog)
         observer.note("\n".join(served(loaded, str(current_domain()))))
-        session.watch(_StateLines(observer))
+        bringup.watch(_StateLines(observer))
     except Interrupted:
         return 0  # the way to end it
     except LupinError as problem:

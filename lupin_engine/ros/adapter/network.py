@@ -55,7 +55,7 @@ class Interface:
 
 
 @dataclass(frozen=True)
-class _Channel:
+class _DdsTopic:
     """A DDS topic as endpoint descriptions of rclpy."""
 
     writers: tuple[Any, ...]
@@ -91,18 +91,18 @@ def type_name(endpoint: Any) -> str:
     return str(endpoint.topic_type).replace("::dds_::", "::").replace("::", "/").removesuffix("_")
 
 
-def _channel(node: Any, name: str, hidden: frozenset[str]) -> _Channel | None:
+def _channel(node: Any, name: str, hidden: frozenset[str]) -> _DdsTopic | None:
     if name[:3] not in ("rt/", "rq/", "rr/"):
         return None  # of the middleware itself, or of a program that does not speak ROS
     writers = node.get_publishers_info_by_topic(name, no_mangle=True)
     readers = node.get_subscriptions_info_by_topic(name, no_mangle=True)
-    return _Channel(
+    return _DdsTopic(
         tuple(e for e in writers if node_name(e) not in hidden),
         tuple(e for e in readers if node_name(e) not in hidden),
     )
 
 
-def _topics(channels: Mapping[str, _Channel]) -> Iterator[Interface]:
+def _topics(channels: Mapping[str, _DdsTopic]) -> Iterator[Interface]:
     for name, channel in channels.items():
         ends = [*channel.writers, *channel.readers]
         if name.startswith("rt/") and _ACTION not in name and ends:
@@ -112,25 +112,25 @@ def _topics(channels: Mapping[str, _Channel]) -> Iterator[Interface]:
             )
 
 
-def _services(channels: Mapping[str, _Channel]) -> Iterator[Interface]:
+def _services(channels: Mapping[str, _DdsTopic]) -> Iterator[Interface]:
     for name, requests in _requests(channels):
         if _ACTION not in name:
             yield from _asked("service", name, requests, "_Request")
 
 
-def _actions(channels: Mapping[str, _Channel]) -> Iterator[Interface]:
+def _actions(channels: Mapping[str, _DdsTopic]) -> Iterator[Interface]:
     for name, requests in _requests(channels):
         if name.endswith(_SEND_GOAL):
             yield from _asked("action", name.removesuffix(_SEND_GOAL), requests, "_SendGoal_Request")
 
 
-def _requests(channels: Mapping[str, _Channel]) -> Iterator[tuple[str, _Channel]]:
+def _requests(channels: Mapping[str, _DdsTopic]) -> Iterator[tuple[str, _DdsTopic]]:
     for name, channel in channels.items():
         if name.startswith("rq/"):
             yield name[2:].removesuffix("Request"), channel
 
 
-def _asked(kind: Kind, name: str, requests: _Channel, ending: str) -> Iterator[Interface]:
+def _asked(kind: Kind, name: str, requests: _DdsTopic, ending: str) -> Iterator[Interface]:
     """Describe what is asked with requests: its servers read them, its clients write them."""
     ends = [*requests.readers, *requests.writers]
     if not ends:
@@ -171,7 +171,7 @@ def _definitions(ends: Iterable[Any]) -> Iterator[str]:
         yield f"different definitions ({told}): build both sides from the same interface packages"
 
 
-def _unmatched(channel: _Channel) -> Iterator[str]:
+def _unmatched(channel: _DdsTopic) -> Iterator[str]:
     """Tell pairs that never meet: a reader that asks for more than the writer offers hears nothing."""
     told = set()
     for writer, reader in product(channel.writers, channel.readers):

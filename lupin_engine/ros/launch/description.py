@@ -17,11 +17,11 @@ from lupin_engine.plugin.registry import Catalog
 from lupin_engine.ros.launch.nodes import ORCHESTRATOR, LaunchableNode, nodes_of
 
 #: Values of ROS parameters by name.
-Values = Mapping[str, Any]
+ParameterValues = Mapping[str, Any]
 
 
 @dataclass(frozen=True)
-class Present:
+class PresentEndpoints:
     """What is on the network: node names without namespace, full names of services and actions."""
 
     nodes: frozenset[str] = frozenset()
@@ -35,18 +35,18 @@ class Present:
 
 
 @dataclass(frozen=True)
-class Launch:
+class NodeLaunch:
     """A node to start, with its parameters."""
 
     node: LaunchableNode
-    parameters: Values = field(default_factory=dict)
+    parameters: ParameterValues = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
-class Plan:
+class LaunchDescription:
     """What to start, and what is there already: nodes, or servers that a simulation would replace."""
 
-    launches: tuple[Launch, ...]
+    launches: tuple[NodeLaunch, ...]
     joined: tuple[str, ...] = ()
 
     @property
@@ -61,15 +61,15 @@ def simulators(catalog: Catalog) -> Mapping[str, LaunchableNode]:
     return {name: nodes[name] for plugin in catalog.plugins.values() for name in plugin.stands_in}
 
 
-def make_plan(
+def describe_launch(
     plugins: Iterable[str],
     catalog: Catalog,
-    present: Present,
-    parameters: Mapping[str, Values],
+    present: PresentEndpoints,
+    parameters: Mapping[str, ParameterValues],
     *,
     simulate: bool = True,
     known: Container[str] = (),
-) -> Plan:
+) -> LaunchDescription:
     """Decide what to start for missions that use `plugins`.
 
     Args:
@@ -91,10 +91,12 @@ def make_plan(
         **parameters,
         ORCHESTRATOR: {**_assumed(starting, catalog, known), **parameters.get(ORCHESTRATOR, {})},
     }
-    return Plan(tuple(Launch(node, given.get(node.name, {})) for node in starting), tuple(joined))
+    return LaunchDescription(
+        tuple(NodeLaunch(node, given.get(node.name, {})) for node in starting), tuple(joined)
+    )
 
 
-def _assumed(starting: Iterable[LaunchableNode], catalog: Catalog, known: Container[str]) -> Values:
+def _assumed(starting: Iterable[LaunchableNode], catalog: Catalog, known: Container[str]) -> ParameterValues:
     """Return what parameters of the missions are where these simulations run."""
     simulated = simulators(catalog)
     plugins = [catalog.plugins[node.plugin] for node in starting if node.name in simulated]
@@ -118,7 +120,7 @@ def _needed(plugins: set[str], catalog: Catalog, simulate: bool) -> Iterator[Lau
     yield nodes[ORCHESTRATOR]
 
 
-def _already(node: LaunchableNode, catalog: Catalog, present: Present) -> str:
+def _already(node: LaunchableNode, catalog: Catalog, present: PresentEndpoints) -> str:
     """Name what makes starting this node unnecessary; '' when it is needed."""
     if node.name in present.nodes:
         return node.name
@@ -126,7 +128,7 @@ def _already(node: LaunchableNode, catalog: Catalog, present: Present) -> str:
     return ", ".join(replaced) if replaced and all(present.offers(name) for name in replaced) else ""
 
 
-def command(launch: Launch, folder: Path) -> list[str]:
+def command(launch: NodeLaunch, folder: Path) -> list[str]:
     """Return the command line that starts a node; its parameters are written to a file in `folder`."""
     line = [sys.executable, "-m", "lupin_engine.cli.main", "node", launch.node.name]
     if not launch.parameters:
@@ -136,7 +138,7 @@ def command(launch: Launch, folder: Path) -> list[str]:
     return [*line, "--ros-args", "--params-file", str(file)]
 
 
-def parameter_file(node: str, values: Values) -> str:
+def parameter_file(node: str, values: ParameterValues) -> str:
     """Return a ROS parameter file. A file, because arguments cannot carry lists or say what is text."""
     lines = [f"{node}:", "  ros__parameters:"]
     lines += [f"    {name}: {_ros_value(value)}" for name, value in sorted(values.items())]

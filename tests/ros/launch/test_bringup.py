@@ -1,4 +1,4 @@
-"""A session that nothing comes of: why, and that nothing is left; a network on which nobody is."""
+"""A bringup that nothing comes of: why, and that nothing is left; a network on which nobody is."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ import pytest
 
 from lupin_engine.errors import Severity
 from lupin_engine.plugin.registry import build_catalog
-from lupin_engine.ros.launch import session as sessions
-from lupin_engine.ros.launch.description import Launch, Plan
+from lupin_engine.ros.launch import bringup as bringup_module
+from lupin_engine.ros.launch.bringup import Bringup, BringupSettings, RunFailed
+from lupin_engine.ros.launch.description import LaunchDescription, NodeLaunch
 from lupin_engine.ros.launch.interrupts import Interrupts
+from lupin_engine.ros.launch.monitor import RunMonitor
 from lupin_engine.ros.launch.nodes import LaunchableNode
-from lupin_engine.ros.launch.session import RunFailed, Session, Settings
-from lupin_engine.ros.launch.story import Story
 from lupin_engine.ros.operator import Arrival
 from lupin_greenhouse.profile import PROFILE
 from tests.ros.launch.processes import until
@@ -35,10 +35,10 @@ class Notes:
     def note(self, text: str, severity: Severity = Severity.INFO) -> None:
         self.told.append(text)
 
-    def arrived(self, kind: str, data: Any, story: Story) -> None:
+    def arrived(self, kind: str, data: Any, monitor: RunMonitor) -> None:
         raise AssertionError("there is no mission")
 
-    def show(self, story: Story) -> None:
+    def show(self, monitor: RunMonitor) -> None:
         raise AssertionError("there is no mission")
 
 
@@ -81,34 +81,34 @@ class Ready(Nobody):
 def begin(
     monkeypatch: pytest.MonkeyPatch,
     folder: Path,
-    launches: tuple[Launch, ...] = (),
+    launches: tuple[NodeLaunch, ...] = (),
     command: Callable[..., Any] = lambda launch, folder: [],
     **settings: Any,
-) -> Session:
-    """Return a session that starts these nodes with these commands, and looks once they have ended."""
-    monkeypatch.setattr(sessions, "settled", lambda spin, look, strangers: look())
-    monkeypatch.setattr(sessions, "make_plan", lambda *_, **__: Plan(launches))
-    monkeypatch.setattr(sessions, "command", command)
+) -> Bringup:
+    """Return a bringup that starts these nodes with these commands, and looks once they have ended."""
+    monkeypatch.setattr(bringup_module, "settled", lambda spin, look, strangers: look())
+    monkeypatch.setattr(bringup_module, "describe_launch", lambda *_, **__: LaunchDescription(launches))
+    monkeypatch.setattr(bringup_module, "command", command)
 
-    def operator() -> Nobody:
-        return Nobody(lambda: until(lambda: not session.supervisor.names, "the nodes have ended", 20.0))
+    def operator(_: object) -> Nobody:
+        return Nobody(lambda: until(lambda: not bringup.supervisor.names, "the nodes have ended", 20.0))
 
-    monkeypatch.setattr(sessions, "Operator", operator)
-    session = Session(Settings(folder, dict(os.environ), **settings), Notes(), Interrupts())
-    return session
+    monkeypatch.setattr(bringup_module, "Operator", operator)
+    bringup = Bringup(BringupSettings(PROFILE, folder, dict(os.environ), **settings), Notes(), Interrupts())
+    return bringup
 
 
 def test_every_node_that_dies_at_the_start_is_told_with_its_last_words(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     """Two with one reason are told as two: the exit code, the log, and its last lines."""
-    launches = tuple(Launch(LaunchableNode(name, "")) for name in ("reader", "looker"))
+    launches = tuple(NodeLaunch(LaunchableNode(name, "")) for name in ("reader", "looker"))
 
-    def command(launch: Launch, folder: Path) -> list[str]:
+    def command(launch: NodeLaunch, folder: Path) -> list[str]:
         return [sys.executable, "-c", f"print('no {launch.node.name} here'); raise SystemExit(3)"]
 
-    with begin(monkeypatch, tmp_path, launches, command) as session, pytest.raises(RunFailed) as caught:
-        session.bring_up([], CATALOG)
+    with begin(monkeypatch, tmp_path, launches, command) as bringup, pytest.raises(RunFailed) as caught:
+        bringup.bring_up([], CATALOG)
     assert str(caught.value).splitlines() == [
         f"reader ended with exit code 3; its log is {tmp_path / 'reader.log'}",
         "  | no reader here",
@@ -122,18 +122,18 @@ def test_a_disk_that_is_full_is_told_and_ends_what_was_started(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     """The file with a node's parameters could not be written."""
-    launches = tuple(Launch(LaunchableNode(name, "")) for name in ("reader", "looker"))
+    launches = tuple(NodeLaunch(LaunchableNode(name, "")) for name in ("reader", "looker"))
 
-    def command(launch: Launch, folder: Path) -> list[str]:
+    def command(launch: NodeLaunch, folder: Path) -> list[str]:
         if launch.node.name == "looker":
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
         return [sys.executable, "-c", "import signal; signal.pause()"]
 
-    with begin(monkeypatch, tmp_path, launches, command) as session:
+    with begin(monkeypatch, tmp_path, launches, command) as bringup:
         with pytest.raises(RunFailed) as caught:
-            session.bring_up([], CATALOG)
-        assert session.supervisor.names == ["reader"]
-    assert session.supervisor.names == []
+            bringup.bring_up([], CATALOG)
+        assert bringup.supervisor.names == ["reader"]
+    assert bringup.supervisor.names == []
     told = f"looker cannot be started with its files in {tmp_path}: No space left on device"
     assert str(caught.value) == told
 
@@ -143,12 +143,12 @@ def test_what_the_simulated_robot_was_given_is_heard_before_the_mission_is_start
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, settle: bool
 ) -> None:
     """On a machine as well where the time is over before anybody was let speak."""
-    monkeypatch.setattr(sessions, "SETTLE_S", 0.0)
+    monkeypatch.setattr(bringup_module, "SETTLE_S", 0.0)
     ready = Ready()
-    with begin(monkeypatch, tmp_path, settle=settle) as session:
-        monkeypatch.setattr(session, "_operator", ready)
-        session.bring_up([], CATALOG)
-    assert (ready.told > sessions.SETTLE_STATES) is settle
+    with begin(monkeypatch, tmp_path, settle=settle) as bringup:
+        monkeypatch.setattr(bringup, "_operator", ready)
+        bringup.bring_up([], CATALOG)
+    assert (ready.told > bringup_module.SETTLE_STATES) is settle
 
 
 def test_every_option_for_a_node_that_runs_already_is_told(
@@ -156,8 +156,8 @@ def test_every_option_for_a_node_that_runs_already_is_told(
 ) -> None:
     """Using the node that is there would ignore the option."""
     insisted = {"reader": "--set", "robot": "--sim"}
-    with begin(monkeypatch, tmp_path, insisted=insisted) as session, pytest.raises(RunFailed) as caught:
-        session.bring_up([], CATALOG)
+    with begin(monkeypatch, tmp_path, insisted=insisted) as bringup, pytest.raises(RunFailed) as caught:
+        bringup.bring_up([], CATALOG)
     assert str(caught.value).splitlines() == [
         "--set is for reader, which runs already; stop it or choose another --domain",
         "--sim is for robot, which runs already; stop it or choose another --domain",

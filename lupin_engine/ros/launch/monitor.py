@@ -37,7 +37,7 @@ RETURNING = ("RETURNING",)
 
 
 @dataclass(frozen=True)
-class Reading:
+class TargetReading:
     """What became of one target: the status, why, and what its sensors said."""
 
     tag: str
@@ -51,7 +51,7 @@ class Reading:
 
 
 @dataclass(frozen=True)
-class Happening:
+class RunEvent:
     """Something worth a line: seconds since the start, how bad, and the text."""
 
     elapsed: float
@@ -60,7 +60,7 @@ class Happening:
 
 
 @dataclass(frozen=True)
-class Running:
+class RunningOperation:
     """An operation under way: which try, for how long, and how long it may take (None: no limit)."""
 
     operation: str
@@ -72,7 +72,7 @@ class Running:
 
 
 @dataclass
-class Story:
+class RunMonitor:
     """The mission `mission_id`; fill it with `take`. Times are of the monotonic clock of this process."""
 
     mission_id: str
@@ -80,9 +80,9 @@ class Story:
     state: dict[str, Any] = field(default_factory=dict)
     view: dict[str, Any] = field(default_factory=dict)
     #: What is known of each target, the newest last; and how many observations that took.
-    readings: dict[str, Reading] = field(default_factory=dict)
+    readings: dict[str, TargetReading] = field(default_factory=dict)
     observed: int = 0
-    happenings: list[Happening] = field(default_factory=list)
+    happenings: list[RunEvent] = field(default_factory=list)
     heard: float = 0.0
     #: Monotonic time of this process minus the orchestrator's, as of the last step.
     _offset: float = 0.0
@@ -100,7 +100,7 @@ class Story:
 
     def note(self, at: float, severity: Severity, text: str) -> None:
         """Add a happening of our own."""
-        self.happenings.append(Happening(at - self.began, severity, text))
+        self.happenings.append(RunEvent(at - self.began, severity, text))
 
     # -- what it amounts to -----------------------------------------------------------------------------
 
@@ -187,7 +187,7 @@ class Story:
         """Return how long the mission has run at `now`; the clock stops at its end."""
         return (self._ended_at or now) - self.began
 
-    def running(self, now: float) -> list[Running]:
+    def running(self, now: float) -> list[RunningOperation]:
         """Return the operations under way at `now`."""
         return [self._running(attempt, now) for attempt in self.view.get("attempts", ())]
 
@@ -262,11 +262,11 @@ class Story:
         if pose and attempt is not None:
             self.note(at, Severity.INFO, f"{attempt.operation}: x {pose['x']:.2f} m, y {pose['y']:.2f} m")
 
-    def _running(self, attempt: Mapping[str, Any], now: float) -> Running:
+    def _running(self, attempt: Mapping[str, Any], now: float) -> RunningOperation:
         begun = self._begun.get(_key(attempt), now)
         deadline = attempt.get("deadline")
         limit = None if deadline is None else max(0.0, float(deadline) + self._offset - begun)
-        return Running(
+        return RunningOperation(
             operation=str(attempt["operation"]),
             tries=int(attempt["tries"]),
             phase=str(attempt["phase"]),
@@ -285,11 +285,11 @@ def _event_text(state: Mapping[str, Any]) -> str:
     return label if label == raw or not label else f"{label} ({raw})"
 
 
-def reading_of(data: Mapping[str, Any]) -> Reading:
+def reading_of(data: Mapping[str, Any]) -> TargetReading:
     """Return the outcome that an observation tells."""
     status = int(data.get("status", 0))
     reading = data.get("tag_reading", {})
-    return Reading(
+    return TargetReading(
         tag=str(reading.get("tag_id", "")),
         status=STATUSES[status] if status < len(STATUSES) else f"status {status}",
         reason=str(data.get("status_detail", "")),

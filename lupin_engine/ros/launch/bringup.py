@@ -17,10 +17,17 @@ from lupin_engine.errors import LupinError, Severity
 from lupin_engine.plugin.profile import Profile
 from lupin_engine.plugin.registry import Catalog
 from lupin_engine.ros.launch.dds_discovery import settled
-from lupin_engine.ros.launch.description import Launch, Plan, Present, Values, command, make_plan
-from lupin_engine.ros.launch.interrupts import Interrupted, Interrupts
+from lupin_engine.ros.launch.description import (
+    LaunchDescription,
+    NodeLaunch,
+    ParameterValues,
+    PresentEndpoints,
+    command,
+    describe_launch,
+)
+from lupin_engine.ros.launch.interrupts import Interrupts
+from lupin_engine.ros.launch.monitor import RunMonitor
 from lupin_engine.ros.launch.nodes import ORCHESTRATOR
-from lupin_engine.ros.launch.story import Story
 from lupin_engine.ros.launch.supervisor import IMPATIENT, Patience, Supervisor
 from lupin_engine.ros.operator import Answer, Operator
 
@@ -65,15 +72,15 @@ class Observer(Protocol):
     def note(self, text: str, severity: Severity = Severity.INFO) -> None:
         """Tell something about the run itself: what is started, waited for, stopped."""
 
-    def arrived(self, kind: str, data: Mapping[str, Any], story: Story) -> None:
-        """Take notice of a message that the story has just taken in: `state`, `observation` or `step`."""
+    def arrived(self, kind: str, data: Mapping[str, Any], monitor: RunMonitor) -> None:
+        """Take notice of a message that the monitor has just taken in: `state`, `observation` or `step`."""
 
-    def show(self, story: Story) -> None:
+    def show(self, monitor: RunMonitor) -> None:
         """Show where the mission stands; called on every look at the world."""
 
 
 @dataclass(frozen=True)
-class Settings:
+class BringupSettings:
     """How the nodes are to be started: those of missions of the `profile`.
 
     `parameters` are by node name, `known` the names of those that the missions have. `insisted` names nodes
@@ -85,7 +92,7 @@ class Settings:
     profile: Profile
     folder: Path
     environment: Mapping[str, str]
-    parameters: Mapping[str, Values] = field(default_factory=dict)
+    parameters: Mapping[str, ParameterValues] = field(default_factory=dict)
     known: Container[str] = ()
     insisted: Mapping[str, str] = field(default_factory=dict)
     simulate: bool = True
@@ -94,12 +101,12 @@ class Settings:
     respawn: bool = True
 
 
-class Session:
+class Bringup:
     """The nodes and the mission of one run; a context, so that nothing survives an exception."""
 
-    def __init__(self, settings: Settings, observer: Observer, interrupts: Interrupts) -> None:
+    def __init__(self, settings: BringupSettings, observer: Observer, interrupts: Interrupts) -> None:
         self.supervisor = Supervisor(settings.folder, settings.environment)
-        self.plan = Plan(())
+        self.description = LaunchDescription(())
         self._settings = settings
         self._observer = observer
         self._interrupts = interrupts
@@ -108,7 +115,7 @@ class Session:
         self._states = 0
         self._view: dict[str, Any] = {}
         #: The mission, once it was started.
-        self.story: Story | None = None
+        self.monitor: RunMonitor | None = None
         self._is_up = False
         self._respawns: Counter[str] = Counter()
         self._due: dict[str, float] = {}
@@ -124,18 +131,18 @@ class Session:
             Interrupted: the user lost patience.
         """
         self._observer.note("looking for nodes that run already")
-        self.plan = self._planned(list(plugins), catalog, self._look_around())
-        if self.plan.joined:
-            self._observer.note(f"using what is there: {', '.join(self.plan.joined)}")
+        self.description = self._describe(list(plugins), catalog, self._look_around())
+        if self.description.joined:
+            self._observer.note(f"using what is there: {', '.join(self.description.joined)}")
         folder = self._settings.folder
-        if self.plan.starts:
-            self._observer.note(f"starting {', '.join(self.plan.starts)}; logs in {folder}")
-        for launch in self.plan.launches:
+        if self.description.starts:
+            self._observer.note(f"starting {', '.join(self.description.starts)}; logs in {folder}")
+        for launch in self.description.launches:
             self._start(launch)
         self._wait_for(self._missing_nodes, APPEAR_LIMIT_S)
         self._wait_for(self._missing_servers, BOOT_LIMIT_S)
         self.supervisor.note_segments()
-        if self._settings.settle or self.plan.joined:
+        if self._settings.settle or self.description.joined:
             self._settle()
         self._is_up = True
 
@@ -145,7 +152,7 @@ class Session:
             lambda: time.monotonic() - began >= SETTLE_S and self._states >= enough, SETTLE_LIMIT_S
         )
 
-    def _start(self, launch: Launch) -> None:
+    def _start(self, launch: NodeLaunch) -> None:
         folder = self._settings.folder
         try:
             self.supervisor.start(launch.node.name, command(launch, folder))
@@ -153,10 +160,12 @@ class Session:
             name, reason = launch.node.name, problem.strerror
             raise RunFailed(f"{name} cannot be started with its files in {folder}: {reason}") from None
 
-    def _planned(self, plugins: Sequence[str], catalog: Catalog, present: Present) -> Plan:
+    def _describe(
+        self, plugins: Sequence[str], catalog: Catalog, present: PresentEndpoints
+    ) -> LaunchDescription:
         """Decide what to start; a node that an option is about must be among it."""
         settings = self._settings
-        wanted = make_plan(
+        wanted = describe_launch(
             plugins, catalog, present, settings.parameters, simulate=settings.simulate, known=settings.known
         )
         taken = [
@@ -170,12 +179,14 @@ class Session:
 
     @property
     def owns_orchestrator(self) -> bool:
-        """Whether this session started the orchestrator."""
-        return ORCHESTRATOR in self.plan.starts
+        """Whether this bringup started the orchestrator."""
+        return ORCHESTRATOR in self.description.starts
 
-    def _look_around(self) -> Present:
-        def look() -> Present:
-            return Present(self._operator.nodes(), self._operator.services(), self._operator.actions())
+    def _look_around(self) -> PresentEndpoints:
+        def look() -> PresentEndpoints:
+            return PresentEndpoints(
+                self._operator.nodes(), self._operator.services(), self._operator.actions()
+            )
 
         return settled(self._spin, look, lambda seen: len(seen.nodes))
 
@@ -198,12 +209,12 @@ class Session:
             self._interrupts.check()
 
     def _missing_nodes(self) -> list[str]:
-        for name in self.plan.starts:
+        for name in self.description.starts:
             if self._operator.count(name) > 1:
                 text = f"a second {name} has appeared in this ROS domain; stop it or choose another --domain"
                 raise RunFailed(text)
         there = self._operator.nodes()
-        missing = [f"node {name}" for name in self.plan.starts if name not in there]
+        missing = [f"node {name}" for name in self.description.starts if name not in there]
         if missing:
             return missing
         if not self._operator.ready():
@@ -222,7 +233,7 @@ class Session:
 
     # -- the mission ------------------------------------------------------------------------------------
 
-    def start(self, mission: str, request: Mapping[str, Any]) -> Story:
+    def start(self, mission: str, request: Mapping[str, Any]) -> RunMonitor:
         """Start a mission with the fields of a request.
 
         Raises:
@@ -234,15 +245,15 @@ class Session:
             raise RunFailed(f"the mission could not be started: {answer.text}")
         if not answer.accepted:
             raise RunFailed(f"{mission} was not started: {answer.text}")
-        story = Story(answer.mission_id, began, heard=time.monotonic())
-        self.story = story
+        monitor = RunMonitor(answer.mission_id, began, heard=time.monotonic())
+        self.monitor = monitor
         self._observer.note(f"{mission} {answer.mission_id} started")
         for arrival in self._pending:
             self._tell(*arrival)
         self._pending.clear()
-        return story
+        return monitor
 
-    def follow(self, story: Story) -> None:
+    def follow(self, monitor: RunMonitor) -> None:
         """Follow a mission until it has ended.
 
         Raises:
@@ -250,23 +261,23 @@ class Session:
             Interrupted: the user wants to stop.
         """
         waiting_since: float | None = None
-        while not story.ended:
+        while not monitor.ended:
             self._tick()
             self._interrupts.check()
             now = time.monotonic()
-            if now - story.heard > SILENCE_S:
+            if now - monitor.heard > SILENCE_S:
                 raise RunFailed(f"no /mission/state for {SILENCE_S:g} s: the orchestrator is gone")
-            waiting_since = (waiting_since or now) if story.waits else None
-            self._check_patience(story, now - (waiting_since or now))
-        self._wait_until(lambda: story.all_told, STRAGGLER_S)
+            waiting_since = (waiting_since or now) if monitor.waits else None
+            self._check_patience(monitor, now - (waiting_since or now))
+        self._wait_until(lambda: monitor.all_told, STRAGGLER_S)
 
-    def _check_patience(self, story: Story, waited: float) -> None:
+    def _check_patience(self, monitor: RunMonitor, waited: float) -> None:
         patience = self._settings.patience
         if patience is not None and waited > patience:
-            why = _last_event(story.state)
+            why = _last_event(monitor.state)
             raise RunFailed(f"the mission waits for an operator ({why}); nobody came within {patience:g} s")
 
-    def abort(self, story: Story) -> None:
+    def abort(self, monitor: RunMonitor) -> None:
         """Abort the mission, which sends the robot home; stop it on the way if there is no time for that.
 
         There is time after Ctrl-C, until it is pressed again or the robot cannot go on without help.
@@ -277,19 +288,21 @@ class Session:
         text = "aborting the mission: the robot drives home; once more to stop it on the way"
         self._observer.note(text if home else "aborting the mission", Severity.WARN)
         # Who is on the way home already is not stopped by the wish to come home.
-        if not (home and story.returning) and not self._request_abort():
+        if not (home and monitor.returning) and not self._request_abort():
             return
         if home:
-            self._wait_until(lambda: story.ended or story.waits or self._interrupts.insisted, HOME_LIMIT_S)
-        if not story.ended and not self._request_abort():
+            self._wait_until(
+                lambda: monitor.ended or monitor.waits or self._interrupts.insisted, HOME_LIMIT_S
+            )
+        if not monitor.ended and not self._request_abort():
             return
 
         def enough() -> bool:
             return self._interrupts.insisted_twice if home else self._interrupts.insisted
 
-        if not self._wait_until(lambda: (story.ended and not story.busy) or enough(), ABORT_LIMIT_S):
+        if not self._wait_until(lambda: (monitor.ended and not monitor.busy) or enough(), ABORT_LIMIT_S):
             self._observer.note(f"the mission still runs after {ABORT_LIMIT_S:g} s", Severity.ERROR)
-        self._wait_until(lambda: story.all_told or enough(), STRAGGLER_S)
+        self._wait_until(lambda: monitor.all_told or enough(), STRAGGLER_S)
 
     def _request_abort(self) -> bool:
         """Ask for an abort, and say whether there was an answer; a refusal is one."""
@@ -337,8 +350,8 @@ class Session:
         self._operator.spin(TICK_S)
         self._take()
         self._look_at_processes()
-        if self.story is not None:
-            self._observer.show(self.story)
+        if self.monitor is not None:
+            self._observer.show(self.monitor)
 
     def _take(self) -> None:
         for arrival in self._operator.take():
@@ -347,15 +360,15 @@ class Session:
                 self._states += 1
             elif arrival.kind == "step":
                 self._view = arrival.data.get("view", {})
-            if self.story is None:  # what comes before the answer to the start may belong to the mission
+            if self.monitor is None:  # what comes before the answer to the start may belong to the mission
                 self._pending = [*self._pending[-200:], (arrival.kind, arrival.data, arrival.at)]
             else:
                 self._tell(arrival.kind, arrival.data, arrival.at)
 
     def _tell(self, kind: str, data: dict[str, Any], at: float) -> None:
-        assert self.story is not None
-        if self.story.take(kind, data, at):
-            self._observer.arrived(kind, data, self.story)
+        assert self.monitor is not None
+        if self.monitor.take(kind, data, at):
+            self._observer.arrived(kind, data, self.monitor)
 
     def _look_at_processes(self) -> None:
         deaths = self.supervisor.deaths()
@@ -365,8 +378,8 @@ class Session:
             raise RunFailed("\n".join(death.told for death in deaths))
         for death in deaths:
             self._observer.note(death.told, Severity.ERROR)
-            if self.story is not None:
-                self.story.note(time.monotonic(), Severity.ERROR, f"{death.name} {death.how}")
+            if self.monitor is not None:
+                self.monitor.note(time.monotonic(), Severity.ERROR, f"{death.name} {death.how}")
             self._plan_respawn(death.name)
         self._respawn()
 
@@ -389,7 +402,7 @@ class Session:
     # -- the end ----------------------------------------------------------------------------------------
 
     def close(self) -> None:
-        """Stop every process that this session started; a second interrupt shortens the patience."""
+        """Stop every process that this bringup started; a second interrupt shortens the patience."""
         # First ourselves: Fast DDS can deadlock in a node that leaves while others do.
         self._operator.close()
         names = self.supervisor.names
@@ -399,7 +412,7 @@ class Session:
         if killed:
             self._observer.note(f"had to be killed: {', '.join(killed)}", Severity.WARN)
 
-    def __enter__(self) -> Session:
+    def __enter__(self) -> Bringup:
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -408,6 +421,3 @@ class Session:
 
 def _last_event(state: Mapping[str, Any]) -> str:
     return str(state.get("last_error") or state.get("last_event") or "no reason was published")
-
-
-__all__ = ["Interrupted", "Observer", "RunFailed", "Session", "Settings"]

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from lupin_engine.errors import Severity
-from lupin_engine.ros.launch.story import Story
+from lupin_engine.ros.launch.monitor import RunMonitor
 from tests.ros.launch.messages import anomaly, flowers, observation, state, step
 
 ID = "lupin-1"
@@ -15,26 +15,26 @@ START = {"command": "start", "attempt": "a1", "operation": "nav.go_to", "argumen
 CANCEL = {"command": "cancel", "attempt": "a1", "operation": "nav.go_to"}
 
 
-def told(*messages: tuple[str, dict[str, Any]]) -> Story:
-    """A story that began at 100 s and got one message a second."""
-    story = Story(ID, 100.0)
+def told(*messages: tuple[str, dict[str, Any]]) -> RunMonitor:
+    """A monitor that began at 100 s and got one message a second."""
+    monitor = RunMonitor(ID, 100.0)
     for second, (kind, data) in enumerate(messages):
-        story.take(kind, data, 100.0 + second)
-    return story
+        monitor.take(kind, data, 100.0 + second)
+    return monitor
 
 
-def texts(story: Story) -> list[tuple[float, str]]:
-    return [(h.elapsed, h.text) for h in story.happenings]
+def texts(monitor: RunMonitor) -> list[tuple[float, str]]:
+    return [(h.elapsed, h.text) for h in monitor.happenings]
 
 
 def test_the_past_of_other_missions_is_not_taken_in() -> None:
     """Latched topics bring it to everybody who joins."""
-    story = Story(ID, 0.0)
+    monitor = RunMonitor(ID, 0.0)
     other = "lupin-0"
-    assert not story.take("state", state(mission_id=other)[1], 1.0)
-    assert not story.take("observation", observation("1", mission_id=other)[1], 1.0)
-    assert not story.take("step", step([], mission_id=other)[1], 1.0)
-    assert (story.lifecycle, story.readings, story.view) == ("", {}, {})
+    assert not monitor.take("state", state(mission_id=other)[1], 1.0)
+    assert not monitor.take("observation", observation("1", mission_id=other)[1], 1.0)
+    assert not monitor.take("step", step([], mission_id=other)[1], 1.0)
+    assert (monitor.lifecycle, monitor.readings, monitor.view) == ("", {}, {})
 
 
 @pytest.mark.parametrize(
@@ -43,45 +43,45 @@ def test_the_past_of_other_missions_is_not_taken_in() -> None:
 )
 def test_the_verdict_is_the_exit_code(lifecycle: str, completed: int, verdict: int) -> None:
     """0 all visited, 1 some missed, 2 fault or not ended."""
-    story = told(state(lifecycle_state=lifecycle, targets_total=3, targets_completed=completed))
-    assert story.verdict == verdict
-    assert story.ended == (lifecycle in ("DONE", "FAULT"))
+    monitor = told(state(lifecycle_state=lifecycle, targets_total=3, targets_completed=completed))
+    assert monitor.verdict == verdict
+    assert monitor.ended == (lifecycle in ("DONE", "FAULT"))
 
 
 def test_readings_and_failures_become_events() -> None:
     """A reading with its values; a failure with its reason, as a warning."""
-    story = told(
+    monitor = told(
         observation("1", {"temperature": 20.0, "co2": 400.25}),
         observation("5", status=2, detail="scan_timeout"),
     )
-    assert texts(story) == [
+    assert texts(monitor) == [
         (0.0, "tag 1 OK: temperature 20, co2 400.2"),
         (1.0, "tag 5 SCAN_FAILED: scan_timeout"),
     ]
-    assert [h.severity for h in story.happenings] == [Severity.INFO, Severity.WARN]
-    assert story.readings["5"].status == "SCAN_FAILED"
+    assert [h.severity for h in monitor.happenings] == [Severity.INFO, Severity.WARN]
+    assert monitor.readings["5"].status == "SCAN_FAILED"
 
 
 def test_flowers_and_anomalies_are_events_and_no_readings() -> None:
     """What the cameras find is told; targets are counted by their readings alone."""
-    story = told(
+    monitor = told(
         flowers("5", "tulip_red", blooms=3),
         flowers("6", "", anomaly=True),
         anomaly("bug seen"),
     )
-    assert [(h.severity, h.text) for h in story.happenings] == [
+    assert [(h.severity, h.text) for h in monitor.happenings] == [
         (Severity.INFO, "tag 5: tulip_red (0.90), blooms: 3"),
         (Severity.WARN, "tag 6: no species (0.00), blooms: 1, anomaly"),
         (Severity.WARN, "anomaly at x 1.00 m, y 2.50 m: bug seen"),
     ]
-    assert (story.readings, story.observed) == ({}, 0)
+    assert (monitor.readings, monitor.observed) == ({}, 0)
 
 
 def test_an_observation_of_a_later_build_is_passed_over() -> None:
     """A kind that is not known yet."""
-    story = Story(ID, 0.0)
-    assert not story.take(*anomaly("", kind=7), 1.0)
-    assert story.happenings == []
+    monitor = RunMonitor(ID, 0.0)
+    assert not monitor.take(*anomaly("", kind=7), 1.0)
+    assert monitor.happenings == []
 
 
 def test_flags_and_errors_become_events_once() -> None:
@@ -93,8 +93,8 @@ def test_flags_and_errors_become_events_once() -> None:
         last_event="e-stop engaged",
         last_event_severity=1,
     )
-    story = told(state(), paused, paused, state(last_error="estop_engaged"))
-    assert texts(story) == [
+    monitor = told(state(), paused, paused, state(last_error="estop_engaged"))
+    assert texts(monitor) == [
         (1.0, "e-stop engaged (estop_engaged)"),
         (1.0, "paused"),
         (3.0, "e-stop released"),
@@ -104,24 +104,24 @@ def test_flags_and_errors_become_events_once() -> None:
 
 def test_time_runs_against_the_deadline_of_the_orchestrator() -> None:
     """Its clock has another origin; what counts is the distance."""
-    story = told(step([("nav.go_to", 1, 5060.0)], time=5000.0))
-    (running,) = story.running(112.0)
+    monitor = told(step([("nav.go_to", 1, 5060.0)], time=5000.0))
+    (running,) = monitor.running(112.0)
     assert (running.operation, running.since, running.limit) == ("nav.go_to", 12.0, 60.0)
-    story.take("step", step([("nav.go_to", 2, 5090.0)], time=5030.0)[1], 130.0)
-    (running,) = story.running(131.0)
+    monitor.take("step", step([("nav.go_to", 2, 5090.0)], time=5030.0)[1], 130.0)
+    (running,) = monitor.running(131.0)
     assert (running.tries, running.since, running.limit) == (2, 1.0, 60.0)
-    story.take("step", step([("nav.go_to", 2, None)], time=5031.0)[1], 131.0)
-    assert story.running(140.0)[0].limit is None
+    monitor.take("step", step([("nav.go_to", 2, None)], time=5031.0)[1], 131.0)
+    assert monitor.running(140.0)[0].limit is None
 
 
 def test_a_goal_is_under_way_until_its_server_says_so() -> None:
     """Also when the mission itself has moved on: a cancel takes its time."""
-    story = told(step([], commands=[START]))
-    assert story.busy
-    story.take("step", step([], commands=[CANCEL])[1], 101.0)
-    assert story.busy
-    story.take("step", step([], event="attempt.cancelled", attempt="a1")[1], 102.0)
-    assert not story.busy
+    monitor = told(step([], commands=[START]))
+    assert monitor.busy
+    monitor.take("step", step([], commands=[CANCEL])[1], 101.0)
+    assert monitor.busy
+    monitor.take("step", step([], event="attempt.cancelled", attempt="a1")[1], 102.0)
+    assert not monitor.busy
 
 
 def searching(found: int, lifecycle: str = "EXPLORING", **fields: Any) -> tuple[str, dict[str, Any]]:
@@ -135,7 +135,7 @@ def test_a_search_tells_where_it_drives_and_what_it_finds() -> None:
     start = {**START, "operation": "nav.choose_frontier"}
     chosen = step([], event="attempt.done", attempt="a1")
     chosen[1]["step"]["data"]["result"] = {"pose": {"x": 1.0, "y": 2.5, "yaw": 0.0}}
-    story = told(
+    monitor = told(
         step([], commands=[start]),
         chosen,
         searching(0),
@@ -144,7 +144,7 @@ def test_a_search_tells_where_it_drives_and_what_it_finds() -> None:
         searching(3),
         searching(4),
     )
-    assert texts(story) == [
+    assert texts(monitor) == [
         (1.0, "nav.choose_frontier: x 1.00 m, y 2.50 m"),
         (3.0, "1/3 tags found"),
         (5.0, "3/3 tags found"),
@@ -170,22 +170,22 @@ def test_all_is_told_when_every_published_outcome_has_come() -> None:
     """Also of a second sweep, and of readings that are no visit: the steps tell what was published."""
     told_of = {"source": "bridge", "mission_id": ID, "target": "1", "status": "OK"}
     publish = {"command": "publish", **told_of}
-    story = told(step([], commands=[publish, publish]), observation("1"))
-    assert not story.all_told
-    story.take(*observation("1"), at=105.0)
-    assert story.all_told
-    assert list(story.readings) == ["1"]
-    story.take(*state(targets_total=1, targets_completed=3), at=106.0)
-    assert not story.all_told
+    monitor = told(step([], commands=[publish, publish]), observation("1"))
+    assert not monitor.all_told
+    monitor.take(*observation("1"), at=105.0)
+    assert monitor.all_told
+    assert list(monitor.readings) == ["1"]
+    monitor.take(*state(targets_total=1, targets_completed=3), at=106.0)
+    assert not monitor.all_told
 
 
 def test_the_newest_reading_of_a_tag_is_the_last() -> None:
     """A tag that is read again is news again."""
-    story = told(observation("1"), observation("2"), observation("1", status=2, detail="scan_timeout"))
-    assert [(r.tag, r.status) for r in story.readings.values()] == [("2", "OK"), ("1", "SCAN_FAILED")]
+    monitor = told(observation("1"), observation("2"), observation("1", status=2, detail="scan_timeout"))
+    assert [(r.tag, r.status) for r in monitor.readings.values()] == [("2", "OK"), ("1", "SCAN_FAILED")]
 
 
 def test_the_clock_stops_at_the_end() -> None:
     """The summary tells how long the mission took, not how long stopping took."""
-    story = told(state(), state(lifecycle_state="DONE"))
-    assert story.elapsed(200.0) == 1.0
+    monitor = told(state(), state(lifecycle_state="DONE"))
+    assert monitor.elapsed(200.0) == 1.0

@@ -12,7 +12,13 @@ import pytest
 from lupin_engine.errors import LupinError, PluginError
 from lupin_engine.plugin.contract import Operation, Plugin
 from lupin_engine.plugin.registry import Catalog, build_catalog
-from lupin_engine.ros.launch.description import Launch, Present, command, make_plan, parameter_file
+from lupin_engine.ros.launch.description import (
+    NodeLaunch,
+    PresentEndpoints,
+    command,
+    describe_launch,
+    parameter_file,
+)
 from lupin_engine.ros.launch.nodes import LaunchableNode
 
 CATALOG: Catalog = build_catalog(
@@ -41,8 +47,13 @@ REAL_ROBOT = ("reader", "twin", "mission_orchestrator")
 EVERYTHING = ("fake_robot", "reader", "twin", "mission_orchestrator")
 
 
-def plan(present: Present = Present(), simulate: bool = True) -> tuple[tuple[str, ...], tuple[str, ...]]:  # noqa: B008
-    found = make_plan(["drive", "read"], CATALOG, present, {}, simulate=simulate)
+NOTHING = PresentEndpoints()
+
+
+def plan(
+    present: PresentEndpoints = NOTHING, simulate: bool = True
+) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    found = describe_launch(["drive", "read"], CATALOG, present, {}, simulate=simulate)
     return found.starts, found.joined
 
 
@@ -54,30 +65,36 @@ def test_an_empty_network_needs_everything_that_is_used() -> None:
 def test_what_missions_do_not_use_is_not_simulated() -> None:
     """An arm only for missions that move it; the robot itself is part of them all."""
     assert "fake_hand" not in plan()[0]
-    with_the_arm = make_plan(["drive", "hand"], CATALOG, Present(), {})
+    with_the_arm = describe_launch(["drive", "hand"], CATALOG, PresentEndpoints(), {})
     assert with_the_arm.starts == ("fake_robot", "fake_hand", "twin", "hand", "mission_orchestrator")
 
 
 @pytest.mark.parametrize(
     ("present", "starts", "joined"),
     [
-        (Present(nodes=frozenset({"reader"})), ("fake_robot", "twin", "mission_orchestrator"), ("reader",)),
         (
-            Present(actions=frozenset({"/navigate"})),
+            PresentEndpoints(nodes=frozenset({"reader"})),
+            ("fake_robot", "twin", "mission_orchestrator"),
+            ("reader",),
+        ),
+        (
+            PresentEndpoints(actions=frozenset({"/navigate"})),
             ("reader", "twin", "mission_orchestrator"),
             ("navigate",),
         ),
         (
-            Present(services=frozenset({"/navigate"})),
+            PresentEndpoints(services=frozenset({"/navigate"})),
             ("reader", "twin", "mission_orchestrator"),
             ("navigate",),
         ),
-        (Present(actions=frozenset({"/robot/navigate"})), EVERYTHING, ()),
-        (Present(nodes=frozenset(EVERYTHING)), (), EVERYTHING),
+        (PresentEndpoints(actions=frozenset({"/robot/navigate"})), EVERYTHING, ()),
+        (PresentEndpoints(nodes=frozenset(EVERYTHING)), (), EVERYTHING),
     ],
     ids=["a node", "a real robot", "a service", "another robot's action", "all"],
 )
-def test_what_is_there_is_used(present: Present, starts: tuple[str, ...], joined: tuple[str, ...]) -> None:
+def test_what_is_there_is_used(
+    present: PresentEndpoints, starts: tuple[str, ...], joined: tuple[str, ...]
+) -> None:
     """A node by its name, a simulated robot by what it stands in for."""
     assert plan(present) == (starts, joined)
 
@@ -90,29 +107,31 @@ def test_no_robot_is_simulated_when_that_is_not_wanted() -> None:
 @pytest.mark.parametrize(
     ("present", "simulate", "given", "expected"),
     [
-        (Present(), True, {}, {"dwell_s": 0.5}),
-        (Present(), True, {"dwell_s": 3.0, "other": 1}, {"dwell_s": 3.0, "other": 1}),
-        (Present(actions=frozenset({"/navigate"})), True, {}, {}),
-        (Present(), False, {}, {}),
+        (PresentEndpoints(), True, {}, {"dwell_s": 0.5}),
+        (PresentEndpoints(), True, {"dwell_s": 3.0, "other": 1}, {"dwell_s": 3.0, "other": 1}),
+        (PresentEndpoints(actions=frozenset({"/navigate"})), True, {}, {}),
+        (PresentEndpoints(), False, {}, {}),
     ],
     ids=["simulated", "said otherwise", "a real robot", "not simulated"],
 )
 def test_a_simulation_has_defaults_of_its_own_for_missions(
-    present: Present, simulate: bool, given: dict[str, object], expected: dict[str, object]
+    present: PresentEndpoints, simulate: bool, given: dict[str, object], expected: dict[str, object]
 ) -> None:
     """Only where it is started, only what the missions have, and never against what is said."""
     parameters = {"mission_orchestrator": given} if given else {}
-    found = make_plan(["drive"], CATALOG, present, parameters, simulate=simulate, known=["dwell_s", "other"])
+    found = describe_launch(
+        ["drive"], CATALOG, present, parameters, simulate=simulate, known=["dwell_s", "other"]
+    )
     assert dict(found.launches[-1].parameters) == expected
 
 
 def test_parameters_reach_their_node(tmp_path: Path) -> None:
     """As a file, because arguments carry neither lists nor the difference between 5 and '5'."""
-    launch = Launch(LaunchableNode("reader", "r:main", "read"), {"tags": ["1", "5"]})
+    launch = NodeLaunch(LaunchableNode("reader", "r:main", "read"), {"tags": ["1", "5"]})
     line = command(launch, tmp_path)
     assert line[-6:] == ["lupin_engine.cli.main", "node", "reader", "--ros-args", "--params-file", line[-1]]
     assert Path(line[-1]).read_text() == 'reader:\n  ros__parameters:\n    tags: ["1", "5"]\n'
-    assert command(Launch(launch.node), tmp_path)[-2:] == ["node", "reader"]
+    assert command(NodeLaunch(launch.node), tmp_path)[-2:] == ["node", "reader"]
 
 
 def test_values_keep_their_type_in_the_file() -> None:
