@@ -63,14 +63,14 @@ PARTS: Sequence[Part] = (
         "The node",
         "What a driver gets as `ros`, and a node of a plugin can be made with.",
         "ros/adapter/node.py",
-        ("RosNode", "Timer"),
+        ("RosNode", "RosTimer"),
     ),
     Part("Quality of service", "A topic is created with one of these.", "ros/adapter/qos.py", ("Qos",)),
     Part(
         "Services",
         "What `ros.service` gives. A call that is cancelled calls back no more.",
         "ros/adapter/calls.py",
-        ("ServiceCaller", "Failure"),
+        ("ServiceCaller", "CallFailure"),
     ),
     Part(
         "Drivers over services",
@@ -93,7 +93,7 @@ PARTS: Sequence[Part] = (
 )
 
 #: Classes that the node makes, not the author of a plugin.
-GIVEN = frozenset({"Timer", "ServiceCaller", "ActionHost", "ServedGoal"})
+GIVEN = frozenset({"RosTimer", "ServiceCaller", "ActionHost", "ServedGoal"})
 #: Methods that are between the engine's own modules.
 INSIDE = frozenset(
     {"forget", "starting_values", "declare_anew", "channels", "guarded", "leave", "work_until"}
