@@ -124,7 +124,7 @@ def test_a_chart_can_be_read(name: str) -> None:
     check(root, links, layout)
 
 
-@pytest.mark.parametrize("seed", range(40))
+@pytest.mark.parametrize("seed", range(12))
 def test_any_chart_can_be_read(seed: int) -> None:
     """However confused."""
     root, links, layout = plan(outline(some_chart(seed)))
