@@ -325,6 +325,15 @@ class Profile:
         """The names of the outcomes."""
         return tuple(outcome.name for outcome in self.outcomes)
 
+    def outcome(self, name: str) -> TargetOutcome | None:
+        """Return the outcome of that name."""
+        return next((outcome for outcome in self.outcomes if outcome.name == name), None)
+
+    def is_good(self, status: str) -> bool:
+        """Say whether a visit that ended so did what it was for."""
+        outcome = self.outcome(status)
+        return outcome is not None and outcome.is_good
+
     @property
     def events(self) -> Mapping[str, str]:
         """The requests as events, each with what it means: the start, then the operator's."""

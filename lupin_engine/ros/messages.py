@@ -94,6 +94,6 @@ def visit_record(visit: Mapping[str, Any], profile: Profile) -> dict[str, Any]:
     """Return what the log says of a target in the end: its outcome, its tries, what was read or why not."""
     words = profile.terminal
     told = {words.target: visit["target"], "status": visit["status"] or "open", "tries": dict(visit["tries"])}
-    if any(outcome.name == visit["status"] and outcome.is_good for outcome in profile.outcomes):
+    if profile.is_good(visit["status"]):
         return {**told, words.read: list(profile.values_of(visit["reading"] or {}))}
     return {**told, "reason": visit["detail"] or visit["code"] or "?"}

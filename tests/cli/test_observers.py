@@ -13,6 +13,7 @@ from lupin_engine.chart.model import Chart
 from lupin_engine.cli.terminal.observers import Heard, JsonObserver, SavingPicture
 from lupin_engine.errors import Severity
 from lupin_engine.ros.launch.monitor import RunMonitor
+from lupin_greenhouse.profile import PROFILE
 from tests import shipped
 from tests.ros.launch.messages import MISSION_ID, observation, state
 
@@ -45,7 +46,7 @@ def chart() -> Chart:
 @pytest.fixture
 def monitor() -> RunMonitor:
     """A mission that has read one of two tags."""
-    monitor = RunMonitor(MISSION_ID, 100.0)
+    monitor = RunMonitor(PROFILE, MISSION_ID, 100.0)
     monitor.take(*state(current_target="1", targets_completed=1, targets_total=2), at=103.0)
     monitor.take(*observation("1", {"co2": 412.0}), at=103.0)
     return monitor

@@ -9,7 +9,10 @@ from rich.console import Console
 
 from lupin_engine.chart.model import Chart
 from lupin_engine.cli.terminal import view
-from lupin_engine.ros.launch.monitor import RunMonitor, TargetReading
+from lupin_engine.plugin.profile import TargetResult
+from lupin_engine.ros.launch.monitor import RunMonitor
+from lupin_greenhouse.messages import read_state
+from lupin_greenhouse.profile import PROFILE
 from tests import shipped
 from tests.ros.launch.messages import MISSION_ID, observation, state, step
 
@@ -27,7 +30,7 @@ def chart() -> Chart:
 @pytest.fixture
 def monitor() -> RunMonitor:
     """A mission on its way to the second of three tags, twelve seconds into the second try."""
-    monitor = RunMonitor(MISSION_ID, 100.0)
+    monitor = RunMonitor(PROFILE, MISSION_ID, 100.0)
     monitor.take(*state(current_target="1", targets_completed=0), at=100.0)
     monitor.take(*observation("1", {"temperature": 21.5, "co2": 412.0}), at=103.0)
     monitor.take(*state(), at=103.0)
@@ -112,16 +115,16 @@ def test_a_terminal_without_unicode_gets_ascii(monitor: RunMonitor, chart: Chart
 def test_the_table_is_hollow_where_a_tag_lacks_the_sensor() -> None:
     """Known sensors in their order with their unit, then others; failures with their reason."""
     readings = [
-        TargetReading("1", "OK", "", {"co2": 412.0, "temperature": 21.5}),
-        TargetReading("5", "SCAN_FAILED", "scan_timeout", {}),
-        TargetReading("12", "OK", "", {"wind": 3.0, "humidity": 55.123}),
+        TargetResult("1", "OK", "", {"co2": 412.0, "temperature": 21.5}),
+        TargetResult("5", "SCAN_FAILED", "scan_timeout", {}),
+        TargetResult("12", "OK", "", {"wind": 3.0, "humidity": 55.123}),
     ]
-    rows = [line.split() for line in drawn(view.readings_table(readings)).splitlines()]
+    rows = [line.split() for line in drawn(view.results_table(readings, PROFILE)).splitlines()]
     assert ["tag", "status", "°C", "%", "ppm", "wind", "reason"] in rows
     assert ["1", "OK", "21.5", "·", "412", "·"] in rows
     assert ["5", "SCAN_FAILED", "·", "·", "·", "·", "scan_timeout"] in rows
     assert ["12", "OK", "·", "55.12", "·", "3"] in rows
-    assert view.sensor_columns(readings) == ["temperature", "humidity", "co2", "wind"]
+    assert view.value_columns(readings, PROFILE) == ["temperature", "humidity", "co2", "wind"]
 
 
 def test_the_summary_is_one_sentence(monitor: RunMonitor) -> None:
@@ -136,9 +139,9 @@ def test_the_summary_is_one_sentence(monitor: RunMonitor) -> None:
 
 def test_a_state_is_one_plain_line() -> None:
     """For logs and pipes."""
-    assert view.plain_state(state()[1]) == "INSPECTING NAVIGATING  tag 5  1/3"
+    assert view.plain_state(read_state(state()[1]), PROFILE) == "INSPECTING NAVIGATING  tag 5  1/3"
     done = state(lifecycle_state="DONE", mission_phase="", current_target="", targets_completed=3)
-    assert view.plain_state(done[1]) == "DONE  3/3"
+    assert view.plain_state(read_state(done[1]), PROFILE) == "DONE  3/3"
 
 
 def searching(**fields: object) -> tuple[str, dict[str, object]]:
@@ -151,17 +154,19 @@ def searching(**fields: object) -> tuple[str, dict[str, object]]:
 
 def test_a_search_shows_the_tags_found(chart: Chart) -> None:
     """Its counters are of the search: nothing has been visited yet."""
-    monitor = RunMonitor(MISSION_ID, 100.0)
+    monitor = RunMonitor(PROFILE, MISSION_ID, 100.0)
     monitor.take(*searching(), at=100.0)
     assert "2/5 tags found" in drawn(view.picture(monitor, chart, 101.0))
-    assert view.plain_state(searching()[1], searching=True) == "EXPLORING  2/5 tags found"
+    assert (
+        view.plain_state(read_state(searching()[1]), PROFILE, searching=True) == "EXPLORING  2/5 tags found"
+    )
     monitor.take(*searching(lifecycle_state="DONE"), at=110.0)
     assert view.summary(monitor, 140.0).plain == "DONE: 2/5 tags found in 10.0 s"
 
 
 def test_what_was_found_and_visited_is_told_together(chart: Chart) -> None:
     """Two sweeps over what was found: more visits than targets."""
-    monitor = RunMonitor(MISSION_ID, 100.0)
+    monitor = RunMonitor(PROFILE, MISSION_ID, 100.0)
     found = searching(
         lifecycle_state="DONE", current_target="7", tags_discovered=5, targets_total=5, targets_completed=10
     )

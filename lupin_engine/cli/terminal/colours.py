@@ -7,7 +7,7 @@ from types import MappingProxyType
 
 from rich.text import Text
 
-from lupin_engine.plugin.profile import Rating
+from lupin_engine.cli.terminal.view import RATING_STYLES
 from lupin_engine.replay.story import TonedText
 from lupin_engine.replay.timeline_rows import CURVE, FLAG, HOLD, OPERATION, PHASE, STATE
 from lupin_engine.runtime import history
@@ -15,9 +15,7 @@ from lupin_engine.runtime import history
 #: tone -> style of rich; what is not here is plain.
 STYLES: Mapping[str, str] = MappingProxyType(
     {
-        Rating.GOOD.value: "green",
-        Rating.BAD.value: "red",
-        Rating.LEFT_OUT.value: "yellow",
+        **{rating.value: style for rating, style in RATING_STYLES.items()},
         "time": "dim",
         "dim": "dim",
         "label": "bold",

@@ -8,7 +8,6 @@ import re
 import sys
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +19,8 @@ from lupin_engine.chart.model import Chart
 from lupin_engine.cli.terminal import view
 from lupin_engine.cli.terminal.tty import hang_up
 from lupin_engine.errors import Severity
-from lupin_engine.ros.launch.monitor import STATUSES, TAG_READING, RunEvent, RunMonitor, TargetReading
+from lupin_engine.plugin.profile import TargetResult
+from lupin_engine.ros.launch.monitor import RunEvent, RunMonitor
 
 #: Pictures a second in the terminal.
 PICTURES_HZ = 8.0
@@ -50,9 +50,9 @@ class PlainObserver:
     def arrived(self, kind: str, data: Mapping[str, Any], monitor: RunMonitor) -> None:
         """Write a line when state, phase or target changed, and one for each event."""
         self.show(monitor)
-        if kind == "state" and (key := view.changed_key(data)) != self._last:
+        if kind == "state" and (key := view.changed_key(monitor.progress)) != self._last:
             self._last = key
-            line = view.plain_state(data, monitor.searching)
+            line = view.plain_state(monitor.progress, monitor.profile, monitor.searching)
             self._write(f"{view.clock(monitor.elapsed(monitor.heard))}  {line}")
 
     def show(self, monitor: RunMonitor) -> None:
@@ -118,8 +118,8 @@ class LiveObserver:
 
 def _finish(console: Console, monitor: RunMonitor) -> None:
     symbols = view.ASCII if console.options.ascii_only else view.UNICODE
-    if monitor.readings:
-        console.print(view.readings_table(monitor.readings.values(), symbols))
+    if monitor.results:
+        console.print(view.results_table(monitor.results.values(), monitor.profile, symbols))
     console.print(view.summary(monitor, time.monotonic()))
 
 
@@ -129,6 +129,7 @@ class JsonObserver:
     def __init__(self, write: Callable[[str], None] = _line) -> None:
         self._write = write
         self._last: dict[str, Any] = {}
+        self._told = 0
 
     def _put(self, kind: str, **fields: Any) -> None:
         self._write(json.dumps({"type": kind, **fields}, ensure_ascii=False))
@@ -145,12 +146,12 @@ class JsonObserver:
             if said != self._last:
                 self._last = said
                 self._put("state", elapsed=elapsed, **said)
-        elif kind == "observation" and data.get("kind", TAG_READING) != TAG_READING:
+        elif kind == "observation" and monitor.told == self._told:
             finding = monitor.happenings[-1]
             self._put("finding", elapsed=elapsed, severity=finding.severity.name.lower(), text=finding.text)
         elif kind == "observation":
-            reading = list(monitor.readings.values())[-1]
-            self._put("observation", elapsed=elapsed, **_reading(reading))
+            self._told = monitor.told
+            self._put("observation", elapsed=elapsed, **_result(monitor, list(monitor.results.values())[-1]))
         else:
             self._put("step", elapsed=elapsed, step=data.get("step"), view=data.get("view"))
 
@@ -169,14 +170,15 @@ class JsonObserver:
             lifecycle=monitor.lifecycle,
             seconds=round(monitor.elapsed(time.monotonic()), 3),
             total=monitor.total,
-            counts={status: monitor.count(status) for status in STATUSES},
-            last_error=monitor.state.get("last_error", ""),
-            readings=[_reading(reading) for reading in monitor.readings.values()],
+            counts={status: monitor.count(status) for status in monitor.profile.statuses},
+            last_error=monitor.progress.error,
+            readings=[_result(monitor, result) for result in monitor.results.values()],
         )
 
 
-def _reading(reading: TargetReading) -> dict[str, Any]:
-    return asdict(reading)
+def _result(monitor: RunMonitor, result: TargetResult) -> dict[str, Any]:
+    found = {monitor.profile.terminal.target: result.target, "status": result.status}
+    return {**found, "reason": result.reason, "values": dict(result.values)}
 
 
 class Heard:

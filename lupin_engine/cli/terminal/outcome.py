@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict
 from typing import Any
@@ -11,13 +12,14 @@ from rich.console import Console
 from rich.text import Text
 
 from lupin_engine.cli.terminal.colours import styled
-from lupin_engine.cli.terminal.view import WORDS, readings_table
+from lupin_engine.cli.terminal.view import counts_text, results_table
 from lupin_engine.machine.memory import Visit
+from lupin_engine.plugin.profile import Profile, TargetResult
 from lupin_engine.replay.story import columns_for, laid_out
 from lupin_engine.replay.summary import Attempted, RunSummary, summarise
 from lupin_engine.replay.timeline import Timeline
 from lupin_engine.replay.timeline_rows import lasting
-from lupin_engine.ros.launch.monitor import ALL_VISITED, NOT_DONE, SOME_MISSED, STATUSES, TargetReading
+from lupin_engine.ros.launch.monitor import ALL_VISITED, NOT_DONE, SOME_MISSED
 from lupin_engine.runtime.record import command_record, step_record, view_record
 from lupin_engine.sim.narration import tell
 from lupin_engine.sim.simulation import Run
@@ -56,9 +58,10 @@ def show_timeline(lanes: Timeline, console: Console) -> None:
 
 def show_outcome(run: Run, lanes: Timeline, wall: float, console: Console) -> None:
     """Print the table of visits, the figures and the last line."""
-    closed = [_reading(visit) for visit in run.visits if visit.status]
+    profile = run.chart.profile
+    closed = [_result(visit, profile) for visit in run.visits if visit.status]
     if closed:
-        console.print(readings_table(closed))
+        console.print(results_table(closed, profile))
     for name, text in figures(summarise(run, lanes), wall):
         indented = Text(f"{name:<12}", "bold") + Text(text)
         console.print(indented, soft_wrap=True)
@@ -90,10 +93,9 @@ def _attempted(one: Attempted) -> str:
     return f"{one.operation} {one.attempts}" + (f" ({details})" if details else "")
 
 
-def _reading(visit: Visit) -> TargetReading:
-    sensors = (visit.reading or {}).get("readings", ()) if isinstance(visit.reading, Mapping) else ()
-    values = {str(sensor["name"]): float(sensor["value"]) for sensor in sensors}
-    return TargetReading(visit.target, visit.status, visit.detail or visit.code, values)
+def _result(visit: Visit, profile: Profile) -> TargetResult:
+    values = profile.values_of(visit.reading) if isinstance(visit.reading, Mapping) else {}
+    return TargetResult(visit.target, visit.status, visit.detail or visit.code, values)
 
 
 def verdict(run: Run) -> int:
@@ -102,15 +104,16 @@ def verdict(run: Run) -> int:
         return ALL_VISITED
     if not run.ended:
         return NOT_DONE
-    return ALL_VISITED if all(visit.status == "OK" for visit in run.visits) else SOME_MISSED
+    return (
+        ALL_VISITED if all(run.chart.profile.is_good(visit.status) for visit in run.visits) else SOME_MISSED
+    )
 
 
 def last_line(run: Run) -> Text:
     """Return how it ended, how many of each, how long it took."""
     code = verdict(run)
     text = Text(run.view.lifecycle or "not started", ("bold green", "bold yellow", "bold red")[code])
-    counts = {status: sum(1 for visit in run.visits if visit.status == status) for status in STATUSES}
-    counted = ", ".join(f"{count} {WORDS[status]}" for status, count in counts.items() if count)
+    counted = counts_text(run.chart.profile, Counter(visit.status for visit in run.visits))
     text.append(f": {counted or 'nothing visited'} of {len(run.visits)} targets", "not bold")
     text.append(f" in {run.seconds:.1f} s of virtual time", "not bold")
     for remark in _remarks(run, code):

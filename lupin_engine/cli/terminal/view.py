@@ -1,6 +1,6 @@
 """What a run looks like: pure functions from a monitor and a chart to pictures, tables and lines.
 
-`picture` is the live view, `readings_table` and `summary` its end, `plain_state` the line that stands for a
+`picture` is the live view, `results_table` and `summary` its end, `plain_state` the line that stands for a
 change where there is no terminal. Symbols are plain ASCII where the terminal cannot show others.
 """
 
@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 from rich.box import ROUNDED, SIMPLE_HEAD
 from rich.console import Console, ConsoleOptions, Group, RenderableType, RenderResult
@@ -19,16 +18,14 @@ from rich.text import Text
 
 from lupin_engine.chart.model import Chart, Kind
 from lupin_engine.errors import Severity
+from lupin_engine.plugin.profile import Profile, Progress, Rating, TargetOutcome, TargetResult
 from lupin_engine.ros.launch.monitor import (
     ALL_VISITED,
-    COUNTERS,
     NOT_DONE,
     SOME_MISSED,
-    STATUSES,
     RunEvent,
     RunMonitor,
     RunningOperation,
-    TargetReading,
 )
 
 STYLES: Mapping[Severity, str] = {
@@ -41,25 +38,7 @@ _VERDICT_STYLES: Mapping[int, str] = {
     SOME_MISSED: "bold yellow",
     NOT_DONE: "bold red",
 }
-STATUS_STYLES: Mapping[str, str] = {
-    "OK": "green",
-    "UNREACHABLE": "red",
-    "SCAN_FAILED": "red",
-    "SKIPPED": "yellow",
-}
-#: The order and units of the sensors that are known here; others follow, without.
-UNITS: Mapping[str, str] = {
-    "temperature": "°C",
-    "humidity": "%",
-    "co2": "ppm",
-    "light": "lx",
-    "soil_moisture": "",
-}
-#: What the outcomes are called in sentences.
-WORDS: Mapping[str, str] = dict(zip(STATUSES, ("visited", "unreachable", "failed", "skipped"), strict=True))
-
-#: What an operator can do about a mission that waits.
-WAITS = "for /mission/resume, or Ctrl-C"
+RATING_STYLES: Mapping[Rating, str] = {Rating.GOOD: "green", Rating.BAD: "red", Rating.LEFT_OUT: "yellow"}
 
 #: Events that the live view shows.
 SHOWN_EVENTS = 6
@@ -154,10 +133,8 @@ class _Fitting:
 
 
 def _title(monitor: RunMonitor, now: float, symbols: Symbols) -> Text:
-    mission = str(monitor.state.get("mission_type", "")) or "mission"
-    phase = f" {symbols.dot} ".join(
-        filter(None, (monitor.lifecycle, str(monitor.state.get("mission_phase", ""))))
-    )
+    mission = monitor.progress.mission or "mission"
+    phase = f" {symbols.dot} ".join(filter(None, (monitor.lifecycle, monitor.progress.phase)))
     title = Text.assemble((mission, "bold"), (f" {monitor.mission_id}", "dim"), "  ", (phase, "bold green"))
     title.append(f"  {clock(monitor.elapsed(now))}", "dim")
     for name, style in pills(monitor):
@@ -168,16 +145,13 @@ def _title(monitor: RunMonitor, now: float, symbols: Symbols) -> Text:
 
 def pills(monitor: RunMonitor) -> list[tuple[str, str]]:
     """Return the flags that are up, each with its style."""
-    flags = (
-        ("estop_engaged", "E-STOP", "bold white on red"),
-        ("paused", "PAUSED", "black on yellow"),
-        ("battery_low", "BATTERY LOW", "black on yellow"),
-    )
-    return [(name, style) for field, name, style in flags if monitor.state.get(field)]
+    up = [flag for name, flag in monitor.profile.terminal.flags.items() if monitor.progress.flags.get(name)]
+    return [(flag.pill, "bold white on red" if flag.alarm else "black on yellow") for flag in up]
 
 
 def _border(monitor: RunMonitor) -> str:
-    if monitor.faulted or monitor.state.get("estop_engaged"):
+    flags = monitor.profile.terminal.flags
+    if monitor.faulted or any(flags[name].alarm for name, up in monitor.progress.flags.items() if up):
         return "red"
     return "yellow" if monitor.waits else "green"
 
@@ -204,19 +178,25 @@ def _details(monitor: RunMonitor, now: float, symbols: Symbols) -> RenderableTyp
     grid.add_row("progress", _progress(monitor))
     grid.add_row("", _counts(monitor, symbols))
     # This row is there even when it is empty, so that the picture does not jump.
-    grid.add_row("waits" if monitor.waits else "", Text(WAITS if monitor.waits else "", "yellow"))
+    waits = f"for {_resume_service(monitor.profile)}, or Ctrl-C" if monitor.waits else ""
+    grid.add_row("waits" if waits else "", Text(waits, "yellow"))
     under_way: list[RunningOperation | None] = [*monitor.running(now)]
     for running in under_way or [None]:
         grid.add_row("operation", _operation(running))
         grid.add_row("", _deadline(running))
         grid.add_row("", _running_detail(running))
-    grid.add_row("battery", _battery(monitor))
+    for name, low in monitor.profile.terminal.gauges.items():
+        grid.add_row(name, _gauge(monitor.progress, name, low))
     return grid
+
+
+def _resume_service(profile: Profile) -> str:
+    return profile.wire.requests.format("resume") if profile.wire else "the operator"
 
 
 def _progress(monitor: RunMonitor) -> RenderableType:
     if monitor.searching:
-        return _measure(monitor.found, monitor.goal, "green", monitor.finds)
+        return _measure(monitor.progress.found, monitor.progress.goal, "green", monitor.finds)
     return _measure(
         monitor.closed, monitor.total, "green", f"{_share(monitor.closed, monitor.total)} targets"
     )
@@ -228,18 +208,27 @@ def _share(closed: int, total: int) -> str:
 
 
 def _target(monitor: RunMonitor) -> Text:
-    target = str(monitor.state.get("current_target", ""))
-    return Text(f"tag {target}", "bold") if target else Text("none", "dim")
+    target, word = monitor.progress.target, monitor.profile.terminal.target
+    return Text(f"{word} {target}", "bold") if target else Text("none", "dim")
 
 
 def _counts(monitor: RunMonitor, symbols: Symbols) -> Text:
-    marks = (symbols.ok, symbols.missed, symbols.missed, symbols.skipped)
     text = Text(no_wrap=True, overflow="crop")
-    for status, mark in zip(STATUSES, marks, strict=True):
-        count = monitor.count(status)
-        if count or status == "OK":
-            text.append(f"{mark} {count} {WORDS[status]}  ", STATUS_STYLES[status] if count else "dim")
+    for outcome in monitor.profile.outcomes:
+        count = monitor.count(outcome.name)
+        if count or outcome.is_good:
+            style = RATING_STYLES[outcome.rating] if count else "dim"
+            text.append(f"{_mark(outcome, symbols)} {count} {outcome.word}  ", style)
     return text
+
+
+def _mark(outcome: TargetOutcome | None, symbols: Symbols) -> str:
+    marks = {Rating.GOOD: symbols.ok, Rating.BAD: symbols.missed, Rating.LEFT_OUT: symbols.skipped}
+    return marks[outcome.rating] if outcome else symbols.missed
+
+
+def _style(outcome: TargetOutcome | None) -> str:
+    return RATING_STYLES[outcome.rating] if outcome else ""
 
 
 def _operation(running: RunningOperation | None) -> Text:
@@ -267,9 +256,9 @@ def _running_detail(running: RunningOperation | None) -> Text:
     return Text(running.detail if running else "", "dim", no_wrap=True, overflow="crop")
 
 
-def _battery(monitor: RunMonitor) -> RenderableType:
-    charge = float(monitor.state.get("battery_percentage", 0.0))
-    return _measure(charge, 1.0, "red" if monitor.state.get("battery_low") else "green", f"{charge:.0%}")
+def _gauge(progress: Progress, name: str, low: str) -> RenderableType:
+    share = progress.gauges.get(name, 0.0)
+    return _measure(share, 1.0, "red" if progress.flags.get(low) else "green", f"{share:.0%}")
 
 
 def _measure(value: float, total: float, style: str, text: str) -> RenderableType:
@@ -298,13 +287,12 @@ def event_line(happening: RunEvent) -> Text:
 
 def _strip(monitor: RunMonitor, symbols: Symbols) -> Text:
     """Return the targets so far in one line, each with the mark of its outcome."""
-    marks = {"OK": symbols.ok, "SKIPPED": symbols.skipped}
     strip = Text(no_wrap=True, overflow="crop")
-    for reading in monitor.readings.values():
-        mark = marks.get(reading.status, symbols.missed)
-        strip.append(f" {reading.tag}{mark} ", STATUS_STYLES.get(reading.status, ""))
-    target = monitor.state.get("current_target")
-    if target and target not in monitor.readings:
+    for result in monitor.results.values():
+        outcome = monitor.profile.outcome(result.status)
+        strip.append(f" {result.target}{_mark(outcome, symbols)} ", _style(outcome))
+    target = monitor.progress.target
+    if target and target not in monitor.results:
         strip.append(f" {target}{symbols.more} ", "bold")
     return strip
 
@@ -312,28 +300,28 @@ def _strip(monitor: RunMonitor, symbols: Symbols) -> Text:
 # -- the end --------------------------------------------------------------------------------------------
 
 
-def readings_table(readings: Iterable[TargetReading], symbols: Symbols = UNICODE) -> Table:
-    """Return what became of every target, one row each; hollow where a tag lacks the sensor."""
-    rows = list(readings)
-    sensors = sensor_columns(rows)
+def results_table(results: Iterable[TargetResult], profile: Profile, symbols: Symbols = UNICODE) -> Table:
+    """Return what became of every target, one row each; hollow where a target lacks the value."""
+    rows, units = list(results), profile.terminal.columns
+    columns = value_columns(rows, profile)
     table = Table(box=SIMPLE_HEAD, pad_edge=False)
-    table.add_column("tag", justify="right")
+    table.add_column(profile.terminal.target, justify="right")
     table.add_column("status")
-    for sensor in sensors:
-        unit = UNITS.get(sensor, "").replace("°", symbols.degree)
-        table.add_column(f"{sensor}\n[dim]{unit}[/]" if unit else sensor, justify="right")
+    for column in columns:
+        unit = units.get(column, "").replace("°", symbols.degree)
+        table.add_column(f"{column}\n[dim]{unit}[/]" if unit else column, justify="right")
     table.add_column("reason")
     for row in rows:
-        values = (_value(row.values.get(sensor), symbols) for sensor in sensors)
-        status = Text(row.status, STATUS_STYLES.get(row.status, ""))
-        table.add_row(row.tag, status, *values, Text(row.reason))
+        values = (_value(row.values.get(column), symbols) for column in columns)
+        status = Text(row.status, _style(profile.outcome(row.status)))
+        table.add_row(row.target, status, *values, Text(row.reason))
     return table
 
 
-def sensor_columns(readings: Iterable[TargetReading]) -> list[str]:
-    """Return the sensors that occur: the known ones in their order, then the others as they came."""
-    found = dict.fromkeys(name for reading in readings for name in reading.values)
-    return [*(name for name in UNITS if name in found), *(name for name in found if name not in UNITS)]
+def value_columns(results: Iterable[TargetResult], profile: Profile) -> list[str]:
+    """Return the columns that occur: the profile's in their order, then the others as they came."""
+    known, found = profile.terminal.columns, dict.fromkeys(name for each in results for name in each.values)
+    return [*(name for name in known if name in found), *(name for name in found if name not in known)]
 
 
 def _value(value: float | None, symbols: Symbols) -> Text:
@@ -345,39 +333,42 @@ def summary(monitor: RunMonitor, now: float) -> Text:
     stage = monitor.lifecycle if monitor.ended else f"given up in {monitor.lifecycle or 'its beginning'}"
     text = Text(stage, _VERDICT_STYLES[monitor.verdict])
     text.append(f": {_outcome(monitor)} in {monitor.elapsed(now):.1f} s", "not bold")
-    error = monitor.state.get("last_error")
-    if error and monitor.verdict:
-        text.append(f"; last: {error}", "yellow")
+    if monitor.progress.error and monitor.verdict:
+        text.append(f"; last: {monitor.progress.error}", "yellow")
     return text
 
 
 def _outcome(monitor: RunMonitor) -> str:
     if monitor.searching:
         return monitor.finds
-    counted = ((monitor.count(status), WORDS[status]) for status in STATUSES)
-    counts = ", ".join(f"{count} {word}" for count, word in counted if count)
+    counts = counts_text(monitor.profile, monitor.progress.counts)
     visited = f"{counts or 'none visited'} of {monitor.total} targets"
-    return f"{monitor.finds}, {visited}" if monitor.goal else visited
+    return f"{monitor.finds}, {visited}" if monitor.progress.goal else visited
+
+
+def counts_text(profile: Profile, counts: Mapping[str, int]) -> str:
+    """Return how many visits ended how; '' where none has."""
+    counted = ((counts.get(outcome.name, 0), outcome.word) for outcome in profile.outcomes)
+    return ", ".join(f"{count} {word}" for count, word in counted if count)
 
 
 # -- lines ----------------------------------------------------------------------------------------------
 
 
-def plain_state(state: Mapping[str, Any], searching: bool = False) -> str:
-    """Return what a published state says, in one line; the counters of a search are about tags found."""
-    target = state.get("current_target")
-    closed = sum(int(state.get(name, 0)) for name in COUNTERS.values())
+def plain_state(progress: Progress, profile: Profile, searching: bool = False) -> str:
+    """Return what a published state says, in one line; the counters of a search are about targets found."""
+    words, closed = profile.terminal, sum(progress.counts.values())
     parts = (
-        f"{state.get('lifecycle_state', '')} {state.get('mission_phase', '')}".strip(),
-        f"tag {target}" if target else "",
-        _share(closed, int(state.get("targets_total", 0))) + (" tags found" if searching else ""),
+        f"{progress.lifecycle} {progress.phase}".strip(),
+        f"{words.target} {progress.target}" if progress.target else "",
+        _share(closed, progress.total) + (f" {words.targets} found" if searching else ""),
     )
     return "  ".join(part for part in parts if part)
 
 
-def changed_key(state: Mapping[str, Any]) -> tuple[Any, ...]:
+def changed_key(progress: Progress) -> tuple[str, ...]:
     """Return what must differ for a state to be worth a line."""
-    return tuple(state.get(name) for name in ("lifecycle_state", "mission_phase", "current_target"))
+    return progress.lifecycle, progress.phase, progress.target
 
 
 def clock(seconds: float) -> str:

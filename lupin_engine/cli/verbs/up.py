@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -15,6 +14,7 @@ from lupin_engine.ros.launch.environment import current_domain
 
 if TYPE_CHECKING:
     from lupin_engine.missions.load import LoadedMissions
+    from lupin_engine.plugin.profile import Profile, Progress
     from lupin_engine.ros.launch.bringup import Bringup, Observer
 
 
@@ -56,7 +56,7 @@ def _serve(bringup: Bringup, observer: Observer, loaded: LoadedMissions, catalog
     try:
         bringup.bring_up(loaded.plugins, catalog)
         observer.note("\n".join(served(loaded, str(current_domain()))))
-        bringup.watch(_StateLines(observer))
+        bringup.watch(_StateLines(observer, loaded.chart.profile))
     except Interrupted:
         return 0  # the way to end it
     except LupinError as problem:
@@ -67,23 +67,29 @@ def _serve(bringup: Bringup, observer: Observer, loaded: LoadedMissions, catalog
 class _StateLines:
     """Writes a line when the published state is another one."""
 
-    def __init__(self, observer: Observer) -> None:
+    def __init__(self, observer: Observer, profile: Profile) -> None:
         self._observer = observer
+        self._profile = profile
         self._last: tuple[Any, ...] = ()
 
-    def __call__(self, state: Mapping[str, Any]) -> None:
+    def __call__(self, progress: Progress) -> None:
         from lupin_engine.cli.terminal import view
 
-        if state and (key := view.changed_key(state)) != self._last:
+        if progress.lifecycle and (key := view.changed_key(progress)) != self._last:
             self._last = key
-            self._observer.note(view.plain_state(state))
+            self._observer.note(view.plain_state(progress, self._profile))
 
 
 def served(loaded: LoadedMissions, domain: str) -> list[str]:
     """Return what to tell an operator: the missions, and how each is started."""
+    from lupin_engine.plugin.profile import StartRequest
+    from lupin_engine.ros.messages import wire_of
+
     lines = [f"ready in ROS domain {domain}; start a mission from the HMI, or with"]
+    start = wire_of(loaded.chart.profile).start
     for name, file in zip(loaded.names, loaded.files, strict=True):
-        request = f'"{{mission_type: {name}}}"'
+        fields = start.request_fields(StartRequest(name, {}))
+        request = f'"{{{", ".join(f"{key}: {value}" for key, value in fields.items())}}}"'
         lines.append(f"  lupin run {file.stem} --domain {domain}")
-        lines.append(f"  ros2 service call /mission/start lupin_msgs/srv/StartMission {request}")
+        lines.append(f"  ros2 service call {start.name} {start.type} {request}")
     return [*lines, "Ctrl-C stops everything"]

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from lupin_engine.errors import LupinError, Severity
-from lupin_engine.plugin.profile import Profile
+from lupin_engine.plugin.profile import Profile, Progress
 from lupin_engine.plugin.registry import Catalog
 from lupin_engine.ros.launch.dds_discovery import settled
 from lupin_engine.ros.launch.description import (
@@ -29,6 +29,7 @@ from lupin_engine.ros.launch.interrupts import Interrupts
 from lupin_engine.ros.launch.monitor import RunMonitor
 from lupin_engine.ros.launch.nodes import ORCHESTRATOR
 from lupin_engine.ros.launch.supervisor import IMPATIENT, Patience, Supervisor
+from lupin_engine.ros.messages import wire_of
 from lupin_engine.ros.operator import Answer, Operator
 
 #: Seconds between two looks at everything.
@@ -40,8 +41,8 @@ RESPAWN_AFTER_S = (1.0, 4.0, 10.0)
 APPEAR_LIMIT_S = 90.0
 #: A wait as short as this is not worth telling, in seconds.
 UNTOLD_S = 4.0
-#: How long the orchestrator may wait in BOOT. It has a limit of its own, a parameter, and ends in FAULT.
-BOOT_LIMIT_S = 600.0
+#: How long the orchestrator may wait for servers. It has a limit of its own, a parameter, and faults then.
+SERVERS_LIMIT_S = 600.0
 #: What an operator may have set (e-stop, battery) reaches the orchestrator within this time, in seconds.
 SETTLE_S = 1.5
 #: On a busy machine seconds pass in which nobody speaks: so many states must have come meanwhile, or all of
@@ -50,7 +51,7 @@ SETTLE_STATES = 8
 SETTLE_LIMIT_S = 20.0
 #: How long the orchestrator may take to answer a request, in seconds.
 ANSWER_S = 5.0
-#: `/mission/state` comes five times a second: this long without it and the orchestrator is gone.
+#: The state comes five times a second: this long without it and the orchestrator is gone.
 SILENCE_S = 6.0
 #: How long an abort may take until nothing moves, in seconds.
 ABORT_LIMIT_S = 5.0
@@ -111,7 +112,8 @@ class Bringup:
         self._observer = observer
         self._interrupts = interrupts
         self._operator = Operator(settings.profile)
-        self._state: dict[str, Any] = {}
+        self._wire = wire_of(settings.profile)
+        self._progress = Progress()
         self._states = 0
         self._view: dict[str, Any] = {}
         #: The mission, once it was started.
@@ -140,7 +142,7 @@ class Bringup:
         for launch in self.description.launches:
             self._start(launch)
         self._wait_for(self._missing_nodes, APPEAR_LIMIT_S)
-        self._wait_for(self._missing_servers, BOOT_LIMIT_S)
+        self._wait_for(self._missing_servers, SERVERS_LIMIT_S)
         self.supervisor.note_segments()
         if self._settings.settle or self.description.joined:
             self._settle()
@@ -218,18 +220,18 @@ class Bringup:
         if missing:
             return missing
         if not self._operator.ready():
-            return ["the services of /mission"]
-        return [] if self._state else ["topic /mission/state"]
+            return [f"the services of {self._wire.start.name.rpartition('/')[0]}"]
+        return [] if self._states else [f"topic {self._wire.state.name}"]
 
     def _missing_servers(self) -> list[str]:
         """Name what the orchestrator waits for; a fault of our own orchestrator ends the run."""
-        lifecycle = self._state.get("lifecycle_state")
-        if lifecycle == "FAULT" and self.owns_orchestrator:
-            raise RunFailed(f"the orchestrator is in FAULT: {_last_event(self._state)}")
-        if lifecycle != "BOOT":
+        lifecycle, stages = self._progress.lifecycle, self._settings.profile.stages
+        if lifecycle in stages.faulted and self.owns_orchestrator:
+            raise RunFailed(f"the orchestrator is in {lifecycle}: {_last_event(self._progress)}")
+        if lifecycle not in stages.starting:
             return []
         details = [str(attempt["detail"]) for attempt in self._view.get("attempts", ()) if attempt["detail"]]
-        return details or ["the orchestrator, which is in BOOT"]
+        return details or [f"the orchestrator, which is in {lifecycle}"]
 
     # -- the mission ------------------------------------------------------------------------------------
 
@@ -245,7 +247,7 @@ class Bringup:
             raise RunFailed(f"the mission could not be started: {answer.text}")
         if not answer.accepted:
             raise RunFailed(f"{mission} was not started: {answer.text}")
-        monitor = RunMonitor(answer.mission_id, began, heard=time.monotonic())
+        monitor = RunMonitor(self._settings.profile, answer.mission_id, began, heard=time.monotonic())
         self.monitor = monitor
         self._observer.note(f"{mission} {answer.mission_id} started")
         for arrival in self._pending:
@@ -266,7 +268,7 @@ class Bringup:
             self._interrupts.check()
             now = time.monotonic()
             if now - monitor.heard > SILENCE_S:
-                raise RunFailed(f"no /mission/state for {SILENCE_S:g} s: the orchestrator is gone")
+                raise RunFailed(f"no {self._wire.state.name} for {SILENCE_S:g} s: the orchestrator is gone")
             waiting_since = (waiting_since or now) if monitor.waits else None
             self._check_patience(monitor, now - (waiting_since or now))
         self._wait_until(lambda: monitor.all_told, STRAGGLER_S)
@@ -274,7 +276,7 @@ class Bringup:
     def _check_patience(self, monitor: RunMonitor, waited: float) -> None:
         patience = self._settings.patience
         if patience is not None and waited > patience:
-            why = _last_event(monitor.state)
+            why = _last_event(monitor.progress)
             raise RunFailed(f"the mission waits for an operator ({why}); nobody came within {patience:g} s")
 
     def abort(self, monitor: RunMonitor) -> None:
@@ -320,7 +322,7 @@ class Bringup:
 
     # -- the loop ---------------------------------------------------------------------------------------
 
-    def watch(self, told: Callable[[Mapping[str, Any]], None]) -> None:
+    def watch(self, told: Callable[[Progress], None]) -> None:
         """Keep the nodes running, telling the published state again and again.
 
         Raises:
@@ -328,7 +330,7 @@ class Bringup:
             Interrupted: the user wants to stop.
         """
         while True:
-            told(self._state)
+            told(self._progress)
             self._tick()
             self._interrupts.check()
 
@@ -356,7 +358,7 @@ class Bringup:
     def _take(self) -> None:
         for arrival in self._operator.take():
             if arrival.kind == "state":
-                self._state = arrival.data
+                self._progress = self._wire.read_state(arrival.data)
                 self._states += 1
             elif arrival.kind == "step":
                 self._view = arrival.data.get("view", {})
@@ -419,5 +421,5 @@ class Bringup:
         self.close()
 
 
-def _last_event(state: Mapping[str, Any]) -> str:
-    return str(state.get("last_error") or state.get("last_event") or "no reason was published")
+def _last_event(progress: Progress) -> str:
+    return progress.error or progress.event or "no reason was published"

@@ -1,53 +1,23 @@
-"""One mission as it was seen from outside: state, targets, readings, events, and how it ended.
+"""One mission as it was seen from outside: state, targets, results, events, and how it ended.
 
-Pure: fed with arrivals as plain data (see `ros.operator`), read by whoever shows them. What belongs to
-another mission is not taken in, because latched topics bring the past.
+Pure: fed with arrivals as plain data (see `ros.operator`), which the profile reads, and read by whoever shows
+them. What belongs to another mission is not taken in, because latched topics bring the past.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
 from lupin_engine.errors import Severity
+from lupin_engine.plugin.profile import Profile, Progress, Remark, TargetResult
+from lupin_engine.ros.messages import wire_of
 from lupin_engine.runtime.history import History
 from lupin_engine.runtime.record import read_step
 
-#: Values of `Observation.status`, by number.
-STATUSES = ("OK", "UNREACHABLE", "SCAN_FAILED", "SKIPPED")
-#: The published counter of each status.
-COUNTERS: Mapping[str, str] = {
-    "OK": "targets_completed",
-    "UNREACHABLE": "targets_unreachable",
-    "SCAN_FAILED": "targets_failed",
-    "SKIPPED": "targets_skipped",
-}
-
-#: Values of `Observation.kind`; those of later builds are passed over.
-TAG_READING, FLOWER, ANOMALY = 0, 1, 2
-
 #: Exit codes of a run.
 ALL_VISITED, SOME_MISSED, NOT_DONE, INTERRUPTED = 0, 1, 2, 130
-
-#: What a lifecycle state means for a run.
-ENDED = ("DONE",)
-FAULTED = ("FAULT",)
-RETURNING = ("RETURNING",)
-
-
-@dataclass(frozen=True)
-class TargetReading:
-    """What became of one target: the status, why, and what its sensors said."""
-
-    tag: str
-    status: str
-    reason: str
-    values: Mapping[str, float]
-
-    def __str__(self) -> str:
-        details = self.reason or ", ".join(f"{name} {value:.4g}" for name, value in self.values.items())
-        return f"tag {self.tag} {self.status}" + (f": {details}" if details else "")
 
 
 @dataclass(frozen=True)
@@ -75,13 +45,14 @@ class RunningOperation:
 class RunMonitor:
     """The mission `mission_id`; fill it with `take`. Times are of the monotonic clock of this process."""
 
+    profile: Profile
     mission_id: str
     began: float
-    state: dict[str, Any] = field(default_factory=dict)
+    progress: Progress = field(default_factory=Progress)
     view: dict[str, Any] = field(default_factory=dict)
-    #: What is known of each target, the newest last; and how many observations that took.
-    readings: dict[str, TargetReading] = field(default_factory=dict)
-    observed: int = 0
+    #: What is known of each target, the newest last; and how many results that took.
+    results: dict[str, TargetResult] = field(default_factory=dict)
+    told: int = 0
     happenings: list[RunEvent] = field(default_factory=list)
     heard: float = 0.0
     #: Monotonic time of this process minus the orchestrator's, as of the last step.
@@ -107,27 +78,27 @@ class RunMonitor:
     @property
     def lifecycle(self) -> str:
         """The published state; '' before the first."""
-        return str(self.state.get("lifecycle_state", ""))
+        return self.progress.lifecycle
 
     @property
     def ended(self) -> bool:
         """Whether the mission is over, well or not."""
-        return self.lifecycle in ENDED or self.faulted
+        return self.lifecycle in self.profile.stages.over
 
     @property
     def faulted(self) -> bool:
-        """Whether the orchestrator is in FAULT."""
-        return self.lifecycle in FAULTED
+        """Whether the mission ended in a fault."""
+        return self.lifecycle in self.profile.stages.faulted
 
     @property
     def returning(self) -> bool:
         """Whether the robot is on its way home, or there."""
-        return self.lifecycle in RETURNING
+        return self.lifecycle in self.profile.stages.returning
 
     @property
     def waits(self) -> bool:
         """Whether the mission does nothing until an operator does something."""
-        return bool(self.state.get("paused")) and not self.ended
+        return self.progress.paused and not self.ended
 
     @property
     def busy(self) -> bool:
@@ -137,50 +108,40 @@ class RunMonitor:
     @property
     def total(self) -> int:
         """How many targets there are."""
-        return int(self.state.get("targets_total", 0))
+        return self.progress.total
 
     def count(self, status: str) -> int:
         """How many targets ended so; asked of the published counters."""
-        return int(self.state.get(COUNTERS[status], 0))
+        return self.progress.counts.get(status, 0)
 
     @property
     def closed(self) -> int:
         """How many targets have their outcome; several sweeps give one several."""
-        return 0 if self.searching else sum(self.count(status) for status in STATUSES)
-
-    @property
-    def goal(self) -> int:
-        """How many tags are to be discovered; 0 for a mission that knows its targets."""
-        return int(self.state.get("discovery_goal", 0))
-
-    @property
-    def found(self) -> int:
-        """How many tags were discovered."""
-        return int(self.state.get("tags_discovered", 0))
+        return 0 if self.searching else sum(self.progress.counts.values())
 
     @property
     def finds(self) -> str:
-        """The tags discovered in words: of the goal, or beyond it."""
-        return (
-            f"{self.found}/{self.goal} tags found" if self.found <= self.goal else f"{self.found} tags found"
-        )
+        """The targets found in words: of the goal, or beyond it."""
+        goal, found, targets = self.progress.goal, self.progress.found, self.profile.terminal.targets
+        return f"{found}/{goal} {targets} found" if found <= goal else f"{found} {targets} found"
 
     @property
     def searching(self) -> bool:
         """Whether there is no list of targets yet: the published counters then tell of the search."""
-        return self.goal > 0 and not self.view.get("total") and not self.state.get("current_target")
+        return self.progress.goal > 0 and not self.view.get("total") and not self.progress.target
 
     @property
     def all_told(self) -> bool:
-        """Whether every observation has come that was published, as far as is known."""
-        return self.observed >= max(self.closed, len(self._history.published))
+        """Whether every result has come that was published, as far as is known."""
+        return self.told >= max(self.closed, len(self._history.published))
 
     @property
     def verdict(self) -> int:
         """The exit code: all found and visited, some missed, or not done."""
-        if self.lifecycle not in ENDED:
+        if self.lifecycle not in self.profile.stages.ended:
             return NOT_DONE
-        missed = self.searching or self.found < self.goal or self.count("OK") < self.total
+        good = sum(self.count(status) for status in self.profile.statuses if self.profile.is_good(status))
+        missed = self.searching or self.progress.found < self.progress.goal or good < self.total
         return SOME_MISSED if missed else ALL_VISITED
 
     def elapsed(self, now: float) -> float:
@@ -194,48 +155,51 @@ class RunMonitor:
     # -- taking in --------------------------------------------------------------------------------------
 
     def _take_state(self, data: Mapping[str, Any], at: float) -> bool:
-        if data.get("mission_id") != self.mission_id:
+        progress = wire_of(self.profile).read_state(data)
+        if progress.mission_id != self.mission_id:
             return False
         self.heard = at
-        before, self.state = self.state, dict(data)
+        before, self.progress = self.progress, progress
         if self.ended and self._ended_at is None:
             self._ended_at = at
         self._tell_changes(before, at)
         return True
 
-    def _tell_changes(self, before: Mapping[str, Any], at: float) -> None:
-        new = self.state
+    def _tell_changes(self, before: Progress, at: float) -> None:
+        new = self.progress
         told = ""
-        if new.get("last_error") and new["last_error"] != before.get("last_error"):
-            told = str(new.get("last_event", ""))
-            self.note(at, Severity(new.get("last_event_severity", 0)), _event_text(new))
-        if self.found > int(before.get("tags_discovered", 0)):
+        if new.error and new.error != before.error:
+            told = new.event
+            self.note(at, new.severity, _event_text(new))
+        if new.found > before.found:
             self.note(at, Severity.INFO, self.finds)
-        for flag, on, off in (
-            ("estop_engaged", "e-stop engaged", "e-stop released"),
-            ("paused", "paused", "resumed"),
-            ("battery_low", "battery low", "battery charged"),
-        ):
-            if bool(new.get(flag)) != bool(before.get(flag)) and told != on:
-                severity = Severity.WARN if new.get(flag) else Severity.INFO
-                self.note(at, severity, on if new.get(flag) else off)
+        for name, flag in self.profile.terminal.flags.items():
+            is_up = new.flags.get(name, False)
+            if is_up != before.flags.get(name, False) and told != flag.on:
+                self.note(at, Severity.WARN if is_up else Severity.INFO, flag.on if is_up else flag.off)
 
     def _take_observation(self, data: Mapping[str, Any], at: float) -> bool:
-        if data.get("mission_id") != self.mission_id:
+        found = wire_of(self.profile).read_outcome(data)
+        if found is None or found.mission_id != self.mission_id:
             return False
-        kind = int(data.get("kind", TAG_READING))
-        if kind != TAG_READING:
-            finding = FINDINGS.get(kind)
-            if finding is not None:
-                self.note(at, *finding(data))
-            return finding is not None
-        reading = reading_of(data)
-        self.observed += 1
-        name = reading.tag or f"#{self.observed}"
-        self.readings.pop(name, None)
-        self.readings[name] = reading
-        self.note(at, Severity.INFO if reading.status == "OK" else Severity.WARN, str(reading))
+        if isinstance(found, Remark):
+            self.note(at, found.severity, found.text)
+            return True
+        self.told += 1
+        name = found.target or f"#{self.told}"
+        self.results.pop(name, None)
+        self.results[name] = found
+        self.note(
+            at,
+            Severity.INFO if self.profile.is_good(found.status) else Severity.WARN,
+            self._result_text(found),
+        )
         return True
+
+    def _result_text(self, found: TargetResult) -> str:
+        details = found.reason or ", ".join(f"{name} {value:.4g}" for name, value in found.values.items())
+        text = f"{self.profile.terminal.target} {found.target} {found.status}"
+        return f"{text}: {details}" if details else text
 
     def _take_step(self, data: Mapping[str, Any], at: float) -> bool:
         view = dict(data.get("view", {}))
@@ -280,39 +244,6 @@ def _key(attempt: Mapping[str, Any]) -> tuple[str, str, int]:
     return str(attempt["state"]), str(attempt["operation"]), int(attempt["tries"])
 
 
-def _event_text(state: Mapping[str, Any]) -> str:
-    label, raw = str(state.get("last_event", "")), str(state["last_error"])
+def _event_text(progress: Progress) -> str:
+    label, raw = progress.event, progress.error
     return label if label == raw or not label else f"{label} ({raw})"
-
-
-def reading_of(data: Mapping[str, Any]) -> TargetReading:
-    """Return the outcome that an observation tells."""
-    status = int(data.get("status", 0))
-    reading = data.get("tag_reading", {})
-    return TargetReading(
-        tag=str(reading.get("tag_id", "")),
-        status=STATUSES[status] if status < len(STATUSES) else f"status {status}",
-        reason=str(data.get("status_detail", "")),
-        values={str(sensor["name"]): float(sensor["value"]) for sensor in reading.get("readings", ())},
-    )
-
-
-def flowers_of(data: Mapping[str, Any]) -> tuple[Severity, str]:
-    """Return what an observation says of the flowers at a tag, and how bad that is."""
-    flower = data["flower"]
-    species, confidence = flower["species"] or "no species", float(flower["confidence"])
-    text = f"tag {flower['tag_id']}: {species} ({confidence:.2f}), blooms: {len(flower['flowers'])}"
-    return (Severity.WARN, f"{text}, anomaly") if flower["anomaly"] else (Severity.INFO, text)
-
-
-def anomaly_of(data: Mapping[str, Any]) -> tuple[Severity, str]:
-    """Return what an observation says of an anomaly at no tag."""
-    place = data["anomaly"]["pose"]["pose"]["position"]
-    text = f"anomaly at x {place['x']:.2f} m, y {place['y']:.2f} m: {data['anomaly']['description']}"
-    return Severity.WARN, text
-
-
-FINDINGS: Mapping[int, Callable[[Mapping[str, Any]], tuple[Severity, str]]] = {
-    FLOWER: flowers_of,
-    ANOMALY: anomaly_of,
-}

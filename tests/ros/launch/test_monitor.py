@@ -8,6 +8,7 @@ import pytest
 
 from lupin_engine.errors import Severity
 from lupin_engine.ros.launch.monitor import RunMonitor
+from lupin_greenhouse.profile import PROFILE
 from tests.ros.launch.messages import anomaly, flowers, observation, state, step
 
 ID = "lupin-1"
@@ -17,7 +18,7 @@ CANCEL = {"command": "cancel", "attempt": "a1", "operation": "nav.go_to"}
 
 def told(*messages: tuple[str, dict[str, Any]]) -> RunMonitor:
     """A monitor that began at 100 s and got one message a second."""
-    monitor = RunMonitor(ID, 100.0)
+    monitor = RunMonitor(PROFILE, ID, 100.0)
     for second, (kind, data) in enumerate(messages):
         monitor.take(kind, data, 100.0 + second)
     return monitor
@@ -29,12 +30,12 @@ def texts(monitor: RunMonitor) -> list[tuple[float, str]]:
 
 def test_the_past_of_other_missions_is_not_taken_in() -> None:
     """Latched topics bring it to everybody who joins."""
-    monitor = RunMonitor(ID, 0.0)
+    monitor = RunMonitor(PROFILE, ID, 0.0)
     other = "lupin-0"
     assert not monitor.take("state", state(mission_id=other)[1], 1.0)
     assert not monitor.take("observation", observation("1", mission_id=other)[1], 1.0)
     assert not monitor.take("step", step([], mission_id=other)[1], 1.0)
-    assert (monitor.lifecycle, monitor.readings, monitor.view) == ("", {}, {})
+    assert (monitor.lifecycle, monitor.results, monitor.view) == ("", {}, {})
 
 
 @pytest.mark.parametrize(
@@ -59,7 +60,7 @@ def test_readings_and_failures_become_events() -> None:
         (1.0, "tag 5 SCAN_FAILED: scan_timeout"),
     ]
     assert [h.severity for h in monitor.happenings] == [Severity.INFO, Severity.WARN]
-    assert monitor.readings["5"].status == "SCAN_FAILED"
+    assert monitor.results["5"].status == "SCAN_FAILED"
 
 
 def test_flowers_and_anomalies_are_events_and_no_readings() -> None:
@@ -74,12 +75,12 @@ def test_flowers_and_anomalies_are_events_and_no_readings() -> None:
         (Severity.WARN, "tag 6: no species (0.00), blooms: 1, anomaly"),
         (Severity.WARN, "anomaly at x 1.00 m, y 2.50 m: bug seen"),
     ]
-    assert (monitor.readings, monitor.observed) == ({}, 0)
+    assert (monitor.results, monitor.told) == ({}, 0)
 
 
 def test_an_observation_of_a_later_build_is_passed_over() -> None:
     """A kind that is not known yet."""
-    monitor = RunMonitor(ID, 0.0)
+    monitor = RunMonitor(PROFILE, ID, 0.0)
     assert not monitor.take(*anomaly("", kind=7), 1.0)
     assert monitor.happenings == []
 
@@ -174,7 +175,7 @@ def test_all_is_told_when_every_published_outcome_has_come() -> None:
     assert not monitor.all_told
     monitor.take(*observation("1"), at=105.0)
     assert monitor.all_told
-    assert list(monitor.readings) == ["1"]
+    assert list(monitor.results) == ["1"]
     monitor.take(*state(targets_total=1, targets_completed=3), at=106.0)
     assert not monitor.all_told
 
@@ -182,7 +183,7 @@ def test_all_is_told_when_every_published_outcome_has_come() -> None:
 def test_the_newest_reading_of_a_tag_is_the_last() -> None:
     """A tag that is read again is news again."""
     monitor = told(observation("1"), observation("2"), observation("1", status=2, detail="scan_timeout"))
-    assert [(r.tag, r.status) for r in monitor.readings.values()] == [("2", "OK"), ("1", "SCAN_FAILED")]
+    assert [(r.target, r.status) for r in monitor.results.values()] == [("2", "OK"), ("1", "SCAN_FAILED")]
 
 
 def test_the_clock_stops_at_the_end() -> None:

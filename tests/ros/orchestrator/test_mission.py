@@ -51,7 +51,7 @@ def test_three_tags_are_visited_read_and_published(world: World, operator: Opera
     assert 0 <= done.header.stamp.sec - done.started_at.sec < 120
 
     log = world.log("mission_orchestrator").read_text(encoding="utf-8")
-    counts = "total=3 completed=3 failed=0 unreachable=0 skipped=0"
+    counts = "total=3 completed=3 unreachable=0 failed=0 skipped=0"
     assert f"mission ended (mission_id={answer.mission_id!r} {counts})" in log
     tries = "tries={'nav.go_to': 1, 'bridge.read_tag': 1}"
     assert f"target (tag='1' status='OK' {tries} sensors=['temperature', 'co2'])" in log
