@@ -20,9 +20,9 @@ from lupin_engine.chart.nodes import Meaning, Node
 from lupin_engine.editor import docs
 from lupin_engine.editor.folder import Folder
 from lupin_engine.editor.grammar import FILES, Shape, Spot, fields_of, shapes_of, spot_at
-from lupin_engine.editor.mentions import Piece, expression_in, owner_of, pieces, value_meaning
+from lupin_engine.editor.mentions import ExpressionPiece, expression_in, owner_of, pieces, value_meaning
 from lupin_engine.editor.model import Model, states_of, type_of
-from lupin_engine.editor.scan import Cursor, Role, Scan, Steps
+from lupin_engine.editor.scan import Cursor, Scan, Steps, TokenRole
 from lupin_engine.missions.folders import PARTS
 from lupin_engine.plugin.contract import Argument
 from lupin_engine.plugin.registry import Catalog
@@ -113,7 +113,7 @@ class _Completion:
     def offers(self) -> Offers:
         """Return what can be written."""
         cursor = self._cursor
-        if cursor.role is Role.KEY:
+        if cursor.role is TokenRole.KEY:
             mapping = cursor.path[:-1] if cursor.token else cursor.path
             spot = spot_at(self._root, mapping)
             expression = self._expression(Meaning.VALUE)
@@ -128,7 +128,7 @@ class _Completion:
         if expression is not None:
             return expression
         found = list(self._values(spot, meaning))
-        if cursor.role is Role.OPEN:
+        if cursor.role is TokenRole.OPEN:
             found = [*self._keys(spot, cursor.path), *found]
         return _offers(cursor, found)
 
@@ -138,7 +138,9 @@ class _Completion:
         """Offer what can stand as a key in the mapping at a path, without what is there already."""
         token = self._cursor.token
         there = {key.text for key in self._scan.keys(mapping) if key is not token}
-        colon = "" if token is not None and token.role is Role.KEY and self._has_colon(token.end) else ": "
+        colon = (
+            "" if token is not None and token.role is TokenRole.KEY and self._has_colon(token.end) else ": "
+        )
         for offer in self._all_keys(spot):
             if offer.label not in there:
                 yield replace(offer, insert=f"{offer.insert or offer.label}{colon}")
@@ -297,7 +299,7 @@ class _Completion:
         found = set()
         for file in self._folder.files():
             for token in self._folder.scan(file).tokens:
-                if token.path[-2:] == ("raise", "event") and token.role is not Role.KEY:
+                if token.path[-2:] == ("raise", "event") and token.role is not TokenRole.KEY:
                     found.add(token.text)
         return sorted(found)
 
@@ -368,7 +370,7 @@ class _Completion:
             begin, here.end if here and word and not word.endswith(".") else self._offset, tuple(found)
         )
 
-    def _quoted(self, here: Piece, before: list[Piece]) -> Offers:
+    def _quoted(self, here: ExpressionPiece, before: list[ExpressionPiece]) -> Offers:
         """Offer what the text can be that is compared: of some, all possible values are known."""
         scope = self._scope()
         kinds = (type_of(scope, piece.text.split(".")) for piece in reversed(before) if piece is not here)

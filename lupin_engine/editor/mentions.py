@@ -13,7 +13,7 @@ from lupin_engine.chart.documents import ActionNode, InvokeNode, StateNode
 from lupin_engine.chart.expressions.scope import BUILTIN_CALLS, ROOTS, WORDS
 from lupin_engine.chart.nodes import Meaning, Node
 from lupin_engine.editor.grammar import Spot, spot_at
-from lupin_engine.editor.scan import Role, Scan, Steps, Token
+from lupin_engine.editor.scan import Scan, Steps, Token, TokenRole
 
 #: A text in quotes, a chain of words with dots, or any other sign.
 _PIECES = re.compile(r"'[^']*'?|\"[^\"]*\"?|[A-Za-z_]\w*(?:\.[A-Za-z_]\w*)*|[^\s\w]")
@@ -56,7 +56,7 @@ class Mention:
 
 
 @dataclass(frozen=True)
-class Piece:
+class ExpressionPiece:
     """A piece of an expression; `call` is the function whose argument it is, when it is the first one."""
 
     text: str
@@ -77,12 +77,12 @@ def expression_in(token: Token, meaning: Meaning) -> tuple[str, int] | None:
     return (found.group(1), token.inner + found.start(1)) if found else None
 
 
-def pieces(expression: str, offset: int = 0) -> list[Piece]:
+def pieces(expression: str, offset: int = 0) -> list[ExpressionPiece]:
     """Cut an expression that begins at an offset into its pieces."""
-    found: list[Piece] = []
+    found: list[ExpressionPiece] = []
     for match in _PIECES.finditer(expression):
         call = found[-2].text if len(found) > 1 and found[-1].text == "(" else ""
-        found.append(Piece(match.group(), offset + match.start(), call))
+        found.append(ExpressionPiece(match.group(), offset + match.start(), call))
     return found
 
 
@@ -102,7 +102,7 @@ def mention_at(scan: Scan, root: type[Node], offset: int) -> Mention | None:
 
 def mentions_of(scan: Scan, root: type[Node], token: Token) -> Iterator[Mention]:
     """Yield what a key or value mentions."""
-    if token.role is Role.KEY:
+    if token.role is TokenRole.KEY:
         spot = spot_at(root, token.path[:-1])
         if spot is not None:
             yield from _of_key(scan, spot, token)

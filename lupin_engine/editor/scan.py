@@ -35,7 +35,7 @@ _NO_KEY = "{[|>"
 _REMEMBERED = 16
 
 
-class Role(enum.Enum):
+class TokenRole(enum.Enum):
     """What a text is in the file: a key, a value, or what may become either while it is typed."""
 
     KEY = "key"
@@ -50,7 +50,7 @@ class Token:
     `start` and `end` include the quotes, `text` does not.
     """
 
-    role: Role
+    role: TokenRole
     path: Steps
     start: int
     end: int
@@ -70,7 +70,7 @@ class Cursor:
     `start` and `end` are what would be replaced by another word.
     """
 
-    role: Role
+    role: TokenRole
     path: Steps
     start: int
     end: int
@@ -114,10 +114,10 @@ class Scan:
         self._gaps = scanner.gaps
         self._frames = scanner.frames
         self._comments = scanner.comments
-        self._values = {token.path: token for token in self.tokens if token.role is not Role.KEY}
+        self._values = {token.path: token for token in self.tokens if token.role is not TokenRole.KEY}
         self._keys: dict[Steps, list[Token]] = {}
         for token in self.tokens:
-            if token.role is Role.KEY:
+            if token.role is TokenRole.KEY:
                 self._keys.setdefault(token.path[:-1], []).append(token)
 
     def value(self, *path: str | int) -> str | None:
@@ -164,7 +164,7 @@ class Scan:
         if index < 0:
             return None
         token, blanks = self.tokens[index], self.text[self.tokens[index].end : offset]
-        if token.role is Role.KEY or token.quote or blanks.strip(" "):
+        if token.role is TokenRole.KEY or token.quote or blanks.strip(" "):
             return None
         return replace(token, end=offset, text=token.text + blanks)
 
@@ -172,7 +172,7 @@ class Scan:
         frame = self._frames[line]
         while frame.parent is not None and frame.column >= column:
             frame = frame.parent
-        return Cursor(Role.OPEN, frame.path, offset, offset)
+        return Cursor(TokenRole.OPEN, frame.path, offset, offset)
 
 
 @lru_cache(_REMEMBERED)
@@ -208,7 +208,7 @@ class _Scanner:
         self._last = _Frame(-1, (), None)
         self._block_text: int | None = None
         self.tokens: list[Token] = []
-        self.gaps: list[tuple[int, int, Role, Steps]] = []
+        self.gaps: list[tuple[int, int, TokenRole, Steps]] = []
         self.frames: list[_Frame] = []
         self.comments: dict[int, int] = {}
 
@@ -239,7 +239,7 @@ class _Scanner:
             frame = self._element(frame, at - begin)
             dash, at = at + 1, self._blanks(at + 1, end)
             if at == end or self._is_comment(at, end):
-                self.gaps.append((dash, end, Role.OPEN, frame.path))
+                self.gaps.append((dash, end, TokenRole.OPEN, frame.path))
                 return end
         return self._entry(frame, at, at - begin, end)
 
@@ -262,18 +262,18 @@ class _Scanner:
         found = self._key(at, end)
         if found is None:
             self._last = frame
-            return end if frame.filled else self._value(frame, frame.path, at, end, Role.OPEN)
+            return end if frame.filled else self._value(frame, frame.path, at, end, TokenRole.OPEN)
         text, quote, key_end, colon = found
         path = (*frame.path, text)
-        self.tokens.append(Token(Role.KEY, path, at, key_end, text, quote))
+        self.tokens.append(Token(TokenRole.KEY, path, at, key_end, text, quote))
         self._last = inner = _Frame(column, path, frame)
         at = self._blanks(colon + 1, end)
         anchor = _ANCHOR.match(self._text, at, end)
         at = anchor.end() if anchor else at
         if at == end or self._is_comment(at, end):
-            self.gaps.append((colon + 1, at, Role.VALUE, path))
+            self.gaps.append((colon + 1, at, TokenRole.VALUE, path))
             return end
-        return self._value(inner, path, at, end, Role.VALUE)
+        return self._value(inner, path, at, end, TokenRole.VALUE)
 
     def _key(self, at: int, end: int) -> tuple[str, str, int, int] | None:
         """Return text, quote, end and colon of the key that stands at an offset."""
@@ -296,7 +296,7 @@ class _Scanner:
             return None
         return (text, quote, stop, colon) if colon + 1 >= end or self._text[colon + 1] in " \t" else None
 
-    def _value(self, frame: _Frame, path: Steps, at: int, end: int, role: Role) -> int:
+    def _value(self, frame: _Frame, path: Steps, at: int, end: int, role: TokenRole) -> int:
         """Scan the value that begins at an offset; return an offset in its last line."""
         char = self._text[at]
         if char in "|>":
@@ -323,7 +323,7 @@ class _Scanner:
         at, index = at + 1, 0
         while True:
             here = (*path, index) if is_list else path
-            at = self._gap(at, Role.VALUE if is_list else Role.KEY, here, base)
+            at = self._gap(at, TokenRole.VALUE if is_list else TokenRole.KEY, here, base)
             char = self._text[at]
             if char == closer:
                 return at + 1
@@ -354,11 +354,11 @@ class _Scanner:
         text = self._text[at + len(quote) : stop - len(quote)]
         inner = (*path, text)
         if text or quote:
-            self.tokens.append(Token(Role.KEY, inner, at, stop, text, quote))
-        at = self._gap(stop, Role.KEY, path, base, remember=False)
+            self.tokens.append(Token(TokenRole.KEY, inner, at, stop, text, quote))
+        at = self._gap(stop, TokenRole.KEY, path, base, remember=False)
         if self._text[at] != ":":
             return at
-        at = self._gap(at + 1, Role.VALUE, inner, base)
+        at = self._gap(at + 1, TokenRole.VALUE, inner, base)
         return at if self._text[at] in ",]}" else self._flow_value(at, inner, base)
 
     def _flow_value(self, at: int, path: Steps, base: int) -> int:
@@ -366,10 +366,10 @@ class _Scanner:
         at = anchor.end() if anchor else at
         if self._text[at] in _CLOSERS:
             return self._flow(at, path, base)
-        done = self._scalar(at, path, base, Role.VALUE, _PLAIN_IN_FLOW)
+        done = self._scalar(at, path, base, TokenRole.VALUE, _PLAIN_IN_FLOW)
         return done if done > at else at + 1
 
-    def _gap(self, at: int, role: Role, path: Steps, base: int, remember: bool = True) -> int:
+    def _gap(self, at: int, role: TokenRole, path: Steps, base: int, remember: bool = True) -> int:
         """Skip blanks, comments and line ends to the next sign; what is typed there would be at `path`.
 
         Raises:
@@ -405,7 +405,7 @@ class _Scanner:
 
     # -- scalars -------------------------------------------------------------------------------------------
 
-    def _scalar(self, at: int, path: Steps, base: int, role: Role, plain: re.Pattern[str]) -> int:
+    def _scalar(self, at: int, path: Steps, base: int, role: TokenRole, plain: re.Pattern[str]) -> int:
         quote = self._text[at] if self._text[at] in _QUOTES else ""
         stop = self._quoted(at, base) if quote else self._plain_end(at, plain)
         closed = quote and stop - 1 > at and self._text[stop - 1] == quote

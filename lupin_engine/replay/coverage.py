@@ -248,7 +248,7 @@ class Tally:
 
 
 @dataclass
-class Part:
+class FileCoverage:
     """A mission or a lifecycle: what there is in its file, parts included, and what was reached."""
 
     title: str
@@ -269,7 +269,7 @@ class Coverage:
     """What many runs reached, of missions and of the lifecycles around them."""
 
     def __init__(self) -> None:
-        self._parts: dict[str, Part] = {}
+        self._parts: dict[str, FileCoverage] = {}
         self.charts: dict[Path, tuple[Chart, Counts]] = {}
 
     def add(self, mission: Path, chart: Chart, counts: Mapping[Key, int]) -> None:
@@ -282,12 +282,12 @@ class Coverage:
         for name in {"", *chart.missions}:
             self._part(chart, name).counts.update(counts)
 
-    def _part(self, chart: Chart, mission: str) -> Part:
+    def _part(self, chart: Chart, mission: str) -> FileCoverage:
         file = chart.missions[mission].file if mission else chart.states[""].place.file
-        return self._parts.setdefault(file, Part(Path(file).stem, near(file)))
+        return self._parts.setdefault(file, FileCoverage(Path(file).stem, near(file)))
 
     @property
-    def parts(self) -> list[Part]:
+    def parts(self) -> list[FileCoverage]:
         """The missions, then the lifecycles."""
         lifecycles = {chart.states[""].place.file for chart, _ in self.charts.values()}
         return sorted(self._parts.values(), key=lambda part: part.file in map(near, lifecycles))
@@ -345,7 +345,7 @@ def _share(tally: Tally) -> str:
     return f"{tally.taken} of {tally.total}"
 
 
-def _missing(part: Part) -> Iterator[str]:
+def _missing(part: FileCoverage) -> Iterator[str]:
     for tally in part.tallies():
         if tally.missing:
             yield ""

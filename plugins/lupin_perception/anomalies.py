@@ -37,7 +37,7 @@ class Pest:
         return f"{self.name} seen where no tag is in sight (confidence {self.confidence:.2f})"
 
 
-class Watch:
+class AnomalyWatch:
     """Looks for pests from frame to frame while no tag is in sight."""
 
     def __init__(self, name: str, min_confidence: float, frames: int, spacing: float) -> None:

@@ -11,7 +11,7 @@ import pytest
 
 from lupin_engine.chart import source
 from lupin_engine.chart.findings import Findings
-from lupin_engine.editor.scan import Role, Scan, Steps
+from lupin_engine.editor.scan import Scan, Steps, TokenRole
 
 ROOT = Path(__file__).parents[2]
 #: What stands for something that is written elsewhere; the scanner leaves it alone.
@@ -56,7 +56,7 @@ def test_finds_what_the_parser_finds(file: Path) -> None:
     raw = source.read(file, Findings())
     found = Scan(file.read_text(encoding="utf-8"))
     ours = {
-        ("key" if token.role is Role.KEY else "value", token.path): found.lines.position(token.start)
+        ("key" if token.role is TokenRole.KEY else "value", token.path): found.lines.position(token.start)
         for token in found.tokens
         if token.text not in ("null", "~")
     }
@@ -130,7 +130,7 @@ def test_nothing_that_can_be_typed_stops_it() -> None:
         assert all(text[token.start : token.end] for token in found.tokens)
         found.cursor(end)
     whole = Scan(text)
-    assert {cursor.role for offset in range(len(text)) if (cursor := whole.cursor(offset))} == set(Role)
+    assert {cursor.role for offset in range(len(text)) if (cursor := whole.cursor(offset))} == set(TokenRole)
 
 
 @pytest.mark.parametrize("wrong", ["{", "[", '"', "'", "- ", ": ", "}", "]", "\t", "&a ", "*", "|", "é"])

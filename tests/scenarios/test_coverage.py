@@ -19,7 +19,7 @@ from lupin_engine.replay.coverage import (
     TRANSITION,
     Coverage,
     CoverageObserver,
-    Part,
+    FileCoverage,
     add_up,
 )
 from lupin_engine.sim.scenario import scenario_files
@@ -37,7 +37,7 @@ def coverage() -> Coverage:
     return add_up([suite.run(file) for file in scenario_files([HERE])], suite.missions)
 
 
-def part(name: str) -> Part:
+def part(name: str) -> FileCoverage:
     """What was reached of a mission, or of the lifecycle."""
     found = [part for part in coverage().parts if part.title == name]
     assert found, f"no scenario is about {name}"

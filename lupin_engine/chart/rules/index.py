@@ -15,7 +15,7 @@ from lupin_engine.chart.expressions.evaluation import Expression
 from lupin_engine.chart.expressions.guards import TRUE, Condition, Every, condition_of, constant, fact
 from lupin_engine.chart.expressions.names import inputs_read
 from lupin_engine.chart.model import Invoke, Kind, State, Transition
-from lupin_engine.chart.rules.written import Call, Read, Texts, calls_of, reads_of
+from lupin_engine.chart.rules.written import Read, Texts, WrittenAction, calls_of, reads_of
 from lupin_engine.chart.semantics import FAULT, Semantics, matches
 from lupin_engine.errors import Diagnostic, Place
 
@@ -199,7 +199,7 @@ class Index:
     # -- everything that is written ------------------------------------------------------------------------
 
     @cached_property
-    def calls(self) -> list[Call]:
+    def calls(self) -> list[WrittenAction]:
         """Every action of the chart."""
         return calls_of(self.chart)
 

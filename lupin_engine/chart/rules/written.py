@@ -28,7 +28,7 @@ class Read(NamedTuple):
         return ".".join(word for word in self.words if word)
 
 
-class Call(NamedTuple):
+class WrittenAction(NamedTuple):
     """An action of the chart, the state that it is written in and what its list is called."""
 
     action: ActionCall
@@ -46,10 +46,10 @@ _ACTIONS = frozenset({Role.ACTIONS})
 _CODES = frozenset({Role.CODE})
 
 
-def calls_of(chart: Chart) -> list[Call]:
+def calls_of(chart: Chart) -> list[WrittenAction]:
     """Return every action of a chart."""
     return [
-        Call(action, state, found.words)
+        WrittenAction(action, state, found.words)
         for state in chart.states.values()
         for found in walk(state, _ACTIONS, (state.name,))
         for action in found.value

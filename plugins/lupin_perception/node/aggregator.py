@@ -21,7 +21,7 @@ from lupin_greenhouse.mission import is_under_way
 from lupin_greenhouse.poses import Array
 from lupin_msgs.msg import DiscoveredTags, MissionState, Observation
 from lupin_msgs.srv import ConfirmTag
-from lupin_perception.anomalies import Watch
+from lupin_perception.anomalies import AnomalyWatch
 from lupin_perception.boxes import PlanterBox, Size, box_from_tag, column_depth, column_fraction
 from lupin_perception.detections import Detection, read_flowers, read_tags
 from lupin_perception.flowers import ColumnBloom, TagScan, scanned_tag
@@ -67,7 +67,7 @@ class Aggregator:
         self._aimed = self._aged = -math.inf
         #: The tag whose scan an earlier process was killed in.
         self._interrupted = ""
-        self._watch = Watch(
+        self._watch = AnomalyWatch(
             values["anomaly_class_name"],
             values["yolo_min_confidence"],
             values["anomaly_frames"],

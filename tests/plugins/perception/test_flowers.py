@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from lupin_greenhouse.mission import is_under_way
 from lupin_greenhouse.poses import Array
 from lupin_perception import anomalies
-from lupin_perception.anomalies import Pest, Watch
+from lupin_perception.anomalies import AnomalyWatch, Pest
 from lupin_perception.boxes import BoxView
 from lupin_perception.detections import Detection
 from lupin_perception.flowers import (
@@ -295,11 +295,13 @@ def test_nothing_was_heard_of_a_mission_yet() -> None:
 # --- pests at no tag
 
 
-def watch() -> Watch:
-    return Watch("bug", 0.35, 3, 1.0)
+def watch() -> AnomalyWatch:
+    return AnomalyWatch("bug", 0.35, 3, 1.0)
 
 
-def reports(made: Watch, *frames: list[Detection], x: float = 0.0, period: float = 0.1) -> list[Pest | None]:
+def reports(
+    made: AnomalyWatch, *frames: list[Detection], x: float = 0.0, period: float = 0.1
+) -> list[Pest | None]:
     return [made.add(frame, (x, 0.0), index * period) for index, frame in enumerate(frames)]
 
 
