@@ -4,7 +4,7 @@
 #   ARGS="..."                   further arguments, for run and test
 
 .DEFAULT_GOAL := help
-.PHONY: help run check test docs environment clean
+.PHONY: help run check test docs environment environment-dev clean
 
 # Paths stay relative, so that a checkout may lie in a folder with blanks in its name.
 VENV_PYTHON := .venv/bin/python
@@ -17,11 +17,12 @@ help:
 	@echo "make test    the same, and all other tests"
 	@echo "make docs    build the documentation as a site: open site/index.html"
 	@echo "make clean   remove .venv and all caches of this checkout"
-	@echo "The first run, or the first test, prepares .venv; that takes a few minutes, later ones start at once."
+	@echo "The first run prepares .venv, the first test adds to it; that takes a few minutes, later ones start at once."
 
-environment:
+# What a run needs, and that with all that tests and documentation need. Both are the same .venv.
+environment environment-dev:
 	@command -v python3 >/dev/null || { echo "python3 is missing. On Debian and Ubuntu: sudo apt install python3 python3-venv python3-dev" >&2; exit 1; }
-	@python3 tools/bootstrap.py
+	@python3 tools/bootstrap.py $(if $(findstring dev,$@),dev,run)
 
 # All 29 tags take four minutes at the robot's own speed; a first look should not.
 run: environment
@@ -31,11 +32,11 @@ run: environment
 check test: export PYTHONDONTWRITEBYTECODE =
 
 # Through the environment module, which completes the library path where ROS 2 came from apt.
-check test: environment
+check test: environment-dev
 	@$(VENV_PYTHON) -m lupin_engine.ros.adapter.environment $(VENV_PYTHON) tools/suite.py $@ $(ARGS)
 
 # The pages for authors are brought up to date first: what they show is what the commands print.
-docs: environment
+docs: environment-dev
 	@$(VENV_PYTHON) tools/pages.py
 	@NO_MKDOCS_2_WARNING=1 $(VENV_PYTHON) -m mkdocs build
 	@echo "open site/index.html"

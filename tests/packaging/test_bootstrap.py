@@ -103,6 +103,13 @@ def test_when_to_start_afresh(bootstrap: ModuleType) -> None:
     assert bootstrap.must_start_afresh(wanted, {**wanted, "python": "python3.11"})
 
 
+def test_an_environment_for_tests_is_good_for_a_run(bootstrap: ModuleType) -> None:
+    wanted = bootstrap.wanted_state("wheels", "run", {"purpose": "dev"})
+    assert wanted["purpose"] == "dev"
+    assert bootstrap.wanted_state("wheels", "dev", {"purpose": "run"})["purpose"] == "dev"
+    assert bootstrap.wanted_state("wheels", "run", {})["purpose"] == "run"
+
+
 def test_half_a_stamp_counts_as_none(
     bootstrap: ModuleType, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
@@ -171,7 +178,7 @@ def test_a_real_package_of_the_sourced_ros_is_used(
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
     # Without the packages of the environment that these tests run in.
     plain = bootstrap.Python(getattr(sys, "_base_executable", sys.executable), GOOD)
-    everything = [folder for _, folder in bootstrap.PACKAGES]
+    everything = list(bootstrap.PACKAGES.values())
     lacking = [folder for folder in everything if folder != "interfaces/nav2_msgs"]
     assert bootstrap.missing_packages(plain, "apt") == lacking
     assert bootstrap.missing_packages(plain, "wheels") == everything
