@@ -33,7 +33,7 @@ def all_models() -> list[type[Node]]:
         model = waiting.pop()
         waiting.extend(model.__subclasses__())
         found.append(model)
-    return [model for model in found if model.__module__ == Node.__module__]
+    return [model for model in found if model.__module__ == FileNode.__module__]
 
 
 @pytest.mark.parametrize("model", all_models(), ids=lambda model: model.__name__)
