@@ -5,8 +5,10 @@ The words are read off the models and the records, so that a new one is looked a
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from dataclasses import fields, replace
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -24,8 +26,9 @@ from lupin_engine.errors import Place
 from lupin_engine.machine.event import Cancel, Event
 from lupin_engine.machine.step import Considered, Moment, Refusal, Step
 from lupin_engine.plugin.types import TEXT
-from lupin_engine.ros.launch.story import Story
+from lupin_engine.ros.launch.monitor import RunMonitor
 from lupin_engine.runtime.record import read_step, step_record
+from lupin_greenhouse.profile import PROFILE
 from tests.diagram import pictured
 from tests.machine.charts import Bench
 from tests.machine.charts import chart as built
@@ -303,8 +306,18 @@ SEEN_LIVE = {
 @pytest.mark.parametrize("part", [f.name for f in fields(Step) if f.name not in SEEN_LIVE] or [""])
 def test_a_part_of_a_step_is_seen_live(part: str) -> None:
     """`lupin run` tells it as it happens."""
-    story = Story("m", 0.0)
+    monitor = RunMonitor(PROFILE, "m", 0.0)
     data = {"time": 1.0, "step": step_record(STEP), "view": {"mission_id": "m"}}
-    assert story.take("step", data, 1.0)
-    told = " ".join(happening.text for happening in story.happenings)
+    assert monitor.take("step", data, 1.0)
+    told = " ".join(happening.text for happening in monitor.happenings)
     assert all(text in told for text in getattr(STEP, part, ()))
+
+
+def test_the_files_that_the_recipes_name_are_there() -> None:
+    """`NAME` stands for what is added."""
+    root = Path(__file__).parents[2]
+    named = re.findall(
+        r"`((?:lupin_engine|tests|tools|docs)/[\w/.]+)`", (root / "docs/CONTRIBUTING.md").read_text()
+    )
+    assert len(named) > 15
+    assert [path for path in named if "NAME" not in path and not (root / path).exists()] == []
