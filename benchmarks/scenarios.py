@@ -61,7 +61,7 @@ def main() -> None:
     options = parser.parse_args()
     files = list(itertools.islice(itertools.cycle(scenario_files(options.paths)), options.runs))
     for title, counts in (("", False), (", counting what is reached", True)):
-        suite = Suite(load_catalog(), CoverageObserver if counts else None)
+        suite = Suite(load_catalog(), CoverageObserver() if counts else None)
         measure(suite, files[:100])
         taken = [measure(suite, files) for _ in range(options.rounds)]
         print(f"{len(files)} runs{title}: {statistics.median(taken):.2f} s ({min(taken):.2f})")

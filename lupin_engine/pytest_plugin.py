@@ -1,8 +1,7 @@
 """pytest collects `*.scenario.yaml` and runs each as a test.
 
 A scenario is one item, so pytest's own options choose (`-k`), end (`-x`) and report them (`--junit-xml`).
-Many are run ahead of pytest by processes of their own (`--lupin-jobs`), and each item asks how its scenario
-went; where pytest-xdist shares the items (`-n`), its workers run them. `--lupin-seed` is added to the seeds
+pytest-xdist shares them between processes (`-n`). `--lupin-seed` is added to the seeds
 of random scenarios, `--lupin-seeds` runs each with so many of them, and `--lupin-coverage` tells what no
 scenario reached.
 
@@ -23,11 +22,10 @@ import pytest
 from lupin_engine.sim import SUFFIX
 
 if TYPE_CHECKING:
-    from lupin_engine.sim.suite import Counts, Crew, MakeObserver, ScenarioResult, Suite
+    from lupin_engine.sim.suite import Counts, RunObserver, ScenarioResult, Suite
 
-#: What is kept between scenarios: the suite, the processes that help, and what was reached of each mission.
+#: What is kept between scenarios: the suite, and what was reached of each mission.
 _SUITE: pytest.StashKey[Suite] = pytest.StashKey()
-_CREW: pytest.StashKey[Crew | None] = pytest.StashKey()
 _REACHED: pytest.StashKey[dict[Path, Counts]] = pytest.StashKey()
 #: What a worker of pytest-xdist tells the process that began it.
 _OUTPUT = "lupin_reached"
@@ -38,7 +36,6 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     group = parser.getgroup("lupin", "scenarios of missions")
     group.addoption("--lupin-seed", type=int, default=0, help="added to the seeds of random scenarios")
     group.addoption("--lupin-seeds", type=int, default=1, help="run random scenarios with so many seeds")
-    group.addoption("--lupin-jobs", type=int, default=0, help="processes; 0: as many as pay off")
     group.addoption("--lupin-coverage", action="store_true", help="tell what no scenario reached")
 
 
@@ -76,8 +73,7 @@ class ScenarioItem(pytest.Item):
 
     def runtest(self) -> None:
         """Run it."""
-        crew = _crew(self.session)
-        result = crew.result(self.path) if crew else _suite(self.config).run(self.path, _seeds(self.config))
+        result = _suite(self.config).run(self.path, _seeds(self.config))
         if result.mission is not None and self.config.option.lupin_coverage:
             _reach(self.config, result.mission, result.counts)
         if not result.holds:
@@ -104,37 +100,19 @@ def _seeds(config: pytest.Config) -> range:
     return range(first, first + max(1, config.option.lupin_seeds))
 
 
-def _crew(session: pytest.Session) -> Crew | None:
-    """Return who runs the scenarios that were chosen; None where this process does: they are few."""
-    config = session.config
-    if _CREW not in config.stash:
-        from lupin_engine.sim.suite import Crew, useful_workers
-
-        option, seeds = config.option, _seeds(config)
-        files = dict.fromkeys(item.path for item in session.items if isinstance(item, ScenarioItem))
-        workers = useful_workers(len(files), len(seeds), option.lupin_jobs)
-        is_shared = workers > 1 and not hasattr(config, "workerinput")  # that is, not by pytest-xdist already
-        config.stash[_CREW] = Crew(files, seeds, workers, _observe(config)) if is_shared else None
-    return config.stash[_CREW]
-
-
 def _suite(config: pytest.Config) -> Suite:
     """Return what runs the scenarios of this process."""
     if _SUITE not in config.stash:
         from lupin_engine.plugin.registry import load_catalog
         from lupin_engine.sim.suite import Suite
 
-        config.stash[_SUITE] = Suite(load_catalog(), _observe(config))
+        observer: RunObserver | None = None
+        if config.option.lupin_coverage:
+            from lupin_engine.replay.coverage import CoverageObserver
+
+            observer = CoverageObserver()
+        config.stash[_SUITE] = Suite(load_catalog(), observer)
     return config.stash[_SUITE]
-
-
-def _observe(config: pytest.Config) -> MakeObserver | None:
-    """Return what makes the observer of the runs."""
-    if not config.option.lupin_coverage:
-        return None
-    from lupin_engine.replay.coverage import CoverageObserver
-
-    return CoverageObserver
 
 
 # -- what was reached, also in the processes of pytest-xdist ---------------------------------------------
@@ -145,10 +123,7 @@ def _reach(config: pytest.Config, mission: Path, counts: Counts) -> None:
 
 
 def pytest_sessionfinish(session: pytest.Session) -> None:
-    """End the processes that helped, and tell the one that began this one what was reached here."""
-    crew = session.config.stash.get(_CREW, None)
-    if crew is not None:
-        crew.close()
+    """Tell the process that began this one what was reached here."""
     output: dict[str, Any] | None = getattr(session.config, "workeroutput", None)
     if output is not None:
         reached = session.config.stash[_REACHED]

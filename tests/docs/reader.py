@@ -9,7 +9,7 @@ from lupin_engine.missions.folders import default_missions_folder
 from lupin_engine.plugin.registry import load_catalog
 from lupin_engine.replay.coverage import Coverage, CoverageObserver, add_up
 from lupin_engine.sim.scenario import Missions
-from lupin_engine.sim.suite import run_all
+from lupin_engine.sim.suite import Suite
 
 
 def run_scenarios(page: Path, mission: str, folder: Path, count: int) -> Coverage:
@@ -20,7 +20,8 @@ def run_scenarios(page: Path, mission: str, folder: Path, count: int) -> Coverag
     shutil.copy(default_missions_folder() / "lifecycle.yaml", missions)
     files = [Path(shutil.copy(file, folder)) for file in sorted(page.glob("*.scenario.yaml"))]
     catalog = load_catalog()
-    results = list(run_all(catalog, files, jobs=1, observe=CoverageObserver))
+    suite = Suite(catalog, CoverageObserver())
+    results = [suite.run(file) for file in files]
     assert [str(result.failures) for result in results if result.failures] == []
     assert len(results) == count
     return add_up(results, Missions(catalog))

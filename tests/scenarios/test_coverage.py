@@ -33,7 +33,7 @@ MISSIONS = [file.stem for file in mission_files(default_missions_folder())]
 @cache
 def coverage() -> Coverage:
     """Run every scenario of every mission."""
-    suite = Suite(shipped.catalog(), CoverageObserver)
+    suite = Suite(shipped.catalog(), CoverageObserver())
     return add_up([suite.run(file) for file in scenario_files([HERE])], suite.missions)
 
 

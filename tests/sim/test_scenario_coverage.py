@@ -32,7 +32,7 @@ def result(folder: Path, text: str) -> ScenarioResult:
     """Run a scenario and count what it reaches."""
     file = folder / "x.scenario.yaml"
     file.write_text(HEAD + text, encoding="utf-8")
-    found = Suite(shipped.catalog(), CoverageObserver).run(file)
+    found = Suite(shipped.catalog(), CoverageObserver()).run(file)
     assert found.holds, found
     return found
 
@@ -88,7 +88,7 @@ def test_guards_are_counted_as_often_as_with_a_plain_chart(tmp_path: Path) -> No
     """Counting changes no step."""
     file = tmp_path / "x.scenario.yaml"
     file.write_text(HEAD + "when: [{at: 2 s, value: {battery: 5 %}}]\nexpect: {final: RETURNING}\n")
-    plain, counting = (Suite(shipped.catalog(), observe) for observe in (None, CoverageObserver))
+    plain, counting = (Suite(shipped.catalog(), observe) for observe in (None, CoverageObserver()))
     assert plain.run(file).seconds == counting.run(file).seconds
     assert plain.run(file).counts == {}
 
@@ -169,7 +169,7 @@ def test_operations_of_a_for_each_are_counted_under_their_state(tmp_path: Path) 
     """Their ends and their conditions, whichever element they are for."""
     file = tmp_path / "x.scenario.yaml"
     file.write_text(EXPLORATION, encoding="utf-8")
-    suite = Suite(shipped.catalog(), CoverageObserver)
+    suite = Suite(shipped.catalog(), CoverageObserver())
     found = suite.run(file)
     assert found.holds, found
     state = "MISSION.ExplorationMission.EXPLORING.SEED_CLIMATE"

@@ -6,7 +6,6 @@ import json
 import shutil
 from pathlib import Path
 from typing import Any
-from xml.etree import ElementTree
 
 import pytest
 from click.testing import CliRunner, Result
@@ -68,13 +67,6 @@ def test_the_seed_that_fails_can_be_typed_again(tmp_path: Path) -> None:
     assert typed(file, "--seeds", seed).output.splitlines()[0].endswith(f", {seed} seeds)")
 
 
-def test_processes_are_asked_for(tmp_path: Path) -> None:
-    """Two processes tell what one tells."""
-    for name in "abcd":
-        written(tmp_path, name, "expect: {final: DONE}\n")
-    assert typed(tmp_path, "-j", 2).output == typed(tmp_path, "-j", 1).output
-
-
 def test_coverage_is_told_and_can_be_asked_for(tmp_path: Path) -> None:
     """A table, what is missing, and an exit code."""
     written(tmp_path, "a", "expect: {final: DONE}\n")
@@ -128,14 +120,6 @@ def test_json_is_one_object(tmp_path: Path) -> None:
     assert 0 < found["coverage"]["percent"] < 100
 
 
-def test_junit_is_written(tmp_path: Path) -> None:
-    """In a folder that is made when it is not there."""
-    file = tmp_path / "reports" / "junit.xml"
-    written(tmp_path, "a", "expect: {final: DONE}\n")
-    typed(tmp_path, "--junit", file)
-    assert ElementTree.parse(file).getroot()[0].get("tests") == "1"
-
-
 def test_failures_are_coloured_on_a_terminal_only(tmp_path: Path) -> None:
     """Expected is green, actual red; elsewhere there are no signs of it."""
     file = written(tmp_path, "a", "expect: {final: FAULT}\n")
@@ -175,7 +159,6 @@ def test_a_simulation_becomes_a_scenario(tmp_path: Path) -> None:
             "lupin: none of 1 scenarios has 'nowhere' in its path\n'x.png' must end in .svg\n",
         ),
         (["--seeds", "0", str(SCENARIOS)], "0 is not in the range x>=1"),
-        ([str(SCENARIOS / "estop.scenario.yaml"), "--junit", "/dev/null/x.xml"], "cannot write"),
     ],
 )
 def test_wrong_usage_is_a_sentence(

@@ -25,13 +25,9 @@ _PLACES = (Path("scenarios"), Path("tests/scenarios"))
 @click.command(short_help="Run scenarios against missions, without ROS.")
 @click.argument("paths", nargs=-1, type=click.Path(path_type=Path))
 @click.option("-k", "words", metavar="TEXT", multiple=True, help="Only scenarios whose path contains TEXT.")
-@click.option("--jobs", "-j", type=click.IntRange(min=0), default=0, help="Processes; 0: as many as pay off.")
 @click.option("--seed", type=int, default=0, help="Added to the seeds of random scenarios.")
 @click.option(
     "--seeds", type=click.IntRange(min=1), default=1, help="Run random scenarios with so many seeds."
-)
-@click.option(
-    "--junit", "junit_file", type=click.Path(dir_okay=False, path_type=Path), help="Write JUnit XML."
 )
 @click.option("--coverage", "covers", is_flag=True, help="Tell what no scenario reached.")
 @click.option(
@@ -56,10 +52,8 @@ _PLACES = (Path("scenarios"), Path("tests/scenarios"))
 def test(
     paths: tuple[Path, ...],
     words: tuple[str, ...],
-    jobs: int,
     seed: int,
     seeds: int,
-    junit_file: Path | None,
     covers: bool,
     min_coverage: float | None,
     drawing: Path | None,
@@ -71,14 +65,13 @@ def test(
     """Run scenarios against missions, without ROS.
 
     PATHS are scenario files (*.scenario.yaml) or folders of them; without any, the folder scenarios or
-    tests/scenarios is taken.
+    tests/scenarios is taken. pytest runs them as well, in several processes and with reports for CI.
 
     Exit code: 0 when every scenario holds and enough was reached, else 1; 2 when there is nothing to run.
     """
     from lupin_engine.replay.coverage import CoverageObserver, add_up
-    from lupin_engine.sim.junit import junit
     from lupin_engine.sim.scenario import Missions
-    from lupin_engine.sim.suite import run_all
+    from lupin_engine.sim.suite import Suite
 
     catalog = load_catalog()
     if recording is not None or output is not None:
@@ -91,16 +84,15 @@ def test(
     problems.tell()
     counts = covers or min_coverage is not None or drawing is not None
     results = []
-    observe = CoverageObserver if counts else None
-    for result in run_all(catalog, files, range(seed, seed + seeds), jobs, observe):
+    suite = Suite(catalog, CoverageObserver() if counts else None)
+    for file in files:
+        result = suite.run(file, range(seed, seed + seeds))
         results.append(result)
         if not as_json:
             _show(result, quiet)
     coverage = add_up(results, Missions(catalog)) if counts else None
     if coverage is not None and drawing is not None:
         _draw(coverage, drawing)
-    if junit_file is not None:
-        write_text(junit_file, junit(results))
     if as_json:
         click.echo(json.dumps(_record(results, coverage), default=str))
     else:

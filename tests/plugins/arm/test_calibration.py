@@ -36,7 +36,7 @@ NONE = dict.fromkeys(HOMES, 0)
 @cache
 def coverage() -> Coverage:
     """Run every scenario of the chart."""
-    suite = Suite(shipped.catalog(), CoverageObserver)
+    suite = Suite(shipped.catalog(), CoverageObserver())
     return add_up([suite.run(file) for file in scenario_files([SCENARIOS])], suite.missions)
 
 
