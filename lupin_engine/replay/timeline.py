@@ -171,7 +171,7 @@ def _holds(run: Run) -> Iterator[Bar]:
 def _by_text(bars: Iterable[Bar]) -> Iterator[Lane]:
     """Yield a lane for each thing that lasted, in the order of their first appearance."""
     lanes: dict[str, list[Bar]] = {}
-    for bar in sorted(bars, key=lambda bar: bar.begin):
+    for bar in sorted(bars, key=lambda bar: (bar.begin, bar.end)):
         lanes.setdefault(bar.text, []).append(bar)
     for name, found in lanes.items():
         yield Lane(name, tuple(found))
