@@ -52,13 +52,13 @@ class CheckedOptions:
         self.values = self._read("--set", given, loaded.chart.parameters)
 
     def settings(self, patience: float | None = None) -> BringupSettings:
-        """Make this process ready for ROS and return how the nodes of the missions are to be started.
+        """Prepare this process for ROS and return the settings with which the nodes are started.
 
         Raises:
-            UsageError: ROS is not there, an option is wrong, or what was collected before is.
+            UsageError: ROS is missing, or an option is wrong; the text has all collected problems.
         """
         self._look_at_the_surroundings()
-        # Reading what nodes declare takes ROS and a second: only where it matters.
+        # Importing the nodes takes ROS and a second, so only where their parameters are given.
         if self.problems and not (self._wanted.sim or of_nodes(self._wanted.settings)):
             self.problems.tell()
         with self.problems.collecting():
@@ -106,25 +106,25 @@ class CheckedOptions:
         return values
 
     def _elsewhere(self, name: str) -> str:
-        """Say how a parameter is given that belongs to somebody else; '' where nobody knows it."""
+        """Return how to give a parameter that belongs to another node; '' where no node has it."""
         if name in self._loaded.chart.parameters:
             return f"it belongs to the mission: write --set {name}=VALUE"
         try:
             owners = [node for node, known in self._declared.items() if name in known]
         except LupinError:
-            return ""  # without ROS only the missions say what they know
+            return ""  # without ROS only the parameters of missions are known
         written = " or ".join(f"--set {node}.{name}=VALUE" for node in owners)
         return f"it belongs to {' and '.join(owners)}: write {written}" if owners else ""
 
     def _given(self) -> dict[str, ParameterValues]:
-        """Return what options say of nodes, by node."""
+        """Return the parameters that options give, by node."""
         found: dict[str, ParameterValues] = self._of_simulators()
         for name, values in self._of_nodes().items():
             found[name] = {**found.get(name, {}), **values}
         return found
 
     def _of_simulators(self) -> dict[str, ParameterValues]:
-        """Return what `--sim` and `--speed` say of each simulation that has such a parameter."""
+        """Return what `--sim` and `--speed` set, for each simulation that has such a parameter."""
         declared = {name: self._declared[name] for name in simulators(self._catalog)}
         together = {name: spec for known in declared.values() for name, spec in known.items()}
         given = {**_faster(self._wanted.speed, together), **self._read("--sim", self._wanted.sim, together)}
@@ -134,7 +134,7 @@ class CheckedOptions:
         }
 
     def _of_nodes(self) -> dict[str, ParameterValues]:
-        """Return what `--set NODE.NAME=VALUE` says, by node."""
+        """Return what `--set NODE.NAME=VALUE` sets, by node."""
         found: dict[str, ParameterValues] = {}
         for name, given in of_nodes(self._wanted.settings).items():
             if name in self._declared:
@@ -160,7 +160,7 @@ class CheckedOptions:
     def _check_nodes(
         self, parameters: Mapping[str, ParameterValues], given: Mapping[str, ParameterValues]
     ) -> None:
-        """Look whether the nodes that something is given to are started at all, and could be."""
+        """Check that the nodes with given parameters are started at all, and accept them."""
         simulate = not self._wanted.no_sim
         alone = describe_launch(
             self._loaded.plugins, self._catalog, PresentEndpoints(), parameters, simulate=simulate

@@ -1,4 +1,4 @@
-"""What is written down when the engine itself fails: laid out so that it can be sent as a report."""
+"""The crash log of a defect of the engine, in a form that can be sent as a report."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The exit codes of verbs that carry out a mission, where nothing came of it."""
+"""The exit code of verbs that carry out a mission, when they fail."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from lupin_engine.errors import LupinError
 
 @contextlib.contextmanager
 def not_done() -> Iterator[None]:
-    """Give what is raised the exit code of a mission that was not done: 1 says that targets were missed."""
+    """Give errors the exit code of a mission that was not done: 1 would mean that targets were missed."""
     try:
         yield
     except LupinError as problem:

@@ -1,4 +1,4 @@
-"""Files that verbs write for people, and the names in them."""
+"""Writing files, and the names that verbs give them."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ def write_text(file: Path, text: str) -> None:
 
 
 def title_of(name: str) -> str:
-    """Return a name in the words of a title: `water_beds` is `WaterBeds`."""
+    """Return a name in camel case: `water_beds` becomes `WaterBeds`."""
     return "".join(word.capitalize() for word in name.split("_"))
 
 
 def nearest_name(wanted: str) -> str:
-    """Return a hint at the name that is meant by one that cannot be, `''` where there is none."""
+    """Return a hint at a valid spelling of an invalid name, `''` where there is none."""
     name = re.sub(r"\W+|(?<=[a-z0-9])(?=[A-Z])", "_", wanted).strip("_").lower()
     return f"; did you mean {name!r}?" if NAME.fullmatch(name) and name != wanted else ""

@@ -2,10 +2,10 @@
 
 Nothing heavy is imported here: `lupin --help` answers at once, and each verb loads only what it needs. The
 table of verbs repeats their one-line help for that reason; a test compares the two. Installed packages may
-bring verbs of their own (`plugin_verbs.py`); one that is named like a verb of the engine is not heard of.
+bring verbs of their own (`plugin_verbs.py`); one that has the name of a verb of the engine is ignored.
 
 Exit codes: 0 done; 1 the mission or file has problems; 2 wrong usage, or the run could not be done; 70 a
-defect of the engine (see the crash log that is named); 130 interrupted; 141 the reader of our output left.
+defect of the engine (see the crash log that is named); 130 interrupted; 141 the output pipe was closed.
 """
 
 from __future__ import annotations
@@ -112,7 +112,7 @@ def _verb_of_plugin(verb: str) -> click.Command | None:
 
 
 def _author(arguments: Sequence[str] | None) -> str:
-    """Return whose defect it is when the verb fails: the group itself has no option that takes a value."""
+    """Return who brings the verb that failed; the group itself has no option that takes a value."""
     given = sys.argv[1:] if arguments is None else arguments
     verb, name, *_ = [*(word for word in given if not word.startswith("-")), "", ""]
     points = _points_of_plugins().get(verb)
@@ -161,7 +161,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     _open_streams()
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
-            stream.reconfigure(errors="replace")  # a terminal without a sign must not end a run
+            stream.reconfigure(errors="replace")  # a terminal that lacks a character must not end a run
     try:
         code = _run(arguments)
         sys.stdout.flush()
@@ -174,7 +174,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _open_streams() -> None:
-    """Have all three streams, if only to nowhere: whoever starts us may have closed some (`<&-`)."""
+    """Open missing standard streams to /dev/null: the caller may have closed some (`<&-`)."""
     for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
         if getattr(sys, name) is None:
             setattr(sys, name, open(os.devnull, mode))  # noqa: SIM115 - as long as the process
@@ -198,7 +198,7 @@ def _run(arguments: Sequence[str] | None) -> int:
     except SystemExit:
         if sys.stdout is stdout:
             raise
-        return READER_GONE  # click has put a stream in its place that does not mind
+        return READER_GONE  # click has replaced the stream by one that ignores errors
     except BrokenPipeError:
         raise
     except Exception as defect:
@@ -208,7 +208,7 @@ def _run(arguments: Sequence[str] | None) -> int:
 
 
 def _tell_defect(defect: Exception, arguments: Sequence[str] | None) -> None:
-    """Say whose defect it is, in one line, and where the rest was written down."""
+    """Print who caused the defect, in one line, and the file with the details."""
     from lupin_engine.cli.crash import write_crash_log
 
     kind = type(defect).__name__

@@ -1,4 +1,4 @@
-"""The options that several verbs share, and what is known both to those who declare one and who follow it."""
+"""The options that several verbs share, and their constants."""
 
 from __future__ import annotations
 

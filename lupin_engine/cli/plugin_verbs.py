@@ -16,7 +16,7 @@ from lupin_engine.plugin.discovery import VERBS, EntryPoint, entry_points, sourc
 
 
 def plugin_verbs() -> Mapping[str, Sequence[EntryPoint]]:
-    """Return the verbs that are installed, by name; more than one entry point of a name is a mistake."""
+    """Return the installed verbs by name; a name with more than one entry point is an error when called."""
     found: dict[str, list[EntryPoint]] = {}
     for point in entry_points(group=VERBS):
         found.setdefault(point.name, []).append(point)

@@ -1,4 +1,4 @@
-"""Whether a mission takes the request that the options describe, asked before anything is started."""
+"""Checks of the request that the options describe, made before anything is started."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from lupin_engine.missions.load import LoadedMissions
 
 
 def check_fields(loaded: LoadedMissions, request: Mapping[str, Any]) -> None:
-    """Look whether a request of the first mission has a field for what is given.
+    """Check that a request of the first mission has a field for what is given.
 
     Raises:
         UsageError: it has none, and would ignore it.
@@ -35,14 +35,14 @@ def carried(chart: Chart, request: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def check_request(loaded: LoadedMissions, given: Mapping[str, Any], request: Mapping[str, Any]) -> None:
-    """Ask the first mission whether it would take a request, as far as that needs no robot.
+    """Check that the first mission accepts a request, as far as that needs no robot.
 
     Raises:
         UsageError: it would not, and the text is the one that the service would answer; it has no field
             for what is given (see `check_fields`); or a parameter leads nowhere (for example: a layout file
             that is absent). The text has everything that is wrong.
     """
-    # Drawing and checking need no machine, and it takes longer to import than they take.
+    # Imported here: other verbs need no machine, and its import takes longer than their work.
     from lupin_engine.machine.memory import Memory
     from lupin_engine.machine.requests import read_request
     from lupin_engine.machine.scope import EvaluationScope

@@ -1,4 +1,4 @@
-"""Where runs and crashes leave their files: the user's state folder, or a temporary one."""
+"""Folders for the logs of runs and crashes: the user's state folder, or a temporary one."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from pathlib import Path
 from lupin_engine.errors import UsageError
 from lupin_engine.plugin.files import user_folder
 
-#: What is kept of earlier runs and crashes; the oldest go first.
+#: How many earlier runs and crashes are kept; the oldest are removed first.
 KEPT_RUNS = KEPT_CRASHES = 20
 
 
@@ -30,7 +30,7 @@ def state_folder(name: str) -> Path:
 
 
 def _bases() -> Iterator[Path]:
-    """Yield the state folder that is set, and the one that holds where it is not."""
+    """Yield the configured state folder, and the default one."""
     environments: tuple[Mapping[str, str], ...] = (os.environ, {})
     with contextlib.suppress(UsageError):  # no home, for example an unknown user id in a container
         for environment in environments:
@@ -73,14 +73,14 @@ def writable(folder: Path, what: str = "logs") -> Path:
 
 
 def name_of_now() -> str:
-    """Return what this process calls what it leaves now; such names sort by age."""
+    """Return a name of time and process for what this process leaves; such names sort by age."""
     return f"{time.strftime('%Y-%m-%d_%H-%M-%S')}_{os.getpid()}"
 
 
 def make_room(folder: Path, kept: int) -> None:
-    """Remove the oldest of what processes have left in a folder, so that with one more `kept` are there.
+    """Remove the oldest entries of a folder, so that there are `kept` after one more is added.
 
-    What belongs to a process that still runs stays: nodes that were brought up last week write there.
+    Entries of processes that still run stay: nodes that were brought up last week write there.
     """
     left = sorted(entry for entry in folder.iterdir() if not _is_in_use(entry))
     for entry in left[: max(0, len(left) - kept + 1)]:

@@ -41,7 +41,7 @@ def settings_in(
 
 
 def _split(option: str, given: Iterable[str], before: str) -> tuple[dict[str, str], list[str]]:
-    """Return the texts by name, and what is none; `before` stands before each name on the command line."""
+    """Return the texts by name, and the problems; `before` is the prefix of each name on the command line."""
     texts: dict[str, str] = {}
     problems = []
     for item in given:
@@ -70,13 +70,13 @@ def of_nodes(given: Iterable[str]) -> dict[str, list[str]]:
 
 
 def _node(item: str) -> str:
-    """Return what stands before the dot of a name; '' where there is none."""
+    """Return the part of a name before its dot; '' where there is none."""
     node, dot, _ = item.partition("=")[0].partition(".")
     return node.strip() if dot else ""
 
 
 def read_value(text: str, kind: Type) -> Any:
-    """Return the text as data; unchanged where it does not fit, which the check then tells."""
+    """Return the text as data; unchanged where it does not fit, which the check then reports."""
     return _READERS.get(kind.kind, _as_yaml)(text, kind)
 
 

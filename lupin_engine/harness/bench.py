@@ -1,4 +1,4 @@
-"""Where a driver is tried: its servers, or stand-ins of them, on a ROS domain that nobody else is on."""
+"""The bench on which a driver is tried: its servers, or stand-ins, on a ROS domain of its own."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ _RUN = (
 
 @dataclass(frozen=True)
 class Setting:
-    """What the author of a plugin says about trying it.
+    """The plugin author's settings for the trial of a driver.
 
     `parameters` differ from the defaults; `arguments` are by operation or action. `nodes` are run as
     processes of their own, by name `module:function`, with `node_parameters`; `offer` puts stand-ins on a
@@ -92,7 +92,7 @@ class Setting:
 
 
 class Servers:
-    """The other side: processes, and stand-ins of this process."""
+    """The servers of a driver: processes, and stand-ins in this process."""
 
     def __init__(self, setting: Setting) -> None:
         self._setting = setting
@@ -110,7 +110,7 @@ class Servers:
             self._setting.offer(self.here)
 
     def kill(self) -> None:
-        """End them without a word, as a crash does, with all that they have started."""
+        """Kill them and all processes that they have started, as a crash would."""
         for process in self._processes.values():
             with contextlib.suppress(ProcessLookupError):
                 os.killpg(process.pid, signal.SIGKILL)
@@ -121,7 +121,7 @@ class Servers:
         self._close()
 
     def stop(self) -> None:
-        """End them as one should; kill whoever does not."""
+        """Ask them to end; kill those that do not."""
         for process in self._processes.values():
             process.send_signal(signal.SIGINT)
         for process in self._processes.values():
@@ -167,7 +167,7 @@ class Servers:
 
 
 def last_words(log: str) -> str:
-    """Return what a process said at its end; of a traceback the error and the last step to it."""
+    """Return the last output of a process; of a traceback the error and its last frame."""
     lines = log.strip().splitlines()
     steps = [step for step in map(_STEP.match, lines) if step is not None]
     if steps and not lines[-1].startswith(" "):
@@ -262,7 +262,7 @@ class Bench:
     # --- time
 
     def until(self, condition: Callable[[], Any], what: str) -> None:
-        """Let everybody work until a condition holds."""
+        """Spin all nodes until a condition holds."""
         end = time.monotonic() + PATIENCE_S
         while not condition():
             if self._servers is not None:
@@ -322,7 +322,7 @@ class Bench:
             self._insist(operation)
 
     def succeed(self, operation: str) -> str:
-        """Do one attempt to its good end; return its name."""
+        """Run one attempt to success; return its name."""
         attempt = self.begin_prepared(operation)
         self.until_done(attempt)
         return attempt
@@ -333,7 +333,7 @@ class Bench:
         return self.begin(operation)
 
     def until_done(self, attempt: str) -> None:
-        """Wait for the good end of an attempt."""
+        """Wait until an attempt has succeeded."""
         known = self.until_ended(attempt)
         if "done" not in known.reports:
             raise ContractBroken(f"{attempt}: {known}; give arguments with which it succeeds")
@@ -428,7 +428,7 @@ def _closed_after(bench: Bench) -> Iterator[None]:
     except ContractBroken as broken:
         try:
             bench.close()
-        except ContractBroken as noted:  # what the referee saw is often the reason
+        except ContractBroken as noted:  # what the referee noted is often the reason
             raise ContractBroken(f"{broken}\n{noted}") from None
         raise
     except BaseException:

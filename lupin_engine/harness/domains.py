@@ -1,4 +1,4 @@
-"""ROS domains to try things in: one that no other run on this machine has."""
+"""ROS domains for tests: each is used by one process of this machine only."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ FIRST_LOCK_PORT = 47_000
 
 @contextlib.contextmanager
 def claimed_domain() -> Iterator[int]:
-    """Keep a domain for ourselves."""
+    """Claim a domain."""
     with contextlib.ExitStack() as stack:
         for step in range(DOMAINS):
             domain = FIRST_DOMAIN + (os.getpid() + step) % DOMAINS

@@ -1,4 +1,4 @@
-"""Values to try things out with: an example of every type."""
+"""Example values of every type."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 from lupin_engine.plugin.contract import Argument, Parameter
 from lupin_engine.plugin.types import Type, convert
 
-#: What a text is when nothing says what it can be.
+#: The example of a text without further restriction.
 TEXT = "example"
 
 

@@ -14,16 +14,16 @@ from lupin_engine.plugin.types import Notation, Type, problems
 
 
 class ContractBroken(AssertionError):
-    """A driver does not keep the contract; the text says in what."""
+    """A driver violates the contract; the text says how."""
 
 
 class Untried(ContractBroken):
-    """A rule could not be tried, because the driver does not even come to work; another one tells why."""
+    """A rule could not be tried because the driver does not start to work; another rule reports why."""
 
 
 @dataclass
 class RefereedAttempt:
-    """What became of an attempt: `reports` are the words about it in order, without progress."""
+    """The course of an attempt: `reports` are its reports in order, without progress."""
 
     operation: str
     reports: list[str] = field(default_factory=list)

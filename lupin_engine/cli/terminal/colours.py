@@ -1,4 +1,4 @@
-"""The colours of stories, sessions and timelines: what each tone looks like in a terminal."""
+"""The terminal style of each tone of a story, a debugger and a timeline."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from lupin_engine.replay.story import TonedText
 from lupin_engine.replay.timeline_rows import CURVE, FLAG, HOLD, OPERATION, PHASE, STATE
 from lupin_engine.runtime import history
 
-#: tone -> style of rich; what is not here is plain.
+#: Tone -> style of rich; other tones are plain.
 STYLES: Mapping[str, str] = MappingProxyType(
     {
         **{rating.value: style for rating, style in RATING_STYLES.items()},
@@ -38,7 +38,7 @@ STYLES: Mapping[str, str] = MappingProxyType(
 
 
 def styled(pieces: Iterable[TonedText]) -> Text:
-    """Return pieces of a line in their colours."""
+    """Return the parts of a line in their styles."""
     text = Text(no_wrap=True)
     for piece, tone in pieces:
         text.append(piece, STYLES.get(tone, ""))

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from lupin_engine.errors import Place
 
-#: What a place points at: a quoted text, a word or a path of names, else one sign.
+#: A token: a quoted text, a word, a dotted name, else one character.
 _TOKEN = re.compile(r"\"(?:[^\"\\]|\\.)*\"|'[^']*'|[\w.]+|\S")
 _TAB = 8
 _CUT = "..."
@@ -37,7 +37,7 @@ def _read(file: str) -> list[str]:
 
 
 def token_length(line: str, column: int) -> int:
-    """Return how many characters the thing has that stands at `column`, counted from 1; at least one."""
+    """Return the length of the token at `column`, counted from 1; at least 1."""
     match = _TOKEN.match(line, column - 1)
     return match.end() - match.start() if match else 1
 
@@ -45,8 +45,8 @@ def token_length(line: str, column: int) -> int:
 def excerpt(line: str, column: int, width: int) -> tuple[str, str]:
     """Return the line as it is shown in `width` cells, and the carets to put under it.
 
-    A line that is too long is cut on either side of the place. Tabs, wide characters and characters that
-    a terminal would obey are shown so that the carets stand where they belong.
+    A line that is too long is cut on either side of the place. Tabs, wide characters and control
+    characters are replaced so that the carets stand in the right column.
     """
     shown = _shown(line.rstrip())
     first = min(column - 1, len(shown))
@@ -60,7 +60,7 @@ def excerpt(line: str, column: int, width: int) -> tuple[str, str]:
 
 
 def _shown(line: str) -> list[str]:
-    """Return what is shown for each character."""
+    """Return the visible text of each character."""
     found: list[str] = []
     cell = 0
     for char in line:
@@ -84,7 +84,7 @@ def _width(char: str) -> int:
 
 
 def _window(shown: list[str], first: int, width: int) -> tuple[int, int]:
-    """Return from where to where a line is shown so that it fits and what stands at `first` is seen."""
+    """Return the range of a line that fits and contains `first`."""
     sizes = [_cells(text) for text in shown]
     if sum(sizes) <= width:
         return 0, len(shown)

@@ -1,4 +1,4 @@
-"""Findings as they are told: to people with line and carets, to programs as JSON, SARIF or annotations."""
+"""Output of findings: for people with line and carets, for programs as JSON, SARIF or annotations."""
 
 from __future__ import annotations
 
@@ -22,22 +22,22 @@ _COLOURS: Mapping[Severity, str] = MappingProxyType({Severity.ERROR: "red", Seve
 
 @dataclass(frozen=True)
 class Checked:
-    """What checking came to: how many missions, and every finding once."""
+    """The result of a check: the number of missions, and every finding once."""
 
     missions: int
     found: tuple[Diagnostic, ...]
 
     def count(self, severity: Severity) -> int:
-        """Return how many findings are so severe."""
+        """Return the number of findings of a severity."""
         return sum(diagnostic.severity is severity for diagnostic in self.found)
 
     def exit_code(self, strict: bool) -> int:
-        """Return 1 when something is wrong; warnings are that only when one is strict."""
+        """Return 1 for errors, with `strict` also for warnings, else 0."""
         return 1 if self.count(Severity.ERROR) or (strict and self.found) else 0
 
 
 def wants_colour() -> bool | None:
-    """Say whether to colour; None: where there is a terminal."""
+    """Whether the output has colours; None: where it is a terminal."""
     if os.environ.get("NO_COLOR"):
         return False
     return True if os.environ.get("FORCE_COLOR") else None
@@ -110,7 +110,7 @@ def _as_sarif(checked: Checked) -> str:
 
 
 def _as_github(checked: Checked) -> str:
-    """Return the commands by which a step of a GitHub workflow says something about a line."""
+    """Return the workflow commands by which GitHub annotates lines."""
     return "\n".join(
         f"::{_kind(d)} file={_escaped(d.place.file)},line={d.place.line},col={d.place.column},"
         f"title={_escaped(d.rule)}::{_escaped(_message(d), ())}"
@@ -125,7 +125,7 @@ def _escaped(text: str, more: Iterable[str] = (":", ",")) -> str:
 
 
 def _message(diagnostic: Diagnostic) -> str:
-    """Return what a finding says behind the place and the kind."""
+    """Return the text of a finding without its place and severity."""
     return str(diagnostic).removeprefix(f"{diagnostic.place}: {_kind(diagnostic)}: ")
 
 

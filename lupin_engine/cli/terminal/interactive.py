@@ -1,4 +1,4 @@
-"""The terminal around a simulation that is worked by hand: a prompt, completion, colours."""
+"""The terminal of the debugger: prompt, completion, colours."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def _show(rows: Iterable[TonedLine], console: Console) -> None:
 
 
 def _pipe(debugger: Debugger, console: Console) -> Callable[[], str]:
-    """Return what reads lines that nobody types; they are shown, so that the output reads like a debugger."""
+    """Return a reader of lines from a pipe; it echoes them, so that the output reads like a dialogue."""
 
     def ask() -> str:
         line = sys.stdin.readline()
@@ -54,7 +54,7 @@ def _pipe(debugger: Debugger, console: Console) -> Callable[[], str]:
 
 
 def _terminal(debugger: Debugger) -> Callable[[], str]:
-    """Return what reads lines with editing, a history and completion, as far as this Python has them."""
+    """Return a reader of lines with editing, history and completion, as far as this Python has them."""
     with contextlib.suppress(ImportError):
         import readline
 
@@ -63,12 +63,12 @@ def _terminal(debugger: Debugger) -> Callable[[], str]:
             return found[state] + _after(found[state]) if state < len(found) else None
 
         readline.set_completer(complete)
-        # Names have dots and operations are one word.
+        # A dotted name is one word.
         readline.set_completer_delims(" ")
         readline.parse_and_bind("tab: complete")
     return lambda: input(debugger.prompt)
 
 
 def _after(word: str) -> str:
-    """Return what follows a completed word: a value right behind its `=`, else a blank."""
+    """Return what follows a completed word: nothing after `=`, else a blank."""
     return "" if word.endswith("=") else " "

@@ -182,31 +182,31 @@ def _result(monitor: RunMonitor, result: TargetResult) -> dict[str, Any]:
 
 
 class Heard:
-    """Passes everything on to another observer for as long as somebody reads it; then the run is stopped.
+    """Forwards to another observer while its output can be written; then stops the run.
 
     A terminal that was closed, or a pipe whose reader has left, must not keep a robot from being stopped.
     """
 
     def __init__(self, inner: Any, stop: Callable[[], None]) -> None:
-        """`stop` is called once, when what is told can be written nowhere."""
+        """`stop` is called once, when the output can no longer be written."""
         self._inner = inner
         self._stop = stop
         self._gone = False
 
     def note(self, text: str, severity: Severity = Severity.INFO) -> None:
-        """Pass on."""
+        """Forward."""
         self._pass_on(self._inner.note, text, severity)
 
     def arrived(self, kind: str, data: Mapping[str, Any], monitor: RunMonitor) -> None:
-        """Pass on."""
+        """Forward."""
         self._pass_on(self._inner.arrived, kind, data, monitor)
 
     def show(self, monitor: RunMonitor) -> None:
-        """Pass on."""
+        """Forward."""
         self._pass_on(self._inner.show, monitor)
 
     def close(self, monitor: RunMonitor | None, code: int) -> None:
-        """Pass on."""
+        """Forward."""
         self._pass_on(self._inner.close, monitor, code)
 
     def _pass_on(self, tell: Callable[..., None], *what: Any) -> None:
@@ -221,22 +221,22 @@ class Heard:
 
 
 class SavingPicture:
-    """Passes everything on to another observer, and saves one picture when half of the targets are done."""
+    """Forwards to another observer, and saves one picture when half of the targets are done."""
 
     def __init__(self, inner: Any, chart: Chart, path: Path) -> None:
         self._inner, self._chart, self._path = inner, chart, path
         self._saved = False
 
     def note(self, text: str, severity: Severity = Severity.INFO) -> None:
-        """Pass on."""
+        """Forward."""
         self._inner.note(text, severity)
 
     def arrived(self, kind: str, data: Mapping[str, Any], monitor: RunMonitor) -> None:
-        """Pass on."""
+        """Forward."""
         self._inner.arrived(kind, data, monitor)
 
     def show(self, monitor: RunMonitor) -> None:
-        """Pass on; save when the mission is in its middle and something has been going on for a moment."""
+        """Forward; save a picture when half of the targets are done and an operation has run for a moment."""
         self._inner.show(monitor)
         now = time.monotonic()
         under_way = any(running.since > 1.0 for running in monitor.running(now))
@@ -244,7 +244,7 @@ class SavingPicture:
             self._save(monitor, now)
 
     def _save(self, monitor: RunMonitor, now: float) -> None:
-        """Write the picture; a disk that is full is no reason to leave a robot alone."""
+        """Write the picture; an error is reported and does not end the run."""
         self._saved = True
         try:
             self.save(monitor, now)
@@ -261,7 +261,7 @@ class SavingPicture:
         self._path.write_text(re.sub(r"@font-face \{.*?\}\s*", "", svg, flags=re.DOTALL), encoding="utf-8")
 
     def close(self, monitor: RunMonitor | None, code: int) -> None:
-        """Pass on; a mission that was too short for a middle is saved at its end."""
+        """Forward; save the picture now if that has not happened yet."""
         if not self._saved and monitor is not None:
             self._save(monitor, time.monotonic())
         self._inner.close(monitor, code)

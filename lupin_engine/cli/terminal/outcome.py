@@ -1,4 +1,4 @@
-"""What `lupin simulate` tells of a run: the story, the timeline, the figures, the last line, JSON."""
+"""Output of `lupin simulate`: the story, the timeline, the figures, the last line, JSON."""
 
 from __future__ import annotations
 
@@ -29,12 +29,12 @@ WIDTH = 120
 
 
 def make_console() -> Console:
-    """Return the console: as wide as the terminal, or as is good to read in a file."""
+    """Return the console: as wide as the terminal, or a readable width for files."""
     return Console(highlight=False, width=shutil.get_terminal_size((WIDTH, 24)).columns)
 
 
 def tell_story(run: Run, console: Console, wait: Callable[[float], None]) -> None:
-    """Print what happened, line by line; `wait` lets the time pass that is between two of them."""
+    """Print the story line by line; `wait` is called with the virtual time between two lines."""
     lines = tell(run.chart, run.history)
     columns = columns_for(lines, console.width)
     now = 0.0
@@ -69,7 +69,7 @@ def show_outcome(run: Run, lanes: Timeline, wall: float, console: Console) -> No
 
 
 def figures(found: RunSummary, wall: float) -> list[tuple[str, str]]:
-    """Return the figures of a run, each with its label; what was none of is left out."""
+    """Return the figures of a run, each with its label; empty ones are left out."""
     rows = [
         ("states", _times(found.states)),
         ("phases", _times(found.phases)),
@@ -122,7 +122,7 @@ def last_line(run: Run) -> Text:
 
 
 def _remarks(run: Run, code: int) -> Iterable[str]:
-    """Yield why it ended like that."""
+    """Yield the reasons for the outcome."""
     if run.cut_off:
         yield "stopped at the time limit"
     elif run.stopped:

@@ -50,7 +50,7 @@ def _section(page: Iterable[str], rule: str) -> Iterator[str]:
 
 
 def _plain(section: Iterable[str]) -> list[str]:
-    """Return a section for the terminal: blocks are indented, and what stands between them is as it was."""
+    """Return a section for the terminal: code blocks indented, the rest without markup."""
     found: list[str] = []
     fenced = False
     for line in section:

@@ -1,4 +1,4 @@
-"""The terminal while a picture is redrawn in place, and when it is gone."""
+"""The terminal while a picture is redrawn in place, and after it was closed."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from collections.abc import Iterator
 
 @contextlib.contextmanager
 def quiet_terminal() -> Iterator[None]:
-    """Let the terminal not echo what is typed: the `^C` of Ctrl-C would push the picture down a line."""
+    """Turn off the echo of the terminal: the `^C` of Ctrl-C would push the picture down a line."""
     try:
         descriptor = sys.stdin.fileno()
         before = termios.tcgetattr(descriptor)
@@ -29,7 +29,7 @@ def quiet_terminal() -> Iterator[None]:
 
 
 def hang_up() -> None:
-    """Write to nobody where nobody reads: what is left unwritten would fail again at the exit, visibly."""
+    """Redirect closed streams to /dev/null: flushing them at the exit would fail visibly."""
     for stream in (sys.stdout, sys.stderr):
         try:
             stream.flush()

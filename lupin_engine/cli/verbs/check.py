@@ -153,7 +153,7 @@ def run_check(paths: Sequence[str | Path], catalog: Catalog) -> Checked:
         inspection = inspect_chart(root, list(files), catalog)
         told = (d for d in inspection.found if not _is_elsewhere(d, root, files))
         found.update(dict.fromkeys([*told, *_misfits(inspection.bound)]))
-    # A folder may have bindings before it has missions.
+    # A folder can have bindings and no missions yet.
     folders_of_bindings = {Path(path).parent.parent for path in paths if Path(path).parent.name == BINDINGS}
     for folder in folders_of_bindings:
         findings = Findings()
@@ -178,7 +178,7 @@ def _misfits(bound: BoundCatalog | None) -> tuple[Diagnostic, ...]:
 
 
 def _is_elsewhere(diagnostic: Diagnostic, lifecycle: Path, missions: Iterable[Path]) -> bool:
-    """Say whether this warns of a lifecycle that was only lent to a mission which stands alone."""
+    """Whether this is a warning in a lifecycle that stands elsewhere and is used by a single mission file."""
     lent = all(mission.parent != lifecycle.parent for mission in missions)
     return lent and diagnostic.severity < Severity.ERROR and diagnostic.place.file == str(lifecycle)
 

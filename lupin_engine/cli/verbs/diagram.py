@@ -19,9 +19,9 @@ if TYPE_CHECKING:
     from lupin_engine.diagram.trace import Counts
     from lupin_engine.missions.load import LoadedMissions
 
-#: What else the name of an output file may end in.
+#: Ending of an output file -> its format.
 _ENDINGS = {ending: name for name, ending in FORMATS.items()} | {".mermaid": "mermaid"}
-#: Those that one looks at: a large chart is shown to a depth at which it can be read.
+#: Formats in which a large chart is drawn to a readable depth only.
 _PICTURES = ("svg", "png")
 
 

@@ -36,7 +36,7 @@ expect:
   never: [FAULT]
 """
 
-#: Of a mission that is like another one nothing else is known.
+#: The scenario of a mission that is copied from another one.
 SCENARIO_LIKE = """\
 scenario: the mission runs to its end
 mission: {name}
@@ -110,7 +110,7 @@ def write_mission(name: str, like: str | None, folder: Path) -> tuple[list[Path]
 
 
 def _check_name(name: str, files: Iterable[Path]) -> None:
-    """Look whether a mission can be called so, and these files be its own."""
+    """Check the name of a mission, and that its files do not exist."""
     from lupin_engine.missions import folders
 
     if not NAME.fullmatch(name) or name == Path(folders.LIFECYCLE).stem:

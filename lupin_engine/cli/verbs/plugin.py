@@ -46,13 +46,13 @@ FILES: Mapping[str, str] = MappingProxyType(
         "tests/test_switch.py": "tests/test_switch.py.txt",
     }
 )
-#: What is different without a node; None: it is not written.
+#: Files that differ without a node; None: not written.
 WITHOUT_NODE: Mapping[str, str | None] = MappingProxyType(
     {"lupin_%name%/node.py": None, "tests/test_contract.py": "tests/test_contract_without_node.py.txt"}
 )
-#: Ends a line that is about the node.
+#: The mark at the end of lines that are about the node.
 _NODE_MARK = " ;;node"
-#: Of a name; folders, modules, parameters and codes begin with it.
+#: The longest name; folders, modules, parameters and codes begin with it.
 MAX_NAME = 40
 
 
@@ -249,14 +249,14 @@ def _tried_live(subject: PluginUnderTest) -> Iterator[RuleVerdict]:
                 apply(rule, operation, lab)
                 problems: tuple[str, ...] = ()
             except Untried:
-                continue  # the first rule has told why
+                continue  # the first rule has reported the reason
             except (ContractBroken, LupinError) as broken:
                 problems = tuple(str(broken).splitlines())
             yield RuleVerdict(plugin.name, f"{rule}({operation})" if operation else rule, problems)
 
 
 def _tell(verdict: RuleVerdict, told: set[str]) -> None:
-    """Print a verdict; what several rules meet is told by the first of them."""
+    """Print a verdict; a problem that several rules have is printed once."""
     sign = click.style("broken", fg="red") if verdict.problems else click.style("kept  ", fg="green")
     click.echo(f"{sign}  {verdict.plugin}: {verdict.rule}")
     new = [problem for problem in verdict.problems if problem not in told]

@@ -12,7 +12,7 @@ import click
 from lupin_engine.errors import UsageError, nearest
 from lupin_engine.plugin.registry import load_catalog
 
-#: What stands for a mapping in short, in scenarios.
+#: Short forms of mappings in scenarios, by model.
 SHORT_FORMS: Mapping[str, dict[str, Any]] = MappingProxyType(
     {
         "OutcomeNode": {"enum": ["done", "never"]},
@@ -24,7 +24,7 @@ SHORT_FORMS: Mapping[str, dict[str, Any]] = MappingProxyType(
         "RefusedNode": {"type": "string", "description": "code"},
     }
 )
-#: Lists of scenarios of which the only element can stand without the list.
+#: Lists of scenarios whose only element may stand without the list.
 ONE_ALONE = ("MockNode.then",)
 
 

@@ -120,7 +120,7 @@ def simulate(
 
 @dataclass(frozen=True)
 class SimulationTask:
-    """What is to be simulated, at most `until` a time or a state: a mission that is requested, a scenario."""
+    """What is simulated, at most until the time or state `until`: the request of a mission, or a scenario."""
 
     chart: Chart
     script: Script
@@ -136,7 +136,7 @@ class SimulationTask:
         if self.until is None:
             return run_script(self.chart, self.script, world=self.world)
         run = run_script(self.chart, replace(self.script, limit=self.until), world=self.world)
-        # Who names a time is not cut off by it.
+        # A run that reaches the given time has ended as wanted.
         return replace(run, cut_off=False, stopped=True) if run.cut_off else run
 
 
@@ -183,7 +183,7 @@ def _subject(
 
 
 def _until(chart: Chart, text: str | None) -> float | str | None:
-    """Read when to stop: a duration, in seconds; what does not begin like one is the name of a state."""
+    """Read `--until`: a duration, in seconds, or the name of a state."""
     from lupin_engine.plugin.types import DURATION, convert
     from lupin_engine.sim.simulation import is_named
 
@@ -203,7 +203,7 @@ def _until(chart: Chart, text: str | None) -> float | str | None:
 
 
 def _check_picture(name: str | None) -> None:
-    """Look whether a timeline can be drawn there."""
+    """Check that a timeline can be drawn there."""
     from lupin_engine.cli.run_folders import writable
 
     if name is None or name == TERMINAL:
@@ -221,7 +221,7 @@ def _interact(subject: SimulationTask) -> int:
     from lupin_engine.cli.terminal.outcome import make_console
     from lupin_engine.replay.debugger import Debugger
 
-    # Of a mission the start is the first thing that one does; a scenario does as it says.
+    # The user starts a mission; a scenario starts by itself.
     script = subject.script if subject.script.happenings else replace(subject.script, starts=False)
     console = make_console()
     debugger = Debugger(subject.chart, script, subject.world, read_value, console.width)
@@ -229,7 +229,7 @@ def _interact(subject: SimulationTask) -> int:
 
 
 def _pacing(speed: float) -> Callable[[float], None]:
-    """Return what waits for so many seconds of virtual time to go by."""
+    """Return a function that waits for so many seconds of virtual time."""
     return (lambda seconds: time.sleep(seconds / speed)) if speed else (lambda seconds: None)
 
 

@@ -1,7 +1,7 @@
-"""Attempts at action servers: from a goal to the one report that ends it, whatever becomes of the server.
+"""Attempts at action servers: every goal ends in exactly one report, whatever happens to the server.
 
-A driver says what goal to send and what its end means. That a goal which nobody waits for any more is
-cancelled as soon as it can be, and that a server which is out of sight for a moment has not lost it, is here.
+A driver chooses the goal and interprets its end. This module cancels goals that nobody waits for any more,
+and tolerates servers that disappear from discovery for a moment.
 """
 
 from __future__ import annotations
@@ -19,17 +19,17 @@ from lupin_engine.ros.adapter.host import Repeater
 from lupin_engine.ros.adapter.node import Goal, RosNode
 from lupin_engine.ros.adapter.service_driver import Done, Failed
 
-#: How often the servers of goals under way are looked at, in seconds.
+#: Period of the check whether servers of active goals are still there, in seconds.
 WATCH_PERIOD_S = 0.2
-#: How long an action server may be out of sight before its goals count as lost, in seconds of real time:
-#: discovery that stumbles is back sooner, and the clock of a simulation stops when the simulation dies.
+#: Time without a server after which its goals count as lost, in seconds of real time. Discovery recovers
+#: sooner, and simulated time stops when the simulation dies.
 SERVER_GRACE_S = 2.0
-#: How long the answer to a request to cancel everything is waited for, in seconds. Nothing depends on it.
+#: Timeout of the request to cancel all goals, in seconds. Nothing depends on the answer.
 _CLEARING_DEADLINE_S = 3.0
 
 
 class ActionServer:
-    """A server of an action. One that is `ours` works for us alone: what it did before is cancelled."""
+    """A server of an action. One that is `ours` serves this driver only: its earlier goals are cancelled."""
 
     def __init__(self, ros: RosNode, kind: Any, name: str, *, ours: bool) -> None:
         self.name = name
@@ -40,7 +40,7 @@ class ActionServer:
 
     @property
     def ready(self) -> bool:
-        """Whether it is there."""
+        """Whether the server is available."""
         return self._caller.ready()
 
     def missing(self) -> list[str]:
@@ -59,12 +59,12 @@ class ActionServer:
         return [f"action server {self.name} to cancel the goals it had"]
 
     def clear(self) -> None:
-        """Ask a server of ours to cancel every goal: to it, no id and no time mean all."""
+        """Ask a server of ours to cancel every goal: a request without id and time means all."""
         if self._cancel_all is not None:
             self._cancel_all.call(CancelGoal.Request(), _CLEARING_DEADLINE_S, self._cleared)
 
     def _cleared(self, _: Any) -> None:
-        # Also when there was no answer: a server that cannot say so is no reason not to boot.
+        # Also without an answer: a server that does not answer must not keep the node from starting.
         self._is_cleared = True
 
     def send(self, goal: Any, **callbacks: Callable[..., None]) -> Goal:
@@ -72,7 +72,7 @@ class ActionServer:
         return self._caller.send(goal, **callbacks)
 
     def close(self) -> None:
-        """Let go of it; no callback follows."""
+        """Release the client; no callback follows."""
         self._caller.close()
         if self._cancel_all is not None:
             self._cancel_all.close()
@@ -80,7 +80,7 @@ class ActionServer:
 
 @dataclass(frozen=True)
 class ActionOperation:
-    """How an operation fares at its server.
+    """How an operation reads the answers of its server.
 
     `outcome` says what the end of a goal means (an `action_msgs/GoalStatus` and the result; also 0, of a
     server that no longer knows it), `told` what its feedback tells people.
@@ -114,7 +114,7 @@ class ActionAttempts:
     def __init__(self, ros: RosNode, outlet: Outlet) -> None:
         self._outlet = outlet
         self._running: dict[str, _GoalAttempt] = {}
-        #: Nobody waits for these, and yet a server may still work on them.
+        #: Goals that nobody waits for, but that a server may still execute.
         self._lost: dict[str, _GoalAttempt] = {}
         self._watching = Repeater(ros.steady_timer, WATCH_PERIOD_S, self._watch)
 
@@ -141,11 +141,11 @@ class ActionAttempts:
             running.goal.cancel()
 
     def close(self) -> None:
-        """Have every goal cancelled as far as that can still be said, and report no more."""
+        """Request the cancellation of every goal, and report nothing from now on."""
         self._watching.stop()
         for attempt in list(self._running):
             self._abandon(attempt)
-        # Also what a server has taken and not yet said so.
+        # Also goals that a server has accepted without having answered yet.
         for server in dict.fromkeys(lost.operation.server for lost in self._lost.values()):
             server.clear()
 
@@ -192,7 +192,7 @@ class ActionAttempts:
     # --- the servers' life
 
     def _watch(self) -> None:
-        """Look at the servers from time to time; only while an attempt runs, for the sake of idling."""
+        """Check the servers periodically, but only while an attempt runs: an idle node costs nothing."""
         if not self._running:
             self._watching.stop()
             return
@@ -205,7 +205,7 @@ class ActionAttempts:
                 self._fail(attempt, operation.failed(operation.unavailable, "gone"))
 
     def _abandon(self, attempt: str) -> None:
-        """Wait for an attempt no more, but have its goal cancelled.
+        """Stop waiting for an attempt, and cancel its goal.
 
         The server may only be out of reach and still working: the middleware repeats the request until it is
         answered. A goal whose acceptance never came is cancelled when it comes.

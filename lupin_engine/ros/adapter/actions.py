@@ -1,4 +1,4 @@
-"""Actions, both sides, over rclpy: goals that are not forgotten when the peers lose each other for a while.
+"""Action clients and servers over rclpy whose goals survive an interrupted connection.
 
 rclpy leaves the future of a result pending for ever when the result was sent while the link was down. A
 `Goal` therefore asks again when a server (re-)appears, and repeats a cancel request until it is answered.
@@ -22,7 +22,7 @@ from unique_identifier_msgs.msg import UUID
 from lupin_engine.ros.adapter.host import Host, Repeater
 from lupin_engine.ros.adapter.qos import Qos
 
-#: Seconds between two looks at the servers while a goal is under way; none otherwise.
+#: Period of the check of the servers while a goal is active, in seconds; there is none otherwise.
 WATCH_PERIOD_S = 1.0
 
 _TERMINAL = frozenset((GoalStatus.STATUS_SUCCEEDED, GoalStatus.STATUS_CANCELED, GoalStatus.STATUS_ABORTED))
@@ -108,7 +108,7 @@ class ActionCaller:
 
 
 class Goal:
-    """One goal under way; ends in exactly one of rejected and ended."""
+    """One active goal; ends in exactly one of rejected and ended."""
 
     def __init__(
         self,
@@ -148,7 +148,7 @@ class Goal:
         future.add_done_callback(guard(self._on_answer))
 
     def look(self, server_appeared: bool) -> None:
-        """Repair what an outage may have lost; called while the goal is under way."""
+        """Repair what an outage may have lost; called while the goal is active."""
         finished = self._handle.status in _TERMINAL
         if server_appeared or (finished and self._result_overdue):
             self._ask_result()
@@ -157,7 +157,7 @@ class Goal:
             self._send_cancel()
 
     def drop(self) -> None:
-        """Forget the goal without telling anybody."""
+        """Drop the goal without a callback."""
         self._over = True
         self._caller.forget(self)
 
@@ -232,7 +232,7 @@ class Goal:
 
 
 class ActionHost:
-    """The server of one action whose goals are worked on by timers, never inside a callback.
+    """The server of one action; timers execute its goals, never a callback.
 
     `admit(goal)` says whether a goal is taken; `started(served)` hands it over; `cancelled(served)` tells
     that a client wants its end, which the owner then brings about with one of the endings of `served`.

@@ -1,4 +1,4 @@
-"""Calls of services: each has a deadline, and ends once."""
+"""Service calls: each has a deadline, and ends exactly once."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class ServiceCaller:
         return bool(self.client.service_is_ready())
 
     def close(self) -> None:
-        """Let go of the service; no answer follows."""
+        """Release the client; no answer follows."""
         for call in list(self._under_way):
             call.cancel()
         self.ros.node.destroy_client(self.client)
@@ -61,12 +61,12 @@ class ServiceCaller:
         return call
 
     def forget(self, call: ServiceCall) -> None:
-        """Remember a call no more: it is over."""
+        """Remove a call that is over."""
         self._under_way.discard(call)
 
 
 class ServiceCall:
-    """A service call under way."""
+    """A pending service call."""
 
     def __init__(self, caller: ServiceCaller, done: Callable[[Any], None]) -> None:
         self._caller = caller
@@ -76,7 +76,7 @@ class ServiceCall:
         self._deadline: TimerHandle | None = None
 
     def cancel(self) -> None:
-        """Lose interest: `done` is not called any more. The server is not told, services cannot be."""
+        """Drop the call: `done` is not called any more. Services have no cancellation: the server goes on."""
         self._over = True
         self._caller.forget(self)
         if self._deadline is not None:

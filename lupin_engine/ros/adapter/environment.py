@@ -1,4 +1,4 @@
-"""What a process needs around it before it may import rclpy.
+"""The environment that a process needs before it can import rclpy.
 
 ROS 2 comes from one of two places. As Python wheels inside the virtual environment, which set up their own
 library path at the start of Python; or from apt, through a sourced `setup.bash`. The two do not mix: Python
@@ -32,7 +32,7 @@ PACKAGE_MARKERS = Path("share", "ament_index", "resource_index", "packages")
 
 
 def rclpy_source() -> RclpySource | None:
-    """Where `import rclpy` would find it: among our wheels, in a sourced ROS 2, or nowhere."""
+    """Where `import rclpy` finds it: in the wheels, in a sourced ROS 2, or nowhere."""
     try:
         found = importlib.util.find_spec("rclpy")
     except (ImportError, ValueError):
@@ -43,7 +43,7 @@ def rclpy_source() -> RclpySource | None:
 
 
 def rclpy_problem() -> str:
-    """Say why rclpy, which is there, cannot be imported by this process; '' when it can."""
+    """Return why an existing rclpy cannot be imported by this process; '' when it can."""
     try:
         importlib.import_module("rclpy")
     except ImportError as problem:
@@ -52,7 +52,7 @@ def rclpy_problem() -> str:
 
 
 def prepare() -> None:
-    """Make this process fit to import rclpy, or say why it cannot be.
+    """Prepare this process to import rclpy.
 
     Call it before anything else: in apt mode it may start the program anew, as the dynamic linker reads the
     library path only once.

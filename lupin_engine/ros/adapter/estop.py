@@ -1,4 +1,4 @@
-"""The emergency stop as a node hears it: engaged, released, or silent although it was told steadily."""
+"""The emergency stop as received by a node: engaged, released, or silent after periodic messages."""
 
 from __future__ import annotations
 

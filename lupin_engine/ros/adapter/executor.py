@@ -1,4 +1,4 @@
-"""The executor of a node: rclpy's, made to look at the age of requests, and cheaper."""
+"""The executor of a node: rclpy's, which also refuses stale requests, and costs less."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def _send_response(service: Service, header: Any, response: Any) -> None:
 
 
 class Executor(SingleThreadedExecutor):
-    """rclpy's executor, with a look at a request's age before it is carried out, and cheaper.
+    """rclpy's executor, extended by a check of each request's age, and cheaper.
 
     The callback of a service does not get the header that holds the timestamp, so the taking of the
     request is the one place to look.

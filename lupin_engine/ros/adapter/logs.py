@@ -13,7 +13,7 @@ from structlog.typing import EventDict, FilteringBoundLogger
 
 
 def guarded(callback: Callable[..., Any], log: FilteringBoundLogger) -> Callable[..., Any]:
-    """Return `callback` with its exceptions logged with a traceback; they never leave the spin."""
+    """Return `callback` with its exceptions logged with a traceback instead of raised into the spin."""
 
     def guard(*arguments: Any) -> Any:
         try:

@@ -17,7 +17,7 @@ Kind = Literal["topic", "service", "action"]
 
 #: What rmw says for the node of an endpoint whose own node has not been discovered.
 NAMELESS = "_NODE_NAME_UNKNOWN_"
-#: What stands for such a node: a program that is no ROS node, or one that is just coming or going.
+#: Placeholder for such a node: a program that is no ROS node, or one that is starting or ending.
 UNKNOWN = "?"
 
 _ACTION = "/_action/"
@@ -47,7 +47,7 @@ class Interface:
 
     @property
     def is_housekeeping(self) -> bool:
-        """Whether every node has it, whatever the node is for."""
+        """Whether every node has this interface, whatever its purpose."""
         last = self.name.rpartition("/")[2]
         return self.name in _HOUSEKEEPING_TOPICS or (
             self.kind == "service" and last in _HOUSEKEEPING_SERVICES
@@ -63,7 +63,7 @@ class _DdsTopic:
 
 
 def interfaces(node: Any, without: Iterable[str] = ()) -> list[Interface]:
-    """Return what is on the network as `node` (of rclpy) sees it now, by kind and name.
+    """Return the interfaces that `node` (of rclpy) has discovered so far, by kind and name.
 
     Args:
         node: any node; discovery must have had its time.
@@ -159,7 +159,7 @@ def _names(endpoints: Iterable[Any]) -> tuple[str, ...]:
 
 
 def _definitions(ends: Iterable[Any]) -> Iterator[str]:
-    """Tell ends that do not mean the same type by it."""
+    """Return problems of ends with different definitions of the type."""
     users: dict[tuple[str, str], set[str]] = {}
     for end in ends:
         if str(end.topic_type_hash) != "INVALID":  # an older ROS 2, which announces none
@@ -172,7 +172,7 @@ def _definitions(ends: Iterable[Any]) -> Iterator[str]:
 
 
 def _unmatched(channel: _DdsTopic) -> Iterator[str]:
-    """Tell pairs that never meet: a reader that asks for more than the writer offers hears nothing."""
+    """Return pairs with incompatible QoS: a reader that requires more than the writer offers gets nothing."""
     told = set()
     for writer, reader in product(channel.writers, channel.readers):
         fit, reason = qos_check_compatible(writer.qos_profile, reader.qos_profile)

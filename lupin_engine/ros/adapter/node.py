@@ -16,7 +16,7 @@ Each work-around lives in this package, for this reason:
 * no second wake-up after each callback (`executor`): rclpy's costs a third of an idle node's processor time;
 * posting wakes the executor: nothing else makes it look for work of other threads;
 * timers run on the monotonic clock (on ROS time with `use_sim_time`): a stepped wall clock moves no deadline;
-* types of parameters said, integers taken for doubles (`declared`): rclpy refuses `60` for a double;
+* declared parameter types, integers accepted for doubles (`parameters`): rclpy refuses `60` for a double;
 * type hashes compared with the peers' (`peers`): a mismatch is otherwise silent;
 * servers counted (`peers`): two of one name are otherwise both obeyed.
 """
@@ -72,7 +72,7 @@ __all__ = [
     "peer_mismatches",
 ]
 
-#: Seconds after the start, and between, two looks at the peers.
+#: Seconds from the start to the first check of the peers, and between two checks.
 FIRST_PEER_CHECK_S = 1.0
 PEER_CHECK_PERIOD_S = 5.0
 
@@ -354,7 +354,7 @@ class RosNode:
             self.guarded(self._posted.popleft())()
 
     def spin(self) -> None:
-        """Work until SIGINT, SIGTERM or `stop`, then run the `on_stop` callbacks and close the node.
+        """Spin until SIGINT, SIGTERM or `stop`, then run the `on_stop` callbacks and close the node.
 
         Returns cleanly in all these cases.
 
@@ -372,7 +372,7 @@ class RosNode:
             self.guarded(callback)()
 
     def spin_once(self, timeout: float | None = None) -> bool:
-        """Do one piece of work, waiting at most `timeout` seconds for it; False when it is time to end."""
+        """Handle one event, waiting at most `timeout` seconds for it; False when the node is to end."""
         if self._stopping or self._closed:
             return False
         self._work_once(timeout)
@@ -398,7 +398,7 @@ class RosNode:
         self._stop_callbacks.append(callback)
 
     def work_until(self, done: Callable[[], bool], seconds: float) -> None:
-        """Work on until `done()`, at most for so long: for `on_stop` callbacks that wait for an answer."""
+        """Spin until `done()`, at most for so long: for `on_stop` callbacks that wait for an answer."""
         end = time.monotonic() + seconds
         while not done() and (left := end - time.monotonic()) > 0 and self._context.ok():
             self._work_once(left)

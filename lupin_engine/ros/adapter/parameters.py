@@ -204,7 +204,7 @@ class DeclaredParameters:
         }
 
     def on_change(self, callback: OnChange) -> None:
-        """Allow changes at run time, if `callback` takes them."""
+        """Allow changes at run time if `callback` accepts them."""
         self._on_change.append(callback)
 
     def set(self, name: str, value: Any) -> None:
@@ -223,7 +223,7 @@ class DeclaredParameters:
         kept = {name for name, spec in self._specs.items() if specs.get(name) == spec}
         for name in set(self._specs) - kept:
             self._node.undeclare_parameter(name)
-        # What is set here was checked just now, and is no change of what somebody reads.
+        # These values were checked just now, and no callback needs to hear of them.
         self._node.remove_on_set_parameters_callback(self._on_set)
         try:
             self._specs = dict(specs)

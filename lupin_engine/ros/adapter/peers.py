@@ -1,4 +1,4 @@
-"""Peers that do not get on with this node, found by what DDS announces of them.
+"""Peers that are incompatible with this node, detected from what DDS announces of them.
 
 Two processes with different definitions of a message match each other; one direction then delivers nothing,
 the other truncated objects, and nobody warns. The announced type hashes are the only sign. Two servers of one
@@ -44,9 +44,9 @@ def peer_mismatches(ros: Host) -> list[str]:
 
 
 def rival_servers(ros: Host) -> list[str]:
-    """Name the services and actions of this node that somebody else offers as well.
+    """Return the services and actions of this node that another node offers as well.
 
-    A node that died without a word is seen for some seconds more: believe what is found twice.
+    A node that crashed stays visible for some seconds: believe only what is found twice.
     """
     me = (ros.node.get_name(), ros.node.get_namespace())
     return [finding for channel in ros.channels() for finding in _rivals(ros.node, channel, me)]

@@ -86,7 +86,7 @@ def ends_the_process_after(seconds: float) -> Iterator[None]:
 
 
 def is_rclpys_end(problem: BaseException) -> bool:
-    """Say whether this is how rclpy's own spin ends at a signal: in one of three ways, as it happens."""
+    """Whether rclpy's own spin ended by a signal: it raises one of three exceptions."""
     from rclpy.executors import ExternalShutdownException  # only who has run a node asks
 
     too_late = type(problem).__name__ == "RCLError" and "context is not valid" in str(problem)

@@ -1,7 +1,7 @@
 """One run: nodes brought up, the mission started and followed, everything stopped.
 
-A single loop on the caller's thread: it lets the operator's node work, looks at the processes and at the
-interrupts, and tells the observer. Every wait in here has a deadline.
+A single loop on the caller's thread spins the operator's node, checks processes and interrupts, and calls the
+observer. Every wait has a deadline.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from lupin_engine.ros.launch.supervisor import IMPATIENT, Patience, Supervisor
 from lupin_engine.ros.messages import wire_of
 from lupin_engine.ros.operator import Answer, Operator
 
-#: Seconds between two looks at everything.
+#: Period of the loop, in seconds.
 TICK_S = 0.05
 #: A node that has died is started again after so many seconds: the first time, the second, ...; then no more.
 RESPAWN_AFTER_S = (1.0, 4.0, 10.0)
@@ -71,13 +71,13 @@ class Observer(Protocol):
     """Who shows a run to people or machines."""
 
     def note(self, text: str, severity: Severity = Severity.INFO) -> None:
-        """Tell something about the run itself: what is started, waited for, stopped."""
+        """Report an event of the run itself: what is started, waited for, stopped."""
 
     def arrived(self, kind: str, data: Mapping[str, Any], monitor: RunMonitor) -> None:
-        """Take notice of a message that the monitor has just taken in: `state`, `observation` or `step`."""
+        """Handle a message that the monitor has just accepted: `state`, `observation` or `step`."""
 
     def show(self, monitor: RunMonitor) -> None:
-        """Show where the mission stands; called on every look at the world."""
+        """Show the progress of the mission; called in every cycle."""
 
 
 @dataclass(frozen=True)
@@ -158,14 +158,14 @@ class Bringup:
         folder = self._settings.folder
         try:
             self.supervisor.start(launch.node.name, command(launch, folder))
-        except OSError as problem:  # a disk that is full, or no process more
+        except OSError as problem:  # the disk is full, or no further process can be started
             name, reason = launch.node.name, problem.strerror
             raise RunFailed(f"{name} cannot be started with its files in {folder}: {reason}") from None
 
     def _describe(
         self, plugins: Sequence[str], catalog: Catalog, present: PresentEndpoints
     ) -> LaunchDescription:
-        """Decide what to start; a node that an option is about must be among it."""
+        """Return what is to be started; it must include every node that an option configures."""
         settings = self._settings
         wanted = describe_launch(
             plugins, catalog, present, settings.parameters, simulate=settings.simulate, known=settings.known
@@ -197,7 +197,7 @@ class Bringup:
         self._interrupts.check()
 
     def _wait_for(self, missing: Callable[[], Sequence[str]], limit: float) -> None:
-        """Wait until nothing is missing, telling what is whenever that changes."""
+        """Wait until nothing is missing, and report what is missing whenever that changes."""
         begin = time.monotonic()
         told: Sequence[str] = ()
         while waiting := missing():
@@ -289,7 +289,7 @@ class Bringup:
         home = self._interrupts.at_leisure
         text = "aborting the mission: the robot drives home; once more to stop it on the way"
         self._observer.note(text if home else "aborting the mission", Severity.WARN)
-        # Who is on the way home already is not stopped by the wish to come home.
+        # A robot that is already returning is not stopped by an abort.
         if not (home and monitor.returning) and not self._request_abort():
             return
         if home:

@@ -1,8 +1,8 @@
-"""When everybody on the network has been seen: as many as hold ports of the domain on this machine.
+"""Detects the end of DDS discovery: every participant that holds a port of the domain has been seen.
 
 Discovery gives no sign of being complete: on a busy machine the first nodes appear at once and the last a
-second later, and whoever looks too early starts a second robot. The ports of a domain are computed from its
-number (DDSI-RTPS 9.6.1.1), so the kernel's table says how many participants are still to be discovered.
+second later, and a launcher that looks too early starts a second robot. The ports of a domain are computed
+from its number (DDSI-RTPS 9.6.1.1), so the kernel's table tells the number of participants to discover.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ QUIET_LOOKS = 6
 
 
 def settled(spin: Callable[[], None], look: Callable[[], _T], strangers: Callable[[_T], int]) -> _T:
-    """Look until everybody on this machine is known and nothing new has appeared for a moment.
+    """Spin until all participants of this machine are known and nothing new has appeared for a moment.
 
     Args:
         spin: lets the node that looks work for a moment.
@@ -51,7 +51,7 @@ def settled(spin: Callable[[], None], look: Callable[[], _T], strangers: Callabl
 
 
 def _all_known(strangers: int, looked: float) -> bool:
-    """Say whether discovery has had its time, and found as many as there are on this machine."""
+    """Whether discovery has had enough time and found as many participants as this machine has."""
     there = participants(current_domain())
     if there is None:
         return looked >= LOOK_S

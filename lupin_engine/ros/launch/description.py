@@ -1,7 +1,7 @@
-"""Which nodes a mission needs, which of them are there already, and what each is started with.
+"""The launch description of missions: which nodes are started with what, and which running ones are used.
 
-Pure: what is on the network comes in as data. A node that is there is used and left alone. A simulation is
-started only where nobody serves what it stands in for, and only if a mission may have to do with it.
+Pure: the state of the network is an argument. A running node is used and left alone. A simulation is started
+only where nothing serves what it replaces, and only if a mission may use it.
 """
 
 from __future__ import annotations
@@ -97,7 +97,7 @@ def describe_launch(
 
 
 def _assumed(starting: Iterable[LaunchableNode], catalog: Catalog, known: Container[str]) -> ParameterValues:
-    """Return what parameters of the missions are where these simulations run."""
+    """Return the defaults that these simulations set for parameters of the missions."""
     simulated = simulators(catalog)
     plugins = [catalog.plugins[node.plugin] for node in starting if node.name in simulated]
     return {name: v for plugin in plugins for name, v in plugin.simulated_defaults.items() if name in known}
@@ -121,7 +121,7 @@ def _needed(plugins: set[str], catalog: Catalog, simulate: bool) -> Iterator[Lau
 
 
 def _already(node: LaunchableNode, catalog: Catalog, present: PresentEndpoints) -> str:
-    """Name what makes starting this node unnecessary; '' when it is needed."""
+    """Return what makes this node unnecessary; '' when it must be started."""
     if node.name in present.nodes:
         return node.name
     replaced = catalog.plugins[node.plugin].stands_in.get(node.name, ()) if node.plugin else ()

@@ -18,7 +18,7 @@ RANGES = ("SUBNET", "LOCALHOST", "SYSTEM_DEFAULT")
 
 
 def close_the_doors(domain: int | None = None) -> None:
-    """Set this process', and so its children's, network: nobody outside this machine unless asked for.
+    """Set the DDS network of this process and its children: this machine only, unless asked otherwise.
 
     Raises:
         UsageError: the shell has set variables of ROS with which nodes would not find each other.

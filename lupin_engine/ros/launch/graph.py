@@ -1,4 +1,4 @@
-"""The live map of a ROS domain, looked at once by somebody who then leaves."""
+"""A snapshot of the live map of a ROS domain, taken by a temporary node."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from lupin_engine.ros.adapter.network import UNKNOWN, Interface, interfaces
 from lupin_engine.ros.adapter.node import RosNode
 from lupin_engine.ros.launch.dds_discovery import settled
 
-#: Seconds between two looks.
+#: Seconds between two queries.
 TICK_S = 0.05
 
 
 class _Onlooker:
-    """A node of no purpose but to see the others."""
+    """A node that only discovers others."""
 
     def __init__(self) -> None:
         self._ros = RosNode(f"lupin_graph_{os.getpid()}")

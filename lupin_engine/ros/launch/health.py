@@ -1,6 +1,6 @@
-"""What `lupin doctor` looks at: one small function for each matter, none of which needs ROS to be there.
+"""The checks of `lupin doctor`: one small function each, none of which needs an installed ROS.
 
-Each yields `Finding`s: what was looked at, what was found, and for a problem what to do about it.
+Each yields `Finding`s: what was checked, what was found, and for a problem what to do about it.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ _PROFILES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
 
 @dataclass(frozen=True)
 class Finding:
-    """One thing that was looked at. `advice` says what to do about a problem."""
+    """The result of one check. `advice` says what to do about a problem."""
 
     topic: str
     found: str
@@ -58,7 +58,7 @@ class Finding:
 
 
 def examine() -> list[Finding]:
-    """Look at everything; a look that fails itself is told as a problem, and the others go on."""
+    """Run all checks; a check that fails itself becomes a problem, and the others go on."""
     return [finding for look in LOOKS for finding in _findings(look)]
 
 

@@ -1,4 +1,4 @@
-"""Ctrl-C and its relatives as something to look at: counted, never thrown into the middle of work."""
+"""SIGINT, SIGTERM and SIGHUP as a counter that is polled, so that they interrupt nothing half-way."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ _HANDLED = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
 class Interrupted(Exception):
-    """The user wants to stop; raised where a wait notices it."""
+    """The user wants to stop; raised by waits only."""
 
 
 class Interrupts:

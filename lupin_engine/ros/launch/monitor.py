@@ -1,7 +1,7 @@
-"""One mission as it was seen from outside: state, targets, results, events, and how it ended.
+"""One mission as observed from its messages: state, targets, results, events, and its end.
 
-Pure: fed with arrivals as plain data (see `ros.operator`), which the profile reads, and read by whoever shows
-them. What belongs to another mission is not taken in, because latched topics bring the past.
+Pure: fed with arrivals as plain data (see `ros.operator`), which the profile interprets. Messages of other
+missions are ignored: latched topics deliver the past.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ ALL_VISITED, SOME_MISSED, NOT_DONE, INTERRUPTED = 0, 1, 2, 130
 
 @dataclass(frozen=True)
 class RunEvent:
-    """Something worth a line: seconds since the start, how bad, and the text."""
+    """An event for the log of the run: seconds since the start, severity and text."""
 
     elapsed: float
     severity: Severity
@@ -70,7 +70,7 @@ class RunMonitor:
         return self._take_step(data, at)
 
     def note(self, at: float, severity: Severity, text: str) -> None:
-        """Add a happening of our own."""
+        """Add an event of the run itself."""
         self.happenings.append(RunEvent(at - self.began, severity, text))
 
     # -- what it amounts to -----------------------------------------------------------------------------
@@ -97,12 +97,12 @@ class RunMonitor:
 
     @property
     def waits(self) -> bool:
-        """Whether the mission does nothing until an operator does something."""
+        """Whether the mission waits for an operator."""
         return self.progress.paused and not self.ended
 
     @property
     def busy(self) -> bool:
-        """Whether a server still carries something out for this mission, wanted or not."""
+        """Whether a server still executes an operation of this mission, even a cancelled one."""
         return any(attempt.ended is None for attempt in self._history.attempts.values())
 
     @property
@@ -215,7 +215,7 @@ class RunMonitor:
         return True
 
     def _follow(self, record: Any, at: float) -> None:
-        """Add a step to the history; what is none, such as one of a later build, is passed over."""
+        """Add a step to the history; a record that is no step of this version is ignored."""
         try:
             step = read_step(record)
         except ValueError:

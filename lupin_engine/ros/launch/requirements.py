@@ -1,4 +1,4 @@
-"""What has to be there before a node can be run."""
+"""What a node requires of this machine."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ SOURCE_ROS = "source the setup.bash of its installation in this shell"
 
 
 def prepare_ros() -> None:
-    """Make this process fit to import rclpy.
+    """Prepare this process to import rclpy.
 
     Raises:
         UsageError: ROS 2 is not installed or not sourced, or two installations are mixed; the text says what

@@ -21,13 +21,13 @@ from lupin_engine.ros.launch import shared_memory
 
 #: Lines of its log that are shown when a process has died.
 SHOWN_LINES = 12
-#: How often a stopping process is looked at, in seconds.
+#: Period of the check of a stopping process, in seconds.
 POLL_S = 0.02
 
 
 @dataclass(frozen=True)
 class Death:
-    """A process that ended without having been told to."""
+    """A process that ended by itself."""
 
     name: str
     code: int
@@ -36,7 +36,7 @@ class Death:
 
     @property
     def how(self) -> str:
-        """What happened to it."""
+        """How it ended."""
         killed = self.code < 0
         return f"was killed by {_signal_name(-self.code)}" if killed else f"ended with exit code {self.code}"
 
