@@ -25,7 +25,7 @@ MAX_SHOWN = 40
 
 
 class Severity(enum.IntEnum):
-    """How bad a code or a finding is; the numbers are those of `lupin_msgs/MissionState`."""
+    """How bad a code or a finding is; the numbers are those of the published state."""
 
     INFO = 0
     WARN = 1

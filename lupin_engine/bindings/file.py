@@ -180,7 +180,7 @@ class BoundOperationNode(Node):
         None,
         description="what an action tells meanwhile, from `feedback`: a value, or several by their names",
     )
-    uses: Names = Field(default_factory=list, description="what it needs for itself, such as base or arm")
+    uses: Names = Field(default_factory=list, description="what it needs for itself, such as base or lift")
     on_hold: Literal["cancel", "finish"] = Field(
         "finish",
         description="`cancel`: it moves the robot, a hold ends it and calls again on release; "

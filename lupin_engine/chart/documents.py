@@ -399,7 +399,7 @@ class HoldNode(Node):
 class RequestFieldNode(Node):
     """A field of the request that starts a mission."""
 
-    type: Annotated[str, Meaning.TYPE] = Field(description="such as count, duration, list of tag")
+    type: Annotated[str, Meaning.TYPE] = Field(description="such as count, duration, list of text")
     default: Annotated[Written, Meaning.VALUE] = Field(
         None, description="value when the request does not say"
     )

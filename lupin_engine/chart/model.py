@@ -1,7 +1,7 @@
 """The composed chart: what loading produces and what every other room reads, never the YAML.
 
 A chart is a lifecycle with the missions standing in its slot and all parts expanded. States are named by
-their path from the top (`MISSION.InspectionMission.INSPECTING.SCANNING`); the root's name is the empty
+their path from the top (`MISSION.Patrol.ROUND.DRIVING`); the root's name is the empty
 text. Everything is frozen, resolved (targets are full names) and checked (expressions are typed); every
 piece keeps the `Place` where the author wrote it, in the author's file.
 """

@@ -150,7 +150,7 @@ class CheckedOptions:
         """Return the parameters of the nodes: the mission's for the orchestrator, and those given."""
         found: dict[str, ParameterValues] = {ORCHESTRATOR: {**self._loaded.parameters(), **self.values}}
         for name, known in self._declared.items():
-            # What several know, such as the layout of the greenhouse, must be the same for all.
+            # What several know, such as a map, must be the same for all.
             shared = {setting: value for setting, value in self.values.items() if setting in known}
             found[name] = {**shared, **given.get(name, {})}
         return found

@@ -77,8 +77,7 @@ settings = click.option(
     "settings",
     metavar="NAME=VALUE",
     multiple=True,
-    help="A parameter of the mission, such as nav_timeout_s='90 s', or of a node, such as "
-    "greenhouse_bridge.backend=mqtt.",
+    help="A parameter of the mission, such as nav_timeout_s='90 s', or of a node, written NODE.NAME=VALUE.",
 )
 sim = click.option(
     "--sim",

@@ -39,7 +39,7 @@ def check_request(loaded: LoadedMissions, given: Mapping[str, Any], request: Map
 
     Raises:
         UsageError: it would not, and the text is the one that the service would answer; it has no field
-            for what is given (see `check_fields`); or a parameter leads nowhere (for example: a layout file
+            for what is given (see `check_fields`); or a parameter leads nowhere (for example: a file
             that is absent). The text has everything that is wrong.
     """
     # Imported here: other verbs need no machine, and its import takes longer than their work.

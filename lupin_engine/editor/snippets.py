@@ -145,8 +145,8 @@ SNIPPETS: Mapping[str, tuple[Snippet, ...]] = MappingProxyType(
 #: Values as people write them, by `Model.key`.
 EXAMPLES: Mapping[str, tuple[Any, ...]] = MappingProxyType(
     {
-        "TransitionNode.target": ("INSPECTING", "SCANNING.READING", "MISSION.history"),
-        "TransitionNode.guard": ("input.battery.low", "len(request.tags) > 0", "in_state('RETURNING')"),
+        "TransitionNode.target": ("WORKING", "ROUND.DRIVING", "MISSION.history"),
+        "TransitionNode.guard": ("input.battery.low", "len(request.places) > 0", "in_state('WORKING')"),
         "InvokeNode.do": ("nav.go_to",),
         "LimitNode.after": ("30 s", "${ param.timeout_s }"),
         "RetryNode.attempts": (3,),
@@ -160,8 +160,8 @@ EXAMPLES: Mapping[str, tuple[Any, ...]] = MappingProxyType(
         "InputNode.value": ("robot.battery",),
         "LevelNode.below": ("20 %",),
         "HoldNode.engage": ("operator.pause", "input.estop"),
-        "ItineraryNode.items": ("${ request.tag_sequence }",),
+        "ItineraryNode.items": ("${ request.places }",),
         "ItineraryNode.order": ("${ distance(input.pose, approach(target)) }",),
-        "ForEachNode.key": ("${ tag.id }",),
+        "ForEachNode.key": ("${ place.id }",),
     }
 )

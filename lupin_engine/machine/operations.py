@@ -33,7 +33,7 @@ from lupin_engine.machine.step import EXECUTION_CODE, Macrostep
 from lupin_engine.machine.timers import seconds
 from lupin_engine.plugin.contract import OnHold
 
-#: How long a cancelled attempt may keep its resource, in seconds (the reference's grace before docking).
+#: How long a cancelled attempt may keep its resource, in seconds.
 CANCEL_DEADLINE = 3.0
 #: How many lost attempts are remembered, so that they can be cancelled should they be accepted after all.
 MAX_LOST = 64

@@ -29,7 +29,7 @@ class OnHold(enum.Enum):
 
 @dataclass(frozen=True)
 class Code:
-    """A reason that can reach `MissionState.last_error`: raw name, label for people, severity."""
+    """A reason that can reach the published state: raw name, label for people, severity."""
 
     name: str
     label: str
@@ -71,7 +71,7 @@ class Mock:
 class Operation:
     """Something that takes time and ends: done with `result`, or in an error with one of `codes`.
 
-    `uses` names resources (`base`, `arm`): an attempt waits until the previous attempt that uses one of
+    `uses` names resources (`base`, `lift`): an attempt waits until the previous attempt that uses one of
     them has ended. `on_hold` says what a hold does to it.
     """
 

@@ -101,7 +101,7 @@ ROS_NAME = Type(
     example="/camera/image_raw",
 )
 
-#: A place on the floor of the greenhouse: metres and radians in frame `map`.
+#: A place on the floor: metres and radians in frame `map`.
 POSE = Type("record", "pose", fields={"x": LENGTH, "y": LENGTH, "yaw": ANGLE})
 
 BUILTIN_TYPES: Mapping[str, Type] = MappingProxyType(

@@ -18,7 +18,7 @@ def make_machine(chart: Chart, given: Mapping[str, Any]) -> Machine:
 
     Raises:
         UsageError: a given parameter does not exist or has a wrong value; every such problem is named.
-        LupinError: a plugin cannot work with the parameters (for example: a layout file that is absent).
+        LupinError: a plugin cannot work with the parameters (for example: a file that is absent).
     """
     return Machine(make_world(chart, given))
 

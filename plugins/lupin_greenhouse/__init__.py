@@ -1,4 +1,5 @@
-"""What several plugins know of the world, each without the others: places and turns, and the layout.
+"""The profile of greenhouse robots (`profile.py`), and what several plugins know of their world.
 
-Pure Python and numpy; nothing here knows a mission, a plugin or ROS. Metres, radians, seconds.
+Places and turns, the layout, what `lupin_msgs` mean, when a mission is under way: pure Python and numpy, in
+metres, radians and seconds. Only `node` knows ROS.
 """

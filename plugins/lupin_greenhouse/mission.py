@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-#: The lifecycle's own published states in which no mission is under way; '' before anything was heard.
-#: RETURNING is the lifecycle's own too, but there the robot still drives for its mission.
-_WITHOUT_MISSION = frozenset({"", "BOOT", "READY", "DONE", "FAULT"})
+from lupin_greenhouse.profile import STAGES
+
+#: Published states in which no mission is under way; '' before anything was heard. RETURNING is none of them:
+#: there the robot still drives for its mission.
+_WITHOUT_MISSION = STAGES.without_mission | {""}
 
 #: Seconds after which an orchestrator that says nothing counts as gone; it speaks five times a second.
 SILENCE_S = 3.0

@@ -50,6 +50,11 @@ WIRE = Wire(
     hashes=HASHES,
 )
 
+#: The published states of missions/lifecycle.yaml that are not the missions' own.
+STAGES = Stages(
+    starting=("BOOT",), ready=("READY",), returning=("RETURNING",), ended=("DONE",), faulted=("FAULT",)
+)
+
 PROFILE = Profile(
     name="greenhouse",
     doc="Robots that visit tags in a greenhouse and read the sensors there.",
@@ -86,9 +91,7 @@ PROFILE = Profile(
             reading=("reading", Argument(ANY, "what was read")),
         )
     },
-    stages=Stages(
-        starting=("BOOT",), ready=("READY",), returning=("RETURNING",), ended=("DONE",), faulted=("FAULT",)
-    ),
+    stages=STAGES,
     terminal=Terminal(
         target="tag",
         targets="tags",

@@ -24,12 +24,12 @@ from lupin_engine.ros.adapter.action_driver import (
     ActionOperation,
     ActionServer,
 )
-from lupin_engine.ros.adapter.estop import RELEASED, SILENT, EmergencyStop
 from lupin_engine.ros.adapter.host import Repeater
 from lupin_engine.ros.adapter.logs import WarnOnce
 from lupin_engine.ros.adapter.node import Qos, RosNode
 from lupin_engine.ros.adapter.service_driver import Done, Failed
 from lupin_greenhouse.frames import frame_name
+from lupin_greenhouse.node.estop import RELEASED, SILENT, EmergencyStop
 from lupin_nav import goal_status, localization
 from lupin_nav.battery import charge
 from lupin_nav.exploration import Explorer

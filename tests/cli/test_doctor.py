@@ -12,7 +12,8 @@ import pytest
 from lupin_engine.cli.main import main
 from lupin_engine.plugin.discovery import EntryPoint
 from lupin_engine.ros.launch import health
-from lupin_engine.ros.launch.health import RIHS, WIRE, Finding
+from lupin_engine.ros.launch.health import RIHS, Finding
+from lupin_greenhouse.profile import HASHES
 
 TABLE = json.loads((Path(__file__).parents[1] / "msgs" / "wire.json").read_text(encoding="utf-8"))
 
@@ -23,8 +24,8 @@ def findings(capsys: pytest.CaptureFixture[str]) -> dict[str, dict[str, str]]:
 
 def test_the_expected_hashes_are_those_of_the_wire_table() -> None:
     """Two tables, one truth."""
-    assert {name: f"{RIHS}{value}" for name, value in WIRE.items()} == {
-        name: TABLE[name]["hash"] for name in WIRE
+    assert {name: f"{RIHS}{value}" for name, value in HASHES.items()} == {
+        name: TABLE[name]["hash"] for name in HASHES
     }
 
 
@@ -93,7 +94,7 @@ def test_another_definition_of_a_message_is_a_problem(monkeypatch: pytest.Monkey
     monkeypatch.setattr(health, "local_hash", lambda name: f"{RIHS}{'0' * 64}")
     found = list(health.look_at_interfaces())
     assert {f.state for f in found} == {"problem"}
-    assert found[0].advice.startswith(f"expected {RIHS}{WIRE['lupin_msgs/srv/StartMission'][:12]}…")
+    assert found[0].advice.startswith(f"expected {RIHS}{HASHES['lupin_msgs/srv/StartMission'][:12]}…")
 
 
 def test_left_overs_are_told_with_the_way_to_remove_them(

@@ -55,17 +55,17 @@ class Symbols:
     idle: str
     ok: str
     missed: str
-    skipped: str
+    left_out: str
     dot: str
     more: str
     degree: str
 
 
 UNICODE = Symbols(
-    active="●", path="▾", idle="○", ok="✔", missed="✘", skipped="↷", dot="·", more="…", degree="°"
+    active="●", path="▾", idle="○", ok="✔", missed="✘", left_out="↷", dot="·", more="…", degree="°"
 )
 ASCII = Symbols(
-    active="*", path="v", idle="o", ok="+", missed="x", skipped=">", dot="-", more="...", degree=""
+    active="*", path="v", idle="o", ok="+", missed="x", left_out=">", dot="-", more="...", degree=""
 )
 
 
@@ -223,7 +223,7 @@ def _counts(monitor: RunMonitor, symbols: Symbols) -> Text:
 
 
 def _mark(outcome: TargetOutcome | None, symbols: Symbols) -> str:
-    marks = {Rating.GOOD: symbols.ok, Rating.BAD: symbols.missed, Rating.LEFT_OUT: symbols.skipped}
+    marks = {Rating.GOOD: symbols.ok, Rating.BAD: symbols.missed, Rating.LEFT_OUT: symbols.left_out}
     return marks[outcome.rating] if outcome else symbols.missed
 
 

@@ -19,7 +19,7 @@ from lupin_engine.ros.launch.requirements import prepare_ros
 def node(name: str | None, arguments: tuple[str, ...]) -> int:
     """Run one node, with ROS arguments; without a name, list the nodes.
 
-    Example: lupin node greenhouse_bridge --ros-args -p debug_seed:=1
+    Example: lupin node NAME --ros-args -p rate:=5.0
     """
     catalog = load_catalog()
     if name is None:

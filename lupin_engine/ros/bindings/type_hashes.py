@@ -63,7 +63,7 @@ def _description(type_name: str) -> dict[str, Any]:
 def _split(type_name: str) -> tuple[str, str, str]:
     parts = type_name.split("/")
     if len(parts) != 3 or parts[1] not in ("msg", "srv", "action"):
-        raise UsageError(f"{type_name!r} is not the full name of a type, such as lupin_msgs/msg/Observation")
+        raise UsageError(f"{type_name!r} is not the full name of a type, such as std_msgs/msg/String")
     return parts[0], parts[1], parts[2]
 
 

@@ -9,7 +9,7 @@ import os
 import platform
 import shutil
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
@@ -21,7 +21,7 @@ from lupin_engine.missions.folders import lifecycle_in, mission_files
 from lupin_engine.missions.load import check_chart
 from lupin_engine.missions.selection import folders
 from lupin_engine.plugin.discovery import entry_points
-from lupin_engine.plugin.registry import load_catalog, verified_plugin
+from lupin_engine.plugin.registry import load_catalog, load_profiles, verified_plugin
 from lupin_engine.ros.adapter import environment
 from lupin_engine.ros.bindings.type_hashes import local_hash
 from lupin_engine.ros.launch.environment import DOMAIN, RANGE, domain_advice, range_advice
@@ -33,15 +33,6 @@ State = Literal["ok", "note", "problem"]
 #: Python versions that there are ROS wheels for.
 OLDEST_PYTHON, FIRST_TOO_NEW = (3, 10), (3, 14)
 
-#: The types that every run uses, and the hash that the other end of the wire has for each.
-WIRE: Mapping[str, str] = {
-    "lupin_msgs/srv/StartMission": "59ff907d315644687e47037362f4c73841fdbdd594d97c6fd357ab1bb5394485",
-    "lupin_msgs/msg/MissionState": "502295af37b7d3b1b27d22ebdaa3c2e05294201b5e8039e26499b719b2fe51d0",
-    "lupin_msgs/msg/Observation": "34d7b6947cec3ae85a04251102711bcf38e2f21cfa1fb583c3dbe6544137ffd9",
-    "lupin_msgs/srv/GetTagReading": "c907cf6b8204d5687fc9499bd2f7233af5ca609e16b2df0291a3c66964c1a49b",
-    "nav2_msgs/action/NavigateToPose": "a56dba8a3234a1215e610180dc703ae25bbf406dded8b54887891c9732857eab",
-    "tf2_msgs/msg/TFMessage": "e369d0f05a23ae52508854b66f6aa0437f3449d652e8cbf22d5abe85d020f087",
-}
 RIHS = "RIHS01_"
 
 _PROFILES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
@@ -126,7 +117,8 @@ def _wheels_middleware() -> Iterator[Finding]:
 
 def look_at_interfaces() -> Iterator[Finding]:
     """The message types, compared with those that the rest of the system speaks."""
-    for name, expected in WIRE.items():
+    wires = [profile.wire for profile in load_profiles() if profile.wire is not None]
+    for name, expected in {name: found for wire in wires for name, found in wire.hashes.items()}.items():
         try:
             found = local_hash(name).removeprefix(RIHS)
         except LupinError as problem:

@@ -8,7 +8,7 @@ pytest.importorskip("rclpy", reason="ROS 2 is not installed here")
 
 from std_msgs.msg import Bool
 
-from lupin_engine.ros.adapter.estop import ENGAGED, RELEASED, SILENT, EmergencyStop
+from lupin_greenhouse.node.estop import ENGAGED, RELEASED, SILENT, EmergencyStop
 from tests.plugins.fakes import FakeRos
 
 

@@ -16,7 +16,7 @@ from sensor_msgs.msg import BatteryState
 from std_msgs.msg import Bool
 
 from lupin_engine.ros.adapter.action_driver import SERVER_GRACE_S
-from lupin_engine.ros.adapter.estop import LOOKS, STEADY
+from lupin_greenhouse.node.estop import LOOKS, STEADY
 from lupin_nav.goal_status import failure
 from tests.plugins.fakes import FakeGoal
 from tests.plugins.nav.bench import NavBench

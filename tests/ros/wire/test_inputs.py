@@ -7,9 +7,9 @@ from collections.abc import Iterator
 
 import pytest
 
-from lupin_engine.ros.adapter.estop import LOOKS, STEADY
 from lupin_engine.ros.adapter.node import Qos
 from lupin_engine.ros.messages import to_time
+from lupin_greenhouse.node.estop import LOOKS, STEADY
 from lupin_msgs.msg import DiscoveredTag, DiscoveredTags
 from lupin_msgs.srv import StartMission
 from tests.ros.wire.wire import OK, Drive, Wire, running_node

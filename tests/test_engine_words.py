@@ -1,0 +1,110 @@
+"""The engine knows no greenhouse: its names, texts and comments have none of the profile's words."""
+
+from __future__ import annotations
+
+import io
+import re
+import tokenize
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+
+import pytest
+
+from lupin_greenhouse.profile import PROFILE, WIRE
+
+ENGINE = Path(__file__).parents[1] / "lupin_engine"
+#: What `lupin plugin new` writes is read as well.
+FILES = sorted([*ENGINE.rglob("*.py"), *(ENGINE / "cli" / "plugin_template").rglob("*.txt")])
+
+#: Words of the greenhouse that the profile uses without naming them.
+OTHERS = frozenset(
+    {"arm", "climate", "dock", "docked", "docking", "floranova", "flower", "flowers", "greenhouse", "layout"}
+    | {"lupin_msgs", "species", "tulip", "tulips", "°C"}
+)
+#: Where a word means something else, by the beginning of a module's path.
+MEANT_OTHERWISE: Mapping[str, frozenset[str]] = {
+    "chart/documents.py": frozenset({"tag"}),  # pydantic's Tag
+    "chart/source.py": frozenset({"tag", "tags"}),  # of YAML
+    "cli/terminal/sarif.py": frozenset({"tags"}),  # of SARIF
+    "diagram/": frozenset({"layout", "tags"}),  # of a graph; of XML
+    "editor/server.py": frozenset({"tag", "tags"}),  # of the language server protocol
+    "machine/": frozenset({"arm"}),  # a timer is armed
+    "replay/timeline_svg.py": frozenset({"tag"}),  # of XML
+    "runtime/record.py": frozenset({"tag"}),  # pydantic's Tag
+}
+_NAME = re.compile(r"[A-Za-z_°][A-Za-z0-9_°]*")
+_PART = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|[a-z0-9]+|°C")
+
+
+def words_of_the_profile() -> frozenset[str]:
+    """Return what the profile calls its outcomes, its fields, its targets, its columns and its interfaces."""
+    words, wire_types = PROFILE.terminal, (WIRE.state.type, WIRE.outcomes.type, WIRE.start.type)
+    found = {*PROFILE.statuses, *PROFILE.request, words.target, words.targets, *words.columns}
+    found |= {kind.rpartition("/")[2] for kind in wire_types} - {"Observation"}  # a common word
+    return OTHERS | found - {"OK", "light"}  # so are these
+
+
+def words_in(text: str) -> Iterator[str]:
+    """Yield the names in a text, whole and taken apart at underscores and at capitals."""
+    for name in _NAME.findall(text):
+        yield name
+        for part in name.split("_"):
+            yield from (part, part.lower())
+            yield from (piece.lower() for piece in _PART.findall(part))
+
+
+def breaches(file: Path) -> Iterator[str]:
+    """Yield the words of the greenhouse in a file, each with its line."""
+    inside = file.relative_to(ENGINE).as_posix()
+    allowed = [words for begin, words in MEANT_OTHERWISE.items() if inside.startswith(begin)]
+    unwanted = words_of_the_profile().difference(*allowed)
+    for line, text in texts_of(file):
+        for word in sorted(unwanted.intersection(words_in(text))):
+            yield f"{inside}:{line}: {word}"
+
+
+def texts_of(file: Path) -> Iterator[tuple[int, str]]:
+    """Yield the names, strings and comments of a module, and the lines of any other file."""
+    text = file.read_text(encoding="utf-8")
+    if file.suffix != ".py":
+        yield from enumerate(text.splitlines(), 1)
+        return
+    for token in tokenize.generate_tokens(io.StringIO(text).readline):
+        if token.type not in (tokenize.OP, tokenize.NUMBER):
+            for offset, line in enumerate(token.string.splitlines()):
+                yield token.start[0] + offset, line
+
+
+def test_no_word_of_the_greenhouse_stands_in_the_engine() -> None:
+    """What the engine needs of it, a profile gives."""
+    assert [breach for file in FILES for breach in breaches(file)] == []
+
+
+@pytest.mark.parametrize(
+    ("text", "word"),
+    [
+        ("def tags_of(tag_id): ...", "tag"),
+        ("STATUS = 'SCAN_FAILED'", "SCAN_FAILED"),
+        ("class MissionStateReader: ...", "mission"),
+        ("'the MissionState message'", "MissionState"),
+        ("tag_sequence", "tag_sequence"),
+        ("seedClimate", "climate"),
+        ("DOCK_TIMEOUT", "dock"),
+        ("'21.5 °C'", "°C"),
+    ],
+)
+def test_a_word_is_found_wherever_it_stands(text: str, word: str) -> None:
+    """Whole, at underscores, at capitals."""
+    assert word in set(words_in(text))
+
+
+def test_every_exception_is_needed() -> None:
+    """One that is left behind would hide a word."""
+    for begin, words in MEANT_OTHERWISE.items():
+        there = "\n".join(
+            text
+            for file in FILES
+            if file.relative_to(ENGINE).as_posix().startswith(begin)
+            for _, text in texts_of(file)
+        )
+        assert words <= set(words_in(there)), begin
