@@ -10,6 +10,7 @@ from lupin_engine.machine.event import Act, Cancel, Command, Start
 from lupin_engine.machine.memory import Visit
 from lupin_engine.machine.step import Step, View
 from lupin_engine.plugin.profile import Publish
+from lupin_engine.runtime.history import AttemptHistory
 from lupin_engine.sim.entry_order import ROUNDING, OrderComparison, seconds
 from lupin_engine.sim.failure import FailureMaker, ScenarioFailure
 from lupin_engine.sim.narration import shorten
@@ -232,9 +233,9 @@ class Comparison:
 
     def _beginnings(self, happening: Happening) -> int:
         """Return how often what a happening waited for took place."""
-        steps = self._run.steps
-        entered = [(name, "") for step in steps for name in step.entered]
-        started = [("", c.operation) for step in steps for c in step.commands if isinstance(c, Start)]
+        history = self._run.history
+        entered = [(name, "") for _, name in history.entered]
+        started = [("", attempt.operation) for attempt in history.attempts.values()]
         return sum(1 for begun in (*entered, *started) if happening.is_meant(*begun))
 
     def _idle(self) -> Iterator[ScenarioFailure]:
@@ -258,9 +259,8 @@ class Comparison:
             expected, actual = f"{count} of {mock.do} under this mock", f"{used} of {len(attempts)}{told}"
             yield ScenarioFailure(self._scenario.at("mocks", number), "mock not used up", expected, actual)
 
-    def _attempts(self, operation: str) -> list[Start]:
-        commands = [command for step in self._run.steps for command in step.commands]
-        return [one for one in commands if isinstance(one, Start) and one.operation == operation]
+    def _attempts(self, operation: str) -> list[AttemptHistory]:
+        return [one for one in self._run.history.attempts.values() if one.operation == operation]
 
 
 def _error(view: View, wanted: str | None) -> str:
