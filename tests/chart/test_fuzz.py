@@ -27,7 +27,7 @@ from lupin_engine.missions.folders import LIFECYCLE
 from lupin_engine.missions.load import check_chart
 from lupin_engine.plugin.registry import Catalog
 from lupin_engine.plugin.types import ANY, BOOL, COUNT, DURATION, POSE, TEXT, Type, list_of
-from tests.chart.test_expressions import ESCAPES, EXHAUSTIONS, environment, wide_scope
+from tests.chart.expressions.test_expressions import ESCAPES, EXHAUSTIONS, environment, wide_scope
 from tests.chart.test_words import wide_catalog
 
 ROOT = Path(__file__).parents[2]

@@ -27,7 +27,7 @@ from lupin_greenhouse.profile import PROFILE
 from tests import shipped
 from tests.chart.conftest import ARM, BRIDGE, NAV, PERCEPTION, TAG
 from tests.chart.test_documents import all_models
-from tests.chart.test_load import damaged
+from tests.missions.test_load import damaged
 
 GOOD = Path(__file__).parents[1] / "charts" / "good"
 WORDS = GOOD / "words"

@@ -16,7 +16,7 @@ from lupin_engine.editor.places import definition
 from lupin_engine.editor.problems import problem
 from lupin_engine.editor.rename import Refused, rename
 from lupin_engine.plugin.registry import Catalog
-from tests.chart.test_load import damaged
+from tests.missions.test_load import damaged
 
 FILES = ("inspection.yaml", "lifecycle.yaml", "parts/visit_targets.yaml")
 

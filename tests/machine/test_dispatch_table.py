@@ -13,7 +13,7 @@ from lupin_engine.machine import machine as machines
 from lupin_engine.machine import structure
 from lupin_engine.machine.event import Event
 from tests.machine.charts import Bench, chart
-from tests.machine.random_charts import HAPPENINGS, Happening, charts, drive
+from tests.machine.properties.random_charts import HAPPENINGS, Happening, charts, drive
 
 
 @pytest.fixture(autouse=True, scope="module")

@@ -12,7 +12,7 @@ from lupin_engine.machine.event import Event
 from lupin_engine.machine.requests import Possibility
 from lupin_engine.machine.step import Considered
 from tests.machine.charts import PAUSE, PLACE, Bench, chart, expression, fails
-from tests.machine.test_properties import START, World
+from tests.machine.properties.test_properties import START, World
 
 HERE = "test.yaml:1:1"
 

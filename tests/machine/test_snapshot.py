@@ -15,7 +15,7 @@ from lupin_engine.machine.event import Event
 from lupin_engine.machine.memory import Memory
 from lupin_engine.machine.snapshot import SnapshotError, restore, shift, snapshot
 from tests.machine.charts import PAUSE, Bench, chart
-from tests.machine.test_properties import HAPPENINGS, START, World
+from tests.machine.properties.test_properties import HAPPENINGS, START, World
 
 VISIT = {"on": {"close": {"do": [("itinerary.close", {"status": "OK"}), "itinerary.advance"]}}}
 RULES: dict[str, Any] = {

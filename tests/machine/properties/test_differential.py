@@ -12,7 +12,7 @@ from transitions import MachineError
 from lupin_engine.chart.model import Chart
 from lupin_engine.machine.structure import build_machine
 from tests.machine.charts import Bench, chart
-from tests.machine.random_charts import at, paths
+from tests.machine.properties.random_charts import at, paths
 
 EVENTS = ("e0", "e1", "e2")
 GUARDS = ("g0", "g1")

@@ -18,7 +18,7 @@ from lupin_engine.machine.operations import CANCEL_DEADLINE, MAX_LOST
 from lupin_engine.machine.step import Refusal
 from lupin_greenhouse.profile import PROFILE
 from tests.machine.charts import PAUSE, Bench, chart, legal
-from tests.machine.test_properties import World
+from tests.machine.properties.test_properties import World
 from tests.machine.test_snapshot import RICH
 
 WORDS = ("accepted", "progress", "done", "failed", "cancelled", "", "resource free", "not wanted", "unheard")

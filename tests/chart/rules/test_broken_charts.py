@@ -14,7 +14,7 @@ from lupin_engine.missions.folders import LIFECYCLE, mission_files
 from lupin_engine.missions.load import check_chart
 from lupin_engine.plugin.registry import Catalog
 
-CHARTS = Path(__file__).parents[1] / "charts"
+CHARTS = Path(__file__).parents[2] / "charts"
 BROKEN = CHARTS / "broken"
 MINI = CHARTS / "mini"
 

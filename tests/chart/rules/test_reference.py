@@ -15,7 +15,7 @@ from lupin_engine.plugin.registry import Catalog, load_catalog
 from lupin_greenhouse.profile import PROFILE
 from tests.tools import load_tool
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 MISSIONS = ROOT / "missions"
 EXAMPLES = ROOT / "docs" / "examples"
 IDLE = ROOT / "tests" / "charts" / "mini" / "idle.yaml"

@@ -14,8 +14,8 @@ from lupin_engine.missions.folders import LIFECYCLE
 from lupin_engine.missions.load import check_chart
 from lupin_engine.plugin.registry import Catalog
 
-CHARTS = Path(__file__).parents[1] / "charts"
-MISSIONS = Path(__file__).parents[2] / "missions"
+CHARTS = Path(__file__).parents[2] / "charts"
+MISSIONS = Path(__file__).parents[3] / "missions"
 
 #: What every mission here begins with.
 HEAD = """\
