@@ -305,8 +305,9 @@ def _no_values(reading: Mapping[str, Any]) -> Mapping[str, float]:
 class Profile:
     """All that the engine must know of one kind of robot and its missions.
 
-    `values_of` returns the terminal's columns of what was read at a target. Without `wire` missions can be
-    checked, drawn and simulated, but not run.
+    `resume` and `abort` are those of `requests` that let a held mission go on and that end a mission: the
+    terminal names the one, Ctrl-C sends the other. `values_of` returns the terminal's columns of what was
+    read at a target. Without `wire` missions can be checked, drawn and simulated, but not run.
     """
 
     name: str
@@ -314,6 +315,8 @@ class Profile:
     outcomes: tuple[TargetOutcome, ...] = ()
     request: Mapping[str, RequestField] = field(default_factory=dict)
     requests: Mapping[str, OperatorRequest] = field(default_factory=dict)
+    resume: str = ""
+    abort: str = ""
     publications: Mapping[str, Publication] = field(default_factory=dict)
     stages: Stages = field(default_factory=Stages)
     terminal: Terminal = field(default_factory=Terminal)

@@ -206,6 +206,9 @@ def _profile_problems(profile: Profile) -> Iterator[str]:
             yield f"{name} publishes an unknown outcome {publication.outcome!r}; " + nearest(
                 publication.outcome, profile.statuses
             )
+    for meaning, name in (("resume", profile.resume), ("abort", profile.abort)):
+        if name and name not in profile.requests:
+            yield f"{meaning} names an unknown request {name!r}; {nearest(name, profile.requests)}"
     for gauge, flag in profile.terminal.gauges.items():
         if flag not in profile.terminal.flags:
             yield f"gauge {gauge!r} names an unknown flag {flag!r}; {nearest(flag, profile.terminal.flags)}"

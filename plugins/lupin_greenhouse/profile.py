@@ -83,6 +83,8 @@ PROFILE = Profile(
         "resume": OperatorRequest("The operator lets the mission go on."),
         "skip_current": OperatorRequest("The operator skips the current target."),
     },
+    resume="resume",
+    abort="abort",
     publications={
         "publish.reading": Publication(
             "Publish a reading that belongs to no visit.",

@@ -191,7 +191,9 @@ def _details(monitor: RunMonitor, now: float, symbols: Symbols) -> RenderableTyp
 
 
 def _resume_service(profile: Profile) -> str:
-    return profile.wire.requests.format("resume") if profile.wire else "the operator"
+    if profile.wire is None or not profile.resume:
+        return "the operator"
+    return profile.wire.requests.format(profile.resume)
 
 
 def _progress(monitor: RunMonitor) -> RenderableType:

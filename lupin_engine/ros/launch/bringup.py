@@ -308,7 +308,11 @@ class Bringup:
 
     def _request_abort(self) -> bool:
         """Ask for an abort, and say whether there was an answer; a refusal is one."""
-        answer = self._ask("abort")
+        abort = self._settings.profile.abort
+        if not abort:
+            self._observer.note("no request of this profile ends a mission", Severity.ERROR)
+            return False
+        answer = self._ask(abort)
         if not answer.reached:
             self._observer.note(f"the mission could not be aborted: {answer.text}", Severity.ERROR)
         elif not answer.accepted:
