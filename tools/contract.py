@@ -45,6 +45,25 @@ PARTS: Sequence[Part] = (
             *("EventKind", "Parameter", "Code", "Reader"),
         ),
     ),
+    Part(
+        "The profile",
+        "A `Profile`, which an entry point of the group `lupin.profiles` names:\n"
+        "[another kind of robot](profiles.md).",
+        "plugin/profile.py",
+        (
+            *("Profile", "TargetOutcome", "Rating", "RequestField", "OperatorRequest", "Publication"),
+            *("Stages", "Terminal", "Flag"),
+        ),
+    ),
+    Part(
+        "The profile on the wire",
+        "What the functions of a `Wire` get and return are the fields of messages, by name.",
+        "plugin/profile.py",
+        (
+            *("Wire", "Channel", "StartService", "StartRequest", "StartAnswer", "Situation", "Publish"),
+            *("Progress", "TargetResult", "Remark"),
+        ),
+    ),
     Part("Severities", "How bad a code is.", "errors.py", ("Severity",)),
     Part(
         "Types",
@@ -163,10 +182,9 @@ def _row(field: ast.AnnAssign) -> str:
 
 def _default(value: ast.expr) -> str:
     """Return a default as its user would write it: `{}` of `field(default_factory=dict)`."""
-    made = {"dict": "{}", "Mock": "Mock()"}
     match value:
         case ast.Call(func=ast.Name(id="field"), keywords=[ast.keyword(value=ast.Name(id=name)), *_]):
-            return made[name]
+            return "{}" if name == "dict" else f"{name}()"
     return ast.unparse(value)
 
 

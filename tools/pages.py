@@ -47,6 +47,7 @@ BOOKS: Mapping[str, tuple[Path, ...]] = MappingProxyType(
         "bindings": (DOCS / "bindings.md",),
         "plugins": (DOCS / "plugins.md",),
         "scale": (DOCS / "scale.md",),
+        "profiles": (DOCS / "profiles.md",),
     }
 )
 

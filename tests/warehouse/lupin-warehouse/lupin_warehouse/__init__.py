@@ -1,0 +1,1 @@
+"""A robot that fetches parcels from the shelves of a warehouse."""
