@@ -41,9 +41,10 @@ class ExecutableContent:
 
     __slots__ = ("_compiled", "_scope", "itineraries")
 
-    def __init__(self, scope: EvaluationScope) -> None:
+    def __init__(self, scope: EvaluationScope, compiled: dict[int, CompiledAction]) -> None:
+        """Make what runs the actions of a machine; `compiled` are those of its chart, by id of the call."""
         self._scope = scope
-        self._compiled: dict[int, CompiledAction] = {}
+        self._compiled = compiled
         self.itineraries = Itineraries(scope)
 
     def run(self, actions: Iterable[ActionCall], state: str, trigger: Trigger, step: Macrostep) -> None:

@@ -81,7 +81,7 @@ def flaw(event: Event) -> str:
     if fields is None and not event.is_request:
         return f"there is no report {event.name!r}" if event.is_attempt_event else ""
     data = event.data
-    if not isinstance(data, Mapping):
+    if type(data) is not dict and not isinstance(data, Mapping):
         return f"{event.name} has no fields"
     for name, kind in (fields or {}).items():
         if name not in data:

@@ -77,13 +77,18 @@ class Holds:
 
     __slots__ = ("_levels", "_parts", "_reads", "_scope", "_watch")
 
-    def __init__(self, scope: EvaluationScope, parts: Sequence[Suspendable]) -> None:
-        """Make the holds of a machine; `parts` are what they stop, in the order in which it goes on."""
+    def __init__(self, scope: EvaluationScope, reads: Reads, parts: Sequence[Suspendable]) -> None:
+        """Make the holds of a machine.
+
+        Args:
+            scope: that of the machine.
+            reads: what decides whether a level engages one.
+            parts: what they stop, in the order in which it goes on.
+        """
         self._scope = scope
         self._parts = parts
         self._levels = [hold for hold in scope.chart.holds.values() if hold.engage.startswith("input.")]
-        self._reads = Reads(scope.chart, (), [hold.engage for hold in self._levels])
-        self._reads.parts |= HELD
+        self._reads = reads
         self._watch = Watch()
         scope.watches.append(self._watch)
 
@@ -99,6 +104,11 @@ class Holds:
         for hold in rising:
             self.engage(hold, step)
         return bool(rising)
+
+    @property
+    def calm_until(self) -> float:
+        """Until when no level can engage one, if nothing changes."""
+        return self._watch.calm_until
 
     def engage(self, hold: Hold, step: Macrostep) -> None:
         """Engage a hold; the first one stops the chart."""

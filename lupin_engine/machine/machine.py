@@ -38,6 +38,7 @@ from lupin_engine.machine.step import (
 )
 from lupin_engine.machine.structure import (
     FAULT_RULE,
+    MAX_MICROSTEPS,
     DispatchTable,
     LevelRules,
     Microstep,
@@ -57,6 +58,7 @@ class Machine:
     __slots__ = (
         "_active",
         "_content",
+        "_has_invariants",
         "_holds",
         "_inputs",
         "_level_watch",
@@ -78,11 +80,12 @@ class Machine:
         self.memory = memory or Memory()
         self._table: DispatchTable = dispatch_table(world.chart)
         self.scope = scope = EvaluationScope(world, self.memory)
-        self._content = ExecutableContent(scope)
+        self._content = ExecutableContent(scope, self._table.actions)
         self._operations = Operations(scope, self._content)
-        self._holds = Holds(scope, (self._content, self._operations))
+        self._holds = Holds(scope, self._table.hold_reads, (self._content, self._operations))
         self._requests = Requests(scope, self._holds, self._table.structure)
         self._inputs = Inputs(scope)
+        self._has_invariants = bool(world.chart.invariants)
         self._level_watch = Watch()
         scope.watches.append(self._level_watch)
         self._active = self._table.configuration(self.memory.configuration)
@@ -127,7 +130,10 @@ class Machine:
 
     def handle(self, event: Event, now: float) -> Step:
         """Process one event from outside; deadlines before `now` must have been fired by `advance`."""
-        step = self._open(event, now)
+        name, active, step = event.name, self._active, self._open(event, now)
+        if type(name) is str and name in active.known and not self.memory.held:
+            step.queue.append(_as_internal(event))
+            return self._finish()
         wrong = flaw(event)
         if wrong and isinstance(event.name, str) and event.is_request:
             step.accepted, step.refusal = False, Refusal(BAD_REQUEST, wrong)
@@ -181,8 +187,8 @@ class Machine:
     # -- one step ---------------------------------------------------------------------------------------
 
     def _open(self, event: Event, now: float) -> Macrostep:
-        self._step = Macrostep(event, now)
-        return self._step
+        self._step = step = Macrostep(event, now)
+        return step
 
     def _happened(self, event: Event) -> None:
         """Take in an event of a plugin; while held it waits, unless all that listens to it may pass."""
@@ -195,6 +201,8 @@ class Machine:
             if not all(passes(rule, held) for rules in offered for rule in rules):
                 defer(self.memory, event, step)
                 return
+        elif len(self._active.known) < MAX_MICROSTEPS:
+            self._active.known.add(event.name)
         step.queue.append(_as_internal(event))
 
     def _fire(self, timer: Timer, now: float) -> Step:
@@ -249,25 +257,32 @@ class Machine:
     def _progress(self) -> bool:
         """Do the next thing of this macrostep; False when there is nothing left to do."""
         step, memory = self._step, self.memory
-        if self._holds.engage_levels(step):
+        if step.now >= self.scope.calm_until and self._levels_move():
             return True
-        levels = self._active.levels
-        if levels.offered and self._level_watch.is_due(levels.reads, step.now):
-            rules = self._enabled_levels(levels)
-            if rules:
-                self._take(rules, NO_TRIGGER)
-                return True
         if step.queue:
             self._offer(step.queue.pop(0))
             return True
         if memory.deferred and not memory.held:
             self._come_back_to(memory.deferred.pop(0))
             return True
-        if self._active.working and self._operations.begin_missing(self._active.working, step):
+        if self._active.working and self._operations.begin_missing(self._active, step):
             return True
-        if self.chart.invariants:
+        if self._has_invariants:
             self._watch_invariants()
         return bool(step.queue)
+
+    def _levels_move(self) -> bool:
+        """Engage the holds and take the transitions that need no event; say whether there were any."""
+        step, levels, watch = self._step, self._active.levels, self._level_watch
+        if self._holds.engage_levels(step):
+            return True
+        if watch.is_due(levels.reads, step.now):
+            rules = self._enabled_levels(levels)
+            if rules:
+                self._take(rules, NO_TRIGGER)
+                return True
+        self.scope.calm_until = min(self._holds.calm_until, watch.calm_until)
+        return False
 
     def _come_back_to(self, event: Event) -> None:
         """Deal with what waited for the release."""
@@ -278,18 +293,19 @@ class Machine:
 
     def _offer(self, internal: InternalEvent) -> None:
         """Offer an internal event to its state, or to all active ones."""
-        raised = internal.trigger.error.get("code") == EXECUTION_CODE
+        trigger = internal.trigger
         rules = self._listeners(internal)
+        raised = trigger.error is not NOTHING and trigger.error.get("code") == EXECUTION_CODE
         if rules:
             if raised:
-                self.scope.record_code(EXECUTION_CODE, internal.trigger.error["detail"])
-            self._take(rules, internal.trigger)
+                self.scope.record_code(EXECUTION_CODE, trigger.error["detail"])
+            self._take(rules, trigger)
         elif internal.state is not None and internal.state not in self.memory.configuration and not raised:
             self._step.note(f"dropped: {internal.name} of {internal.state}, which was left")
         elif internal.name == "error":
-            self._step.queue.append(InternalEvent(EXECUTION_ERROR, None, internal.trigger))
+            self._step.queue.append(InternalEvent(EXECUTION_ERROR, None, trigger))
         elif internal.name == EXECUTION_ERROR:
-            self._step.note(f"nobody handles the error {internal.trigger.error.get('detail', '')}")
+            self._step.note(f"nobody handles the error {trigger.error.get('detail', '')}")
         else:
             self._say_why(internal)
 
@@ -302,11 +318,10 @@ class Machine:
         return rules
 
     def _offered(self, internal: InternalEvent) -> Sequence[Sequence[Transition]]:
-        structure = self._table.structure
         if internal.state is None:
             return self._active.candidates(internal.name)
         if internal.state in self.memory.configuration:
-            return (structure.rules_of(internal.state, internal.name),)
+            return self._active.rules_of(internal.state, internal.name)
         return ()
 
     def _say_why(self, internal: InternalEvent) -> None:
@@ -320,10 +335,11 @@ class Machine:
 
     def _enabled(self, candidates: Iterable[Sequence[Transition]], trigger: Trigger) -> list[Transition]:
         chosen = []
+        check, step = self.scope.check, self._step
         for offered in candidates:
             for rule in offered:
                 guard = rule.guard
-                if guard is None or self.scope.check(guard, rule.source, self._step, trigger):
+                if guard is None or check(guard, rule.source, step, trigger):
                     chosen.append(rule)
                     break
         return chosen
@@ -332,6 +348,9 @@ class Machine:
         """Return the eventless transitions and the ones on a level of an input that can be taken now."""
         held, inputs, scope = self.memory.held, self.scope.inputs, self.scope
         inputs.now = self._step.now
+        if not levels.offered:
+            self._level_watch.settle(levels.reads, scope, self._step.now)
+            return []
         offered = [
             [r for r in rules if passes(r, held) and (not r.event or inputs.holds(r.event))]
             for rules in levels.offered
@@ -422,11 +441,11 @@ class Machine:
         return None
 
     def _take(self, chosen: Sequence[Transition], trigger: Trigger) -> None:
-        plan = self._active.microsteps.get((self.memory.mission, *[rule.id for rule in chosen]))
+        mission = self.memory.mission
+        key = (mission, chosen[0].id) if len(chosen) == 1 else (mission, *[rule.id for rule in chosen])
+        plan = self._active.microsteps.get(key)
         if plan is None:
-            plan = self._table.microstep(
-                self._active, chosen, self.memory.mission, self._remembered, self._resume_child
-            )
+            plan = self._table.microstep(self._active, chosen, mission, self._remembered, self._resume_child)
         self._microstep(plan, trigger)
 
     def _microstep(self, plan: Microstep, trigger: Trigger) -> None:
@@ -540,8 +559,11 @@ class Machine:
 
 def _as_internal(event: Event) -> InternalEvent:
     """Return the internal event for one from outside; what are no fields are none."""
-    data = event.data if isinstance(event.data, Mapping) else NOTHING
-    return InternalEvent(event.name, None, Trigger(event=data))
+    data = event.data
+    # To ask whether something is a Mapping takes ten times as long as the rest.
+    if data is not NOTHING and type(data) is not dict and not isinstance(data, Mapping):
+        data = NOTHING
+    return InternalEvent(event.name, None, Trigger(data))
 
 
 def _distinct(candidates: Iterable[Sequence[Transition]]) -> list[Transition]:

@@ -16,7 +16,7 @@ time. The rules, all kept here:
 from __future__ import annotations
 
 import zlib
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from itertools import takewhile
 from types import MappingProxyType
 from typing import Any
@@ -28,8 +28,9 @@ from lupin_engine.machine.actions import ExecutableContent
 from lupin_engine.machine.event import Cancel, Event, InternalEvent, Start, Trigger
 from lupin_engine.machine.holds import is_held_back, passes
 from lupin_engine.machine.memory import Attempt, Invocation, Phase
-from lupin_engine.machine.scope import EvaluationScope, evaluated
+from lupin_engine.machine.scope import OPERATIONS, EvaluationScope, Watch, evaluated
 from lupin_engine.machine.step import EXECUTION_CODE, Macrostep
+from lupin_engine.machine.structure import Configuration
 from lupin_engine.machine.timers import seconds
 from lupin_engine.plugin.contract import OnHold
 
@@ -74,12 +75,14 @@ LIFE: Mapping[tuple[Phase, str], Phase | None] = MappingProxyType(
 class Operations:
     """The invocations and attempts of one machine."""
 
-    __slots__ = ("_content", "_scope")
+    __slots__ = ("_content", "_scope", "_watch")
 
     def __init__(self, scope: EvaluationScope, content: ExecutableContent) -> None:
         """Make the operations of a machine; `content` runs what a `for_each` does about an element's end."""
         self._scope = scope
         self._content = content
+        self._watch = Watch()
+        scope.watches.append(self._watch)
 
     # -- invocations ------------------------------------------------------------------------------------
 
@@ -87,8 +90,19 @@ class Operations:
         """Make the invocation of a state that is entered by an event; it begins at the end of the step."""
         self._scope.memory.invocations[state] = Invocation(self._name(), state, dict(event))
 
-    def begin_missing(self, working: tuple[State, ...], step: Macrostep) -> bool:
+    def begin_missing(self, active: Configuration, step: Macrostep) -> bool:
         """Begin what waits and what the active states have not begun; say whether there was any of that."""
+        if not self._watch.is_due(active.work, step.now):
+            return False
+        self._scope.doubtful = False
+        begun = self._begin_all(active.working, step)
+        if begun:
+            self._watch.forget()
+        else:
+            self._watch.settle(active.work, self._scope, step.now)
+        return begun
+
+    def _begin_all(self, working: Iterable[State], step: Macrostep) -> bool:
         begun = self._start_waiting(step)
         for state in working:
             if state.invoke is not None and not self._scope.memory.invocations[state.name].begun:
@@ -111,8 +125,6 @@ class Operations:
 
     def end(self, state: State, step: Macrostep) -> None:
         """End the invocations of a state that is being left."""
-        if state.invoke is None and state.for_each is None:
-            return
         invocations = self._scope.memory.invocations
         for name in [name for name, found in invocations.items() if found.state == state.name]:
             invocation = invocations.pop(name)
@@ -150,6 +162,7 @@ class Operations:
         except UnknownInput:
             return False  # nothing is known of the collection yet
         except Exception as problem:
+            self._scope.doubtful = True
             step.fail_once(state, f"{rule.place}: for_each: {reason(problem)}")
             return False
         new: dict[str, Any] = {}
@@ -172,6 +185,7 @@ class Operations:
         except UnknownInput:
             return None
         except Exception as problem:
+            self._scope.doubtful = True
             step.fail_once(state, f"{rule.place}: for_each: {reason(problem)}")
             return None
 
@@ -185,6 +199,7 @@ class Operations:
         assert rule is not None, f"{invocation.name} has no for_each"
         self._scope.memory.handled.setdefault(invocation.state, []).append(str(invocation.key))
         del self._scope.memory.invocations[invocation.name]
+        self._scope.touch(OPERATIONS)
         if trigger.error.get("code") == EXECUTION_CODE:
             step.fail(invocation.state, trigger.error["detail"])
         actions = rule.on_done if word == "done" else rule.on_error
@@ -234,6 +249,7 @@ class Operations:
 
     def _move(self, attempt: Attempt, word: str, step: Macrostep) -> None:
         """Lead an attempt on in its life; one that has ended is forgotten, and its resources are free."""
+        self._scope.touch(OPERATIONS)
         phase = LIFE[attempt.phase, word]
         if phase is not None:
             attempt.phase = phase

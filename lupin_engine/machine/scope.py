@@ -38,8 +38,8 @@ class World:
 
 
 #: Parts of what expressions see, as bits; every input has one of its own after them.
-CONTEXT, REQUEST, CONFIGURATION, HELD, ITINERARY = (1 << index for index in range(5))
-_FIRST_INPUT = 5
+CONTEXT, REQUEST, CONFIGURATION, HELD, ITINERARY, OPERATIONS = (1 << index for index in range(6))
+_FIRST_INPUT = 6
 _EVERYTHING = -1
 _PARTS: Mapping[str, int] = MappingProxyType(
     {
@@ -50,7 +50,7 @@ _PARTS: Mapping[str, int] = MappingProxyType(
         "target": ITINERARY,
         "itinerary": ITINERARY,
         # Constant while conditions are watched, or a function of its arguments.
-        **dict.fromkeys(("param", "functions", "event", "error"), 0),
+        **dict.fromkeys(("param", "functions", "event", "error", "item"), 0),
     }
 )
 
@@ -119,32 +119,34 @@ class Watch:
     others than before are watched.
     """
 
-    __slots__ = ("_reads", "_until", "unseen")
+    __slots__ = ("_reads", "calm_until", "unseen")
 
     def __init__(self) -> None:
         #: What has changed since the conditions were found false.
         self.unseen = _EVERYTHING
         self._reads: Reads | None = None
-        self._until = 0.0
+        #: Until when none of the conditions can become true, if nothing changes.
+        self.calm_until = -math.inf
 
     def is_due(self, reads: Reads, now: float) -> bool:
         """Say whether the conditions must be looked at now."""
-        return reads is not self._reads or bool(self.unseen & reads.parts) or now >= self._until
+        return reads is not self._reads or self.unseen & reads.parts != 0 or now >= self.calm_until
 
     def forget(self) -> None:
         """Look at the conditions again: one of them is true."""
         self._reads = None
+        self.calm_until = -math.inf
 
     def settle(self, reads: Reads, scope: EvaluationScope, now: float) -> None:
         """Remember that all of the conditions are false now."""
         self._reads = reads if reads.certain and not scope.doubtful else None
         self.unseen = 0
-        self._until = math.inf
+        self.calm_until = math.inf if self._reads is not None else -math.inf
         for name in reads.ageing:
             known = scope.memory.inputs.get(name)
             end = known.stamp + (scope.chart.inputs[name].freshness or 0.0) if known is not None else now
-            if end > now:
-                self._until = min(self._until, end)
+            if now < end < self.calm_until:
+                self.calm_until = end
 
 
 class LiveInputs(Mapping[str, Any]):
@@ -199,6 +201,7 @@ class EvaluationScope(dict[str, Any]):
     __slots__ = (
         "_state",
         "_trigger",
+        "calm_until",
         "chart",
         "doubtful",
         "inputs",
@@ -217,6 +220,8 @@ class EvaluationScope(dict[str, Any]):
         self.watches: list[Watch] = []
         #: Whether a condition could not be evaluated since this was last set to False.
         self.doubtful = False
+        #: Until when no level and no eventless transition can become true, if nothing changes.
+        self.calm_until = -math.inf
         self._state = ""
         self._trigger = NO_TRIGGER
         self.inputs = LiveInputs(world.chart, memory)
@@ -247,7 +252,7 @@ class EvaluationScope(dict[str, Any]):
     def check(self, guard: Expression, state: str, step: Macrostep, trigger: Trigger = NO_TRIGGER) -> bool:
         """Evaluate a condition; with an unknown input it is false, any other failure is an error as well."""
         try:
-            return bool(guard.evaluate(self.see(state, step, trigger)))
+            return bool(guard.evaluate(self.at(state, step.now, trigger)))
         except UnknownInput as unknown:
             self.doubtful = True
             step.note(f"{guard.place}: {guard.source}: {unknown}")
@@ -258,6 +263,7 @@ class EvaluationScope(dict[str, Any]):
 
     def touch(self, part: int) -> None:
         """Tell the watches that a part of what expressions see has changed."""
+        self.calm_until = -math.inf
         for watch in self.watches:
             watch.unseen |= part
 

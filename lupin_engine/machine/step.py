@@ -241,11 +241,12 @@ def view_of(chart: Chart, memory: Memory) -> View:
 
 
 def target_of(memory: Memory) -> str:
-    """Return the target being processed: only while the state that itineraries is active."""
+    """Return the target being processed: only while the state whose itinerary it is in is active."""
     traversal = memory.traversal
-    if traversal is None or traversal.state not in memory.configuration or traversal.visit is None:
+    visit = traversal.visit if traversal is not None else None
+    if traversal is None or visit is None or traversal.state not in memory.configuration:
         return ""
-    return traversal.visit.target
+    return visit.target
 
 
 def _attempting(memory: Memory) -> list[Attempting]:

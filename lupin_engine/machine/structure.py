@@ -21,7 +21,8 @@ from transitions.extensions.nesting import HierarchicalMachine, NestedState, Nes
 
 from lupin_engine.chart.model import Chart, Kind, State, Transition
 from lupin_engine.chart.semantics import EXECUTION_ERROR, FAULT, Semantics, matches
-from lupin_engine.machine.scope import HELD, Reads
+from lupin_engine.machine.actions import CompiledAction
+from lupin_engine.machine.scope import CONFIGURATION, HELD, OPERATIONS, REQUEST, Reads
 from lupin_engine.machine.step import Moment
 
 ROOT = "chart"
@@ -221,13 +222,15 @@ class Configuration:
     """A configuration and what follows from it alone.
 
     `label` and `phase` are published. `levels` are the transitions that need no event.
-    `working` are the states with an operation. In a `passing` one a final state is active, or a helper (named
-    in lower case): nobody should see it.
+    `working` are the states with an operation, `work` is what decides whether one is to be begun. In a
+    `passing` one a final state is active, or a helper (named in lower case): nobody should see it. `known`
+    are the names of events of plugins that came here before.
     """
 
     __slots__ = (
         "_candidates",
         "_structure",
+        "known",
         "label",
         "leaves",
         "levels",
@@ -237,6 +240,7 @@ class Configuration:
         "phase",
         "states",
         "trail",
+        "work",
         "working",
     )
 
@@ -244,6 +248,7 @@ class Configuration:
         states = [structure.chart.states[name] for name in active]
         self._structure = structure
         self.states = active
+        self.known: set[str] = set()
         self.leaves = structure.leaves(active)
         self.label = next((state.label for state in states if state.label), "")
         self.phase = next((state.phase for state in reversed(states) if state.phase), "")
@@ -251,18 +256,39 @@ class Configuration:
         self.trail = (self.moment,)
         self.levels = structure.levels(self.leaves)
         self.working = tuple(state for state in states if state.invoke or state.for_each)
+        self.work = _reads_of_work(structure.chart, self.working)
         self.passing = self.label.islower() or any(state.kind is Kind.FINAL for state in states)
         self.microsteps: dict[tuple[str, ...], Microstep] = {}
-        self._candidates: dict[str, tuple[tuple[Transition, ...], ...]] = {}
+        self._candidates: dict[str | tuple[str, str], tuple[tuple[Transition, ...], ...]] = {}
 
     def candidates(self, event: str) -> tuple[tuple[Transition, ...], ...]:
         """Return for each active leaf the transitions that may answer `event`, in order of preference."""
         found = self._candidates.get(event)
         if found is None:
-            found = tuple(self._structure.candidates(leaf, event) for leaf in self.leaves)
-            if len(self._candidates) < MAX_MICROSTEPS:
-                self._candidates[event] = found
+            found = self._keep(event, tuple(self._structure.candidates(leaf, event) for leaf in self.leaves))
         return found
+
+    def rules_of(self, state: str, event: str) -> tuple[tuple[Transition, ...], ...]:
+        """Return the transitions of one active state alone that answer `event`."""
+        found = self._candidates.get((state, event))
+        if found is None:
+            found = self._keep((state, event), (self._structure.rules_of(state, event),))
+        return found
+
+    def _keep(
+        self, key: str | tuple[str, str], found: tuple[tuple[Transition, ...], ...]
+    ) -> tuple[tuple[Transition, ...], ...]:
+        if len(self._candidates) < MAX_MICROSTEPS:
+            self._candidates[key] = found
+        return found
+
+
+def _reads_of_work(chart: Chart, working: Iterable[State]) -> Reads:
+    collections = [state.for_each for state in working if state.for_each is not None]
+    values = [value for rule in collections for value in (rule.items, rule.key, rule.limit, rule.when)]
+    reads = Reads(chart, [value for value in values if value is not None])
+    reads.parts |= OPERATIONS | CONFIGURATION | HELD | REQUEST
+    return reads
 
 
 class Microstep:
@@ -336,6 +362,11 @@ class DispatchTable:
     def __init__(self, structure: Structure) -> None:
         self.structure = structure
         self._known: dict[States, Configuration] = {}
+        #: The actions that were carried out, by id: the chart keeps them as long as it lives.
+        self.actions: dict[int, CompiledAction] = {}
+        levels = [hold.engage for hold in structure.chart.holds.values() if hold.engage.startswith("input.")]
+        self.hold_reads = Reads(structure.chart, (), levels)
+        self.hold_reads.parts |= HELD
         self._beginning: Microstep | None = None
 
     def configuration(self, states: States) -> Configuration:

@@ -247,7 +247,9 @@ def problems(value: Any, wanted: Type, notation: Notation = Notation.SETTING) ->
 
     This is the one place that decides it; who asks formats the answer.
     """
-    return list(_problems(value, wanted, notation, ()))
+    found: list[ValueProblem] = []
+    _collect(value, wanted, notation, (), found)
+    return found
 
 
 def convert(value: Any, wanted: Type) -> Any:
@@ -256,9 +258,9 @@ def convert(value: Any, wanted: Type) -> Any:
     Raises:
         ValueError: the value is not of that type; the text says what was expected and what came.
     """
-    problem = next(_problems(value, wanted, Notation.SETTING, ()), None)
-    if problem is not None:
-        raise ValueError(problem.text)
+    found = problems(value, wanted)
+    if found:
+        raise ValueError(found[0].text)
     return converted(value, wanted)
 
 
@@ -274,40 +276,44 @@ def converted(value: Any, wanted: Type) -> Any:
     return value
 
 
-def _problems(
-    value: Any, wanted: Type, notation: Notation, path: tuple[str | int, ...]
-) -> Iterator[ValueProblem]:
-    if wanted.kind == "any":
-        return
-    if wanted.kind == "list" and wanted.item is not None and isinstance(value, (list, tuple)):
+def _collect(
+    value: Any, wanted: Type, notation: Notation, path: tuple[str | int, ...], found: list[ValueProblem]
+) -> None:
+    """Add the problems of a value, whose place is `path`, to those found."""
+    kind = wanted.kind
+    if kind == "list" and wanted.item is not None and isinstance(value, (list, tuple)):
         for index, element in enumerate(value):
-            yield from _problems(element, wanted.item, notation, (*path, index))
-    elif wanted.kind == "record" and isinstance(value, Mapping):
+            _collect(element, wanted.item, notation, (*path, index), found)
+    elif kind == "record" and isinstance(value, Mapping):
         for wrong, field, text in _wrong_fields(value, wanted, notation):
-            yield ValueProblem((*path, *field), text, wrong, wanted, value)
-        for name, kind in wanted.fields.items():
+            found.append(ValueProblem((*path, *field), text, wrong, wanted, value))
+        for name, inner in wanted.fields.items():
             if name in value:
-                yield from _problems(value[name], kind, notation, (*path, name))
-    else:
-        fault, text = _SCALARS.get(wanted.kind, _no_scalar)(value, wanted, notation)
+                _collect(value[name], inner, notation, (*path, name), found)
+    elif kind != "any":
+        fault, text = _SCALARS.get(kind, _no_scalar)(value, wanted, notation)
         if fault is not None:
             told = shortened(text, MAX_TOLD) if notation is Notation.DATA else text
-            yield ValueProblem(path, told, fault, wanted, value)
+            found.append(ValueProblem(path, told, fault, wanted, value))
 
 
 def _wrong_fields(
     value: Mapping[str, Any], wanted: Type, notation: Notation
 ) -> Iterator[tuple[Fault, tuple[str, ...], str]]:
     """Yield which fields of a record should not be there, and that some are not."""
-    text = f"expected {wanted} with the fields {', '.join(wanted.fields)}, got {value!r}"
     if notation is not Notation.DATA:
         for name in value:
             if name not in wanted.fields:
-                yield Fault.UNKNOWN_FIELD, (name,), text
+                yield Fault.UNKNOWN_FIELD, (name,), _expected_record(value, wanted)
     missing = [name for name in wanted.fields if name not in value]
     if missing:
         left_out = f"{' and '.join(missing)} of {wanted} left out"
-        yield Fault.MISSING_FIELDS, (), left_out if notation is Notation.DATA else text
+        text = left_out if notation is Notation.DATA else _expected_record(value, wanted)
+        yield Fault.MISSING_FIELDS, (), text
+
+
+def _expected_record(value: Any, wanted: Type) -> str:
+    return f"expected {wanted} with the fields {', '.join(wanted.fields)}, got {value!r}"
 
 
 _Answer = tuple[Fault | None, str]
@@ -321,7 +327,7 @@ def _expected(wanted: Type, value: Any, hint: str = "", fault: Fault = Fault.KIN
 def _no_scalar(value: Any, wanted: Type, _: Notation) -> _Answer:
     if wanted.kind != "record":
         return _expected(wanted, value)
-    return Fault.KIND, f"expected {wanted} with the fields {', '.join(wanted.fields)}, got {value!r}"
+    return Fault.KIND, _expected_record(value, wanted)
 
 
 def _bool(value: Any, wanted: Type, _: Notation) -> _Answer:

@@ -14,6 +14,7 @@ import os
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -107,12 +108,18 @@ def load(path: str = "", parameter: str = "tag_locations_file") -> Layout:
     # Unlike Path.expanduser, this leaves the home of a user that does not exist as it is written.
     file = Path(os.path.expanduser(path)) if path else BUNDLED
     try:
-        return parse(json.loads(file.read_text(encoding="utf-8"), object_pairs_hook=_once))
+        return _read(file.read_text(encoding="utf-8"))
     except OSError as error:
         reason = error.strerror or str(error)
     except (ValueError, RecursionError) as error:
         reason = str(error)
     raise LupinError(f"{parameter} {str(file)!r} cannot be used: {reason}")
+
+
+@lru_cache(maxsize=8)
+def _read(text: str) -> Layout:
+    """Return the layout that a file holds; every function and reader that needs it reads the file anew."""
+    return parse(json.loads(text, object_pairs_hook=_once))
 
 
 def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:

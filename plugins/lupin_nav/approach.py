@@ -11,6 +11,7 @@ import enum
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -93,6 +94,13 @@ def clamp_standoff(standoff: float) -> float:
     return min(max(standoff, MIN_STANDOFF_M), MAX_STANDOFF_M)
 
 
+@lru_cache(maxsize=8)
+def tables_of(tables: tuple[Table, ...]) -> Tables:
+    """Return the tables of a layout as arrays, made once."""
+    return Tables(tables)
+
+
+@lru_cache(maxsize=1024)
 def approach(
     tag: Point, tables: Tables, standoff: float, fallback_yaw: float, override: Override | None = None
 ) -> Approach:

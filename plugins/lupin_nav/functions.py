@@ -25,9 +25,9 @@ def bind_approach(parameters: Parameters) -> Callable[[TagRecord], Pose]:
         LupinError: the layout or the overrides file cannot be used.
     """
     # Imported here because numpy takes longer to load than all catalogs together, and only runs need it.
-    from lupin_nav.approach import Tables, approach
+    from lupin_nav.approach import approach, tables_of
 
-    tables = Tables(layout.load(parameters["tag_locations_file"]).tables)
+    tables = tables_of(layout.load(parameters["tag_locations_file"]).tables)
     by_hand = overrides.load(parameters["approach_overrides_file"])
     standoff, yaw = parameters["approach_standoff_m"], parameters["approach_yaw"]
 

@@ -33,7 +33,7 @@ from lupin_engine.runtime.engine import EngineOutlet
 from lupin_engine.sim import SUFFIX
 from lupin_engine.sim.scenario import Missions, Scenario, load_scenario
 from lupin_engine.sim.scripted import ScriptedDriver
-from lupin_nav.approach import Tables
+from lupin_nav.approach import Tables, approach
 from tests import shipped
 
 STORIES = Path(__file__).parent / "war_stories"
@@ -157,6 +157,7 @@ def cancels_are_stolen(patch: pytest.MonkeyPatch) -> None:
 def tables_are_air(patch: pytest.MonkeyPatch) -> None:
     """No goal lies in a table."""
     patch.setattr(Tables, "inside", lambda self, points: np.zeros(len(points), dtype=bool))
+    patch.setattr("lupin_nav.approach.approach", approach.__wrapped__)  # nothing of it may be remembered
 
 
 def late_accepts_are_kept(patch: pytest.MonkeyPatch) -> None:
