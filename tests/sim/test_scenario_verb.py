@@ -12,6 +12,7 @@ from click.testing import CliRunner, Result
 
 from lupin_engine.cli.main import main
 from lupin_engine.cli.verbs.simulate import simulate
+from lupin_engine.cli.verbs.test import _default
 from lupin_engine.cli.verbs.test import test as run_scenarios
 from lupin_engine.missions.folders import default_missions_folder
 
@@ -37,8 +38,9 @@ def written(folder: Path, name: str, text: str) -> Path:
 
 
 def test_the_folder_tests_scenarios_is_taken_when_none_is_named() -> None:
-    """As an author types it in a checkout; -k chooses by path."""
-    result = typed("-k", "inspection", "-k", "three_tags")
+    """As an author types it in a checkout."""
+    assert list(_default()) == [Path("tests/scenarios")]
+    result = typed("tests/scenarios/inspection/three_tags.scenario.yaml")
     assert result.return_value == 0
     promise = "three tags are visited in the order of the request and the robot comes home"
     assert result.output.splitlines() == [f"ok    three_tags: {promise} (13.1 s)", "1 scenario: all hold"]
@@ -139,7 +141,7 @@ def test_a_simulation_becomes_a_scenario(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "told"),
     [
-        (["-k", "nowhere", str(SCENARIOS)], "scenarios has 'nowhere' in its path"),
+        (["-k", "battery", str(SCENARIOS)], "No such option"),
         (["--record", __file__], "write 'lupin test --record RUN.json -o NAME.scenario.yaml'"),
         (["-o", "x.scenario.yaml"], "write 'lupin test --record RUN.json -o NAME.scenario.yaml'"),
         (["--record", __file__, "-o", "x.yaml"], "'x.yaml' must end in .scenario.yaml"),
@@ -155,8 +157,8 @@ def test_a_simulation_becomes_a_scenario(tmp_path: Path) -> None:
         ),
         (["--coverage-diagram", "x.png", str(SCENARIOS)], "'x.png' must end in .svg"),
         (
-            ["--coverage-diagram", "x.png", "-k", "nowhere", str(SCENARIOS / "estop.scenario.yaml")],
-            "lupin: none of 1 scenarios has 'nowhere' in its path\n'x.png' must end in .svg\n",
+            ["--coverage-diagram", "x.png", str(SCENARIOS / "nowhere")],
+            "nowhere'; their names end in .scenario.yaml\n'x.png' must end in .svg\n",
         ),
         (["--seeds", "0", str(SCENARIOS)], "0 is not in the range x>=1"),
     ],

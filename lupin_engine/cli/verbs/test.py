@@ -24,7 +24,6 @@ _PLACES = (Path("scenarios"), Path("tests/scenarios"))
 
 @click.command(short_help="Run scenarios against missions, without ROS.")
 @click.argument("paths", nargs=-1, type=click.Path(path_type=Path))
-@click.option("-k", "words", metavar="TEXT", multiple=True, help="Only scenarios whose path contains TEXT.")
 @click.option("--seed", type=int, default=0, help="Added to the seeds of random scenarios.")
 @click.option(
     "--seeds", type=click.IntRange(min=1), default=1, help="Run random scenarios with so many seeds."
@@ -51,7 +50,6 @@ _PLACES = (Path("scenarios"), Path("tests/scenarios"))
 @click.option("-o", "output", type=click.Path(path_type=Path), help="The scenario that --record makes.")
 def test(
     paths: tuple[Path, ...],
-    words: tuple[str, ...],
     seed: int,
     seeds: int,
     covers: bool,
@@ -65,7 +63,8 @@ def test(
     """Run scenarios against missions, without ROS.
 
     PATHS are scenario files (*.scenario.yaml) or folders of them; without any, the folder scenarios or
-    tests/scenarios is taken. pytest runs them as well, in several processes and with reports for CI.
+    tests/scenarios is taken. To choose by name, to share the work between processes and to write JUnit XML,
+    run them with pytest: pytest scenarios -k battery -n auto --junitxml report.xml
 
     Exit code: 0 when every scenario holds and enough was reached, else 1; 2 when there is nothing to run.
     """
@@ -78,7 +77,7 @@ def test(
         return _make_scenario(recording, output, paths, catalog)
     problems = Problems(UsageError)
     with problems.collecting():
-        files = _chosen(paths, words)
+        files = _chosen(paths)
     if drawing is not None and drawing.suffix != ".svg":
         problems.add(f"{str(drawing)!r} must end in .svg")
     problems.tell()
@@ -103,15 +102,11 @@ def test(
     return 0 if enough and all(result.holds for result in results) else 1
 
 
-def _chosen(paths: Sequence[Path], words: Sequence[str]) -> list[Path]:
+def _chosen(paths: Sequence[Path]) -> list[Path]:
     """Return the files to run; UsageError when there are none."""
     from lupin_engine.sim.scenario import scenario_files
 
-    files = scenario_files(paths or _default())
-    chosen = [file for file in files if all(word in str(file) for word in words)]
-    if not chosen:
-        raise UsageError(f"none of {len(files)} scenarios has {' and '.join(map(repr, words))} in its path")
-    return chosen
+    return scenario_files(paths or _default())
 
 
 def _default() -> Iterable[Path]:
