@@ -1,4 +1,4 @@
-"""The page that leads to the pictures of a folder of missions."""
+"""The index page of the diagrams of a folder of missions."""
 
 from __future__ import annotations
 

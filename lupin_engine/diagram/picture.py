@@ -1,4 +1,4 @@
-"""A picture before any drawing language, from which all formats are written: boxes in boxes, and arrows."""
+"""A diagram independent of any format: nested boxes for states, and arrows for transitions."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from lupin_engine.chart.model import Chart, Kind, State
 
 
 class TransitionCause(enum.Enum):
-    """What leads along a way; pictures colour by it."""
+    """What triggers a transition; arrows are coloured by it."""
 
     DONE = "done"
     ERROR = "error"
@@ -21,7 +21,7 @@ class TransitionCause(enum.Enum):
 
 
 class Tone(enum.Enum):
-    """How much a piece stands out: greyed neighbours, what a run visited and what it did not."""
+    """The emphasis of an element: a greyed neighbour, visited by a run, or never visited."""
 
     PLAIN = "plain"
     PALE = "pale"
@@ -30,7 +30,7 @@ class Tone(enum.Enum):
 
 
 class LineRole(enum.Enum):
-    """What a line of text in a box is about."""
+    """The kind of a line of text in a box."""
 
     WORK = "work"
     NOTE = "note"
@@ -40,7 +40,7 @@ class LineRole(enum.Enum):
 
 @dataclass(frozen=True)
 class Label:
-    """Why a way is gone: `event [guard] / actions`. `ids` are the transitions that it stands for."""
+    """The label of a transition: `event [guard] / actions`. `ids` are the transitions that it stands for."""
 
     event: str
     cause: TransitionCause
@@ -51,7 +51,7 @@ class Label:
 
     @property
     def parts(self) -> tuple[str, ...]:
-        """The pieces of the text, between which it may be broken into lines."""
+        """The parts of the text, between which a line may be broken."""
         found = (self.event, self.guard, self.actions and f"/ {self.actions}", times(self.count))
         return tuple(part for part in found if part)
 
@@ -61,7 +61,7 @@ class Label:
 
 @dataclass(frozen=True)
 class TextLine:
-    """A line of text in a box. A way without an arrow has its label; `target` is where it leads, in full."""
+    """A line of text in a box. A transition without an arrow has a label; `target` is its full target."""
 
     text: str
     role: LineRole
@@ -108,7 +108,7 @@ class StateBox:
 
     @property
     def text(self) -> tuple[str, ...]:
-        """All that stands under the name, for formats that know text only."""
+        """The lines under the name, for text-only formats."""
         phase = f"phase {self.phase}" if self.phase else ""
         paused = "paused" if self.state.paused else ""
         found = (phase, paused, *map(str, self.lines), self.more, times(self.count))
@@ -123,7 +123,7 @@ class StateBox:
 
 @dataclass(frozen=True)
 class Arrow:
-    """All ways from one box to another, each with its label. Without labels: where a history begins."""
+    """All transitions from one box to another, each with its label; without labels: a history's default."""
 
     source: str
     target: str
@@ -132,7 +132,7 @@ class Arrow:
 
     @property
     def cause(self) -> TransitionCause | None:
-        """What leads along all of its ways; None when that differs."""
+        """The cause that all of its transitions share; None when they differ."""
         causes = {label.cause for label in self.labels}
         return next(iter(causes)) if len(causes) == 1 else None
 
@@ -159,5 +159,5 @@ class Picture:
 
 
 def times(count: int | None) -> str:
-    """Return how often, as a picture says it; '' for never and for a picture of no run."""
+    """Return a count as text; '' for none."""
     return f"\u00d7{count}" if count else ""

@@ -1,4 +1,4 @@
-"""SVG to PNG with a bundled typeface: the same on every machine, also on one without any font."""
+"""Converts SVG to PNG with a bundled typeface, so that the result does not depend on installed fonts."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ _MISSING = "PNG needs a package that is not installed: pip install 'lupin-engine
 
 
 def png(svg: str) -> bytes:
-    """Return the pixels of an SVG file that `diagram.svg` wrote, one for each of its units.
+    """Return an SVG file of `diagram.svg` as PNG, one pixel a unit.
 
     Raises:
-        LupinError: the package that paints is not installed; the text says how to install it.
+        LupinError: the renderer is not installed; the text says how to install it.
     """
     try:
         from resvg_py import svg_to_bytes

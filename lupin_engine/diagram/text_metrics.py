@@ -1,4 +1,4 @@
-"""How wide a text is in the typeface of the pictures (Inter), without reading a font."""
+"""The width of a text in the typeface of the diagrams (Inter), without reading a font."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _BOLD = (
 )
 # fmt: on
 _SIGNS = {"…": 821, "≤": 673, "≥": 673, "→": 955, "\u00d7": 673, "↻": 1000}
-#: Any other sign; none of the bundled ones is wider.
+#: The width of any other character; none of the bundled ones is wider.
 _OTHER = 1020
 
 

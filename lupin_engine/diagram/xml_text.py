@@ -1,8 +1,8 @@
-"""Text in XML, without the standard library's reader of XML, which brings a client for the web with it."""
+"""Escapes text for XML; the standard library's module for that imports a web client."""
 
 from __future__ import annotations
 
-#: What attributes must not have; elsewhere the first three are enough.
+#: Escapes in attributes; in text the first three are enough.
 _SIGNS = {"&": "&amp;", "<": "&lt;", ">": "&gt;", '"': "&quot;", "\n": "&#10;", "\r": "&#13;", "\t": "&#9;"}
 _IN_TEXT = str.maketrans({sign: _SIGNS[sign] for sign in "&<>"})
 _IN_ATTRIBUTES = str.maketrans(_SIGNS)

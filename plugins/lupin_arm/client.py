@@ -10,10 +10,9 @@ from lupin_engine.plugin.contract import Outlet
 from lupin_engine.ros.adapter.node import CallFailure, RosNode
 from lupin_msgs.srv import SetArmPreset
 
-#: When a preset that nobody answered is given up, in seconds. The server answers when it has sent the arm
-#: off, not when the arm has arrived.
+#: Timeout of a preset, in seconds. The server answers when it has sent the motion, not when the arm arrives.
 CALL_DEADLINE_S = 5.0
-#: How often a server that is not there is complained about, in seconds.
+#: Period of the warning about a missing server, in seconds.
 WARNING_PERIOD_S = 10.0
 
 
@@ -39,7 +38,7 @@ class ArmClient:
         """Nothing: there are no attempts."""
 
     def act(self, action: str, arguments: Mapping[str, Any]) -> None:
-        """Send the arm to a preset, when missions may move it and somebody is there to do so."""
+        """Send the arm to a preset, if missions may move it and the server is available."""
         if action != "preset":
             raise ValueError(f"arm has no action {action!r}")
         if not self._enabled:
@@ -62,7 +61,7 @@ class ArmClient:
             self._ros.log.warning("arm preset refused", preset=name, reason=answer.message)
 
     def _warn_unreachable(self, name: str) -> None:
-        """Warn, but not for every target of a patrol."""
+        """Warn, but not at every target of a patrol."""
         now = self._ros.now()
         # A clock that was set back must not silence the warning.
         if self._warned_at is None or not 0.0 <= now - self._warned_at < WARNING_PERIOD_S:

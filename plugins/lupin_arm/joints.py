@@ -17,7 +17,7 @@ Pose = tuple[float, float, float, float]
 #: No joint of this arm is farther from its zero, in radians; what says so has other units.
 FARTHEST = math.pi
 
-#: Fastest that a joint may be commanded, and the pace where nobody says one, in radians a second.
+#: The highest rate of a joint, and the default rate, in radians a second.
 MAX_RATE = math.radians(180.0)
 DEFAULT_RATE = math.radians(60.0)
 
@@ -50,7 +50,7 @@ class Joint:
         return math.radians(self.window_deg[1])
 
     def reach(self, angle: float) -> float:
-        """Return the nearest angle that the servo gets to."""
+        """Return the nearest angle within the range of the servo."""
         low, high = self.servo_deg
         return min(max(angle, math.radians(low)), math.radians(high))
 
@@ -119,7 +119,7 @@ def reach_pose(pose: Pose) -> Pose:
 
 
 def read_pose(positions: Mapping[str, float]) -> Pose | None:
-    """Return the arm's angles out of those of `/joint_states`; None unless all four are there."""
+    """Return the arm's angles from those of `/joint_states`; None unless all four are given."""
     found = [positions.get(joint.state_name, math.nan) for joint in ARM]
     return _pose(found) if all(map(math.isfinite, found)) else None
 
@@ -154,7 +154,7 @@ def jaw_to_degrees(angle: float) -> float:
 
 
 def farthest(one: Pose, other: Pose) -> float:
-    """Return how far the joint has to go that has to go farthest between two poses, in radians."""
+    """Return the largest distance of a joint between two poses, in radians."""
     return max(abs(a - b) for a, b in zip(one, other, strict=True))
 
 

@@ -54,11 +54,11 @@ _MODEL = ConfigDict(frozen=True, extra="allow", allow_inf_nan=False, strict=True
 
 
 class NotInLibrary(LupinError):
-    """What was asked of the library cannot be had or kept; the text says why, and what can."""
+    """A request to the library cannot be carried out; the text says why, and what can be."""
 
 
 class StoreFailed(LupinError):
-    """The library could not be written; what was to be written is not lost by that."""
+    """The library could not be written; its content in memory is unchanged."""
 
 
 class StoredPose(BaseModel):
@@ -103,7 +103,7 @@ Entry = TypeVar("Entry", StoredPose, Sequence)
 
 
 def valid_name(text: str) -> str:
-    """Return the name that a text stands for: without blanks around it, in lower case.
+    """Return the normalized name: without surrounding blanks, in lower case.
 
     Raises:
         NotInLibrary: no entry can be called so.
@@ -141,7 +141,7 @@ def checked_pose(arm: Iterable[float], gripper: float | None, created: str) -> t
 
 
 def beyond_limits(entry: StoredPose | Sequence) -> str:
-    """Say what of an entry is beyond the limits of the arm, '' when nothing is.
+    """Return what of an entry is beyond the limits of the arm, '' when nothing is.
 
     Nothing that was saved here is; but the file can be written by hand.
     """
@@ -166,8 +166,8 @@ def _beyond_limits(arm: list[float], gripper: float | None) -> str:
 class Library:
     """The library in the file at `path`, which need not exist yet.
 
-    `notices` tells people what was found instead of a sound file. A file that changes under our feet is read
-    again before it is used; one of a later version is never touched.
+    `notices` tells people what was found instead of a sound file. A file that another process changes is
+    read again before it is used; one of a later version is never touched.
     """
 
     def __init__(self, path: Path) -> None:
@@ -175,7 +175,7 @@ class Library:
         self._told: list[str] = []
         self._poses: dict[str, StoredPose] = {}
         self._sequences: dict[str, Sequence] = {}
-        self._others: dict[str, Any] = {}  # what a program that knows more has put into the file
+        self._others: dict[str, Any] = {}  # fields of a later version, kept as they are
         self._unusable = ""
         self._seen: tuple[int, ...] | None = None
         self._load()
@@ -330,7 +330,7 @@ class Library:
         except _CorruptLibrary as problem:
             self._recover(f"cannot be read ({problem}), {self._put_aside()}")
         except OSError as error:
-            # Nothing is taken for an empty library that may be full: the next save would be the end of it.
+            # An unreadable file is not taken for an empty library: the next save would overwrite it.
             self._unusable = f"{self.path} cannot be read: {error.strerror}"
         self._seen = _identity(self.path)
 
@@ -367,7 +367,7 @@ class Library:
         return True
 
     def _drop(self, file: Path, raw: bytes, wrong: list[str]) -> None:
-        """Go on without the entries that are wrong, keeping the file as it was."""
+        """Continue without the invalid entries, and keep a copy of the file."""
         kept = self._free_name()
         shown = "; ".join(wrong[:3]) + (f" and {len(wrong) - 3} more" if len(wrong) > 3 else "")
         try:
@@ -393,7 +393,7 @@ class Library:
             self._told.append(f"{self.path.name} {what}; the library is empty")
 
     def _put_aside(self) -> str:
-        """Rename the file, and say what has become of it."""
+        """Rename the file, and report that."""
         kept = self._free_name()
         try:
             os.rename(self.path, kept)
@@ -429,7 +429,7 @@ class Library:
         self._seen = _identity(self.path)
 
     def _text(self, poses: Mapping[str, StoredPose], sequences: Mapping[str, Sequence]) -> str:
-        """Return the file, an entry a line; hours of movements are written in a moment so."""
+        """Return the content of the file, one line an entry: that is fast for hours of movements."""
         others = [(key, json.dumps(value)) for key, value in self._others.items()]
         own = [("version", str(VERSION)), ("poses", _lines(poses)), ("sequences", _lines(sequences))]
         return "{" + ",".join(f"\n {json.dumps(key)}: {value}" for key, value in [*others, *own]) + "\n}\n"

@@ -1,4 +1,4 @@
-"""What every source of readings is to the bridge, and the words that they have in common. No ROS."""
+"""The interface of every source of readings, and its types. No ROS."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ SECONDS_PER_DAY = 86400.0
 #: The sensors of each tag, in their order.
 Sensors = Mapping[str, tuple[str, ...]]
 
-#: Where a backend tells what people should know; safe from every thread.
+#: Callback for messages to people; safe from every thread.
 Tell = Callable[[Severity, str], None]
 
 
 class UnknownTag(LupinError):
-    """There is no tag of that id."""
+    """There is no tag with that id."""
 
 
 class ReadingFailed(LupinError):
@@ -28,7 +28,7 @@ class ReadingFailed(LupinError):
 
 @dataclass(frozen=True)
 class Clocks:
-    """Where a backend has the time from, in seconds: of the day and date, and one that is never stepped."""
+    """The clocks of a backend, in seconds: the wall clock, and one that is never stepped."""
 
     wall: Callable[[], float] = time.time
     steady: Callable[[], float] = time.monotonic
@@ -72,7 +72,7 @@ class Backend(Protocol):
         """
 
     def close(self) -> None:
-        """Let go of files and connections."""
+        """Release files and connections."""
 
 
 def unknown_tag(tag_id: str, known: int, where: str) -> UnknownTag:

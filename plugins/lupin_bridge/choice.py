@@ -1,4 +1,4 @@
-"""From the parameters of the node to the backend that they choose."""
+"""The choice of the backend by the parameters of the node."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def make_backend(parameters: Parameters, clocks: Clocks, tell: Tell) -> Backend:
 
 
 def check(parameters: Parameters) -> None:
-    """Look whether the node's parameters make a backend, without a connection to anybody.
+    """Check that the node's parameters make a backend, without a connection.
 
     Raises:
         LupinError: they do not; the text has everything that is wrong.

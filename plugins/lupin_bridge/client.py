@@ -31,7 +31,10 @@ def _outcome(arguments: Mapping[str, Any], answer: GetTagReading.Response | Call
     if isinstance(answer, CallFailure):
         return Failed(SCAN_FAILED.name, answer.detail)
     if answer.status == GetTagReading.Response.STATUS_OK:
-        if answer.reading.tag_id not in (arguments["tag_id"], ""):  # it would stand on the wrong plant
+        if answer.reading.tag_id not in (
+            arguments["tag_id"],
+            "",
+        ):  # the reading would be attributed to the wrong tag
             return Failed(SCAN_FAILED.name, f"the bridge answered with tag {answer.reading.tag_id!r}")
         answer.reading.tag_id = arguments["tag_id"]
         return Done({"reading": plain_reading(answer.reading)})

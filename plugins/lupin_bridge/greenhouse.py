@@ -1,7 +1,7 @@
-"""Readings from the greenhouse simulator `mdp-greenhouse`: no ROS, no surprises.
+"""Readings from the greenhouse simulator `mdp-greenhouse`. No ROS.
 
-The package wants path objects, answers unknown tags with nothing, and lets whatever goes wrong inside escape
-in a dozen exception types; here a path is text, and what cannot be answered is one of two errors.
+The package requires path objects, answers unknown tags with nothing, and raises a dozen exception types;
+here a path is text, and there are two errors.
 """
 
 from __future__ import annotations
@@ -92,7 +92,7 @@ class Greenhouse:
             time_of_day = float(data[_TIME_KEY]) % SECONDS_PER_DAY
             values = {name: float(value) for name, value in data.items() if name != _TIME_KEY}
         except Exception as error:
-            # Anything can escape from there; a tag that cannot be read must not end the program.
+            # The package may raise anything; a tag that cannot be read must not end the program.
             raise ReadingFailed(f"tag {tag_id!r}: {self._why(tag_id, error)}") from error
         if not all(map(math.isfinite, values.values())):
             raise ReadingFailed(f"tag {tag_id!r}: the simulator returned {values}")

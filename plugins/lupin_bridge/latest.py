@@ -9,7 +9,7 @@ from lupin_bridge.backend import Clocks, Measurement
 from lupin_bridge.topics import SensorSample
 from lupin_bridge.units import unit_of
 
-#: Without a layout any name may be a tag; more than this many are somebody's mistake, or worse.
+#: Without a layout any name may be a tag; more than this many are a mistake or an attack.
 MAX_TAGS, MAX_SENSORS = 1000, 32
 
 

@@ -54,7 +54,7 @@ _QOS = 1
 #: Seconds that a clock may be ahead before its stamps say nothing about the age of what the broker has kept.
 AHEAD_S = 60.0
 
-#: What no name or address of a host has: somebody wrote a URL.
+#: Characters that no host has: the setting is a URL.
 _NO_HOST = re.compile(r"[/\s]")
 
 #: How many topics with a mistake are told one by one.
@@ -82,7 +82,7 @@ class MqttSettings:
 
 
 def check(settings: MqttSettings) -> None:
-    """Look whether settings can be used; nobody is connected to.
+    """Check the settings, without a connection.
 
     Raises:
         LupinError: they cannot be, or the library is not installed; the text has everything that is wrong.
@@ -153,7 +153,7 @@ class Mqtt:
         return TagValues(time_of_day(self._clocks.wall()), values)
 
     def close(self) -> None:
-        """Take leave of the broker, and tell how many messages could not be used."""
+        """Disconnect from the broker, and report how many messages could not be used."""
         self._client.on_disconnect = None
         self._client.disconnect()
         # A thread that looks for a host that does not answer is not waited for; it ends with the process.
@@ -192,7 +192,7 @@ class Mqtt:
             self._tell(Severity.WARN, text)
 
     def _note(self, severity: Severity, connection: str) -> None:
-        """Keep how the connection is ('' is well), and tell it where that is something new."""
+        """Store the state of the connection ('': well), and report a change."""
         if connection != self._connection:
             self._connection = connection
             self._tell(severity, connection or f"connected to the broker at {self._broker}")
@@ -253,14 +253,14 @@ class Mqtt:
                 raise Rejected("too many tags or sensors")
 
     def _refuse_ageless(self, sample: SensorSample) -> None:
-        """Refuse what the broker has kept and may be from yesterday: it would look new at each connection."""
+        """Refuse a retained message, which may be old: it would look new at each connection."""
         if sample.stamp is None:
             raise Rejected("retained, but without a stamp", "nobody knows how old it is")
         if sample.stamp > self._clocks.wall() + AHEAD_S:
             raise Rejected("retained, with a stamp of the future", "one of two clocks is wrong")
 
     def _reject(self, topic: str, reason: Rejected) -> None:
-        """Count a message that says nothing; each reason is told once for each topic."""
+        """Count an unusable message; each reason is reported once for each topic."""
         self.rejected[reason.kind] += 1
         if (reason.kind, topic) not in self._told and len(self._told) < MAX_TOLD:
             self._told.add((reason.kind, topic))

@@ -27,7 +27,7 @@ from lupin_bridge.units import unit_of
 
 #: The ways to replay.
 TIME_OF_DAY, SINCE_START = RECORDING_CLOCKS
-#: Nobody waits longer for a reading, in seconds: thirty years.
+#: The longest replay, in seconds: thirty years.
 _LONGEST_S = 1e9
 
 

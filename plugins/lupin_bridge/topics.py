@@ -1,4 +1,4 @@
-"""Topics and payloads of sensors on MQTT: what a message says about which tag. Pure, and never surprised.
+"""Topics and payloads of sensors on MQTT: what a message says about which tag. Pure.
 
 A topic is told by a template such as `greenhouse/{tag}/{sensor}`. The payload is a number, or a JSON object
 with `value` and, if wanted, `unit` and `stamp`. Without `{sensor}` in the template a message carries several
@@ -16,7 +16,7 @@ from lupin_bridge.stamps import seconds_since_1970
 from lupin_bridge.units import QUANTITIES, checked
 from lupin_engine.errors import LupinError, shortened
 
-#: A payload that says more than one sensor has to say is none, in bytes.
+#: The largest payload, in bytes.
 MAX_PAYLOAD = 4096
 #: Names of tags and sensors are no longer than this.
 MAX_NAME = 64

@@ -1,4 +1,4 @@
-"""The unit of each sensor, other units that are converted to it, and what it cannot have measured."""
+"""The unit of each sensor, the units that are converted to it, and its possible range."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ UNKNOWN_LIMIT = 1e9
 
 @dataclass(frozen=True)
 class UnitRange:
-    """A unit, the range of what can be, and other units as (factor, offset): value · factor + offset."""
+    """A unit, the range of possible values, and other units as (factor, offset): value · factor + offset."""
 
     unit: str
     minimum: float
@@ -23,7 +23,7 @@ class UnitRange:
     others: Mapping[str, tuple[float, float]]
 
 
-#: The ranges are what can be at all, not what is good for plants: outside of them a sensor is broken.
+#: Physically possible ranges, not what is good for plants: a sensor with values outside is broken.
 QUANTITIES: Mapping[str, UnitRange] = MappingProxyType(
     {
         "temperature": UnitRange(

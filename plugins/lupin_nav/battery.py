@@ -1,4 +1,4 @@
-"""The charge of the battery as one number, whatever scale its driver speaks."""
+"""The charge of the battery as a fraction, whatever scale its driver uses."""
 
 from __future__ import annotations
 

@@ -108,7 +108,7 @@ class NavClient:
         raise ValueError(f"nav has no action {action!r}")
 
     def close(self) -> None:
-        """Stop the robot as far as it can still be told, and report no more."""
+        """Cancel all goals as far as the server can be reached, and report nothing from now on."""
         self._closed = True
         self._localizing.clear()
         self._explorer.close()
@@ -126,7 +126,7 @@ class NavClient:
         self._look_at_localization()
 
     def _watch(self) -> None:
-        """Look at the pose, while an attempt waits for it."""
+        """Check the pose while an attempt waits for it."""
         if self._localizing:
             self._look_at_localization()
         else:
@@ -143,7 +143,7 @@ class NavClient:
                 self._outlet.progress(attempt, reason)
 
     def _pose_is_live(self) -> bool:
-        """Say whether the last pose can be relied on.
+        """Whether the last pose is reliable.
 
         Age cannot tell: a localizer is silent while the robot stands. One that died can be told by its
         publisher, which no longer exists.
@@ -162,7 +162,7 @@ class NavClient:
         self._look_at_localization()
 
     def _is_in_map(self, frame: str, topic: str) -> bool:
-        """Say whether a message is in our frame; the others are ignored, with one warning."""
+        """Whether a message is in frame `map`; others are ignored with one warning."""
         frame, expected = frame_name(frame), self._parameters["frame_id"]
         if frame in ("", expected):
             return True
@@ -177,7 +177,7 @@ class NavClient:
         self._explorer.start(attempt, [(pose["x"], pose["y"]) for pose in avoid])
 
     def _start_exploring(self) -> None:
-        """Listen to map and transforms from the first search on: who never searches pays nothing."""
+        """Subscribe to map and transforms at the first search: without one they cost nothing."""
         if self._explores:
             return
         self._explores = True

@@ -1,6 +1,6 @@
-"""The operation `choose_frontier`: waits for a map with a frontier, and says meanwhile what is missing.
+"""The operation `choose_frontier`: waits for a map with a frontier, and reports meanwhile what is missing.
 
-Knows no ROS: messages come in as they are, reports go out through the outlet. The client feeds it.
+Knows no ROS: the client passes messages in, reports go out through the outlet.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from lupin_greenhouse.frames import Frames
 from lupin_greenhouse.poses import heading
 from lupin_nav.frontier import Frontier, OccupancyGrid, Point, Survey, Thresholds, make_grid, survey
 
-#: Where the robot is, or None while nobody knows.
+#: The position of the robot; None while it is unknown.
 Whereabouts = Callable[[], Point | None]
 
 #: Seconds after which the last transforms say nothing any more about where the robot is.
@@ -24,7 +24,7 @@ SILENCE_S = 3.0
 
 @dataclass
 class _Waiting:
-    """One attempt: where it does not want to go, and what it was told last."""
+    """One attempt: the places to avoid, and its last progress text."""
 
     avoid: Sequence[Point]
     told: str = ""
@@ -53,7 +53,7 @@ class Explorer:
 
     @property
     def idle(self) -> bool:
-        """Whether nobody waits."""
+        """Whether no attempt waits."""
         return not self._waiting
 
     def start(self, attempt: str, avoid: Sequence[Point] = ()) -> None:
@@ -72,11 +72,11 @@ class Explorer:
         self._waiting.clear()
 
     def take_transforms(self, message: Any, static: bool = False) -> None:
-        """Take in a TFMessage; what is none of a place is left out."""
+        """Process a TFMessage; unusable transforms are left out."""
         self._frames.take(message.transforms, static=static, heard=self._clock())
 
     def take_map(self, message: Any) -> None:
-        """Take in an OccupancyGrid in the frame of the map, and look whether it has what is waited for."""
+        """Process an OccupancyGrid in the frame of the map, and end the attempts that find a frontier."""
         info = message.info
         origin = info.origin.position.x, info.origin.position.y, heading(info.origin.orientation)
         self._grid = make_grid(message.data, info.width, info.height, info.resolution, origin)
@@ -84,7 +84,7 @@ class Explorer:
         self.look()
 
     def look(self) -> None:
-        """End the attempts that wait, or tell them what is missing if that is something new."""
+        """End the waiting attempts, or report what is missing where that has changed."""
         if self.idle:
             return
         since = self._clock() - SILENCE_S

@@ -1,4 +1,4 @@
-"""Where to drive to see more: the frontiers of an occupancy grid, and the best of them. Pure, without ROS.
+"""Frontier-based exploration: the frontiers of an occupancy grid, and the best of them. Pure, without ROS.
 
 A frontier cell is free and has an unknown cell to its left, right, top or bottom. Frontier cells that touch,
 corners included, are one frontier. The best is large and near: of the frontiers with enough cells the one

@@ -1,4 +1,4 @@
-"""How a drive that ended without success is told: code and detail by the status of its goal."""
+"""The error of a drive that ended without success: code and detail by the status of its goal."""
 
 from __future__ import annotations
 
@@ -24,6 +24,6 @@ def failure(status: int, result: Any) -> tuple[str, str]:
 
 
 def _error(result: Any) -> str:
-    """Return what Nav2 says about the failure; older servers send no such fields."""
+    """Return Nav2's own error text; older servers send no such fields."""
     number, text = getattr(result, "error_code", 0), getattr(result, "error_msg", "")
     return (f", error {number}" if number else "") + (f": {text}" if text else "")

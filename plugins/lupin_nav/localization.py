@@ -1,4 +1,4 @@
-"""How well the robot knows where it is, and whether that is enough to drive.
+"""The quality of the robot's localization, and whether it is good enough to drive.
 
 The measure is the largest of the variances of x, y (m²) and yaw (rad²). The other entries of the covariance
 say nothing here: a planar localizer leaves those of z, roll and pitch at huge values.

@@ -1,7 +1,7 @@
-"""Pests that belong to no tag: what makes a report of its own, and when. Pure; time is an argument (s).
+"""Reports of pests that belong to no tag. Pure; time is an argument (s).
 
-A pest in the box that is scanned is told with the flowers of its tag. One that is seen where no tag is in
-sight would be lost, so it is reported by itself, at the place of the robot. It takes several frames in a row,
+A pest in the scanned box is reported with the flowers of its tag. One that is seen while no tag is in sight
+would be lost, so it is reported by itself, at the position of the robot. It takes several frames in a row,
 because one may be a mistake, and the same place is not reported twice in a mission.
 """
 
@@ -17,7 +17,7 @@ from lupin_perception.detections import Detection
 PEST_SEVERITY = 1
 #: Seconds after which a frame is in no row with the one before: a detector that sees nothing may say nothing.
 ROW_S = 2.0
-#: Places that are remembered; further reports in one mission tell nobody anything new.
+#: The most reports of one mission.
 MAX_REPORTS = 200
 
 #: A place on the floor in metres.
@@ -33,7 +33,7 @@ class Pest:
 
     @property
     def description(self) -> str:
-        """What people are told."""
+        """The text for people."""
         return f"{self.name} seen where no tag is in sight (confidence {self.confidence:.2f})"
 
 
@@ -61,11 +61,11 @@ class AnomalyWatch:
         self._reported = list(reported)
 
     def interrupt(self) -> None:
-        """Take in a frame that does not count: a tag is in sight, or is being scanned."""
+        """Process a frame that does not count: a tag is in sight, or is being scanned."""
         self._row = 0
 
     def add(self, detections: Iterable[Detection], place: Point | None, now: float) -> Pest | None:
-        """Take in a frame seen from `place`; returns a pest that is to be reported now."""
+        """Process a frame seen from `place`; return a pest that is to be reported now."""
         sure = [
             d.confidence for d in detections if d.name == self._name and d.confidence >= self._min_confidence
         ]

@@ -24,7 +24,7 @@ class PerceptionClient(ServiceDriver):
     def __init__(self, ros: RosNode, outlet: Outlet, parameters: Mapping[str, Any]) -> None:
         service = ros.service(ConfirmTag, parameters["visual_confirmation_service"])
         super().__init__("perception", outlet, {"confirm_tag": ServiceOperation(service, _request, _outcome)})
-        # A parameter of the missions that look before they read; without such a mission nobody waits for us.
+        # A parameter of missions that confirm a tag before they read it; other missions do not wait for this.
         self._required = bool(parameters.get("require_visual_confirmation", False))
         self._ros = ros
         self._values = outlet

@@ -24,9 +24,9 @@ SEARCHING = "EXPLORING"
 
 Indices = NDArray[np.intp]
 
-#: How sure a detection is that is not there.
+#: The confidence of an absent detection.
 NONE = -np.inf
-#: How much the confidence must change to be told again.
+#: The change of confidence that is published.
 _NEWS = 0.1
 
 
@@ -128,7 +128,7 @@ class TagScan:
     """The detections at one tag, for as long as it is scanned."""
 
     def __init__(self, rules: Rules) -> None:
-        """No tag is scanned at first."""
+        """Begin without a scanned tag."""
         self._rules = rules
         self.tag_id = ""
         self._width: float | None = None
@@ -166,7 +166,7 @@ class TagScan:
         self._best = fuse(self._best, columns, np.searchsorted(self._kinds, names), confidences)
 
     def resume(self, summary: ScanSummary) -> None:
-        """Go on with what an earlier process has told of this scan; how sure a pest was it has not told."""
+        """Continue a scan of an earlier process from its summary, which has no confidence of pests."""
         found = [(bloom.column, bloom.species, bloom.confidence) for bloom in summary.blooms if bloom.species]
         found += [(bloom.column, self._rules.anomaly, 0.0) for bloom in summary.blooms if bloom.anomaly]
         found = [one for one in found if 0 <= one[0] < self._rules.columns]
@@ -175,7 +175,7 @@ class TagScan:
             self._fuse(columns, names, confidences)
 
     def age(self) -> None:
-        """Forget what was not seen since this was called last: for a scan that has no end."""
+        """Forget what was not seen since the last call: for a scan without an end."""
         self._before, self._best = self._best, np.full_like(self._best, NONE)
 
     def summary(self) -> ScanSummary | None:

@@ -31,11 +31,11 @@ class Schedule:
         return wanted[:room]
 
     def done(self, tag_id: str, now: float) -> None:
-        """Take in that a tag was read, or does not exist."""
+        """Record that a tag was read, or does not exist."""
         self._end(tag_id, now + self._period)
 
     def failed(self, tag_id: str, now: float) -> None:
-        """Take in that a tag could not be read."""
+        """Record that a tag could not be read."""
         self._end(tag_id, now + AGAIN_S)
 
     def _end(self, tag_id: str, due: float) -> None:

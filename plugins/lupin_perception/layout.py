@@ -111,7 +111,7 @@ def register(layout: Layout, found: Mapping[str, Pose], quality: Quality) -> Reg
 
 
 def _shortfall(known: Array, errors: Array, quality: Quality) -> str:
-    """Say why a fit is good for nothing, in words that are the same for every such fit; "" if it is not."""
+    """Return why a fit is unusable, with the same text for every such fit; "" if it is usable."""
     if len(known) == 0:
         return "none of the tags found is in the layout"
     if spread(known) < quality.min_spread:

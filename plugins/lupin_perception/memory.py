@@ -1,7 +1,7 @@
-"""What the aggregator knows of a mission, kept in a file: one that is killed and started again goes on.
+"""The aggregator's state of a mission in a file, so that a restarted aggregator continues.
 
-Plain JSON, because a file that someone can write must not be a program that runs. It is replaced as a whole,
-so that whoever reads it finds the old one or the new one.
+Plain JSON, because a writable file must not be executable code. It is replaced as a whole, so that a reader
+finds the old one or the new one.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from lupin_perception.anomalies import Point
 from lupin_perception.flowers import ColumnBloom, ScanSummary
 from lupin_perception.registry import Known
 
-#: The name of a file that keeps nothing.
+#: The file name that turns the memory off.
 NOWHERE = "none"
 
 
@@ -59,7 +59,7 @@ class MissionFile:
             raise LupinError(f"memory_file {str(self._path)!r} cannot be used: {reason}") from error
 
     def write(self, past: Past) -> None:
-        """Keep this, and nothing else.
+        """Replace the content of the file.
 
         Raises:
             LupinError: the file cannot be written.

@@ -1,4 +1,4 @@
-"""Where on the map the tags are that the detector sees: its frames and transforms, brought together. Pure.
+"""The positions of detected tags on the map: the detector's frames joined with the transforms. Pure.
 
 They come by two topics, and either may be late; time is an argument, in seconds of a clock that never goes
 back.
@@ -72,7 +72,7 @@ class Sightings:
         return self._frames.find(MAP, frame, now - LATE_S)
 
     def forget(self) -> None:
-        """A new mission begins: what still waits to be placed was seen in the last one."""
+        """Begin a new mission: sightings that still wait belong to the last one."""
         self._late.clear()
 
     def _forget_sights(self, now: float) -> None:
@@ -95,7 +95,7 @@ class Sightings:
         return True
 
     def _told_of(self, near: Sequence[TagSeen], unplaced: Sequence[TagSeen], now: float) -> str:
-        """Tell when tags are seen but none can be placed: an exploration would find nothing."""
+        """Return a warning when tags are seen but none can be placed: an exploration would find nothing."""
         some_placed = len(unplaced) < len(near)
         self._unplaced = 0 if some_placed else self._unplaced + bool(near)
         if not near or self._unplaced != UNPLACED_FRAMES:

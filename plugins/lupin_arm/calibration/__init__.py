@@ -1,5 +1,5 @@
 """Setting the zero of the servos: a chart of its own, run by the engine in the arm's process.
 
-`lifecycle.yaml` and `calibration.yaml` say what happens when, `catalog` what they can do, `offsets` what is
-reckoned. Loads without ROS.
+`lifecycle.yaml` and `calibration.yaml` are the chart, `catalog` its operations, `offsets` the computation.
+Loads without ROS.
 """

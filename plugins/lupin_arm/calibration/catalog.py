@@ -1,4 +1,4 @@
-"""What the chart of the calibration can do, as data; the arm's own process carries it out, nobody else."""
+"""The operations of the calibration's chart, as data; only the arm's own process executes them."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from lupin_engine.plugin.types import ANGLE, BOOL, DURATION, INTEGER, TEXT, Type
 
 #: The offset of a servo, in hundredths of a degree.
 SERVO_OFFSET = Type("record", "servo_offset", fields={"joint": TEXT, "centidegrees": INTEGER})
-#: What becomes of a servo; see `offsets.Correction`.
+#: The correction of a servo; see `offsets.Correction`.
 CORRECTION = Type(
     "record",
     "correction",

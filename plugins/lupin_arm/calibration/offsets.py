@@ -1,4 +1,4 @@
-"""What a calibration reckons: from where a servo stands, and what it has for an offset, to the new offset.
+"""The computation of a calibration: a servo's new offset from its position and its present offset.
 
 Units. A servo tells its position in counts of a hundredth of a degree: the limits that were measured on the
 robot are (count - home) / 100 degrees. Offsets are told and written in hundredths of a degree as well, so
@@ -24,13 +24,13 @@ HOMES: Mapping[str, int] = {
 STEP, STEPS = 24, 125
 #: The largest offset that a servo can hold, in radians.
 HIGHEST = math.radians(STEP * STEPS / 100)
-#: An offset this small is not worth writing, in hundredths of a degree.
+#: Smaller changes of an offset are not written, in hundredths of a degree.
 SMALL = 200
 
 
 @dataclass(frozen=True)
 class Correction:
-    """What becomes of a servo.
+    """The correction of a servo.
 
     `difference` is how far it stands from its home, in hundredths of a degree, and what it has for an offset:
     together the offset that it needs. `refused` says why nothing is written, '' where something is, or where
@@ -44,7 +44,7 @@ class Correction:
 
 
 def corrections(counts: Mapping[str, int], offsets: Mapping[str, int], largest: float) -> list[Correction]:
-    """Return what becomes of each servo that stands at `counts`.
+    """Return the correction of each servo at its position in `counts`.
 
     Args:
         counts: where every servo stands while its joint is held at zero.
@@ -68,11 +68,11 @@ def _correction(joint: str, count: int, offset: int | None, largest: float) -> C
 
 
 def to_write(found: Iterable[Correction], before: Mapping[str, int]) -> dict[str, int]:
-    """Return what is written: the new offsets, and the old one of a servo that stays uncorrected."""
+    """Return the offsets to write: the new ones, and the present one of a servo that stays uncorrected."""
     moved = (one for one in found if not one.in_place)
     return {one.joint: before.get(one.joint, 0) if one.refused else one.difference for one in moved}
 
 
 def refusals(found: Iterable[Correction]) -> str:
-    """Say which servos could not be corrected and why, '' when all could."""
+    """Return which servos cannot be corrected and why, '' when all can."""
     return "; ".join(f"{one.joint}: {one.refused}" for one in found if one.refused)

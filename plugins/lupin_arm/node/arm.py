@@ -1,8 +1,8 @@
-"""The arm: the one place that commands it, and decides who may.
+"""The arm: the only module that commands it, and the arbiter of who may.
 
-Everybody else asks here: presets, sliders, the library, calibration. Nothing is sent while the emergency stop
-is engaged, while the servos are off, while somebody else has the arm for himself, or before it is known where
-the arm is; and nothing that is outside the limits.
+Presets, sliders, the library and the calibration go through it. Nothing is sent while the emergency stop is
+engaged, while the servos are off, while another owner has claimed the arm, or before its position is known;
+and nothing outside the limits.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ HOLD_S = 0.3
 
 @dataclass(frozen=True)
 class _ArmMotion:
-    """What was sent last; without an owner it is none, but keeps the arm where it is."""
+    """The motion that was sent last; without an owner it only holds the arm in place."""
 
     trajectory: Trajectory
     start: Pose
@@ -42,22 +42,22 @@ class _ArmMotion:
     owner: str = ""
 
     def at(self, now: float) -> Pose:
-        """Return where the arm should be."""
+        """Return the commanded pose."""
         return self.trajectory.at(now - self.began, self.start)
 
     def under_way(self, now: float) -> bool:
-        """Tell whether the arm may still be moving."""
+        """Whether the arm may still be moving."""
         return now - self.began < self.trajectory.duration + SETTLE_S
 
     def on_the_way(self, joint: int, angle: float) -> bool:
-        """Tell whether a joint is where this motion takes it some time."""
+        """Whether a joint is at some point of this motion."""
         passed = [self.start[joint], *(point.pose[joint] for point in self.trajectory.points)]
         return min(passed) - START_TOLERANCE <= angle <= max(passed) + START_TOLERANCE
 
 
 @dataclass(frozen=True)
 class _Claim:
-    """Somebody has the arm for himself."""
+    """An owner's exclusive use of the arm."""
 
     owner: str
     what: str
@@ -206,7 +206,7 @@ class Arm:
     # --- moving it ----------------------------------------------------------------------------------------
 
     def send(self, trajectory: Trajectory, owner: str) -> None:
-        """Let the arm do a motion instead of what it does.
+        """Replace the present motion of the arm.
 
         Raises:
             Refused: it may not, or the motion is outside the limits; nothing was sent.
@@ -217,12 +217,12 @@ class Arm:
         self._publish(trajectory, owner)
 
     def moves(self, owner: str) -> bool:
-        """Tell whether the arm is on its way because of `owner`, and nobody has sent it elsewhere since."""
+        """Whether the arm executes a motion of `owner`."""
         motion = self._motion
         return motion is not None and motion.owner == owner and motion.under_way(self._ros.elapsed())
 
     def hold(self, seconds: float = HOLD_S) -> None:
-        """Let arm and jaw stay where they are now; where the servos are off the arm hangs as it does."""
+        """Stop arm and jaw where they are; with the servos off the arm stays limp."""
         self._gripper.stop()
         if self._motion is not None and self._torque.state is not False:
             self._publish(_stay(self.pose() or self._should_be(), seconds))

@@ -1,4 +1,4 @@
-"""Where the arm really is, as `/joint_states` tells: the wheels are in there too."""
+"""The measured position of the arm, from `/joint_states`, which also has the wheels."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from lupin_arm.joints import ARM, FARTHEST, JAW, Pose, read_pose
 from lupin_engine.plugin.wire import seconds_of
 from lupin_engine.ros.adapter.node import Qos, RosNode
 
-#: Seconds for which a joint counts as being where it was said to be.
+#: Seconds for which a measured angle counts as present.
 FRESH_S = 0.5
 
 #: Gets the seconds of the message's stamp (of its arrival where it has none), the arm and the jaw.
@@ -60,7 +60,7 @@ class Feedback:
                 listener(stamp or self._ros.now(), pose, self.jaw())
 
     def _is_angle(self, name: str, angle: float) -> bool:
-        """Tell whether a joint can be there; a place where none can be must not become a target."""
+        """Whether a joint can have this angle; an impossible one must not become a target."""
         if abs(angle) <= FARTHEST:
             return True
         if name not in self._strange:

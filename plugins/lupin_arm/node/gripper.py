@@ -17,7 +17,7 @@ PATIENCE_S = 2.0
 
 
 class Gripper:
-    """Sends the jaw somewhere; what becomes of it is only logged."""
+    """Sends goals to the jaw; their results are only logged."""
 
     def __init__(self, ros: RosNode, action: str) -> None:
         self._ros = ros
@@ -47,7 +47,7 @@ class Gripper:
         when_ready(self._ros, self._action.ready, PATIENCE_S, found)
 
     def stop(self) -> None:
-        """Let the jaw stay where it is; what waits for the controller is not sent any more."""
+        """Stop the jaw; a command that waits for the controller is dropped."""
         self._stops += 1
         if self._goal is not None:
             self._cancelling = True

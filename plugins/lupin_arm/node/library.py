@@ -38,14 +38,14 @@ BASE = "/lupin/arm/library"
 #: Seconds that a move to a saved pose takes, longer where it is far; and between two states that are told.
 MOVE_S, TOLD_EVERY_S = 3.0, 0.2
 
-#: Whatever keeps a request from being carried out; its text is the answer.
+#: The exceptions whose text is the answer to a request.
 PROBLEMS = (ArmRequestRefused, NotInLibrary, StoreFailed)
 
 ACTIONS = ("start", "save", "cancel")
 
 
 class LibraryServer:
-    """All that operators do with the library; one thing at a time moves the arm."""
+    """The services of the library; one of them at a time moves the arm."""
 
     def __init__(self, ros: RosNode, arm: Arm, mission: MissionGate, path: Path) -> None:
         self._ros = ros

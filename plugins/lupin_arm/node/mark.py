@@ -1,4 +1,4 @@
-"""A file that is there while something is to be put right again, in case the process is killed meanwhile."""
+"""A file that exists while something must be restored, in case the process is killed meanwhile."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from lupin_engine.ros.adapter.node import RosNode
 
 
 class RestoreMarker:
-    """The file at `path`, and what an earlier process has left there; a full disk keeps nobody from work."""
+    """The file at `path`, perhaps left by an earlier process; a full disk is no error."""
 
     def __init__(self, ros: RosNode, path: Path) -> None:
         self._ros = ros
@@ -20,23 +20,23 @@ class RestoreMarker:
         self.left_behind = path.exists()
 
     def set(self, text: str = "") -> None:
-        """Leave the mark, with what is needed to put things right."""
+        """Write the file, with the data that the restoration needs."""
         self._attempt(partial(self._path.parent.mkdir, parents=True, exist_ok=True))
         self._attempt(partial(write_atomically, self._path, text.encode()))
 
     def text(self) -> str:
-        """Return what was left with the mark, "" where nothing was or it cannot be read."""
+        """Return the data of the file, "" where there is none or it cannot be read."""
         try:
             return self._path.read_text(encoding="utf-8")
         except (OSError, ValueError):
             return ""
 
     def leave(self) -> None:
-        """Say that it could not be put right: the mark stays."""
+        """Record that the restoration failed: the file stays."""
         self.left_behind = True
 
     def remove(self) -> None:
-        """Take the mark away."""
+        """Remove the file."""
         self.left_behind = False
         self._attempt(partial(self._path.unlink, missing_ok=True))
 

@@ -1,4 +1,4 @@
-"""Plays a sequence: the arm's motion at once, the jaw's in time, and an end that others can count on."""
+"""Plays a sequence: sends the arm's motion at once and the jaw's events in time, and always ends."""
 
 from __future__ import annotations
 
@@ -127,7 +127,7 @@ class Player:
         self.stop(reason)
 
     def _close(self) -> None:
-        """End with the process: the controller has all of the motion, and nobody would stop it any more."""
+        """Stop at the end of the process: the controller has the whole motion and would execute it."""
         self.stop("the program ends")
 
     def _end(self) -> None:

@@ -1,4 +1,4 @@
-"""Waiting for a server that may be there in a moment, without standing still."""
+"""Waits for a server without blocking."""
 
 from __future__ import annotations
 

@@ -133,7 +133,7 @@ class Aggregator:
         self._interrupted = ""  # the mission has gone on to something else
 
     def _begin(self, mission_id: str) -> None:
-        """Forget the last mission; of this one know what a process before this one knew of it."""
+        """Forget the last mission, and restore what an earlier process stored of this one."""
         past, self._past = self._past, None
         if past is None or past.mission_id != mission_id:
             past = Past(mission_id)
@@ -154,7 +154,7 @@ class Aggregator:
             return None
 
     def _keep(self) -> None:
-        """Write down what has changed of a mission."""
+        """Store what has changed of a mission."""
         scanned = self._scan.tag_id if self._has_told else ""
         state = self._tags.revision, len(self._watch.reported), scanned
         if self._tags.mission_id and state != self._kept:
@@ -176,13 +176,13 @@ class Aggregator:
             self._resume()
 
     def _resume(self) -> None:
-        """Go on with the scan that an earlier process was killed in: what it has told stays true."""
+        """Continue the scan in which an earlier process was killed: what it published stays valid."""
         known = self._tags.find(self._scan.tag_id)
         if known is not None and known.id == self._interrupted and known.summary is not None:
             self._scan.resume(known.summary)
 
     def _age(self) -> None:
-        """Make a scan without an end forget: mistakes of a night would add up."""
+        """Age a scan without an end: false detections would add up over a night."""
         now = self._ros.elapsed()
         if self._is_idle() and now - self._aged >= IDLE_MEMORY_S:
             self._aged = now
@@ -231,7 +231,7 @@ class Aggregator:
             self._ros.log.warning(warning)
 
     def _on_sighting(self, known: Known | None) -> None:
-        """Take in that a tag was placed; None is one too many."""
+        """Handle a tag that was placed; None: the registry is full."""
         self._since = self._ros.stamp()
         if known is None:
             self._warn(f"more than {MAX_TAGS} tags; further ones left out")
@@ -270,7 +270,7 @@ class Aggregator:
         self._tell_problems("yolo_detections_topic", problems)
         self._aim(self._focus())
         now = self._ros.elapsed()
-        # What comes so late was seen where the robot was before: it is of no scan, and no find beside one.
+        # A late frame was seen from an earlier position: it belongs to no scan and is no find.
         is_late = now - self._aimed < self._values["detection_delay_s"]
         if self._scan.tag_id and not is_late:
             self._age()

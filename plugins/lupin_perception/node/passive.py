@@ -1,4 +1,4 @@
-"""The climate at the tags that are known, read while no mission is under way, so that no map stays empty."""
+"""Reads the climate at known tags while no mission is under way, so that the maps are never empty."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ ANSWER_S = 5.0
 
 
 class PassiveObserver:
-    """Asks the bridge for one tag after the other, and publishes what it says as nobody's mission."""
+    """Reads one tag after the other from the bridge, and publishes the readings without a mission."""
 
     def __init__(
         self,

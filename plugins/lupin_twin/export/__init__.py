@@ -1,1 +1,1 @@
-"""What a mission has recorded, in the formats that others read."""
+"""Exports of a mission's record in standard formats."""

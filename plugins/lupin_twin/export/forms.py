@@ -1,4 +1,4 @@
-"""Numbers, times and addresses as all formats write them."""
+"""Numbers, times and names in the form that all formats share."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def utc(seconds: float) -> str:
 
 
 def finite(value: float) -> float | None:
-    """Return the value; None for those that JSON has no word for."""
+    """Return the value; None for values that JSON cannot represent."""
     return value if math.isfinite(value) else None
 
 

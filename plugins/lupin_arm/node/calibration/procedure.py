@@ -1,8 +1,7 @@
 """`/lupin/arm/calibrate`: the calibration's chart, run by the engine in the arm's process.
 
-The service says nothing of its own about what may be done when: a request is an event of the chart, and the
-chart's refusal is the answer. What the chart accepts is answered when it has come to rest: in the pose that a
-person brings the arm into, or back in IDLE.
+The service has no rules of its own: a request is an event of the chart, and the chart's refusal is the
+answer. An accepted request is answered when the chart rests: while it waits for the pose, or back in IDLE.
 """
 
 from __future__ import annotations
@@ -28,7 +27,7 @@ from lupin_engine.runtime.setup import make_machine
 from lupin_msgs.srv import CalibrateArm
 
 SERVICE = "/lupin/arm/calibrate"
-#: What the chart calls what operators ask for.
+#: Action of a request -> event of the chart.
 EVENTS: Mapping[str, Event] = {
     "start": Event("mission.start", {"mission_type": "Calibration", "mission_id": "calibration"}),
     "commit": Event("operator.resume"),
@@ -37,7 +36,7 @@ EVENTS: Mapping[str, Event] = {
 ACTIONS = (*EVENTS, "status")
 #: The two states that callers know; everything else is IDLE to them.
 IDLE, AWAITING_POSE = "IDLE", "AWAITING_POSE"
-#: Where the chart waits for a person.
+#: The state in which the chart waits for the operator.
 POSING = "POSING"
 
 #: Seconds that the end of the process waits for the arm to have its torque again.
@@ -139,7 +138,7 @@ class Calibration:
         return refuse(response, reason)
 
     def _call_off(self, reason: str) -> None:
-        """Give the arm its torque back: the robot drives off, or nobody will be there to do it."""
+        """Switch the torque on again: the robot starts to drive, or the process ends."""
         if self._where() != IDLE and self._engine.request(EVENTS["cancel"]).refusal is None:
             self._ros.log.warning("calibration cancelled", reason=reason)
             self._work()
@@ -194,7 +193,7 @@ class Calibration:
             answer(response)
 
     def _outcome(self, action: str, where: str) -> tuple[bool, str]:
-        """Say what became of a calibration."""
+        """Answer with the result of a calibration."""
         if where == POSING:
             return True, POSE_NOW
         view = self._machine.view
@@ -212,7 +211,7 @@ class Calibration:
         return [Correction(**one) for one in self._machine.memory.context["found"]]
 
     def _close(self) -> None:
-        """Leave no limp arm behind."""
+        """Switch the torque on at the end of the process."""
         self._call_off("the program ends")
         self._ros.work_until(lambda: self._where() == IDLE, LAST_WAIT_S)
         self._servos.left_behind()  # what somebody has put right since is not told to the next one

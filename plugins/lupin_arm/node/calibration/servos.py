@@ -1,7 +1,7 @@
 """What the calibration's chart does to the servos: its plugin's driver, over the vendor's services.
 
-Servos are dealt with one after the other. The first that fails ends the operation, and the chart restores all
-of them.
+Servos are handled one after the other. The first failure ends the operation, and the chart restores all of
+them.
 """
 
 from __future__ import annotations
@@ -72,7 +72,7 @@ class _Connection:
         self.counts[joint] = int(message.raw)
 
     def close(self) -> None:
-        """Let go of all of it."""
+        """Release all of them."""
         for subscription in self._positions:
             self._ros.node.destroy_subscription(subscription)
         for service in (self.gate, *self.read.values(), *self.write.values(), *self.turn.values()):
@@ -92,7 +92,7 @@ class Servos:
         self._arm = arm
         self._outlet = outlet
         self._mark = mark
-        #: What servos must get back: offsets that they do not have now.
+        #: Offsets that must be restored: the servos do not have them now.
         self._owed = _kept(mark.text()) if mark.left_behind else {}
         self._running: set[str] = set()
         self._gate_name = gate
@@ -141,7 +141,7 @@ class Servos:
         self._operations[operation](attempt, arguments)
 
     def cancel(self, attempt: str) -> None:
-        """Ask nothing more of the servos; what they were asked last they do."""
+        """Send no further request to the servos; the last one is still carried out."""
         if attempt in self._running:
             self._running.discard(attempt)
             self._outlet.cancelled(attempt)
@@ -206,7 +206,7 @@ class Servos:
             switched(str(reason))
 
     def _let_go(self, problem: str | None) -> None:
-        """Let others move the arm again; `problem` is why it is still limp."""
+        """Release the claim of the arm; `problem` is why it is still limp."""
         self._arm.release(OWNER)
         self._disconnect()
         if problem is not None:
@@ -233,7 +233,7 @@ class Servos:
         self._ask(attempt, self._writes(dict.fromkeys(HOMES, 0)), lambda _: self._done(attempt))
 
     def _write_offsets(self, attempt: str, arguments: Mapping[str, Any]) -> None:
-        """Write to as many as will have it: one that does not answer keeps no other from being restored."""
+        """Write to every servo: one that does not answer keeps no other from being restored."""
         calls = self._writes(_offsets(arguments["offsets"]))
 
         def written(answers: list[Any]) -> None:
@@ -269,7 +269,7 @@ class Servos:
         ]
 
     def _measure(self, attempt: str, arguments: Mapping[str, Any]) -> None:
-        """Look at positions that come from now on: older ones are of before the pose."""
+        """Use positions received from now on: older ones are from before the pose."""
         self._servos.counts.clear()
         self._ros.call_later(arguments["window"], lambda: self._measured(attempt, arguments["largest"]))
 
