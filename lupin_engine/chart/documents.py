@@ -11,8 +11,9 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Iterator, Mapping
+from functools import cache
 from types import MappingProxyType
-from typing import Annotated, Any, Literal, TypeVar
+from typing import Annotated, Any, Literal, TypeVar, get_args
 
 from pydantic import (
     BeforeValidator,
@@ -519,22 +520,27 @@ _N = TypeVar("_N", bound=Node)
 
 def written_in(node: Node, kind: type[_N]) -> Iterator[_N]:
     """Yield the nodes of a kind that a state or a file writes itself, not in the states inside it."""
-    for name in type(node).model_fields:
-        if name in node.model_fields_set:
-            yield from _nodes(getattr(node, name), kind)
+    for name in _holders(type(node)):
+        value = getattr(node, name)
+        for each in value.values() if isinstance(value, dict) else (value,):
+            for found in each if isinstance(each, (list, tuple)) else (each,):
+                if isinstance(found, kind):
+                    yield found
+                if isinstance(found, Node):
+                    yield from written_in(found, kind)
 
 
-def _nodes(value: Any, kind: type[_N]) -> Iterator[_N]:
-    if isinstance(value, kind):
-        yield value
-    if isinstance(value, Node) and not isinstance(value, StateNode):
-        yield from written_in(value, kind)
-    elif isinstance(value, (list, tuple)):
-        for each in value:
-            yield from _nodes(each, kind)
-    elif isinstance(value, dict) and not isinstance(value, Map):
-        for each in value.values():
-            yield from _nodes(each, kind)
+@cache
+def _holders(model: type[Node]) -> tuple[str, ...]:
+    """Return the fields of a model that hold nodes which are no states."""
+    fields = ((name, _nodes_in(field.annotation)) for name, field in model.model_fields.items())
+    return tuple(name for name, nodes in fields if nodes - {StateNode})
+
+
+def _nodes_in(annotation: Any) -> set[type[Node]]:
+    if isinstance(annotation, type) and issubclass(annotation, Node):
+        return {annotation}
+    return set[type[Node]]().union(*map(_nodes_in, get_args(annotation)))
 
 
 KINDS: Mapping[str, type[FileNode]] = {"lifecycle": LifecycleNode, "mission": MissionNode, "part": PartNode}

@@ -93,7 +93,7 @@ def walk(thing: Any, roles: frozenset[Role], words: tuple[str, ...] = ()) -> Ite
     kind: type = type(thing)
     for field, role, word in _asked(kind, roles):
         value = getattr(thing, field)
-        if value is None or value == ():
+        if not value:
             continue
         inner = (*words, word) if word else words
         if role in roles:

@@ -18,7 +18,7 @@ from lupin_engine.chart import model as m
 from lupin_engine.chart.expressions.evaluation import Constant, Expression
 from lupin_engine.chart.nodes import Meaning, Node, keys_of
 from lupin_engine.chart.records import Role, parts_of, same_meaning, walk
-from lupin_engine.chart.rules.written import codes_of, reads_of
+from lupin_engine.chart.rules.written import codes_of, reads_of, sayings_of
 from lupin_engine.diagram.outline import outline
 from lupin_engine.diagram.scxml import scxml
 from lupin_engine.editor.grammar import fields_of, meaning_of, shapes_of
@@ -187,7 +187,9 @@ def test_an_expression_is_among_the_checkers_reads(record: type, part: Any, char
     """So it counts as a use of what it reads, and an input that may be unknown is told."""
     note = Expression("note", PLACE, TEXT, lambda _: "")
     (found,) = (
-        read for read in reads_of(with_part(chart, record, part.field, note)) if read.expression is note
+        read
+        for read in reads_of(sayings_of(with_part(chart, record, part.field, note)))
+        if read.expression is note
     )
     assert found.condition == (part.role is Role.CONDITION)
     assert found.path.endswith(part.word)
@@ -198,7 +200,7 @@ def test_a_code_counts_as_used(record: type, part: Any, chart: m.Chart) -> None:
     """Else the checker would tell that nobody reports it."""
     several = isinstance(getattr(next(records(chart, record))[2], part.field), frozenset)
     code = frozenset({"noted"}) if several else "noted"
-    assert "noted" in codes_of(with_part(chart, record, part.field, code))
+    assert "noted" in codes_of(sayings_of(with_part(chart, record, part.field, code)))
 
 
 @pytest.mark.parametrize("part", [p for p in parts_of(m.Transition) if p.word], ids=named)

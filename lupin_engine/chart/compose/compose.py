@@ -24,7 +24,6 @@ from lupin_engine.chart.documents import (
     BudgetNode,
     FileNode,
     InvariantNode,
-    InvokeNode,
     ItineraryNode,
     LifecycleNode,
     MissionNode,
@@ -527,7 +526,10 @@ class _Composer:
 
 def _invoked(draft: Draft) -> Iterator[str]:
     """Yield the names of the operations that a state's text begins."""
-    return (node.do for node in written_in(draft.node or draft.file, InvokeNode))
+    node = draft.node
+    for invoke in (node.invoke, node.for_each.invoke if node.for_each else None) if node else ():
+        if invoke is not None:
+            yield invoke.do
 
 
 def _actions(draft: Draft) -> Iterator[ActionNode]:

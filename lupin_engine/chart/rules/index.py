@@ -15,7 +15,15 @@ from lupin_engine.chart.expressions.evaluation import Expression
 from lupin_engine.chart.expressions.guards import TRUE, Condition, Every, condition_of, constant, fact
 from lupin_engine.chart.expressions.names import inputs_read
 from lupin_engine.chart.model import Invoke, Kind, State, Transition
-from lupin_engine.chart.rules.written import Read, Texts, WrittenAction, calls_of, reads_of
+from lupin_engine.chart.rules.written import (
+    Read,
+    Saying,
+    Texts,
+    WrittenAction,
+    calls_of,
+    reads_of,
+    sayings_of,
+)
 from lupin_engine.chart.semantics import FAULT, Semantics, matches
 from lupin_engine.errors import Diagnostic, Place
 
@@ -199,14 +207,19 @@ class Index:
     # -- everything that is written ------------------------------------------------------------------------
 
     @cached_property
+    def sayings(self) -> list[Saying]:
+        """All actions, expressions and codes of the chart."""
+        return sayings_of(self.chart)
+
+    @cached_property
     def calls(self) -> list[WrittenAction]:
         """Every action of the chart."""
-        return calls_of(self.chart)
+        return calls_of(self.sayings)
 
     @cached_property
     def reads(self) -> list[Read]:
         """Every expression of the chart."""
-        return reads_of(self.chart)
+        return reads_of(self.sayings)
 
     @cached_property
     def texts(self) -> Texts:

@@ -71,7 +71,7 @@ def _own(index: Index, family: str) -> list[tuple[str, Place]]:
 
 def _codes_used(index: Index) -> set[str]:
     """Return all codes that are reported or asked for, and other texts among them."""
-    used = codes_of(index.chart)
+    used = codes_of(index.sayings)
     for work in index.works:
         used.update([code.name for code in work.invoke.operation.codes])
     for call in index.calls:

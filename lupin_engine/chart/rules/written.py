@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from typing import Any, NamedTuple
 
 from lupin_engine.chart.expressions.evaluation import Constant, Expression
@@ -41,49 +41,57 @@ class WrittenAction(NamedTuple):
         return ".".join(word for word in self.words if word)
 
 
-_COMPUTED = frozenset({Role.VALUE, Role.CONDITION})
-_ACTIONS = frozenset({Role.ACTIONS})
-_CODES = frozenset({Role.CODE})
+class Saying(NamedTuple):
+    """Something that a chart says, with the mission and, within the states, the state that says it."""
+
+    mission: str
+    state: State | None
+    words: tuple[str, ...]
+    role: Role
+    value: Any
 
 
-def calls_of(chart: Chart) -> list[WrittenAction]:
-    """Return every action of a chart."""
-    return [
-        WrittenAction(action, state, found.words)
+_ROLES = frozenset({Role.ACTIONS, Role.VALUE, Role.CONDITION, Role.CODE})
+
+
+def sayings_of(chart: Chart) -> list[Saying]:
+    """Return all actions, expressions and codes of a chart, walked once."""
+    found = [
+        Saying(state.mission, state, *said)
         for state in chart.states.values()
-        for found in walk(state, _ACTIONS, (state.name,))
-        for action in found.value
+        for said in walk(state, _ROLES, (state.name,))
     ]
-
-
-def codes_of(chart: Chart) -> set[str]:
-    """Return every code that a chart names under a word of its own."""
-    found: set[str] = set()
-    for _, thing, words in _things(chart):
-        for code in walk(thing, _CODES, words):
-            found |= {code.value} if isinstance(code.value, str) else set(code.value)
+    for mission in chart.missions.values():
+        found += [Saying(mission.name, None, *said) for said in walk(mission, _ROLES)]
+    for word in ("holds", "invariants", "inputs", "context"):
+        for name, thing in getattr(chart, word).items():
+            found += [Saying("", None, *said) for said in walk(thing, _ROLES, (word, name))]
     return found
 
 
-def reads_of(chart: Chart) -> list[Read]:
-    """Return every expression of a chart."""
+def calls_of(sayings: Iterable[Saying]) -> list[WrittenAction]:
+    """Return every action."""
     return [
-        Read(found.value, found.role is Role.CONDITION, mission, found.words)
-        for mission, thing, words in _things(chart)
-        for found in walk(thing, _COMPUTED, words)
-        if not isinstance(found.value, Constant)
+        WrittenAction(action, said.state, said.words)
+        for said in sayings
+        if said.role is Role.ACTIONS and said.state is not None
+        for action in said.value
     ]
 
 
-def _things(chart: Chart) -> Iterator[tuple[str, Any, tuple[str, ...]]]:
-    """Yield the records that a chart consists of, each with its mission and the words that lead to it."""
-    for state in chart.states.values():
-        yield state.mission, state, (state.name,)
-    for mission in chart.missions.values():
-        yield mission.name, mission, ()
-    for word in ("holds", "invariants", "inputs", "context"):
-        for name, thing in getattr(chart, word).items():
-            yield "", thing, (word, name)
+def codes_of(sayings: Iterable[Saying]) -> set[str]:
+    """Return every code that stands under a word of its own."""
+    codes = [said.value for said in sayings if said.role is Role.CODE]
+    return {code for found in codes for code in ((found,) if isinstance(found, str) else found)}
+
+
+def reads_of(sayings: Iterable[Saying]) -> list[Read]:
+    """Return every expression."""
+    return [
+        Read(said.value, said.role is Role.CONDITION, said.mission, said.words)
+        for said in sayings
+        if said.role in (Role.VALUE, Role.CONDITION) and not isinstance(said.value, Constant)
+    ]
 
 
 class Texts:
