@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import cache
 from types import MappingProxyType
 from typing import Any
 
@@ -404,12 +405,18 @@ def _attribute(key: str) -> str:
     return "at_" if key == "at" else key
 
 
+@cache
+def _marks(model: type[Node]) -> Mapping[str, tuple[str, Sequence[Any]]]:
+    """Return the key of each field of a model, and how it is marked."""
+    return {name: (field.alias or name, field.metadata) for name, field in model.model_fields.items()}
+
+
 def check_names(node: Node, names: ScenarioNames) -> None:
     """TakeView up the names and read the durations that are marked in a node, and in the nodes below it."""
-    fields = type(node).model_fields
+    fields = _marks(type(node))
     for field in node.model_fields_set:
-        value, key = getattr(node, field), fields[field].alias or field
-        for mark in fields[field].metadata:
+        value, (key, marks) = getattr(node, field), fields[field]
+        for mark in marks:
             if isinstance(mark, NameOf):
                 names.look_up(node, key, value, mark)
             elif isinstance(mark, IsDuration):
