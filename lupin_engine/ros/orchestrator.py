@@ -48,9 +48,7 @@ STALE_AFTER_S = 5.0
 OWN_PARAMETERS: Mapping[str, Parameter] = {
     "missions": Parameter(list_of(TEXT), [], "missions to offer, by name or file; none: all that are found"),
     "missions_path": Parameter(TEXT, "", "folder of the missions; empty: the ones that come with the engine"),
-    "state_publish_rate_hz": Parameter(
-        NUMBER, 5.0, "how often /mission/state is repeated, in Hz", minimum=0.1
-    ),
+    "state_publish_rate_hz": Parameter(NUMBER, 5.0, "how often the state is repeated, in Hz", minimum=0.1),
     "mission_id_prefix": Parameter(TEXT, "lupin", "what mission ids begin with"),
 }
 

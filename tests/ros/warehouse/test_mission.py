@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -12,11 +13,13 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from diagnostic_msgs.srv import AddDiagnostics
 from std_srvs.srv import Trigger
 
+from lupin_engine.harness.domains import claimed_domain
 from lupin_engine.ros.adapter.node import CallFailure, Qos, RosNode
 from tests.ros.helpers import spin_until
+from tests.ros.launch.processes import Lupin
 from tests.ros.warehouse.picker import FAR
 from tests.ros.world import World
-from tests.warehouse.installed import MISSIONS, install
+from tests.warehouse.installed import HERE, MISSIONS, install
 
 pytestmark = pytest.mark.timeout(180)
 
@@ -154,3 +157,52 @@ def test_an_order_that_is_called_off(clerk: Clerk) -> None:
     clerk.until(lambda: len(clerk.outcomes) >= 3, "three outcomes")
     assert [(o.name, o.message) for o in clerk.outcomes] == [("A1", "PICKED"), (FAR, "LEFT"), ("C3", "LEFT")]
     assert told(clerk.states[-1])["code"] == "called_off"
+
+
+# -- `lupin run` ----------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., Lupin]]:
+    """Start `lupin run fetch` beside the missions, in a domain where the robot is; shelf B2 is empty."""
+    monkeypatch.chdir(HERE)
+    started: list[Lupin] = []
+    with claimed_domain() as domain:
+        monkeypatch.setenv("ROS_DOMAIN_ID", str(domain))
+        world = World(tmp_path)
+        world.run("picker", [*PICKER, "B2"])
+
+        def start(*arguments: str) -> Lupin:
+            given = ("run", "fetch", *arguments)
+            started.append(Lupin(*given, domain=domain, log_dir=tmp_path / "logs"))
+            return started[-1]
+
+        yield start
+        for command in started:
+            command.kill()
+        assert world.stop() == []
+
+
+def test_run_tells_of_shelves_and_parcels(run: Callable[..., Lupin]) -> None:
+    """A line for every change, the table, one sentence; one shelf was empty, so the exit code is 1."""
+    fetched = run("--shelves", "A1,B2")
+    assert fetched.end() == 1, fetched.output
+    assert "FETCHING DRIVING  shelf A1  0/2" in fetched.output
+    assert "shelf A1 PICKED: width 0.12, force 8" in fetched.output
+    assert "shelf B2 MISSING" in fetched.output
+    *_, last = [line for line in fetched.lines if line]
+    assert last.startswith("PARKED: 1 picked, 1 missing of 2 targets in ")
+    row = next(line for line in fetched.lines if line.strip().startswith("A1"))
+    assert row.split() == ["A1", "PICKED", "0.12", "8"]
+
+
+def test_an_interrupt_calls_the_order_off(run: Callable[..., Lupin]) -> None:
+    """By the profile's own request; the robot parks, and the record has the profile's outcomes."""
+    fetched = run("--shelves", f"{FAR},C3", "--json")
+    fetched.until_line(f'"value": "{FAR}"')
+    fetched.process.send_signal(signal.SIGINT)
+    assert fetched.end() == 130, fetched.output
+    (result,) = fetched.records("result")
+    assert (result["lifecycle"], result["total"]) == ("PARKED", 2)
+    assert result["counts"] == {"PICKED": 0, "MISSING": 0, "LEFT": 2}
+    assert [(each["shelf"], each["status"]) for each in result["readings"]] == [(FAR, "LEFT"), ("C3", "LEFT")]
