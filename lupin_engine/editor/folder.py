@@ -8,6 +8,7 @@ model that completion, hover and the rest ask.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from pathlib import Path
 
 from lupin_engine.bindings.catalog import BINDINGS, binding_files
@@ -143,6 +144,7 @@ class Folder:
         if inspection.bound is not None:
             self.catalog = inspection.bound.catalog
         if inspection.composed is not None:
+            self.catalog = replace(self.catalog, profile=inspection.composed.chart.profile)
             self.model = Model(inspection, inspection.composed, self.catalog)
         self._changed = False
         found = _by_file([*inspection.found, *(d for d in first.found if d not in inspection.found)])
