@@ -17,7 +17,8 @@ from pathlib import Path
 from typing import TextIO
 
 ROOT = Path(__file__).parents[1]
-CORES = os.cpu_count() or 1
+#: With more workers each spends its time on imports.
+CORES = min(os.cpu_count() or 1, 8)
 #: What a test needs beside Python; see `markers` in pyproject.toml.
 MORE = "ros or node or browser or broker"
 # A file stays with one worker: what a module makes once, nodes above all, is made once.

@@ -313,8 +313,10 @@ def test_a_store_without_a_map_is_read(path: Path) -> None:
 
 
 @pytest.fixture
-def drawing() -> None:
+def drawing(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Coarse pictures, which are drawn faster."""
     pytest.importorskip("matplotlib")
+    monkeypatch.setattr("lupin_twin.picture.DPI", 40)
 
 
 @pytest.mark.usefixtures("drawing")
@@ -405,6 +407,7 @@ def test_a_picture_of_many_tags_shows_the_field() -> None:
     assert abs(lines - few_lines) < 10  # the ticks of the axes
 
 
+@pytest.mark.usefixtures("drawing")
 def test_a_picture_is_of_the_mission_and_distance_that_were_asked_for(run: Run, tmp_path: Path) -> None:
     found = set()
     for more in ([], ["--mission", "m1"], ["--distance", "0.5"]):
