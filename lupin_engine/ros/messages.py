@@ -68,8 +68,9 @@ def classify(code: str, codes: Mapping[str, Code]) -> tuple[str, Severity]:
 
 def write(message: Any, fields: Fields) -> Any:
     """Write plain data into a message, as it is; what is not named stays as it was."""
+    types = message.get_fields_and_field_types()
     for name, value in fields.items():
-        declared = message.get_fields_and_field_types()[name]
+        declared = types[name]
         if isinstance(value, Mapping):
             write(getattr(message, name), value)
         elif isinstance(value, (list, tuple)) and value and isinstance(value[0], Mapping):
