@@ -8,6 +8,7 @@ from typing import Any, TypeVar
 
 import click
 
+from lupin_engine.cli.exit_codes import not_done
 from lupin_engine.plugin.profile import RequestField
 from lupin_engine.plugin.registry import load_profiles
 from lupin_engine.ros.launch.environment import HIGHEST_DOMAIN
@@ -38,10 +39,11 @@ class RequestCommand(click.Command):
 
     def get_params(self, ctx: click.Context) -> list[click.Parameter]:
         """Return the parameters: what is installed says which options there are."""
-        made: list[click.Parameter] = ctx.meta.setdefault(
-            __name__, [_option(name, field) for name, field in _request_fields().items()]
-        )
-        return [*made, *super().get_params(ctx)]
+        if __name__ not in ctx.meta:
+            with not_done():
+                fields = _request_fields()
+            ctx.meta[__name__] = [_option(name, field) for name, field in fields.items()]
+        return [*ctx.meta[__name__], *super().get_params(ctx)]
 
     def invoke(self, ctx: click.Context) -> Any:
         """Carry out the verb."""

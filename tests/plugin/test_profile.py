@@ -72,6 +72,8 @@ def test_two_profiles_of_one_name_are_refused() -> None:
         ({"requests": {"go home": OperatorRequest("")}}, "operator's request 'go home': the name must be"),
         ({"publications": PROFILE.publications}, "publish.reading publishes an unknown outcome 'OK'"),
         ({"terminal": Terminal(gauges={"tank": "empty"})}, "gauge 'tank' names an unknown flag 'empty'"),
+        ({"abort": "abrot"}, "abort names an unknown request 'abrot'; did you mean 'abort'?"),
+        ({"resume": "go_on"}, "resume names an unknown request 'go_on'"),
     ],
 )
 def test_a_profile_that_contradicts_itself_is_refused(changed: dict[str, Any], problem: str) -> None:

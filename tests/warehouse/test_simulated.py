@@ -96,3 +96,12 @@ def test_an_option_of_another_profile_is_refused(site: Path) -> None:
     )
     assert done.returncode == 2
     assert "FetchOrder has no use for --tags" in done.stderr
+
+
+def test_a_profile_that_cannot_be_used_is_told(tmp_path: Path) -> None:
+    """Before the options are read, which are the profile's; exit code 1 would say that shelves were empty."""
+    install(tmp_path)
+    (tmp_path / "lupin_warehouse" / "profile.py").write_text("PROFILE = 1\n")
+    told = lupin(tmp_path, "simulate", "fetch", "--shelves", "A1", code=2)
+    assert "profile 'warehouse' (lupin_warehouse.profile:PROFILE of lupin-warehouse" in told
+    assert told.endswith("names something of type int; it must name a Profile\n")
