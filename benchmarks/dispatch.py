@@ -33,7 +33,6 @@ DOCUMENT = ROOT / "docs" / "performance.md"
 
 ENGINES = (
     Engine("lupin", "lupin", "lupin_machine", "ours"),
-    Engine("lupin-record", "lupin, and the record read", "lupin_machine", "ours", "record"),
     Engine("lupin-fresh", "lupin, a new Event each time", "lupin_machine", "ours", "fresh"),
     Engine("floor", "floor: hand-written dict, Python", "floor", "ours"),
     Engine("xstate", "XState actor", "xstate", "node"),
@@ -43,7 +42,7 @@ ENGINES = (
     Engine("python-statemachine", "python-statemachine", "statemachine_chart"),
 )
 #: Variants of ours measure the same machine: loading and weighing them again would say nothing new.
-RUN_ONLY = frozenset({"lupin-record", "lupin-fresh"})
+RUN_ONLY = frozenset({"lupin-fresh"})
 
 RUN_CHARTS = ("cycle", "guarded", "parallel", "timed")
 SIZES = (10, 100, 1000)

@@ -1,4 +1,4 @@
-"""Itineraries: the lists that states traversal, one target after the other, sweep after sweep."""
+"""Itineraries: the lists that states walk, one target after the other, sweep after sweep."""
 
 from __future__ import annotations
 
