@@ -14,11 +14,10 @@ from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, Generic, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from lupin_engine.bindings import catalog as bound_catalogs
 from lupin_engine.bindings.catalog import BoundCatalog, bound_catalog
-from lupin_engine.bindings.data import Binding
 from lupin_engine.chart.compose.compose import Composed, compose
 from lupin_engine.chart.documents import FileNode, LifecycleNode, MissionNode, PartNode, StateNode
 from lupin_engine.chart.findings import Findings, LimitedFindings
@@ -29,6 +28,10 @@ from lupin_engine.chart.validation import read_document
 from lupin_engine.errors import ChartError, Diagnostic, Place, Severity
 from lupin_engine.missions.folders import PARTS, mission_files
 from lupin_engine.plugin.registry import Catalog
+
+if TYPE_CHECKING:
+    # Most missions have no bindings, and nearly all that a check takes are imports.
+    from lupin_engine.bindings.data import Binding
 
 #: How much is remembered: every scenario of a folder, or the missions of a few, without reading them twice.
 MAX_DOCUMENTS = 64
