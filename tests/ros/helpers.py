@@ -6,6 +6,8 @@ import time
 from collections.abc import Callable, Sequence
 from typing import Any
 
+from builtin_interfaces.msg import Time
+
 from lupin_engine.ros.adapter.node import RosNode
 
 #: Seconds that a condition may take on a busy machine.
@@ -34,3 +36,9 @@ def spin_for(nodes: Sequence[RosNode], seconds: float) -> None:
     """Let `nodes` work for a while: only to show that something does not happen."""
     end = time.monotonic() + seconds
     spin_until(nodes, lambda: time.monotonic() >= end, seconds + PATIENCE)
+
+
+def to_time(seconds: float) -> Time:
+    """Return a stamp of ROS."""
+    whole, rest = divmod(round(seconds * 1e9), 1_000_000_000)
+    return Time(sec=whole, nanosec=rest)

@@ -14,7 +14,7 @@ from nav2_msgs.action import NavigateToPose
 from rosgraph_msgs.msg import Clock
 
 from lupin_engine.ros.adapter.node import Qos, ServedGoal
-from lupin_engine.ros.messages import to_time
+from tests.ros.helpers import to_time
 from tests.ros.world import Operator, World
 
 pytestmark = pytest.mark.timeout(180)

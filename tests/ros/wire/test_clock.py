@@ -8,7 +8,7 @@ import pytest
 from rosgraph_msgs.msg import Clock
 
 from lupin_engine.ros.adapter.node import Qos
-from lupin_engine.ros.messages import to_time
+from tests.ros.helpers import to_time
 from tests.ros.wire.wire import OK, UNREACHABLE, Drive, Wire, leave_open
 
 pytestmark = pytest.mark.timeout(120)

@@ -8,10 +8,10 @@ from collections.abc import Iterator
 import pytest
 
 from lupin_engine.ros.adapter.node import Qos
-from lupin_engine.ros.messages import to_time
 from lupin_greenhouse.node.estop import LOOKS, STEADY
 from lupin_msgs.msg import DiscoveredTag, DiscoveredTags
 from lupin_msgs.srv import StartMission
+from tests.ros.helpers import to_time
 from tests.ros.wire.wire import OK, Drive, Wire, running_node
 
 pytestmark = pytest.mark.timeout(120)
