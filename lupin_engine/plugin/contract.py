@@ -161,7 +161,8 @@ class Plugin:
     not. `simulated_defaults` are values, in base units, that parameters of missions take by default where
     the plugin's simulations are started. `serves` are the services and actions that its nodes have for
     whoever calls them by name, as a binding does. `readers` are by the name of the type that they read. What
-    is `internal` is for a chart of the plugin's own, and no author of missions is offered it.
+    is `internal` is for a chart of the plugin's own, and no author of missions is offered it. Companions and
+    simulations run beside missions of `profile` only; without one, beside all.
     """
 
     name: str
@@ -181,6 +182,7 @@ class Plugin:
     simulated_defaults: Mapping[str, Any] = field(default_factory=dict)
     internal: bool = False
     serves: tuple[str, ...] = ()
+    profile: str = ""
 
 
 class Outlet(Protocol):

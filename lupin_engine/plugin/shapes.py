@@ -128,6 +128,7 @@ _SHAPES: Mapping[type, Mapping[str, Shape]] = {
         "simulated_defaults": _by_name("simulated default", _anything),
         "internal": _YES_OR_NO,
         "serves": _several("names", _TEXT),
+        "profile": _TEXT,
     },
     Operation: {
         "doc": _TEXT,

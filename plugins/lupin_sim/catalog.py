@@ -11,4 +11,5 @@ PLUGIN = Plugin(
     stands_in={"lupin_sim": ("navigate_to_pose",)},
     # The simulated bridge answers at once: without a stay nobody would have looked at the flowers.
     simulated_defaults={"flower_scan_dwell_s": 0.5},
+    profile="greenhouse",
 )

@@ -9,4 +9,5 @@ PLUGIN = Plugin(
     doc="The digital twin: the latest of every tag, kept through restarts, and sensor fields between them.",
     nodes={"lupin_twin": "lupin_twin.node:main"},
     companions=("lupin_twin",),
+    profile="greenhouse",
 )

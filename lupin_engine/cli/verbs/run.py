@@ -60,8 +60,8 @@ def run(
     from lupin_engine.missions.selection import load_missions
     from lupin_engine.ros.launch.interrupts import Interrupts
 
-    catalog = load_catalog()
-    loaded = load_missions([mission], catalog)
+    loaded = load_missions([mission], load_catalog())
+    catalog = loaded.chart.catalog
     given = CheckedOptions(GivenOptions(**wanted), loaded, catalog)
     with given.problems.collecting():
         check_request(loaded, given.values, request)

@@ -35,8 +35,8 @@ def up(missions: tuple[str, ...], **wanted: Any) -> int:
     from lupin_engine.ros.launch.interrupts import Interrupts
     from lupin_engine.runtime.setup import make_world
 
-    catalog = load_catalog()
-    loaded = load_missions(missions, catalog)
+    loaded = load_missions(missions, load_catalog())
+    catalog = loaded.chart.catalog
     given = CheckedOptions(GivenOptions(**wanted), loaded, catalog)
     with given.problems.collecting():
         make_world(loaded.chart, given.values)

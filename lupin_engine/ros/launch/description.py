@@ -74,7 +74,7 @@ def describe_launch(
 
     Args:
         plugins: names of the plugins that the missions use.
-        catalog: all plugins.
+        catalog: all plugins, and the profile of the missions.
         present: what is on the network.
         parameters: by node name; nodes not named get none.
         simulate: whether simulated robots may be started.
@@ -106,15 +106,16 @@ def _assumed(starting: Iterable[LaunchableNode], catalog: Catalog, known: Contai
 def _needed(plugins: set[str], catalog: Catalog, simulate: bool) -> Iterator[LaunchableNode]:
     """Yield simulations first and the orchestrator last, so that it is also the first to be stopped.
 
-    One whose plugin no mission can use directly, such as the robot itself, is there for all of them.
+    One whose plugin no mission can use directly, such as the robot itself, is there for all missions of its
+    profile, and so are companions.
     """
     nodes = nodes_of(catalog)
     stand_ins = simulators(catalog)
+    own = [each for each in catalog.plugins.values() if each.profile in ("", catalog.profile.name)]
+    robots = {each.name for each in own if not each.client}
     if simulate:
-        yield from (
-            n for n in stand_ins.values() if n.plugin in plugins or not catalog.plugins[n.plugin].client
-        )
-    companions = {name for plugin in catalog.plugins.values() for name in plugin.companions}
+        yield from (n for n in stand_ins.values() if n.plugin in plugins | robots)
+    companions = {name for plugin in own for name in plugin.companions}
     wanted = (n for n in nodes.values() if n.plugin in plugins or n.name in companions)
     yield from (n for n in wanted if n.name not in stand_ins)
     yield nodes[ORCHESTRATOR]

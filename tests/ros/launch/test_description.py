@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
 
@@ -67,6 +68,13 @@ def test_what_missions_do_not_use_is_not_simulated() -> None:
     assert "fake_hand" not in plan()[0]
     with_the_arm = describe_launch(["drive", "hand"], CATALOG, PresentEndpoints(), {})
     assert with_the_arm.starts == ("fake_robot", "fake_hand", "twin", "hand", "mission_orchestrator")
+
+
+def test_robots_and_companions_of_another_profile_stay_out() -> None:
+    others = [replace(CATALOG.plugins[name], profile="forest") for name in ("fake", "twin")]
+    catalog = build_catalog([*others, CATALOG.plugins["read"], CATALOG.plugins["drive"]])
+    found = describe_launch(["drive", "read"], catalog, NOTHING, {})
+    assert found.starts == ("reader", "mission_orchestrator")
 
 
 @pytest.mark.parametrize(

@@ -188,6 +188,8 @@ def test_run_tells_of_shelves_and_parcels(run: Callable[..., Lupin]) -> None:
     fetched = run("--shelves", "A1,B2")
     assert fetched.end() == 1, fetched.output
     assert "FETCHING DRIVING  shelf A1  0/2" in fetched.output
+    # The twin and the simulated robot are another profile's.
+    assert "stopping mission_orchestrator" in fetched.lines
     assert "shelf A1 PICKED: width 0.12, force 8" in fetched.output
     assert "shelf B2 MISSING" in fetched.output
     *_, last = [line for line in fetched.lines if line]
