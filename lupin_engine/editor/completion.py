@@ -6,11 +6,12 @@ offer says what it replaces, so that a name with dots is one word whatever the e
 
 from __future__ import annotations
 
-import enum
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
+
+from lsprotocol.types import CompletionItemKind as ItemKind
 
 from lupin_engine.chart.compose.actions import builtin_actions
 from lupin_engine.chart.compose.declare import level_events
@@ -31,32 +32,12 @@ from lupin_engine.plugin.types import UNITS
 _OPERATORS = ("and", "or", "not", "in", "if", "else", "true", "false")
 
 
-class Sort(enum.Enum):
-    """What an offer is, for the little picture beside it."""
-
-    KEY = "key"
-    STATE = "state"
-    FILE = "file"
-    OPERATION = "operation"
-    ACTION = "action"
-    ARGUMENT = "argument"
-    EVENT = "event"
-    CODE = "code"
-    HOLD = "hold"
-    TYPE = "type"
-    UNIT = "unit"
-    VALUE = "value"
-    FUNCTION = "function"
-    FIELD = "field"
-    WORD = "word"
-
-
 @dataclass(frozen=True)
 class Offer:
     """One thing that can be written; `insert` is what is written when it is more than the label."""
 
     label: str
-    sort: Sort
+    kind: ItemKind
     detail: str = ""
     doc: str = ""
     insert: str = ""
@@ -92,7 +73,7 @@ def _heads(scan: Scan) -> Iterator[Offer]:
     for word, model in FILES.items():
         if scan.key_token((word,)) is None:
             doc = " ".join((model.__doc__ or "").split())
-            yield Offer(word, Sort.KEY, doc, docs.key(word, fields_of(model)[word]), f"{word}: ")
+            yield Offer(word, ItemKind.Property, doc, docs.key(word, fields_of(model)[word]), f"{word}: ")
 
 
 class _Completion:
@@ -166,11 +147,11 @@ class _Completion:
         elif spot.holder is ActionNode and owner == "set":
             yield from self._variables()
         elif spot.holder is ActionNode and owner == "raise":
-            yield Offer("event", Sort.ARGUMENT, "text", docs.ACTIONS["raise"])
+            yield Offer("event", ItemKind.Property, "text", docs.ACTIONS["raise"])
         else:
             for name, argument in _arguments_of(owner, spot.holder, self._catalog).items():
                 detail = f"{argument.type}{'' if _must(argument) else ' (optional)'}"
-                yield Offer(name, Sort.ARGUMENT, detail, docs.argument_line(name, argument))
+                yield Offer(name, ItemKind.Property, detail, docs.argument_line(name, argument))
 
     def _bindings(self, part: str) -> Iterator[Offer]:
         found = self._model.part(part) if self._model else None
@@ -178,7 +159,7 @@ class _Completion:
             return
         declared = self._model.composed.declared.by_file.get(found.title, {})
         for name, parameter in declared.items():
-            yield Offer(name, Sort.ARGUMENT, str(parameter.type), docs.parameter(name, parameter))
+            yield Offer(name, ItemKind.Property, str(parameter.type), docs.parameter(name, parameter))
 
     # -- values --------------------------------------------------------------------------------------------
 
@@ -199,11 +180,11 @@ class _Completion:
             Meaning.LIVE_VALUE: self._live_values,
         }
         yield from offers.get(meaning, partial(self._plain, spot))()
-        yield from (Offer(word, Sort.WORD) for word in _shape(spot).words)
+        yield from (Offer(word, ItemKind.Keyword) for word in _shape(spot).words)
 
     def _operations(self) -> Iterator[Offer]:
         for name, operation in self._catalog.for_missions.operations.items():
-            yield Offer(name, Sort.OPERATION, operation.doc, docs.operation(name, operation))
+            yield Offer(name, ItemKind.Method, operation.doc, docs.operation(name, operation))
 
     def _plain_actions(self) -> Iterator[Offer]:
         yield from (offer for offer in self._actions() if not offer.insert)
@@ -213,15 +194,15 @@ class _Completion:
         yield from self._levels()
 
     def _units(self) -> Iterator[Offer]:
-        yield from (Offer(name, Sort.UNIT, docs.unit(name)) for name in UNITS)
+        yield from (Offer(name, ItemKind.Unit, docs.unit(name)) for name in UNITS)
 
     def _live_values(self) -> Iterator[Offer]:
         for name, value in self._catalog.for_missions.values.items():
-            yield Offer(name, Sort.VALUE, str(value.type), docs.live_value(name, value))
+            yield Offer(name, ItemKind.Variable, str(value.type), docs.live_value(name, value))
 
     def _plain(self, spot: Spot) -> Iterator[Offer]:
         if spot.holder is ActionNode and spot.name == "status":
-            yield from (Offer(word, Sort.WORD) for word in self._catalog.profile.statuses)
+            yield from (Offer(word, ItemKind.Keyword) for word in self._catalog.profile.statuses)
 
     def _states(self, spot: Spot) -> Iterator[Offer]:
         """Offer the states in scope, the nearest first; after a dot, what is inside the state before it."""
@@ -254,16 +235,17 @@ class _Completion:
         assert self._model is not None
         state = self._model.composed.chart.states[name]
         file = Path(state.place.file).name
-        return Offer(label, Sort.STATE, f"{name} ({file}:{state.place.line})", docs.state(name, state, file))
+        detail = f"{name} ({file}:{state.place.line})"
+        return Offer(label, ItemKind.EnumMember, detail, docs.state(name, state, file))
 
     def _parts(self, spot: Spot) -> Iterator[Offer]:
         if spot.holder is PartNode:
-            yield Offer(self._path.stem, Sort.FILE, "the name of the file")
+            yield Offer(self._path.stem, ItemKind.File, "the name of the file")
             return
         for file in self._folder.files():
             if file.parent.name == PARTS:
                 summary = self._folder.scan(file).value("summary") or ""
-                yield Offer(file.stem, Sort.FILE, summary, summary)
+                yield Offer(file.stem, ItemKind.File, summary, summary)
 
     def _actions(self) -> Iterator[Offer]:
         """Offer actions; those with arguments as keys, which `insert` tells."""
@@ -272,27 +254,27 @@ class _Completion:
         for name in ("set", "raise", *wanted):
             takes = name in ("set", "raise") or bool(wanted[name])
             doc = docs.builtin_action(name, profile)
-            yield Offer(name, Sort.ACTION, told[name], doc, name if takes else "")
+            yield Offer(name, ItemKind.Method, told[name], doc, name if takes else "")
         for name, action in self._catalog.actions.items():
             insert = name if action.arguments else ""
-            yield Offer(name, Sort.ACTION, action.doc, docs.action(name, action), insert)
+            yield Offer(name, ItemKind.Method, action.doc, docs.action(name, action), insert)
 
     def _events(self) -> Iterator[Offer]:
         yield from self._requests()
         yield from self._levels()
         for name, event in self._catalog.events.items():
-            yield Offer(name, Sort.EVENT, event.doc, docs.event(name, event))
+            yield Offer(name, ItemKind.Event, event.doc, docs.event(name, event))
         for name in self._raised():
-            yield Offer(name, Sort.EVENT, "raised in this chart")
+            yield Offer(name, ItemKind.Event, "raised in this chart")
 
     def _requests(self) -> Iterator[Offer]:
         for name, doc in self._catalog.profile.events.items():
-            yield Offer(name, Sort.EVENT, doc)
+            yield Offer(name, ItemKind.Event, doc)
 
     def _levels(self) -> Iterator[Offer]:
         if self._model is not None:
             for name in level_events(self._model.composed.declared.inputs):
-                yield Offer(name, Sort.EVENT, "while this is true")
+                yield Offer(name, ItemKind.Event, "while this is true")
 
     def _raised(self) -> list[str]:
         """Return the events that some file raises."""
@@ -310,7 +292,7 @@ class _Completion:
         if spot.holder is RetryNode:
             codes = {name: codes[name] for name in self._ends(spot.mapping[:-1]) if name in codes}
         for name, found in codes.items():
-            yield Offer(name, Sort.CODE, found.label, docs.reason(found))
+            yield Offer(name, ItemKind.Constant, found.label, docs.reason(found))
 
     def _ends(self, invoke: Steps) -> list[str]:
         """Return the codes that the operation at a path can fail with."""
@@ -321,14 +303,14 @@ class _Completion:
     def _holds(self) -> Iterator[Offer]:
         if self._model is not None:
             for name, hold in self._model.composed.declared.holds.items():
-                yield Offer(name, Sort.HOLD, f"engaged by {hold.engage}", docs.hold(hold))
+                yield Offer(name, ItemKind.Constant, f"engaged by {hold.engage}", docs.hold(hold))
 
     def _types(self) -> Iterator[Offer]:
         known = self._catalog.for_missions.known_types
         for name, kind in known.items():
-            yield Offer(name, Sort.TYPE, docs.type_text(kind))
+            yield Offer(name, ItemKind.TypeParameter, docs.type_text(kind))
         for name in known:
-            yield Offer(f"list of {name}", Sort.TYPE)
+            yield Offer(f"list of {name}", ItemKind.TypeParameter)
 
     def _typed(self) -> str:
         """Return what is typed of the word at the cursor."""
@@ -376,7 +358,7 @@ class _Completion:
         kinds = (type_of(scope, piece.text.split(".")) for piece in reversed(before) if piece is not here)
         values = next((kind.values for kind in kinds if kind is not None and kind.values), ())
         end = here.end - (len(here.text) > 1 and here.text[-1] == here.text[0])
-        return Offers(here.start + 1, end, tuple(Offer(value, Sort.CODE) for value in values))
+        return Offers(here.start + 1, end, tuple(Offer(value, ItemKind.Constant) for value in values))
 
     def _scope(self) -> Scope:
         if self._model is None:
@@ -386,12 +368,13 @@ class _Completion:
     def _beginnings(self) -> Iterator[Offer]:
         scope = self._scope()
         for name, kind in scope.names.items():
-            yield Offer(name, Sort.FIELD, kind.name, docs.ROOTS.get(name, ""))
+            yield Offer(name, ItemKind.Field, kind.name, docs.ROOTS.get(name, ""))
         for name, function in scope.functions.items():
-            yield Offer(name, Sort.FUNCTION, str(function.returns), docs.function(name, function), f"{name}(")
+            doc = docs.function(name, function)
+            yield Offer(name, ItemKind.Function, str(function.returns), doc, f"{name}(")
         for name in BUILTIN_CALLS:
-            yield Offer(name, Sort.FUNCTION, docs.CALLS[name][0], docs.call(name), f"{name}(")
-        yield from (Offer(word, Sort.WORD) for word in _OPERATORS)
+            yield Offer(name, ItemKind.Function, docs.CALLS[name][0], docs.call(name), f"{name}(")
+        yield from (Offer(word, ItemKind.Keyword) for word in _OPERATORS)
 
     def _fields(self, owner: str) -> Iterator[Offer]:
         """Offer what can be read of a record, by its whole name: editors do not agree on what a word is."""
@@ -402,11 +385,11 @@ class _Completion:
         for name in sorted(fields, key=lambda name: nearest.index(name) if name in nearest else len(nearest)):
             inner = fields[name]
             doc = self._field_doc(owner, name)
-            yield Offer(f"{owner}.{name}", Sort.FIELD, docs.type_text(inner), doc)
+            yield Offer(f"{owner}.{name}", ItemKind.Field, docs.type_text(inner), doc)
         for name, function in scope.functions.items():
             if name.startswith(f"{owner}."):
                 doc = docs.function(name, function)
-                yield Offer(name, Sort.FUNCTION, str(function.returns), doc, f"{name}(")
+                yield Offer(name, ItemKind.Function, str(function.returns), doc, f"{name}(")
 
     def _nearest_parameters(self) -> list[str]:
         """Return the parameters of this file and of the lifecycle, in that order."""
@@ -445,13 +428,13 @@ class _Completion:
     def _variables(self) -> Iterator[Offer]:
         if self._model is not None:
             for name, found in self._model.composed.declared.context.items():
-                yield Offer(name, Sort.FIELD, str(found.type), docs.variable(found, ""))
+                yield Offer(name, ItemKind.Field, str(found.type), docs.variable(found, ""))
 
 
 def _words_of(model: type[Node]) -> Iterator[Offer]:
     for name, field in fields_of(model).items():
         words = shapes_of(model)[name].words
-        yield Offer(name, Sort.KEY, field.description or "", docs.key(name, field, words))
+        yield Offer(name, ItemKind.Property, field.description or "", docs.key(name, field, words))
 
 
 def _shape(spot: Spot) -> Shape:
@@ -481,6 +464,3 @@ def _open_call(words: list[str]) -> str:
                 return words[index - 1] if index else ""
             depth -= 1
     return ""
-
-
-__all__ = ["Offer", "Offers", "Sort", "complete"]

@@ -178,17 +178,3 @@ def _below(spot: Spot, step: str | int, mapping: Steps) -> Spot | None:
     if shape.names is not None:
         return replace(spot, shape=shape.names, name=step)
     return None
-
-
-__all__ = [
-    "FILES",
-    "SHORT",
-    "Shape",
-    "Spot",
-    "fields_of",
-    "kind_of",
-    "meaning_of",
-    "shape_of",
-    "shapes_of",
-    "spot_at",
-]

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from lupin_engine.chart.compose.compose import Composed
 from lupin_engine.chart.compose.invoke import names_when_done, names_when_failed
+from lupin_engine.chart.compose.transitions import event_type
 from lupin_engine.chart.compose.tree import Draft, Forest
 from lupin_engine.chart.documents import FileNode, PartNode
 from lupin_engine.chart.expressions.scope import Scope
@@ -20,13 +21,10 @@ from lupin_engine.editor.mentions import Mention
 from lupin_engine.editor.scan import Scan, Steps
 from lupin_engine.missions.load import Inspection
 from lupin_engine.plugin.registry import Catalog
-from lupin_engine.plugin.types import ANY, TEXT, Type
+from lupin_engine.plugin.types import ANY, Type
 
 #: A state where its text stands: the file, and the names from the top of that file.
 Written = tuple[Path, tuple[str, ...]]
-
-_NO_FIELDS = Type("record", "event")
-_START = Type("record", "event", fields={"mission_type": TEXT, "mission_id": TEXT})
 
 
 class Model:
@@ -146,7 +144,7 @@ class Model:
         state = self.composed.chart.states.get(draft.name)
         key = rest[0]
         if key == "on" and len(rest) > 1:
-            return scope.with_names({"event": self.event_type(str(rest[1]))})
+            return scope.with_names({"event": event_type(str(rest[1]), self.catalog)})
         if key == "on_done":
             return scope.with_names(names_when_done(state.invoke if state else None))
         if key == "on_error":
@@ -170,14 +168,6 @@ class Model:
         if rest[1:2] == ("on_done",):
             return scope.with_names(names_when_done(invoke))
         return scope.with_names(names_when_failed(invoke)) if rest[1:2] == ("on_error",) else scope
-
-    def event_type(self, event: str) -> Type:
-        """Return what comes with an event."""
-        if event == "mission.start":
-            return _START
-        if event in self.catalog.events:
-            return Type("record", "event", fields=self.catalog.events[event].fields)
-        return _NO_FIELDS if event.startswith("operator.") else ANY
 
 
 def states_of(path: Steps) -> tuple[str, ...]:

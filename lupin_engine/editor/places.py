@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ast
-import importlib.util
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
@@ -19,7 +18,8 @@ from lupin_engine.editor.model import steps_of
 from lupin_engine.editor.scan import Steps
 from lupin_engine.missions.folders import PARTS
 from lupin_engine.plugin import builtin
-from lupin_engine.plugin.discovery import entry_points
+from lupin_engine.plugin.discovery import entry_points, source_file
+from lupin_engine.plugin.registry import import_plugin
 
 
 @dataclass(frozen=True)
@@ -212,51 +212,22 @@ def _called(node: ast.Call) -> str:
 
 def _span(file: Path, node: ast.Constant) -> Spanned:
     """Return a text in quotes, without them."""
-    start = sum(len(line) for line in _lines(file)[: node.lineno - 1])
-    row = _lines(file)[node.lineno - 1].encode()
-    start += len(row[: node.col_offset].decode()) + 1
+    lines = file.read_text(encoding="utf-8").splitlines(keepends=True)
+    before = lines[node.lineno - 1].encode()[: node.col_offset].decode()
+    start = sum(map(len, lines[: node.lineno - 1])) + len(before) + 1
     return Spanned(file, start, start + len(str(node.value)))
 
 
 @lru_cache(32)
-def _source(file: Path) -> str:
-    return file.read_text(encoding="utf-8")
-
-
-@lru_cache(32)
-def _lines(file: Path) -> list[str]:
-    return _source(file).splitlines(keepends=True)
-
-
-@lru_cache(32)
 def _tree(file: Path) -> ast.Module:
-    return ast.parse(_source(file))
+    return ast.parse(file.read_text(encoding="utf-8"))
 
 
 @lru_cache(32)
 def catalog_file(plugin: str) -> Path | None:
     """Return the file that makes the `Plugin` of that name."""
-    modules = [builtin.__name__] if plugin == builtin.BUILTIN else []
-    modules += [point.module for point in entry_points()]
-    for module in modules:
-        spec = importlib.util.find_spec(module)
-        if spec is None or spec.origin is None:
-            continue
-        if _names_plugin(Path(spec.origin), plugin):
-            return Path(spec.origin)
-    return None
-
-
-def _names_plugin(file: Path, plugin: str) -> bool:
-    """Tell whether a file makes a `Plugin` of that name."""
-    for node in ast.walk(_tree(file)):
-        if isinstance(node, ast.Call) and _called(node) == "Plugin":
-            name = next((k.value for k in node.keywords if k.arg == "name"), None)
-            if isinstance(name, ast.Constant) and name.value == plugin:
-                return True
-            if isinstance(name, ast.Name) and plugin == builtin.BUILTIN:
-                return True
-    return False
-
-
-__all__ = ["Spanned", "catalog_file", "definition", "meant", "place_of"]
+    if plugin == builtin.BUILTIN:
+        return Path(builtin.__file__)
+    modules = (point.module for point in entry_points() if import_plugin(point).name == plugin)
+    file = next(map(source_file, modules), None)
+    return Path(file) if file else None

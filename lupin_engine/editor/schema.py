@@ -329,6 +329,3 @@ def all_schemas(
 
 def _plain(snippets: Iterable[Snippet]) -> list[Schema]:
     return [dict(snippet) for snippet in snippets]
-
-
-__all__ = ["ANY_KIND", "all_schemas", "any_kind", "file_name", "kinds", "schema", "text_of", "write"]

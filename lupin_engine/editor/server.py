@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import asyncio
 import gc
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import BinaryIO, TypeVar
 
@@ -20,7 +20,6 @@ from pygls.lsp.server import LanguageServer
 
 from lupin_engine import __version__
 from lupin_engine.editor import completion, navigation
-from lupin_engine.editor.completion import Sort
 from lupin_engine.editor.folder import Folder, Found, folder_of
 from lupin_engine.editor.hover import hover
 from lupin_engine.editor.navigation import Symbol, mention_under
@@ -40,23 +39,6 @@ PAUSE = 0.3
 #: After how many checks the charts of texts that nobody will see again are forgotten.
 MANY = 20
 
-_SORTS = {
-    Sort.KEY: lsp.CompletionItemKind.Property,
-    Sort.STATE: lsp.CompletionItemKind.EnumMember,
-    Sort.FILE: lsp.CompletionItemKind.File,
-    Sort.OPERATION: lsp.CompletionItemKind.Method,
-    Sort.ACTION: lsp.CompletionItemKind.Method,
-    Sort.ARGUMENT: lsp.CompletionItemKind.Property,
-    Sort.EVENT: lsp.CompletionItemKind.Event,
-    Sort.CODE: lsp.CompletionItemKind.Constant,
-    Sort.HOLD: lsp.CompletionItemKind.Constant,
-    Sort.TYPE: lsp.CompletionItemKind.TypeParameter,
-    Sort.UNIT: lsp.CompletionItemKind.Unit,
-    Sort.VALUE: lsp.CompletionItemKind.Variable,
-    Sort.FUNCTION: lsp.CompletionItemKind.Function,
-    Sort.FIELD: lsp.CompletionItemKind.Field,
-    Sort.WORD: lsp.CompletionItemKind.Keyword,
-}
 _SYMBOLS = {
     "section": lsp.SymbolKind.Namespace,
     "name": lsp.SymbolKind.Variable,
@@ -64,12 +46,6 @@ _SYMBOLS = {
     "final": lsp.SymbolKind.Event,
     "history": lsp.SymbolKind.Event,
 }
-_UNITS: Mapping[str, Callable[[str], int]] = {
-    lsp.PositionEncodingKind.Utf8: lambda text: len(text.encode()),
-    lsp.PositionEncodingKind.Utf16: lambda text: len(text.encode("utf-16-le")) // 2,
-    lsp.PositionEncodingKind.Utf32: len,
-}
-
 _T = TypeVar("_T")
 
 
@@ -176,11 +152,6 @@ class LupinServer(LanguageServer):
         """Return what the client calls a file."""
         return self._uris.get(path) or uris.from_fs_path(str(path)) or path.as_uri()
 
-    def _units(self, text: str) -> int:
-        """Return how long a text is as the client counts."""
-        encoding = self.workspace.position_encoding or lsp.PositionEncodingKind.Utf16
-        return _UNITS[encoding](text)
-
     def offset(self, text: Scan, position: lsp.Position) -> int:
         """Return the offset of a position of the client."""
         lines = text.lines
@@ -189,7 +160,8 @@ class LupinServer(LanguageServer):
         row = text.text[lines.starts[position.line] : lines.end(position.line)]
         if row.isascii():
             return lines.offset(position.line, position.character)
-        column = next((n for n in range(len(row)) if self._units(row[:n]) >= position.character), len(row))
+        units = self.workspace.position_codec.client_num_units
+        column = next((n for n in range(len(row)) if units(row[:n]) >= position.character), len(row))
         return lines.offset(position.line, column)
 
     def range(self, text: Scan, start: int, end: int) -> lsp.Range:
@@ -199,7 +171,8 @@ class LupinServer(LanguageServer):
     def _position(self, text: Scan, offset: int) -> lsp.Position:
         line, column = text.lines.position(offset)
         begin = text.lines.starts[line]
-        return lsp.Position(line, self._units(text.text[begin : begin + column]))
+        units = self.workspace.position_codec.client_num_units(text.text[begin : begin + column])
+        return lsp.Position(line, units)
 
     def location(self, folder: Folder, place: Spanned) -> lsp.Location:
         """Return a piece of a file, of this folder or another."""
@@ -278,7 +251,7 @@ def _answer_completion(server: LupinServer) -> None:
             items=[
                 lsp.CompletionItem(
                     offer.label,
-                    kind=_SORTS[offer.sort],
+                    kind=offer.kind,
                     detail=offer.detail or None,
                     documentation=_markdown(offer.doc) if offer.doc else None,
                     sort_text=f"{index:04}",

@@ -9,22 +9,12 @@ from lupin_engine.chart.compose.actions import ActionReader
 from lupin_engine.chart.compose.declare import Declared
 from lupin_engine.chart.compose.invoke import check_code, names_when_done, names_when_failed
 from lupin_engine.chart.compose.tree import Draft, Forest
-from lupin_engine.chart.documents import (
-    BudgetNode,
-    FileNode,
-    StateNode,
-    TransitionNode,
-)
+from lupin_engine.chart.documents import BudgetNode, FileNode, StateNode, TransitionNode
 from lupin_engine.chart.expressions.evaluation import Expression
 from lupin_engine.chart.expressions.scope import Scope
-from lupin_engine.chart.expressions.values import (
-    read_guard,
-)
+from lupin_engine.chart.expressions.values import read_guard
 from lupin_engine.chart.findings import Findings
-from lupin_engine.chart.model import (
-    Invoke,
-    Transition,
-)
+from lupin_engine.chart.model import Invoke, Transition
 from lupin_engine.errors import Place, nearest
 from lupin_engine.plugin.contract import Code
 from lupin_engine.plugin.registry import Catalog
@@ -192,17 +182,9 @@ class TransitionReader:
 
     def _event_scope(self, draft: Draft, event: str) -> Scope:
         assert draft.scope is not None
-        if event == "mission.start":
-            return draft.scope.with_event(_START)
-        if event in self._catalog.events:
-            return draft.scope.with_event(self._type_of(event))
-        return draft.scope.with_event(_NOTHING if event.startswith("operator.") else ANY)
-
-    def _type_of(self, event: str) -> Type:
-        """Return what is known of an event of a plugin, the same object every time."""
-        if event not in self._event_types:
-            self._event_types[event] = Type("record", "event", fields=self._catalog.events[event].fields)
-        return self._event_types[event]
+        if event not in self._event_types:  # a scope remembers what it derived by the type's identity
+            self._event_types[event] = event_type(event, self._catalog)
+        return draft.scope.with_event(self._event_types[event])
 
     def _list(self, nodes: Sequence[TransitionNode], site: TransitionSite) -> list[Transition]:
         """Compose the transitions of one key of a state."""
@@ -303,6 +285,15 @@ class TransitionReader:
                 Transition(f"{path}.{index}", "resume", draft.name, written.place, target=target, guard=guard)
             )
         return tuple(found)
+
+
+def event_type(event: str, catalog: Catalog) -> Type:
+    """Return the type of what comes with an event."""
+    if event == "mission.start":
+        return _START
+    if event in catalog.events:
+        return Type("record", "event", fields=catalog.events[event].fields)
+    return _NOTHING if event.startswith("operator.") else ANY
 
 
 def any_event(draft: Draft) -> Scope:
