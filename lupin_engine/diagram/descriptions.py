@@ -17,20 +17,20 @@ _CANNOT = (KeyError, TypeError, ValueError, ArithmeticError, UnknownInput)
 
 
 class ElementTexts:
-    """Says what a chart's states and transitions say, with the parameters' defaults filled in."""
+    """The texts of a chart's states and transitions, with the parameters' defaults filled in."""
 
     def __init__(self, chart: Chart) -> None:
         self._states = chart.states
         self._defaults = {"param": {name: p.default for name, p in chart.parameters.items()}}
 
     def label(self, rule: Transition) -> Label:
-        """Return the label of a way."""
+        """Return the label of a transition."""
         guard = f"[{_cut(rule.guard.source)}]" if rule.guard else ""
         event = self._event(rule) or ("" if guard else "always")
         return Label(event, _cause(rule.event), guard, _actions(rule.actions), frozenset({rule.id}))
 
     def lines(self, state: State) -> Iterator[TextLine]:
-        """Yield what a state does, ways aside."""
+        """Yield the lines of a state, without its transitions."""
         if state.itinerary is not None:
             yield from (TextLine(text, LineRole.NOTE) for text in self._itinerary(state.itinerary))
         if state.for_each is not None:
@@ -125,7 +125,7 @@ def _actions(actions: Iterable[ActionCall]) -> str:
 
 
 def _action(action: ActionCall) -> str:
-    """Return an action with what it is about, as far as that is written out."""
+    """Return an action with its main argument where that is a constant."""
     if action.name == "set":
         return ", ".join(_set(name, value) for name, value in action.arguments.items())
     told = action.arguments.get(_ABOUT.get(action.name, ""))

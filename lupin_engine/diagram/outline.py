@@ -1,9 +1,9 @@
-"""From a chart to its picture: what is shown of it, and what is left out.
+"""The picture of a chart: what is shown and what is left out.
 
-Nothing else walks a chart. The state that wraps a mission is left out where it is the only one: it would be a
-box within a box. Refusals are left out as well: they are answers, not ways. A way that has no good arrow
-(between a box and one within it, between two regions, or without a target) is a line of text in the box where
-it begins. Everything comes in the order of the file, so a picture changes only where the chart does.
+The state that wraps a mission is left out where it is the only one: it would be a box within a box. Refusals
+are left out as well: they answer and lead nowhere. A transition that would make no good arrow (between a box
+and one within it, between two regions, or without a target) is a line of text in the box of its source.
+Everything keeps the order of the file, so a picture changes only where the chart does.
 """
 
 from __future__ import annotations
@@ -151,7 +151,7 @@ class _Outliner:
             yield from (way for way in self._ways(each) if not (collapsed and way.target.startswith(within)))
 
     def _ways(self, state: State) -> Iterator[TextLine]:
-        """Yield the ways of a state that have no arrow."""
+        """Yield the transitions of a state that have no arrow."""
         for rule in (*state.transitions, *state.resume_at):
             target = rule.target
             if target is None and rule.actions:
@@ -175,7 +175,7 @@ class _Outliner:
     # -- arrows -----------------------------------------------------------------------------------------
 
     def _pairs(self) -> Iterator[tuple[str, str, Transition | None]]:
-        """Yield where the ways of the chart begin and lead to; a history leads to where it begins."""
+        """Yield source and target of each transition; a history leads to its default."""
         for state in self._states.values():
             if state.kind is Kind.HISTORY and state.initial is not None:
                 yield state.name, state.initial, None
@@ -195,7 +195,7 @@ class _Outliner:
             yield Arrow(source, target, tuple(labels.values()))
 
     def _ends(self, source: str, target: str) -> tuple[str, str] | None:
-        """Return the boxes that an arrow for a way connects; None when this picture has no such arrow."""
+        """Return the boxes that the arrow of a transition connects; None when the picture has none."""
         begins, ends = self._shown.get(source), self._shown.get(target)
         if begins is None or ends is None or not self._has_arrow(begins, ends):
             return None
@@ -204,7 +204,7 @@ class _Outliner:
         return None if begins == ends and (source, target) != (begins, ends) else (begins, ends)
 
     def _has_arrow(self, source: str, target: str) -> bool:
-        """Say whether a way is an arrow, and not a line of text."""
+        """Say whether a transition is an arrow, and not a line of text."""
         if source == target:
             return not self._states[source].children
         above, over = self._chart.ancestors(source), self._chart.ancestors(target)
@@ -214,7 +214,7 @@ class _Outliner:
         return self._states[common].kind is not Kind.PARALLEL
 
     def _end(self, name: str) -> str:
-        """Return the state at the end of an arrow: the one that wraps a mission has no box."""
+        """Return the state at the end of an arrow; the state that wraps a mission has no box."""
         return (self._states[name].parent or "") if self._wrapper and name == self._wrapper else name
 
 

@@ -1,9 +1,9 @@
 """A picture as SCXML 1.0, for other statechart tools: every state and transition of the chart, refusals too.
 
-Expressions stay in the language of the chart, which is a small part of Python's. What SCXML has no words for
-is written in its ways of extension: an operation is an `invoke` of type `x-lupin`, an action is a `send` of
-that type, a refusal is a transition that logs its code. A hold suspends the whole chart, an itinerary walks a
-list: those are comments. Names have hyphens for dots, because the dots of an event mean something there.
+Expressions stay in the language of the chart, a small part of Python's. For what SCXML has no word, its
+extension points serve: an operation is an `invoke` of type `x-lupin`, an action is a `send` of that type, a
+refusal is a transition that logs its code. Holds and itineraries are comments. Names have hyphens instead of
+dots, because dots separate the parts of an event in SCXML.
 """
 
 from __future__ import annotations
@@ -78,7 +78,7 @@ class _ScxmlWriter:
         yield from _element(_ELEMENTS[state.kind], attributes, inside)
 
     def _begins(self, state: State) -> str:
-        """Return where a history without memory leads: where it says, else where its parent begins."""
+        """Return the default target of a history: its own, else the initial state of its parent."""
         parent = self._chart.states[state.parent or ""]
         if state.initial or parent.initial:
             return _id(state.initial or parent.initial)

@@ -1,7 +1,7 @@
 """A picture as SVG, drawn here: no program, no package and no font is needed.
 
-Every text says how wide it is to be, so a picture looks the same in whatever typeface a machine has. Groups
-carry `data-state` and `data-transition`, for programs that want to light them up.
+Every text has its width, so a picture looks the same in any typeface. Groups carry `data-state` and
+`data-transition`, for programs that highlight them.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ _RADIUS = 9
 _BEND = 6
 #: Room over the state that is entered first, for the dot and its arrow.
 _DOT_ROOM = 25
-#: Room for a way from a state to itself, beside the text of its label.
+#: Room for a transition from a state to itself, beside the text of its label.
 _LOOP = 24
 #: Longest line of a label, as far as it can be broken.
 _LABEL_WIDTH = 190
@@ -107,7 +107,7 @@ def _n(number: float) -> str:
 def _label_texts(arrow: Arrow) -> list[_TextBlock]:
     found = []
     for label in arrow.labels:
-        # A way that was never gone may stand beside one that was.
+        # A transition that was never taken may share an arrow with one that was.
         faint = arrow.tone is Tone.VISITED and not label.count
         colour = _FAINT if faint else _COLOURS[label.cause][1]
         found += [_TextBlock(line, colour) for line in _broken(label.parts)]
@@ -331,7 +331,7 @@ class _SvgDrawing:
         yield f'<circle cx="{x}" cy="{rect.y - 19}" r="5" fill="{_INK}"/>'
         yield from _line([(x, rect.y - 14), (x, rect.y)], _INK, 1.3)
 
-    # -- ways -------------------------------------------------------------------------------------------
+    # -- transitions ------------------------------------------------------------------------------------
 
     def _loop(self, box: StateBox, rect: Rect) -> Iterator[str]:
         texts = self._loops.get(box.name)

@@ -1,4 +1,4 @@
-"""A picture coloured by what runs visited: how often each state was entered, and each way was gone."""
+"""A picture coloured by runs: how often each state was entered and each transition taken."""
 
 from __future__ import annotations
 
@@ -72,10 +72,10 @@ def _steps(text: str) -> list[Mapping[str, Any]]:
 
 
 def check_fits(picture: Picture, counts: Counts, name: str) -> None:
-    """Raise when a run was one of another mission: none of its states but the outermost is in the chart.
+    """Check that a run is one of the mission in a picture.
 
     Raises:
-        UsageError: it was.
+        UsageError: it entered a state that the chart does not have.
     """
     strangers = sorted(state for state in counts.states if state not in picture.chart.states)
     if strangers:

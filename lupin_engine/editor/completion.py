@@ -1,7 +1,7 @@
 """What can be written where the cursor is.
 
-Names come from the last model that could be made, what is around the cursor from the text as it is. Every
-offer says what it replaces, so that a name with dots is one word whatever the editor thinks a word is.
+Names come from the last model, the context of the cursor from the text as it is. Every offer has the range
+that it replaces, so a dotted name is one word, whatever the editor takes for a word.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from lupin_engine.editor import docs
 from lupin_engine.editor.folder import Folder
 from lupin_engine.editor.grammar import FILES, Shape, Spot, fields_of, shapes_of, spot_at
 from lupin_engine.editor.mentions import ExpressionPiece, expression_in, owner_of, pieces, value_meaning
-from lupin_engine.editor.model import Model, states_of, type_of
+from lupin_engine.editor.model import Model, descend, states_of, type_of
 from lupin_engine.editor.scan import Cursor, Scan, Steps, TokenRole
 from lupin_engine.missions.folders import PARTS
 from lupin_engine.plugin.contract import Argument
@@ -77,7 +77,7 @@ def _heads(scan: Scan) -> Iterator[Offer]:
 
 
 class _Completion:
-    """One question, with what the answers look at."""
+    """One request for completion, with its context."""
 
     def __init__(
         self, folder: Folder, path: Path, scan: Scan, root: type[Node], cursor: Cursor, offset: int
@@ -221,10 +221,9 @@ class _Completion:
         """Return the full names of the states inside the state that a dotted name means."""
         first, *rest = name.split(".")
         assert self._model is not None
-        found = next((d for d in self._model.visible(self._path, local) if d.local == first), None)
-        for word in rest:
-            found = found.children.get(word) if found is not None else None
-        return [child.name for child in found.children.values()] if found is not None else []
+        nearest = [draft for draft in self._model.visible(self._path, local) if draft.local == first]
+        found = [inner for draft in nearest[:1] for inner in descend(draft, rest)]
+        return [child.name for draft in found for child in draft.children.values()]
 
     def _children(self) -> Iterator[Offer]:
         if self._model is not None:

@@ -1,7 +1,7 @@
-"""What there is to say of a thing, as Markdown: for hover, and beside completions.
+"""Descriptions of the language and of what plugins offer, as Markdown: for hover and completion.
 
-Whatever the models, the catalog and the missions say of themselves is taken from there. The tables here hold
-what only the engine knows: its own calls, roots, actions and requests.
+Models, catalog and missions describe themselves. The tables here describe what only the engine knows: its own
+calls, roots and actions.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from lupin_engine.plugin.describe import number_text
 from lupin_engine.plugin.profile import Profile
 from lupin_engine.plugin.types import UNITS, Type
 
-#: What an expression may call without a plugin: how it is written, and what comes of it.
+#: Built-in functions of expressions: signature, and description of the result.
 CALLS: Mapping[str, tuple[str, str]] = MappingProxyType(
     {
         "len": ("len(list or text) -> count", "How many elements, or characters."),

@@ -1,8 +1,8 @@
 """The missions of one folder while they are edited: unsaved texts, findings, and the last model of them.
 
-Two questions are asked after a change. `check` is about the changed file, in the context of what could be
-read last of the others; it is what a keystroke waits for. `survey` is about the whole folder, and makes the
-model that completion, hover and the rest ask.
+After a change, `check` looks at the changed file only, beside the last readable text of the others: a
+keystroke waits for that. `survey` looks at the whole folder, and makes the model that completion, hover and
+the rest use.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ Found = tuple[Diagnostic, ...]
 class Folder:
     """A folder with a lifecycle, missions, parts in `parts/` and bindings in `bindings/`.
 
-    `catalog` is what its missions can use, as it could be read last.
+    `catalog` is what its missions can use, by the last readable bindings.
     """
 
     def __init__(self, path: Path, catalog: Catalog) -> None:
@@ -126,7 +126,7 @@ class Folder:
         return tuple(d for d in inspection.found if d.place.file == str(path))
 
     def refresh(self) -> None:
-        """See that the model is of what can be read now."""
+        """Make the model anew if a text has changed."""
         if self._changed:
             for path in self._open:
                 if self._readable.get(path) != self._open[path].encode():
@@ -158,7 +158,7 @@ class Folder:
         return self._inspect(self.missions(), {**self._texts(), **{p: t.encode() for p, t in texts.items()}})
 
     def _texts(self) -> dict[Path, bytes]:
-        """Return what to read for the open files: what could be read of them last."""
+        """Return the last readable text of each open file."""
         return {path: self._readable.get(path, text.encode()) for path, text in self._open.items()}
 
     def _inspect(self, missions: Iterable[Path], texts: Mapping[Path, bytes]) -> Inspection:

@@ -1,6 +1,6 @@
 """What the models of the language allow at a path: keys, names, elements; and what a text there stands for.
 
-All of it is read off the models in `chart.documents`: what may be written, and what a text there means.
+The models in `chart.documents` say both.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ class Spot:
 
     @property
     def field(self) -> FieldInfo | None:
-        """The model's own word on the key."""
+        """The model's field for the key."""
         return fields_of(self.holder).get(self.key) if self.holder else None
 
     @property

@@ -26,7 +26,7 @@ class Hover:
 
 
 def hover(folder: Folder, path: Path, offset: int) -> Hover | None:
-    """Return what there is to say of the name at an offset."""
+    """Return the description of the name at an offset."""
     root = folder.kind(path)
     if root is None:
         return None
@@ -52,7 +52,7 @@ def _text(folder: Folder, path: Path, root: type[Node], mention: Mention) -> str
 
 
 def _word(root: type[Node], mention: Mention) -> str:
-    """Say what a word of the language is for, or the key that one of a few words was chosen for."""
+    """Describe a key of the language; for one of its fixed words, the key that it stands under."""
     spot = spot_at(root, mention.path)
     if spot is None or spot.holder is None or spot.field is None:
         return ""
@@ -60,7 +60,7 @@ def _word(root: type[Node], mention: Mention) -> str:
 
 
 def _state(model: Model, path: Path, mention: Mention) -> str:
-    """Say what a state is; a name in a part may mean another one for each use."""
+    """Describe a state; in a part, a name may mean a different one for each use."""
     found = {draft.name: draft for draft in model.find(path, mention)}
     texts = []
     for name, draft in found.items():
@@ -171,7 +171,7 @@ def _field(folder: Folder, model: Model, path: Path, mention: Mention) -> str:
 
 
 def _typed(folder: Folder, model: Model, path: Path, mention: Mention) -> str:
-    """Say of what type something in an expression is."""
+    """Return the type of a name in an expression."""
     scope = model.scope(path, mention.path, folder.scan(path))
     kind = type_of(scope, mention.so_far.split("."))
     if kind is None:
@@ -184,6 +184,6 @@ def _typed(folder: Folder, model: Model, path: Path, mention: Mention) -> str:
 
 
 def _summary(folder: Folder, section: str, name: str) -> str:
-    """Return the sentence that a declaration says of itself."""
+    """Return the summary in a declaration."""
     texts = (folder.scan(file).value(section, name, "summary") for file in folder.files())
     return next((text for text in texts if text), "")

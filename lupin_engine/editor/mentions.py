@@ -1,6 +1,6 @@
-"""What a text speaks of, and where: every name of a state, a parameter, an operation, ... with its place.
+"""Names in a text with their places: of states, parameters, operations and so on.
 
-A mention says what kind of thing is meant and what it is called there; which thing that is, `model` knows.
+A mention has the kind and the name of a thing; `model` finds the thing itself.
 """
 
 from __future__ import annotations
@@ -35,8 +35,8 @@ STATES = (Meaning.STATE, Meaning.CHILD, Meaning.ANYWHERE)
 class Mention:
     """A name in a text. `whole` is the dotted text that it is the word number `index` of.
 
-    `path` is that of the key or value around it, `of` what an argument or a binding belongs to. `declares`
-    tells that the thing is made here.
+    `path` is that of the key or value around it, `of` the owner of an argument or a binding. `declares`: the
+    thing is declared here.
     """
 
     meaning: Meaning

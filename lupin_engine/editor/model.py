@@ -1,6 +1,6 @@
-"""What names mean in the missions of a folder, as far as they could be read last.
+"""What names mean in the missions of a folder, by their last readable texts.
 
-The text in the editor may be ahead of this; so everything here is asked by names and paths, never by places.
+The text in the editor may be newer, so names and paths are looked up here, never places.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from lupin_engine.missions.load import Inspection
 from lupin_engine.plugin.registry import Catalog
 from lupin_engine.plugin.types import ANY, Type
 
-#: A state where its text stands: the file, and the names from the top of that file.
+#: The text of a state: its file, and the names from the top of that file.
 Written = tuple[Path, tuple[str, ...]]
 
 
@@ -97,7 +97,7 @@ class Model:
         found = []
         for draft in self.drafts_at((file, states_of(mention.path))):
             if mention.meaning is Meaning.CHILD:
-                found += _descend(draft, mention.so_far)
+                found += descend(draft, mention.so_far.split("."))
             else:
                 found += self._forest.find(mention.so_far, draft)[:1]
         return found
@@ -185,9 +185,10 @@ def steps_of(local: Iterable[str]) -> Steps:
     return tuple(step for name in local for step in ("states", name))
 
 
-def _descend(draft: Draft, name: str) -> list[Draft]:
+def descend(draft: Draft, names: Iterable[str]) -> list[Draft]:
+    """Return the state that names lead to from a state around it; nothing where they lead nowhere."""
     found: Draft | None = draft
-    for word in name.split("."):
+    for word in names:
         found = found.children.get(word) if found is not None else None
     return [found] if found is not None else []
 

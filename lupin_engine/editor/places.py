@@ -41,7 +41,7 @@ _SECTIONS: Mapping[Meaning, str] = {
     Meaning.FIELD: "request",
     Meaning.INVARIANT: "invariants",
 }
-#: What such a thing is made with in a plugin's catalog, and the family that says whose it is.
+#: The class of such a thing in a plugin's catalog, and its family among the owners of the registry.
 _MADE_BY: Mapping[Meaning, tuple[str, str]] = {
     Meaning.OPERATION: ("Operation", ""),
     Meaning.ACTION: ("Action", ""),

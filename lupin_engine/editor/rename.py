@@ -1,8 +1,8 @@
 """Renaming a state: every word in the folder that means it, or a reason why not.
 
-What would come out is composed before anything is changed: states, targets and everything that in_state asks
-for must be the same as before, but for the name. So a new name that hides another state, or is hidden by one,
-is refused with what would happen.
+The new texts are composed before anything is changed: but for the name, states, targets and the states that
+in_state asks for must stay the same. So a new name that hides another state, or is hidden by one, is refused
+with the consequence.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
-"""Where everything stands in a text that is being typed: keys and values with their path from the top.
+"""Keys and values of a text that is being typed, each with its place and its path from the top.
 
 `chart.source` reads a file as YAML does, and stops at the first mistake. While somebody types there is always
-one, so this scanner never stops: it goes by indentation and brackets, and gives up a bracket or a quote that
-was not closed where the text goes on outside of it. On YAML without mistakes both find the same keys and
-values in the same places, which a test holds for every mission of the repository.
+one, so this scanner never stops: it follows indentation and brackets, and closes an open bracket or quote at
+the first line that cannot belong to it. On YAML without mistakes both find the same keys and values in the
+same places; a test compares them for every mission of the repository.
 
 Offsets count characters from 0. A path is made of keys and of indices in lists.
 """
@@ -65,9 +65,9 @@ class Token:
 
 @dataclass(frozen=True)
 class Cursor:
-    """Where one is in a text: role and path as of a token, and the token that is there, if there is one.
+    """A place in a text: role and path of the token there, or of the one that could be typed there.
 
-    `start` and `end` are what would be replaced by another word.
+    `start` and `end` enclose what a completion replaces.
     """
 
     role: TokenRole
@@ -102,7 +102,7 @@ class Lines:
 
 
 class Scan:
-    """What was found in a text."""
+    """The tokens of a text, by place and by path."""
 
     def __init__(self, text: str) -> None:
         self.text = text
@@ -159,7 +159,7 @@ class Scan:
         return self._on_blank_line(line, column, offset) if not row.strip() else None
 
     def _token_before(self, offset: int) -> Token | None:
-        """Return the value that goes on here once more is typed than blanks."""
+        """Return the plain value before the cursor, where only blanks lie between: typing continues it."""
         index = bisect.bisect_right(self._starts, offset) - 1
         if index < 0:
             return None
@@ -182,7 +182,7 @@ def scan(text: str) -> Scan:
 
 
 class _Frame:
-    """What lines further to the right belong to: a key or an element of a list, and the column it is in."""
+    """A key or list element with its column; lines that are indented further belong to it."""
 
     __slots__ = ("column", "filled", "is_element", "items", "parent", "path")
 
@@ -196,7 +196,7 @@ class _Frame:
 
 
 class _Cut(Exception):
-    """A bracket or quote was not closed; the text goes on in the next line."""
+    """An unclosed bracket ends here: the next line does not belong to it."""
 
 
 class _Scanner:
@@ -370,7 +370,7 @@ class _Scanner:
         return done if done > at else at + 1
 
     def _gap(self, at: int, role: TokenRole, path: Steps, base: int, remember: bool = True) -> int:
-        """Skip blanks, comments and line ends to the next sign; what is typed there would be at `path`.
+        """Skip blanks, comments and line ends to the next sign; what is typed between gets `path`.
 
         Raises:
             _Cut: the next line does not belong to the brackets any more.

@@ -1,8 +1,8 @@
-"""The language server: pygls on one side, the questions of this room on the other.
+"""The language server: connects the protocol (pygls) with the functions of this package.
 
-What needs an answer at once (completion) asks the last model; what may wait a moment (hover, definition,
-rename) has the model made anew when a text has changed. After a keystroke the changed file is checked and its
-findings are published; the other files follow when typing pauses.
+Completion must be immediate and uses the last model; hover, definition and rename make it anew when a text
+has changed. After a keystroke the changed file is checked and its findings are published; the other files
+follow when typing pauses.
 """
 
 from __future__ import annotations
@@ -181,7 +181,7 @@ class LupinServer(LanguageServer):
         return lsp.Location(self.uri(place.file), self.range(text, place.start, place.end))
 
     def at(self, document: lsp.TextDocumentIdentifier, position: lsp.Position) -> tuple[Folder, Path, int]:
-        """Return what a question is about: the folder, the file and the offset in it."""
+        """Return the folder, the file and the offset that a request is about."""
         path = path_of(document.uri)
         folder = self.folder(path)
         return folder, path, self.offset(folder.scan(path), position)
@@ -332,7 +332,7 @@ def _answer_rename(server: LupinServer) -> None:
 
 
 def _or_refuse(work: Callable[[], _T]) -> _T:
-    """Return what some work comes to; its refusal becomes the answer that the client shows."""
+    """Return the result of a call; its refusal becomes the error that the client shows."""
     try:
         return work()
     except Refused as reason:

@@ -37,7 +37,7 @@ AT_ONCE_S = 1.0
 SCHEDULED = Path("/proc/thread-self/schedstat")
 #: Seconds between two looks at the network while a driver misses somebody.
 LOOK_S = 1.0
-#: Seconds after which an attempt is cancelled of which nobody knows whether there is a server for it.
+#: Seconds after which an attempt that may have no server is cancelled.
 TRY_S = 5.0
 #: Seconds that a process gets to end when it is asked to.
 LEAVING_S = 5.0
@@ -176,7 +176,7 @@ def last_words(log: str) -> str:
 
 
 def _time_of_ours() -> float:
-    """Return the time, without what this thread has spent waiting for a processor: no driver blocks then."""
+    """Return the time without this thread's waits for a processor, which are no fault of the driver."""
     try:
         waited = int(SCHEDULED.read_text().split()[1])
     except (OSError, IndexError, ValueError):  # another system, or a kernel that does not count
@@ -238,7 +238,7 @@ class Bench:
         return found
 
     def close_driver(self) -> None:
-        """Close the driver; the referee takes every report from now on for a mistake."""
+        """Close the driver; from now on the referee notes every report as a mistake."""
         self._open.remove(self.driver)
         self.quickly("close()", self.driver.close)
         self.referee.closed = True
@@ -294,7 +294,7 @@ class Bench:
             raise ContractBroken("\n".join(apart))
 
     def look_around(self) -> None:
-        """Give discovery its time: of what is just found the name is not known yet."""
+        """Wait for discovery: the name of a node that was just found is not known yet."""
         end = time.monotonic() + LOOK_S
         self.until(lambda: time.monotonic() > end, "a look around")
 
@@ -315,7 +315,7 @@ class Bench:
         return known
 
     def prepare(self, operation: str) -> None:
-        """Do what comes before an operation, and reach its servers where the driver does not name them."""
+        """Carry out the operations before this one, and reach servers that the driver does not name."""
         for earlier in self._setting.first.get(operation, ()):
             self.succeed(earlier)
         if not self.waits:
@@ -339,7 +339,7 @@ class Bench:
             raise ContractBroken(f"{attempt}: {known}; give arguments with which it succeeds")
 
     def _insist(self, operation: str) -> str:
-        """Try until an attempt is done: a driver that waits for nobody cannot say when it could work."""
+        """Repeat attempts until one is done: a driver that does not wait names no missing server."""
         done: list[str] = []
         attempt, given_up = self.begin(operation), time.monotonic() + TRY_S
 
@@ -440,7 +440,7 @@ def _closed_after(bench: Bench) -> Iterator[None]:
 
 @contextlib.contextmanager
 def _on_domain(domain: int) -> Iterator[None]:
-    """Let nodes that are made, and processes that are started, be on a domain of this machine only."""
+    """Put the nodes and processes that are started inside on a domain, on this machine only."""
     wanted = {"ROS_DOMAIN_ID": str(domain), "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
     before = {name: os.environ.get(name) for name in wanted}
     os.environ.update(wanted)

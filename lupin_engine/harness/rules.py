@@ -26,11 +26,11 @@ Given = Mapping[str, Mapping[str, Any]]
 
 #: What a request may carry where a reader expects something else.
 ODD: tuple[Any, ...] = ("", "no such thing", 0, -1.5, True, None, [], {}, ["", {}], {"": None})
-#: Loaded, they say that ROS is: rclpy, and what every message package imports.
+#: Modules that mean that ROS was imported: rclpy, and what every message package imports.
 ROS = ("rclpy", "rosidl_parser")
 #: Seconds that loading a catalog may take in a new process, on a busy machine.
 LOADING_S = 30.0
-#: Where something is in memory, in what Python prints of it.
+#: The memory address in the `repr` of an object.
 _ADDRESS = re.compile(r" at 0x[0-9a-f]+")
 
 
@@ -88,7 +88,7 @@ def registered(subject: PluginUnderTest) -> Iterator[str]:
 
 @dataclass(frozen=True)
 class Elsewhere:
-    """What loading a catalog in a process of its own came to: what of ROS it imports, and what it is."""
+    """A catalog as a process of its own loads it, and the ROS modules that this imports."""
 
     ros: tuple[str, ...]
     catalog: Mapping[str, str]
@@ -122,7 +122,7 @@ def load_elsewhere(point: EntryPoint) -> Elsewhere | str:
 
 
 def as_told(plugin: object) -> dict[str, str]:
-    """Return all that a catalog declares as texts, by what people call it; where it is in memory left out."""
+    """Return everything that a catalog declares as texts, by name, without memory addresses."""
     found: dict[str, str] = {}
     for part in fields(plugin) if isinstance(plugin, Plugin) else ():
         value = getattr(plugin, part.name)
