@@ -39,8 +39,8 @@ class GivenOptions:
 class CheckedOptions:
     """The options of `run` and `up`, read against what missions and nodes declare.
 
-    What is wrong with any of them is collected in `problems`; `values` are those of the missions' parameters
-    that can be used.
+    `problems` collects what is wrong with any of them; `values` are the valid ones of the missions'
+    parameters.
     """
 
     def __init__(self, wanted: GivenOptions, loaded: LoadedMissions, catalog: Catalog) -> None:
@@ -181,7 +181,7 @@ class CheckedOptions:
         return f"{', '.join(self._loaded.names)} has no use for"
 
     def _insisted(self, given: Mapping[str, ParameterValues]) -> dict[str, str]:
-        """Name the nodes that must be ours, because an option sets something of theirs, with that option."""
+        """Return the nodes that must be ours, each with the option that sets a parameter of it."""
         found = {ORCHESTRATOR: "--set"} if of_the_mission(self._wanted.settings) else {}
         option = "--sim" if self._wanted.sim else "--speed"
         simulated = {name: option for name in simulators(self._catalog) if given.get(name)}
@@ -190,6 +190,6 @@ class CheckedOptions:
 
 
 def _faster(speed: float, declared: Mapping[str, Parameter]) -> dict[str, Any]:
-    """Return the speed of a simulated robot that is so many times as fast as usual."""
+    """Return the parameter `speed` of a simulated robot, as a multiple of its default."""
     spec = declared.get("speed")
     return {"speed": spec.default * speed} if spec is not None and speed != 1.0 else {}

@@ -1,4 +1,4 @@
-"""The crash log of a defect of the engine, in a form that can be sent as a report."""
+"""The crash log of a defect, complete enough to be sent as a report."""
 
 from __future__ import annotations
 

@@ -135,9 +135,9 @@ def _author_of_node(name: str) -> str:
 
 
 def _imported(name: str) -> ModuleType:
-    """Import a module; nothing is collected meanwhile, a tenth of a cold start: what modules make stays.
+    """Import a module without collecting garbage: what modules make stays, and a start is a tenth faster.
 
-    Nor is it worth much afterwards: most verbs are done before there is garbage to speak of.
+    Afterwards the collector runs rarely: most verbs end before they leave much garbage.
     """
     if name in sys.modules:
         return sys.modules[name]

@@ -1,7 +1,7 @@
 """Verbs that installed packages bring: entry points of the group `lupin.verbs`, each naming a click command.
 
-Nothing of a package is imported before its verb is called. The line in the list of verbs is therefore read
-off the source: the first paragraph of the docstring of the function that the entry point names.
+A package is imported when its verb is called, not before. So the line in the list of verbs comes from the
+source: the first paragraph of the docstring of the function that the entry point names.
 """
 
 from __future__ import annotations

@@ -11,10 +11,10 @@ from lupin_engine.missions.load import LoadedMissions
 
 
 def check_fields(loaded: LoadedMissions, request: Mapping[str, Any]) -> None:
-    """Check that a request of the first mission has a field for what is given.
+    """Check that the request of the first mission has a field for everything that is given.
 
     Raises:
-        UsageError: it has none, and would ignore it.
+        UsageError: it lacks one, and would ignore the value.
     """
     problems = Problems(UsageError)
     fields = loaded.chart.missions[loaded.names[0]].request
@@ -30,7 +30,7 @@ def check_fields(loaded: LoadedMissions, request: Mapping[str, Any]) -> None:
 
 
 def carried(chart: Chart, request: Mapping[str, Any]) -> dict[str, Any]:
-    """Return what a start of the chart's missions carries of what options give."""
+    """Return the values of options that the request of the chart's missions has a field for."""
     return {name: value for name, value in request.items() if name in chart.profile.request}
 
 

@@ -73,7 +73,7 @@ def writable(folder: Path, what: str = "logs") -> Path:
 
 
 def name_of_now() -> str:
-    """Return a name of time and process for what this process leaves; such names sort by age."""
+    """Return a name of time and process id for the files of this process; such names sort by age."""
     return f"{time.strftime('%Y-%m-%d_%H-%M-%S')}_{os.getpid()}"
 
 

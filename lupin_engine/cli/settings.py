@@ -21,14 +21,14 @@ def settings_in(
     node: str = "",
     elsewhere: Callable[[str], str] = lambda name: "",
 ) -> tuple[dict[str, Any], list[str]]:
-    """Return the checked values, in base units, of what was given as `name=value`, and what is wrong with it.
+    """Return the valid values of what was given as `name=value`, in base units, and the problems of the rest.
 
-    That is: no `=`, an unknown name, a value of another type or out of range.
+    Problems are: no `=`, an unknown name, a value of another type or out of range.
 
     Args:
         option: the option that gave it.
-        given: as it was written, of a node without the node's name before it.
-        declared: the parameters that there are.
+        given: the texts as written; those of a node without the node's name.
+        declared: all parameters, by name.
         node: whose parameters they are; '' for the mission's.
         elsewhere: says where a name belongs that is not declared here (see `plugin.parameters.sorted_out`).
     """

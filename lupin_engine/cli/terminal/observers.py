@@ -90,7 +90,7 @@ class LiveObserver:
         self._console.print(Text(text, style))
 
     def arrived(self, kind: str, data: Mapping[str, Any], monitor: RunMonitor) -> None:
-        """Draw at once when something is new."""
+        """Draw at once for everything but a published state."""
         if kind != "state":
             self._draw(monitor)
 

@@ -134,7 +134,7 @@ def watch_paths(
 
 
 def run_check(paths: Sequence[str | Path], catalog: Catalog) -> Checked:
-    """Check what `paths` name; what is meant twice is checked once. Errors as for `check_paths`."""
+    """Check what `paths` name, each file once. Errors as for `check_paths`."""
     from lupin_engine.bindings.catalog import BINDINGS, bound_catalog
     from lupin_engine.chart.findings import Findings
     from lupin_engine.cli.terminal.findings import Checked
@@ -163,7 +163,7 @@ def run_check(paths: Sequence[str | Path], catalog: Catalog) -> Checked:
 
 
 def _misfits(bound: BoundCatalog | None) -> tuple[Diagnostic, ...]:
-    """Return where bindings do not fit the interfaces that are installed here."""
+    """Return the findings of bindings that do not fit the interfaces installed here."""
     bindings = bound.bindings.values() if bound is not None else ()
     if not bindings:
         return ()
