@@ -300,7 +300,7 @@ def text_of(found: Schema) -> str:
 
 
 def write(folder: Path, schemas: Mapping[str, Schema], done: Callable[[Path], None]) -> None:
-    """Write one file for each kind, and the one that serves them all."""
+    """Write one file for each kind."""
     folder.mkdir(parents=True, exist_ok=True)
     for name, found in schemas.items():
         path = folder / file_name(name)

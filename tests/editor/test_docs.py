@@ -19,9 +19,9 @@ EXTENSION = ROOT / "editors" / "vscode"
 
 @pytest.mark.parametrize("block", re.findall(r"```json\n(.*?)```", TEXT, re.DOTALL))
 def test_settings_are_json(block: str) -> None:
-    """And the files that they name are there."""
+    """And the schema that they name is the one that a command of the page makes."""
     for path in json.loads(block).get("yaml.schemas", {}):
-        assert (ROOT / path).is_file()
+        assert f"lupin schema > {path}\n" in TEXT
 
 
 def test_the_schema_is_found_from_a_mission() -> None:

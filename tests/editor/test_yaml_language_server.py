@@ -1,4 +1,4 @@
-"""The published schema in the server that editors use for YAML: redhat's yaml-language-server.
+"""The schema in the server that editors use for YAML: redhat's yaml-language-server.
 
 It is installed once into a cache outside of the repository; its version is fixed here.
 """
@@ -14,10 +14,11 @@ from typing import Any
 
 import pytest
 
+from lupin_engine.cli.verbs.schema import schemas
+from lupin_engine.editor.schema import ANY_KIND, text_of
 from tests.editor.client import Client, at
 
 VERSION = "2.0.0"
-SCHEMA = Path(__file__).parents[2] / "docs" / "schema" / "lupin.schema.json"
 #: What a modern editor says that it can show.
 CAPABILITIES = {
     "workspace": {"configuration": True},
@@ -53,11 +54,13 @@ def installed() -> Path:
 def server(installed: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Client]:
     """One server that reads our schema for all YAML."""
     root = tmp_path_factory.mktemp("workspace")
+    schema = root / "lupin.schema.json"
+    schema.write_text(text_of(schemas()[ANY_KIND]), encoding="utf-8")
     node = shutil.which("node")
     assert node is not None
     client = Client([node, str(installed), "--stdio"], root, CAPABILITIES)
     settings = {
-        "schemas": {SCHEMA.as_uri(): "*.yaml"},
+        "schemas": {schema.as_uri(): "*.yaml"},
         "validate": True,
         "completion": True,
         "hover": True,
@@ -191,9 +194,6 @@ def test_completes_names_of_plugins(
     installed: Path, missions: Path, tmp_path_factory: pytest.TempPathFactory
 ) -> None:
     """With the schema that knows the catalog: operations, and what they say of themselves."""
-    from lupin_engine.cli.verbs.schema import schemas
-    from lupin_engine.editor.schema import ANY_KIND, text_of
-
     root = tmp_path_factory.mktemp("catalog")
     schema = root / "lupin.schema.json"
     schema.write_text(text_of(schemas(with_names=True)[ANY_KIND]), encoding="utf-8")

@@ -32,7 +32,10 @@ ONE_ALONE = ("MockNode.then",)
 @click.argument("kind", required=False)
 @click.option("--catalog", "with_names", is_flag=True, help="Include the names that the plugins offer.")
 @click.option(
-    "--write", "folder", type=click.Path(file_okay=False, path_type=Path), help="Write all of them there."
+    "--write",
+    "folder",
+    type=click.Path(file_okay=False, path_type=Path),
+    help="Write one of each kind there.",
 )
 def schema(kind: str | None, with_names: bool, folder: Path | None) -> int:
     """Print the JSON Schema of a KIND of file.
@@ -52,6 +55,7 @@ def schema(kind: str | None, with_names: bool, folder: Path | None) -> int:
         click.echo(text_of(found[kind]), nl=False)
         return 0
     try:
+        del found[ANY_KIND]  # made when somebody asks for it: it repeats the others
         write(folder, found, lambda path: click.echo(path))
     except OSError as problem:
         raise UsageError(f"cannot write to {str(folder)!r}: {problem.strerror}") from problem
