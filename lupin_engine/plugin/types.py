@@ -248,8 +248,28 @@ def problems(value: Any, wanted: Type, notation: Notation = Notation.SETTING) ->
     This is the one place that decides it; who asks formats the answer.
     """
     found: list[ValueProblem] = []
-    _collect(value, wanted, notation, (), found)
+    if notation is not Notation.DATA or not _plainly_fits(value, wanted):
+        _collect(value, wanted, notation, (), found)
     return found
+
+
+def _plainly_fits(value: Any, wanted: Type) -> bool:
+    """Say whether data is of a type at first sight, as nearly all is; else `_collect` says what is wrong."""
+    made, kind, item = type(value), wanted.kind, wanted.item
+    if made is float:
+        low, high = wanted.minimum, wanted.maximum
+        in_range = (low is None or value >= low) and (high is None or value <= high)
+        return kind == "number" and in_range and math.isfinite(value)
+    if made is str:
+        return kind == "text" and not wanted.values and not wanted.pattern
+    if made is dict and kind == "record":
+        for name, inner in wanted.fields.items():
+            if name not in value or not _plainly_fits(value[name], inner):
+                return False
+        return True
+    if made is list and kind == "list" and item is not None:
+        return all(_plainly_fits(element, item) for element in value)
+    return made is bool and kind == "bool"
 
 
 def convert(value: Any, wanted: Type) -> Any:
