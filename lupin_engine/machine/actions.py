@@ -14,26 +14,22 @@ from lupin_engine.errors import reason
 from lupin_engine.machine.event import Act, InternalEvent, Report, Trigger
 from lupin_engine.machine.itineraries import Itineraries
 from lupin_engine.machine.memory import Visit
-from lupin_engine.machine.scope import CONTEXT, EvaluationScope, check_range, worked_out
+from lupin_engine.machine.scope import CONTEXT, Arguments, EvaluationScope
 from lupin_engine.machine.step import Macrostep
 from lupin_engine.plugin.profile import Publication
 
 
 class CompiledAction:
-    """An action with what is known of it before it is carried out.
+    """An action with what is known of it before it is carried out."""
 
-    `checked` are the arguments that are worked out, each with the type that the catalog declares.
-    """
-
-    __slots__ = ("builtin", "call", "checked", "publication", "values")
+    __slots__ = ("arguments", "builtin", "call", "publication")
 
     def __init__(self, call: ActionCall, chart: Chart) -> None:
         declared = chart.catalog.actions.get(call.name)
         self.call = call
         self.builtin = _BUILTINS.get(call.name)
         self.publication = chart.profile.publications.get(call.name)
-        self.values = tuple((name, value.evaluate) for name, value in call.arguments.items())
-        self.checked = worked_out(call.arguments, declared.arguments if declared else {})
+        self.arguments = Arguments(call.arguments, declared.arguments if declared else {})
 
 
 class ExecutableContent:
@@ -63,10 +59,7 @@ class ExecutableContent:
 
     def _run(self, action: CompiledAction, state: str, trigger: Trigger, step: Macrostep) -> None:
         scope = self._scope
-        env = scope.at(state, step.now, trigger)
-        arguments = {name: evaluate(env) for name, evaluate in action.values}
-        if action.checked:
-            check_range(arguments, action.checked)
+        arguments = action.arguments.evaluate(scope.at(state, step.now, trigger))
         if action.builtin is not None:
             action.builtin(self, arguments, state, step)
         elif action.publication is not None:

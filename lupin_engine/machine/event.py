@@ -38,7 +38,7 @@ _FIELDS: Mapping[str, Mapping[str, type | tuple[type, ...]]] = MappingProxyType(
     {
         "attempt.accepted": {"attempt": str},
         "attempt.progress": {"attempt": str, "detail": str},
-        "attempt.done": {"attempt": str, "result": Mapping},
+        "attempt.done": {"attempt": str, "result": (dict, Mapping)},
         "attempt.failed": {"attempt": str, "code": str, "detail": str},
         "attempt.cancelled": {"attempt": str},
         "value": {"name": str, "value": object, "stamp": (int, float)},

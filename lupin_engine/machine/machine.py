@@ -81,7 +81,7 @@ class Machine:
         self._table: DispatchTable = dispatch_table(world.chart)
         self.scope = scope = EvaluationScope(world, self.memory)
         self._content = ExecutableContent(scope, self._table.actions)
-        self._operations = Operations(scope, self._content)
+        self._operations = Operations(scope, self._content, self._table.arguments)
         self._holds = Holds(scope, self._table.hold_reads, (self._content, self._operations))
         self._requests = Requests(scope, self._holds, self._table.structure)
         self._inputs = Inputs(scope)
@@ -281,7 +281,9 @@ class Machine:
             if rules:
                 self._take(rules, NO_TRIGGER)
                 return True
-        self.scope.calm_until = min(self._holds.calm_until, watch.calm_until)
+        scope = self.scope
+        scope.calm_until = min(self._holds.calm_until, watch.calm_until)
+        scope.level_reads = CONFIGURATION | self._table.hold_reads.parts | levels.reads.parts
         return False
 
     def _come_back_to(self, event: Event) -> None:
@@ -352,7 +354,7 @@ class Machine:
             self._level_watch.settle(levels.reads, scope, self._step.now)
             return []
         offered = [
-            [r for r in rules if passes(r, held) and (not r.event or inputs.holds(r.event))]
+            [r for r in rules if (not held or passes(r, held)) and (not r.event or inputs.holds(r.event))]
             for rules in levels.offered
         ]
         scope.doubtful = False

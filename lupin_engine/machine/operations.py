@@ -28,7 +28,7 @@ from lupin_engine.machine.actions import ExecutableContent
 from lupin_engine.machine.event import Cancel, Event, InternalEvent, Start, Trigger
 from lupin_engine.machine.holds import is_held_back, passes
 from lupin_engine.machine.memory import Attempt, Invocation, Phase
-from lupin_engine.machine.scope import OPERATIONS, EvaluationScope, Watch, evaluated
+from lupin_engine.machine.scope import OPERATIONS, Arguments, EvaluationScope, Watch
 from lupin_engine.machine.step import EXECUTION_CODE, Macrostep
 from lupin_engine.machine.structure import Configuration
 from lupin_engine.machine.timers import seconds
@@ -75,12 +75,21 @@ LIFE: Mapping[tuple[Phase, str], Phase | None] = MappingProxyType(
 class Operations:
     """The invocations and attempts of one machine."""
 
-    __slots__ = ("_content", "_scope", "_watch")
+    __slots__ = ("_arguments", "_content", "_scope", "_watch")
 
-    def __init__(self, scope: EvaluationScope, content: ExecutableContent) -> None:
-        """Make the operations of a machine; `content` runs what a `for_each` does about an element's end."""
+    def __init__(
+        self, scope: EvaluationScope, content: ExecutableContent, arguments: dict[int, Arguments]
+    ) -> None:
+        """Make the operations of a machine.
+
+        Args:
+            scope: that of the machine.
+            content: runs what a `for_each` does about an element's end.
+            arguments: those of the chart's invokes, by id of the invoke.
+        """
         self._scope = scope
         self._content = content
+        self._arguments = arguments
         self._watch = Watch()
         scope.watches.append(self._watch)
 
@@ -218,7 +227,7 @@ class Operations:
         invoke = self._invoke(invocation)
         env = self._scope.see(invocation.state, step, _cause(invocation))
         try:
-            arguments = evaluated(invoke.arguments, invoke.operation.arguments, env)
+            arguments = self._arguments_of(invoke).evaluate(env)
             timeout = seconds(invoke.timeout.evaluate(env)) if invoke.timeout else None
         except Exception as problem:
             self._signal(
@@ -238,6 +247,13 @@ class Operations:
         else:
             step.note(f"{attempt.operation} waits until {other.operation} has ended")
 
+    def _arguments_of(self, invoke: Invoke) -> Arguments:
+        found = self._arguments.get(id(invoke))
+        if found is None:
+            # The chart keeps its invokes as long as it lives, so that an id means one of them.
+            found = self._arguments[id(invoke)] = Arguments(invoke.arguments, invoke.operation.arguments)
+        return found
+
     def _count(self, invocation: Invocation, by: int) -> None:
         """Count a try, or take it back, for the visit that it serves: the open one of a state around it."""
         traversal = self._scope.memory.traversal
@@ -248,14 +264,15 @@ class Operations:
             tries[name] = tries.get(name, 0) + by
 
     def _move(self, attempt: Attempt, word: str, step: Macrostep) -> None:
-        """Lead an attempt on in its life; one that has ended is forgotten, and its resources are free."""
-        self._scope.touch(OPERATIONS)
+        """Lead an attempt on in its life; one that has ended or is lost leaves its resources free."""
         phase = LIFE[attempt.phase, word]
+        if phase is None or phase is Phase.LOST:
+            self._scope.touch(OPERATIONS)
         if phase is not None:
             attempt.phase = phase
             return
-        self._scope.timers.disarm("timeout", attempt.id)
-        self._scope.timers.disarm("cancel", attempt.id)
+        deadline = "cancel" if attempt.phase is Phase.CANCELLING else "timeout"
+        self._scope.timers.disarm(deadline, attempt.id)
         del self._scope.memory.attempts[attempt.id]
 
     def _before(self, attempt: Attempt) -> Attempt | None:
@@ -275,6 +292,8 @@ class Operations:
     def _start_waiting(self, step: Macrostep) -> bool:
         """Start the attempts whose resources have become free; say whether there were any."""
         waiting = [found for found in self._scope.memory.attempts.values() if found.phase is Phase.WAITING]
+        if not waiting:
+            return False
         free = [attempt for attempt in waiting if self._before(attempt) is None]
         for attempt in free:
             self._start(attempt, step)
@@ -328,7 +347,8 @@ class Operations:
             self._end_current(kind, attempt, event.data, step)
 
     def _has_answered(self, attempt: Attempt) -> bool:
-        return any(_is_about(event, attempt) for event in self._scope.memory.deferred)
+        deferred = self._scope.memory.deferred
+        return bool(deferred) and any(_is_about(event, attempt) for event in deferred)
 
     def _may_pass(self, attempt: Attempt, kind: str) -> bool:
         """Say whether the engaged holds let through whatever may follow the end of an operation.

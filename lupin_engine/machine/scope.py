@@ -20,7 +20,7 @@ from lupin_engine.machine.memory import Memory, Traversal
 from lupin_engine.machine.step import Macrostep
 from lupin_engine.machine.timers import Timers
 from lupin_engine.plugin.contract import Argument
-from lupin_engine.plugin.types import Notation, Type, problems
+from lupin_engine.plugin.types import Notation, problems
 
 
 @dataclass(frozen=True)
@@ -205,6 +205,7 @@ class EvaluationScope(dict[str, Any]):
         "chart",
         "doubtful",
         "inputs",
+        "level_reads",
         "memory",
         "timers",
         "watches",
@@ -222,6 +223,8 @@ class EvaluationScope(dict[str, Any]):
         self.doubtful = False
         #: Until when no level and no eventless transition can become true, if nothing changes.
         self.calm_until = -math.inf
+        #: The parts that decide on those.
+        self.level_reads = _EVERYTHING
         self._state = ""
         self._trigger = NO_TRIGGER
         self.inputs = LiveInputs(world.chart, memory)
@@ -231,6 +234,7 @@ class EvaluationScope(dict[str, Any]):
         self["input"] = self.inputs
         self["context"] = memory.context
         self["request"] = memory.request
+        self["functions"] = world.functions
 
     def at(self, state: str, now: float, trigger: Trigger = NO_TRIGGER) -> Environment:
         """Return what an expression written in `state` sees now; good until the next call."""
@@ -263,7 +267,8 @@ class EvaluationScope(dict[str, Any]):
 
     def touch(self, part: int) -> None:
         """Tell the watches that a part of what expressions see has changed."""
-        self.calm_until = -math.inf
+        if part & self.level_reads:
+            self.calm_until = -math.inf
         for watch in self.watches:
             watch.unseen |= part
 
@@ -307,7 +312,6 @@ _ASKED_SELDOM: Mapping[str, Callable[[EvaluationScope], Any]] = MappingProxyType
         "known": lambda env: env.inputs.known,
         "held": lambda env: env.memory.held.__contains__,
         "in_state": lambda env: env.in_state,
-        "functions": lambda env: env.world.functions,
     }
 )
 
@@ -335,32 +339,34 @@ def _itinerary(traversal: Traversal | None) -> Mapping[str, Any]:
     }
 
 
-def evaluated(
-    values: Mapping[str, Value], declared: Mapping[str, Argument], env: Environment
-) -> dict[str, Any]:
-    """Return the arguments of an invoke or an action as they are now; errors as for `check_range`."""
-    arguments = {name: value.evaluate(env) for name, value in values.items()}
-    check_range(arguments, worked_out(values, declared))
-    return arguments
-
-
-def worked_out(values: Mapping[str, Value], declared: Mapping[str, Argument]) -> tuple[tuple[str, Type], ...]:
-    """Return the declared arguments that are not written out, with their types."""
-    names = [name for name in declared if isinstance(values.get(name), Expression)]
-    return tuple((name, declared[name].type) for name in names)
-
-
-def check_range(arguments: Mapping[str, Any], checked: Iterable[tuple[str, Type]]) -> None:
-    """Hold what a mission computes against what the catalog declares.
+class Arguments:
+    """The arguments of an invoke or an action.
 
     Kinds and units were checked at load, and so was the range of what is written out; the range of what is
-    worked out is known only here. Without this look a plugin would get what its catalog rules out, on the
-    robot and not in the simulation, whose mocks do not look.
-
-    Raises:
-        ValueError: one is outside its range, or not finite; the text begins with its name.
+    worked out is known only when it is. Without this look a plugin would get what its catalog rules out, on
+    the robot and not in the simulation, whose mocks do not look.
     """
-    for name, wanted in checked:
-        found = problems(arguments[name], wanted, Notation.DATA)
-        if found:
-            raise ValueError(found[0].at(name))
+
+    __slots__ = ("_checked", "_values")
+
+    def __init__(self, values: Mapping[str, Value], declared: Mapping[str, Argument]) -> None:
+        self._values = tuple((name, _plain(value)) for name, value in values.items())
+        names = [name for name in declared if isinstance(values.get(name), Expression)]
+        self._checked = tuple((name, declared[name].type) for name in names)
+
+    def evaluate(self, env: Environment) -> dict[str, Any]:
+        """Return the arguments as they are now.
+
+        Raises:
+            ValueError: one is outside its range, or not finite; the text begins with its name.
+        """
+        arguments = {name: evaluate(env) for name, evaluate in self._values}
+        for name, wanted in self._checked:
+            found = problems(arguments[name], wanted, Notation.DATA)
+            if found:
+                raise ValueError(found[0].at(name))
+        return arguments
+
+
+def _plain(value: Value) -> Callable[[Environment], Any]:
+    return value.evaluate.compiled() if isinstance(value.evaluate, Compiled) else value.evaluate

@@ -22,7 +22,7 @@ from transitions.extensions.nesting import HierarchicalMachine, NestedState, Nes
 from lupin_engine.chart.model import Chart, Kind, State, Transition
 from lupin_engine.chart.semantics import EXECUTION_ERROR, FAULT, Semantics, matches
 from lupin_engine.machine.actions import CompiledAction
-from lupin_engine.machine.scope import CONFIGURATION, HELD, OPERATIONS, REQUEST, Reads
+from lupin_engine.machine.scope import CONFIGURATION, HELD, OPERATIONS, REQUEST, Arguments, Reads
 from lupin_engine.machine.step import Moment
 
 ROOT = "chart"
@@ -362,8 +362,9 @@ class DispatchTable:
     def __init__(self, structure: Structure) -> None:
         self.structure = structure
         self._known: dict[States, Configuration] = {}
-        #: The actions that were carried out, by id: the chart keeps them as long as it lives.
+        #: Of the actions and invokes that were carried out, by id: the chart keeps them as long as it lives.
         self.actions: dict[int, CompiledAction] = {}
+        self.arguments: dict[int, Arguments] = {}
         levels = [hold.engage for hold in structure.chart.holds.values() if hold.engage.startswith("input.")]
         self.hold_reads = Reads(structure.chart, (), levels)
         self.hold_reads.parts |= HELD

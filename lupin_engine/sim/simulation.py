@@ -316,8 +316,10 @@ class Simulation:
     @property
     def next_due(self) -> float | None:
         """When the next thing happens by itself; None when nothing will."""
-        times = (self._engine.next_deadline, self._agenda.next_due)
-        return min((time for time in times if time is not None), default=None)
+        deadline, noted = self._engine.next_deadline, self._agenda.next_due
+        if deadline is None or noted is None:
+            return noted if deadline is None else deadline
+        return min(deadline, noted)
 
     def go_on(self) -> bool:
         """Let the next thing happen; False when nothing will."""

@@ -15,7 +15,7 @@ from lupin_engine.bindings.reader import check_definition
 from lupin_engine.chart.expressions.evaluation import Expression
 from lupin_engine.chart.findings import Findings
 from lupin_engine.errors import Place
-from lupin_engine.machine.scope import evaluated
+from lupin_engine.machine.scope import Arguments
 from lupin_engine.missions.folders import LIFECYCLE
 from lupin_engine.missions.load import check_chart
 from lupin_engine.plugin.registry import Catalog
@@ -253,7 +253,7 @@ def test_what_is_computed_is_held_against_the_range(
     ((name, wrong),) = computed.items()
     values = {name: Expression(name, Place("feel.yaml", 1, 1), ANY, lambda _: wrong)}
     with pytest.raises(ValueError, match=r"expected") as raised:
-        evaluated(values, head.plugin.operations["turn"].arguments, {})
+        Arguments(values, head.plugin.operations["turn"].arguments).evaluate({})
     assert str(raised.value) == told
 
 
