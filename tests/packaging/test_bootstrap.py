@@ -36,10 +36,6 @@ def bootstrap() -> ModuleType:
     return load_tool("bootstrap")
 
 
-def python(bootstrap: ModuleType, **facts: Any) -> Any:
-    return bootstrap.Python("/usr/bin/python3.12", {**GOOD, **facts})
-
-
 @pytest.mark.parametrize(
     ("facts", "reason"),
     [
@@ -54,7 +50,7 @@ def python(bootstrap: ModuleType, **facts: Any) -> Any:
 def test_objection_to_an_interpreter(
     bootstrap: ModuleType, facts: dict[str, Any], reason: str | None
 ) -> None:
-    found = bootstrap.objection(python(bootstrap, **facts), "wheels")
+    found = bootstrap.objection({**GOOD, **facts}, "wheels")
     assert found is None if reason is None else re.search(reason, found)
 
 
@@ -68,17 +64,17 @@ def test_objection_to_an_interpreter(
     ],
 )
 def test_machine_without_wheels(bootstrap: ModuleType, facts: dict[str, Any], what: str) -> None:
-    bootstrap.check_platform(python(bootstrap))  # nothing is wrong with it but for these facts
+    bootstrap.check_platform(GOOD)  # nothing is wrong with it but for these facts
     with pytest.raises(bootstrap.Problem, match=what):
-        bootstrap.check_platform(python(bootstrap, **facts))
+        bootstrap.check_platform({**GOOD, **facts})
 
 
 def test_no_compiler(bootstrap: ModuleType, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setenv("PATH", str(tmp_path))
     monkeypatch.delenv("CC", raising=False)
     with pytest.raises(bootstrap.Problem, match="No working C compiler") as caught:
-        bootstrap.check_compiler(python(bootstrap))
-    assert "build-essential" in caught.value.advice[0]
+        bootstrap.check_compiler(GOOD)
+    assert "build-essential" in caught.value.args[1]
 
 
 def test_other_ros_is_refused(bootstrap: ModuleType, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -89,13 +85,14 @@ def test_other_ros_is_refused(bootstrap: ModuleType, monkeypatch: pytest.MonkeyP
 
 @pytest.mark.parametrize(("before", "now"), [("wheels", "apt"), ("apt", "wheels")])
 def test_an_environment_never_changes_its_ros_silently(bootstrap: ModuleType, before: str, now: str) -> None:
-    with pytest.raises(bootstrap.Problem):
-        bootstrap.refuse_other_mode({"mode": before}, now)
-    bootstrap.refuse_other_mode({}, now)
+    wanted = {"root": "/a", "mode": now, "python": ""}
+    with pytest.raises(bootstrap.Problem, match=f"made with ROS 2 from {before}"):
+        bootstrap.must_start_afresh({**wanted, "mode": before}, wanted)
+    assert bootstrap.must_start_afresh({}, wanted)
 
 
 def test_when_to_start_afresh(bootstrap: ModuleType) -> None:
-    wanted = {"layout": 1, "root": "/a", "mode": "wheels", "python": "", "engine": "e", "interfaces": "i"}
+    wanted = {"root": "/a", "mode": "wheels", "python": "", "engine": "e", "interfaces": "i"}
     assert bootstrap.must_start_afresh({}, wanted)
     assert not bootstrap.must_start_afresh({**wanted, "engine": "other"}, wanted)
     assert bootstrap.must_start_afresh({**wanted, "root": "/moved"}, wanted)
@@ -114,7 +111,7 @@ def test_half_a_stamp_counts_as_none(
     bootstrap: ModuleType, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     monkeypatch.setattr(bootstrap, "STAMP", tmp_path / "stamp.json")
-    for text in ("", '{"layout": 1', "[]"):
+    for text in ("", '{"root": 1', "[]"):
         (tmp_path / "stamp.json").write_text(text)
         assert bootstrap.finished_state() == {}
 
@@ -137,13 +134,15 @@ def test_a_line_of_output_is_condensed(bootstrap: ModuleType) -> None:
 
 
 def test_failure_names_the_log_and_a_hint(bootstrap: ModuleType, tmp_path: Path) -> None:
-    output = ["first", "NewConnectionError: no route", *[f"line {n}" for n in range(20)]]
-    problem = bootstrap.failure("Installing", output, tmp_path / "x.log")
-    text = "\n".join(problem.advice)
+    code = "print('NewConnectionError: no route', *(f'line {n}' for n in range(20)), sep='\\n'); exit(1)"
+    with pytest.raises(bootstrap.Problem, match="Installing failed") as caught:
+        bootstrap.run([sys.executable, "-c", code], "wheels", tmp_path / "x.log", "Installing")
+    text = "\n".join(caught.value.args)
     assert "line 19" in text
-    assert "line 3" not in text.splitlines()
+    assert "line 3" not in [line.strip() for line in text.splitlines()]
     assert str(tmp_path / "x.log") in text
     assert "cannot be reached" in text
+    assert bootstrap.running == []
 
 
 def test_a_blank_in_the_temporary_folder_is_avoided(
@@ -177,8 +176,8 @@ def test_a_real_package_of_the_sourced_ros_is_used(
     (tmp_path / "tf2_msgs").mkdir()
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
     # Without the packages of the environment that these tests run in.
-    plain = bootstrap.Python(getattr(sys, "_base_executable", sys.executable), GOOD)
-    everything = list(bootstrap.PACKAGES.values())
+    plain = getattr(sys, "_base_executable", sys.executable)
+    everything = list(bootstrap.FOLDERS)
     lacking = [folder for folder in everything if folder != "interfaces/nav2_msgs"]
     assert bootstrap.missing_packages(plain, "apt") == lacking
     assert bootstrap.missing_packages(plain, "wheels") == everything
