@@ -11,6 +11,7 @@ must not go backwards.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, cast
 
@@ -283,7 +284,7 @@ class Machine:
                 return True
         scope = self.scope
         scope.calm_until = min(self._holds.calm_until, watch.calm_until)
-        scope.level_reads = CONFIGURATION | self._table.hold_reads.parts | levels.reads.parts
+        scope.level_reads = self._table.hold_reads.parts | levels.reads.parts
         return False
 
     def _come_back_to(self, event: Event) -> None:
@@ -469,7 +470,10 @@ class Machine:
                 self.scope.record_code(rule.code, trigger.error.get("detail", ""))
         for state, configuration in plan.entries:
             self._enter(state, configuration, trigger, state.name in plan.back)
-        self._active = active = plan.leads_to
+        active = plan.leads_to
+        if active.levels is not self._active.levels:
+            self.scope.calm_until = -math.inf
+        self._active = active
         memory.configuration = active.states
         if step.taken or step.exited or step.entered:
             step.taken += plan.taken
