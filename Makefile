@@ -1,10 +1,10 @@
 # A fresh machine needs git, make, Python 3.10 to 3.13, and a C and C++ compiler. No ROS.
 #
 #   PYTHON=/path/to/python3.12   the interpreter to use, when the environment is made
-#   ARGS="..."                   further arguments, for run and test
+#   ARGS="..."                   further arguments, for run, check, test and mutants
 
 .DEFAULT_GOAL := help
-.PHONY: help run check test docs environment environment-dev clean
+.PHONY: help run check test mutants docs environment environment-dev clean
 
 # Paths stay relative, so that a checkout may lie in a folder with blanks in its name.
 VENV_PYTHON := .venv/bin/python
@@ -15,6 +15,7 @@ help:
 	@echo "             (ARGS=\"--speed 1 --tags 1,5,12\" to run it another way)"
 	@echo "make check   the linter, the type checker, and the tests that need no ROS (ARGS=\"...\" for pytest)"
 	@echo "make test    the same, and all other tests"
+	@echo "make mutants how many small changes to the code the tests notice (ARGS=\"machine sim\" for some rooms only)"
 	@echo "make docs    build the documentation as a site: open site/index.html"
 	@echo "make clean   remove .venv and all caches of this checkout"
 	@echo "The first run prepares .venv, the first test adds to it; that takes a few minutes, later ones start at once."
@@ -34,6 +35,10 @@ check test: export PYTHONDONTWRITEBYTECODE =
 # Through the environment module, which completes the library path where ROS 2 came from apt.
 check test: environment-dev
 	@$(VENV_PYTHON) -m lupin_engine.ros.adapter.environment $(VENV_PYTHON) tools/suite.py $@ $(ARGS)
+
+mutants: environment-dev
+	@$(VENV_PYTHON) -m pip install --quiet --editable '.[mutation]'
+	@$(VENV_PYTHON) tools/mutants.py $(ARGS)
 
 # The pages for authors are brought up to date first: what they show is what the commands print.
 docs: environment-dev

@@ -133,6 +133,21 @@ def test_eventless_transitions_go_before_internal_events() -> None:
     assert step.entered == ("B", "C", "D")
 
 
+def test_what_a_step_takes_adds_up() -> None:
+    """Also where a transition without a target comes first, which leaves and enters nothing."""
+    states = {
+        "A": {
+            "on": {
+                "go": {"id": "first", "do": ("raise", {"event": "ping"})},
+                "ping": {"id": "second", "target": "B"},
+            }
+        },
+        "B": {},
+    }
+    step = Bench(chart(states)).send("go")
+    assert (step.taken, step.exited, step.entered) == (("first", "second"), ("A",), ("B",))
+
+
 def test_internal_events_keep_their_order() -> None:
     """Raised events are processed in the order in which they were raised."""
     raising = [("raise", {"event": "one"}), ("raise", {"event": "two"})]

@@ -88,7 +88,7 @@ def test_what_is_under_way_is_open() -> None:
     """As long as nobody has said anything else; what is said of a stranger changes nothing."""
     history = told(("attempt.done", []), ("timer.cancel", []), ("x", [CANCEL]), ("x", [START]))
     (attempt,) = history.attempts.values()
-    assert (attempt.outcome, attempt.over, attempt.cancelled) == ("open", None, None)
+    assert (attempt.outcome, attempt.over, attempt.cancelled, attempt.late) == ("open", None, None, False)
 
 
 def test_holds_and_broken_invariants_are_known_by_when_they_appear() -> None:
