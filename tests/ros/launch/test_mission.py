@@ -62,9 +62,9 @@ def test_every_error_of_a_mission_is_told(tmp_path: Path) -> None:
 def test_a_request_is_checked_with_the_words_of_the_service() -> None:
     """Unknown tags are found before anything is started; known ones pass."""
     loaded = load_missions(["inspection"], CATALOG)
-    check_request(loaded, {}, ["1", "5"], 0)
+    check_request(loaded, {}, {"tag_sequence": ["1", "5"]})
     with pytest.raises(UsageError, match=r"^unknown tag '99'; the layout has 29 tags: 1, 2, 3,"):
-        check_request(loaded, {}, ["1", "99"], 0)
+        check_request(loaded, {}, {"tag_sequence": ["1", "99"]})
 
 
 @pytest.mark.parametrize(
@@ -89,15 +89,16 @@ def test_what_a_mission_cannot_be_asked_for_is_refused(
     mission: str, tags: tuple[str, ...], goal: int, refusal: str
 ) -> None:
     """The service would ignore it; somebody who types it means something by it."""
+    request = {"tag_sequence": list(tags), "discovery_goal": goal}
     with pytest.raises(UsageError) as found:
-        check_request(load_missions([mission], CATALOG), {}, tags, goal)
+        check_request(load_missions([mission], CATALOG), {}, request)
     assert str(found.value) == refusal
 
 
 def test_a_goal_is_a_request_of_the_exploration() -> None:
     """It is taken as it is, 0 stands for the mission's own, and nothing is less than that."""
     loaded = load_missions(["exploration"], CATALOG)
-    check_request(loaded, {}, [], 5)
-    check_request(loaded, {}, [], 0)
+    check_request(loaded, {}, {"discovery_goal": 5})
+    check_request(loaded, {}, {"discovery_goal": 0})
     with pytest.raises(UsageError, match="expected count of at least 0, got -1"):
-        check_request(loaded, {}, [], -1)
+        check_request(loaded, {}, {"discovery_goal": -1})
