@@ -183,7 +183,7 @@ class Machine:
         return self._explainer().explain(now)
 
     def _explainer(self) -> Explainer:
-        return Explainer(self.scope, self._holds, self._table.structure, self._active)
+        return Explainer(self.scope, self._requests, self._table.structure, self._active)
 
     # -- one step ---------------------------------------------------------------------------------------
 

@@ -265,10 +265,10 @@ class Explainer:
     __slots__ = ("_active", "_requests", "_scope", "_structure")
 
     def __init__(
-        self, scope: EvaluationScope, holds: Holds, structure: Structure, active: Configuration
+        self, scope: EvaluationScope, requests: Requests, structure: Structure, active: Configuration
     ) -> None:
         self._scope = scope
-        self._requests = Requests(scope, holds, structure)
+        self._requests = requests
         self._structure = structure
         self._active = active
 

@@ -241,7 +241,7 @@ def view_of(chart: Chart, memory: Memory) -> View:
 
 
 def target_of(memory: Memory) -> str:
-    """Return the target being processed: only while the state whose itinerary it is in is active."""
+    """Return the target that is processed; "" unless the state of its itinerary is active."""
     traversal = memory.traversal
     visit = traversal.visit if traversal is not None else None
     if traversal is None or visit is None or traversal.state not in memory.configuration:
