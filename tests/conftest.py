@@ -21,5 +21,6 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Begin with the files that may take longest, by their timeout: else workers wait for the last one."""
     items.sort(key=lambda item: -max((mark.args[0] for mark in item.iter_markers("timeout")), default=0.0))
 
+
 #: Workers of pytest-xdist are told a width, and what the verbs print would be folded by it.
 os.environ.pop("COLUMNS", None)

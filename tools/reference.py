@@ -165,9 +165,10 @@ explained in [rules.md](rules.md).
   (`lupin simulate` shows that as `error.execution`).
 - What a hold or leaving the state ended does not count as a try of `retry`. The share of `jitter` is drawn
   from a seed, the mission and the attempt: the same inputs give the same pauses.
-- A *hold* (a pause, an emergency stop) suspends the whole chart: what moves the robot is cancelled and begun
-  again on release, clocks stand still, answers wait. A request is answered at once all the same: a transition
-  that says `during` or `releases` is taken, anything else refused.
+- A *hold* (a pause, an emergency stop) suspends the whole chart: what moves the robot is cancelled, clocks
+  stand still, answers wait. After the release the chart first comes to rest; then what was cancelled begins
+  again in the states that are still active. A request is answered at once all the same: a transition that
+  says `during` or `releases` is taken, anything else refused.
 - A *code* is why something happened. The one that was reported last is published with its label, as
   `last_error`; a request that is refused is answered with one.
 - A live value is *unknown* before its first report, or when that is too old. A guard that reads it is then

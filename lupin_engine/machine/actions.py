@@ -69,9 +69,6 @@ class ExecutableContent:
         else:
             step.commands.append(Act(action.call.name, arguments))
 
-    def suspend(self, step: Macrostep) -> None:
-        """A hold was engaged: actions are over at once, there is nothing to stop."""
-
     def resume(self, step: Macrostep) -> None:
         """The last hold was released: carry out what it kept waiting."""
         waiting = self._scope.memory.waiting_actions

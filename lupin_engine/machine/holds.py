@@ -6,14 +6,14 @@
   waits if it would begin now (operations with `on_hold: cancel`, actions that move);
 * a transition is taken all the same where it says `during` (the hold stays) or `releases` for every engaged
   hold; an event or an end waits unless all transitions that listen to it may pass;
-* what waits goes on, in this order, when the last hold is released: timers, actions, operations, events.
+* when the last hold is released, timers and actions go on, then events, in the order in which they came;
+  operations begin when the chart has come to rest, in the states that are active then.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
-from typing import Protocol
 
 from lupin_engine.chart.expressions.evaluation import Expression
 from lupin_engine.chart.model import Hold, Transition
@@ -25,16 +25,6 @@ from lupin_engine.plugin.contract import OnHold, Operation
 
 #: More events of plugins than this do not wait for a release.
 MAX_DEFERRED = 64
-
-
-class Suspendable(Protocol):
-    """A part of the machine that a hold stops."""
-
-    def suspend(self, step: Macrostep) -> None:
-        """The first hold was engaged."""
-
-    def resume(self, step: Macrostep) -> None:
-        """The last hold was released."""
 
 
 @dataclass(slots=True)
@@ -75,18 +65,26 @@ def defer(memory: Memory, event: Event, step: Macrostep) -> None:
 class Holds:
     """The holds of one machine."""
 
-    __slots__ = ("_levels", "_parts", "_reads", "_scope", "_watch")
+    __slots__ = ("_levels", "_reads", "_resume", "_scope", "_suspend", "_watch")
 
-    def __init__(self, scope: EvaluationScope, reads: Reads, parts: Sequence[Suspendable]) -> None:
+    def __init__(
+        self,
+        scope: EvaluationScope,
+        reads: Reads,
+        suspend: Callable[[Macrostep], None],
+        resume: Callable[[Macrostep], None],
+    ) -> None:
         """Make the holds of a machine.
 
         Args:
             scope: that of the machine.
             reads: what decides whether a level engages one.
-            parts: what they stop, in the order in which it goes on.
+            suspend: what the first hold stops, beside the clocks.
+            resume: what goes on at once after the last one.
         """
         self._scope = scope
-        self._parts = parts
+        self._suspend = suspend
+        self._resume = resume
         self._levels = [hold for hold in scope.chart.holds.values() if hold.engage.startswith("input.")]
         self._reads = reads
         self._watch = Watch()
@@ -120,8 +118,7 @@ class Holds:
         scope.record_code(hold.code, "")
         if first:
             scope.timers.freeze(step.now)
-            for part in self._parts:
-                part.suspend(step)
+            self._suspend(step)
 
     def release(self, name: str, step: Macrostep) -> None:
         """Release a hold if it is engaged; after the last one what it stopped goes on."""
@@ -133,8 +130,7 @@ class Holds:
         step.note(f"hold {name} released")
         if not held:
             self._scope.timers.thaw(step.now)
-            for part in self._parts:
-                part.resume(step)
+            self._resume(step)
 
     def asked(self, event: Event, step: Macrostep) -> HoldChanges:
         """Return what a request would do with the holds, or the code that it is refused with."""

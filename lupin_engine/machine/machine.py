@@ -83,7 +83,7 @@ class Machine:
         self.scope = scope = EvaluationScope(world, self.memory)
         self._content = ExecutableContent(scope, self._table.actions)
         self._operations = Operations(scope, self._content, self._table.arguments)
-        self._holds = Holds(scope, self._table.hold_reads, (self._content, self._operations))
+        self._holds = Holds(scope, self._table.hold_reads, self._operations.suspend, self._content.resume)
         self._requests = Requests(scope, self._holds, self._table.structure)
         self._inputs = Inputs(scope)
         self._has_invariants = bool(world.chart.invariants)
@@ -214,7 +214,7 @@ class Machine:
         elif kind == "timeout":
             self._operations.timed_out(owner, step)
         elif kind == "retry":
-            self._operations.retry(owner, step)
+            self._operations.retry(owner)
         elif kind == "fresh":
             self._inputs.grew_old(owner, step)
         else:

@@ -99,9 +99,10 @@ class Attempt:
 
 @dataclass(slots=True)
 class Invocation:
-    """One activation of an `invoke`: its tries, its current attempt, whether a hold suspended it.
+    """One activation of an `invoke`: its tries and its current attempt.
 
-    It is made when its state is entered and `begun` when the step comes to rest. `event` is what led to the
+    It is made when its state is entered. One that is not `begun`, which is also what a hold makes of it and
+    what a back-off ends in, gets its next attempt when a step comes to rest. `event` is what led to the
     state, for arguments that read it, in every try. `item` is the element that a `for_each` started it for,
     `key` what that is called.
     """
@@ -112,7 +113,6 @@ class Invocation:
     begun: bool = False
     tries: int = 0
     attempt: str | None = None
-    suspended: bool = False
     key: str | None = None
     item: Any = None
 

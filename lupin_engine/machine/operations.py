@@ -10,7 +10,9 @@ time. The rules, all kept here:
 * an attempt waits until every earlier one that uses one of its resources has ended, or has been cancelling
   for `CANCEL_DEADLINE` seconds, so that a late cancel can never hit the new goal; it then starts when the
   step has come to rest, if somebody still wants it;
-* a failed attempt is tried again up to the number that `retry` gives; one that a hold ended is refunded.
+* a failed attempt is tried again up to the number that `retry` gives; one that a hold ended is refunded;
+* attempts begin when a step has come to rest, after a hold and a back-off too: in a state that the same step
+  leaves nothing is begun.
 """
 
 from __future__ import annotations
@@ -114,23 +116,22 @@ class Operations:
     def _begin_all(self, working: Iterable[State], step: Macrostep) -> bool:
         begun = self._start_waiting(step)
         for state in working:
-            if state.invoke is not None and not self._scope.memory.invocations[state.name].begun:
-                self._begin(self._scope.memory.invocations[state.name], step)
-                begun = True
             if state.for_each is not None:
                 begun = self._take_up(state.name, state.for_each, step) or begun
-        return begun
+        order = {state.name: index for index, state in enumerate(working)}
+        waiting = [found for found in self._scope.memory.invocations.values() if self._may_begin(found)]
+        for invocation in sorted(waiting, key=lambda found: order[found.state]):
+            invocation.begun = True
+            self._issue(invocation, step)
+        return begun or bool(waiting)
+
+    def _may_begin(self, invocation: Invocation) -> bool:
+        return not invocation.begun and not is_held_back(
+            self._scope.memory, self._invoke(invocation).operation
+        )
 
     def _name(self) -> str:
         return f"i{self._scope.memory.fresh_id()}"
-
-    def _begin(self, invocation: Invocation, step: Macrostep) -> None:
-        invocation.begun = True
-        self._scope.memory.invocations[invocation.name] = invocation
-        if is_held_back(self._scope.memory, self._invoke(invocation).operation):
-            invocation.suspended = True
-        else:
-            self._issue(invocation, step)
 
     def end(self, state: State, step: Macrostep) -> None:
         """End the invocations of a state that is being left."""
@@ -149,14 +150,7 @@ class Operations:
                 self._cancel_current(invocation, step)
                 invocation.tries -= 1
                 self._count(invocation, -1)
-                invocation.suspended = True
-
-    def resume(self, step: Macrostep) -> None:
-        """The last hold was released: issue again what was suspended."""
-        for invocation in list(self._scope.memory.invocations.values()):
-            if invocation.suspended:
-                invocation.suspended = False
-                self._issue(invocation, step)
+                invocation.begun = False
 
     # -- one invocation for each element ------------------------------------------------------------------
 
@@ -182,7 +176,8 @@ class Operations:
         running = sum(1 for inv in memory.invocations.values() if inv.state == state and inv.key is not None)
         begun = list(new.items())[: None if limit is None else max(0, limit - running)]
         for key, item in begun:
-            self._begin(Invocation(self._name(), state, key=key, item=item), step)
+            found = Invocation(self._name(), state, key=key, item=item)
+            memory.invocations[found.name] = found
         return bool(begun)
 
     def _key(self, state: str, rule: ForEach, item: Any, step: Macrostep) -> str | None:
@@ -402,10 +397,11 @@ class Operations:
         for oldest in lost[:-MAX_LOST]:
             del attempts[oldest]
 
-    def retry(self, invocation_id: str, step: Macrostep) -> None:
-        """The back-off is over: try again."""
+    def retry(self, invocation_id: str) -> None:
+        """The back-off is over: try again when the step has come to rest."""
         invocations = self._scope.memory.invocations.values()
-        self._issue(next(found for found in invocations if found.id == invocation_id), step)
+        next(found for found in invocations if found.id == invocation_id).begun = False
+        self._scope.touch(OPERATIONS)
 
     def _failed(self, invocation: Invocation, code: str, detail: str, step: Macrostep) -> None:
         self._scope.record_code(code, detail)

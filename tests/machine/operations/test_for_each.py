@@ -296,7 +296,7 @@ def test_one_element_that_cannot_be_judged_is_an_error_and_the_others_go_on() ->
     rule = {"do": "bridge.read", "items": ["a", 0, "b"], "key": lambda env: env["item"].upper()}
     state = {"for_each": rule, "on_error": {"do": "told"}}
     bench = Bench(chart({"LOOK": state}))
-    assert bench.commands == ["start a2", "start a4", "act told"]
+    assert bench.commands == ["start a3", "start a4", "act told"]
 
 
 def test_a_collection_that_is_none_is_an_error() -> None:

@@ -372,3 +372,18 @@ def test_an_action_that_waits_is_forgotten_with_its_state() -> None:
     press(bench, False)
     bench.send("operator.resume")
     assert "act arm.preset" not in bench.commands
+
+
+def test_a_release_begins_nothing_in_a_state_that_it_leaves() -> None:
+    """What became true while held is looked at first; only then operations begin, in what is active then."""
+    level = {**INPUTS, "low": {"value": "robot.low", "initial": False}}
+    drive = {"invoke": "nav.go", "on_done": "END", "on_error": "END"}
+    states = {"DRIVE": {**drive, "on": {"input.low": "HOME"}}, "HOME": STATES["HOME"], "END": {}}
+    bench = Bench(chart(states, holds={"pause": PAUSE}, inputs=level, codes=CODES))
+    first = bench.attempt
+    bench.send("operator.pause")
+    bench.send(events.cancelled(first))
+    bench.send(events.observed("robot.low", True, bench.now))
+    bench.send("operator.resume")
+    assert bench.commands == ["act arm.preset", "act log.line", f"start {bench.attempt}"]
+    assert bench.machine.memory.attempts[bench.attempt].operation == "nav.dock"
