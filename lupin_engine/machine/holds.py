@@ -115,7 +115,7 @@ class Holds:
         scope.memory.held.append(hold.name)
         scope.touch(HELD)
         step.note(f"hold {hold.name} engaged")
-        scope.record_code(hold.code, "")
+        scope.record_code(hold.code, "", step)
         if first:
             scope.timers.freeze(step.now)
             self._suspend(step)

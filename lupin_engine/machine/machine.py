@@ -28,7 +28,6 @@ from lupin_engine.machine.requests import BAD_REQUEST, Explainer, Possibility, R
 from lupin_engine.machine.scope import CONFIGURATION, ITINERARY, REQUEST, EvaluationScope, Watch, World
 from lupin_engine.machine.snapshot import snapshot
 from lupin_engine.machine.step import (
-    EXECUTION_CODE,
     Macrostep,
     Moment,
     Refusal,
@@ -46,11 +45,10 @@ from lupin_engine.machine.structure import (
     dispatch_table,
 )
 from lupin_engine.machine.timers import seconds
+from lupin_engine.plugin.contract import EXECUTION_CODE, INVARIANT_CODE
 
 #: More microsteps than this in one step is a cycle of the chart, not work.
 MICROSTEP_LIMIT = 1000
-#: The code of an invariant that does not hold.
-INVARIANT_CODE = "invariant_broken"
 
 
 class Machine:
@@ -245,7 +243,7 @@ class Machine:
         trigger = Trigger(event=error, error=error)
         step.note(detail)
         step.queue.clear()
-        self.scope.record_code(EXECUTION_CODE, detail)
+        self.scope.record_code(EXECUTION_CODE, detail, step)
         rules = self._listeners(InternalEvent(EXECUTION_ERROR, None, trigger))
         if not rules:
             return
@@ -299,9 +297,9 @@ class Machine:
         trigger = internal.trigger
         rules = self._listeners(internal)
         raised = trigger.error is not NOTHING and trigger.error.get("code") == EXECUTION_CODE
+        if raised and internal.name == "error":
+            self.scope.record_code(EXECUTION_CODE, trigger.error["detail"], self._step)
         if rules:
-            if raised:
-                self.scope.record_code(EXECUTION_CODE, trigger.error["detail"])
             self._take(rules, trigger)
         elif internal.state is not None and internal.state not in self.memory.configuration and not raised:
             self._step.note(f"dropped: {internal.name} of {internal.state}, which was left")
@@ -417,7 +415,7 @@ class Machine:
             elif breach and invariant.name not in broken:
                 broken.append(invariant.name)
                 step.note(breach)
-                self.scope.record_code(INVARIANT_CODE, breach)
+                self.scope.record_code(INVARIANT_CODE, breach, step)
                 error = {"code": INVARIANT_CODE, "detail": breach}
                 step.queue.append(InternalEvent(EXECUTION_ERROR, None, Trigger(event=error, error=error)))
 
@@ -467,7 +465,7 @@ class Machine:
             if rule.actions:
                 self._content.run(rule.actions, rule.source, trigger, step)
             if rule.code is not None:
-                self.scope.record_code(rule.code, trigger.error.get("detail", ""))
+                self.scope.record_code(rule.code, trigger.error.get("detail", ""), step)
         for state, configuration in plan.entries:
             self._enter(state, configuration, trigger, state.name in plan.back)
         active = plan.leads_to

@@ -31,10 +31,10 @@ from lupin_engine.machine.event import Cancel, Event, InternalEvent, Start, Trig
 from lupin_engine.machine.holds import is_held_back, passes
 from lupin_engine.machine.memory import Attempt, Invocation, Phase
 from lupin_engine.machine.scope import OPERATIONS, Arguments, EvaluationScope, Watch
-from lupin_engine.machine.step import EXECUTION_CODE, Macrostep
+from lupin_engine.machine.step import Macrostep
 from lupin_engine.machine.structure import Configuration
 from lupin_engine.machine.timers import seconds
-from lupin_engine.plugin.contract import OnHold
+from lupin_engine.plugin.contract import EXECUTION_CODE, OnHold
 
 #: How long a cancelled attempt may keep its resource, in seconds.
 CANCEL_DEADLINE = 3.0
@@ -404,7 +404,7 @@ class Operations:
         self._scope.touch(OPERATIONS)
 
     def _failed(self, invocation: Invocation, code: str, detail: str, step: Macrostep) -> None:
-        self._scope.record_code(code, detail)
+        self._scope.record_code(code, detail, step)
         if not self._try_again(invocation, code, step):
             self._signal("error", invocation, _failure(code, detail), step)
 

@@ -17,9 +17,9 @@ from lupin_engine.chart.semantics import FAULT
 from lupin_engine.errors import Severity, reason
 from lupin_engine.machine.event import NO_TRIGGER, NOTHING, Trigger
 from lupin_engine.machine.memory import Memory, Traversal
-from lupin_engine.machine.step import Macrostep
+from lupin_engine.machine.step import CodeEvent, Macrostep, target_of
 from lupin_engine.machine.timers import Timers
-from lupin_engine.plugin.contract import Argument
+from lupin_engine.plugin.contract import Argument, classify
 from lupin_engine.plugin.types import Notation, problems
 
 
@@ -272,11 +272,14 @@ class EvaluationScope(dict[str, Any]):
         for watch in self.watches:
             watch.unseen |= part
 
-    def record_code(self, code: str, detail: str) -> None:
-        """Remember a code for `last_error`; what is mere information does not replace a warning.
+    def record_code(self, code: str, detail: str, step: Macrostep) -> None:
+        """Report a code, and remember it for `last_error`; mere information does not replace a warning.
 
         In FAULT nothing less severe than its reason does: an emergency stop there must not hide what failed.
         """
+        found = classify(code, self.chart.codes)
+        told = CodeEvent(code, found.label, found.severity, detail, target_of(self.memory))
+        step.codes.append(told)
         declared = self.chart.codes.get(code)
         shown = self.chart.codes.get(self.memory.code) if FAULT in self.memory.configuration else None
         least = shown.severity if shown else Severity.WARN

@@ -7,12 +7,10 @@ from dataclasses import dataclass
 
 from lupin_engine.chart.model import Chart
 from lupin_engine.chart.records import record
-from lupin_engine.errors import Place
+from lupin_engine.errors import Place, Severity
 from lupin_engine.machine.event import Command, Event, InternalEvent, Trigger
 from lupin_engine.machine.memory import Memory, Phase
-
-#: The code of an expression or action that raised.
-EXECUTION_CODE = "execution_error"
+from lupin_engine.plugin.contract import EXECUTION_CODE
 
 
 @dataclass(frozen=True)
@@ -61,6 +59,22 @@ class Moment:
 
 
 @record(frozen=True)
+class CodeEvent:
+    """A code that was reported, with what is declared of it; `target` is what was processed then."""
+
+    code: str
+    label: str
+    severity: Severity
+    detail: str
+    target: str
+
+    @property
+    def text(self) -> str:
+        """The code and the detail."""
+        return f"{self.code}: {self.detail}" if self.detail else self.code
+
+
+@record(frozen=True)
 class Step:
     """One macrostep, as the log stores it.
 
@@ -69,7 +83,7 @@ class Step:
     document order. `accepted` is the answer to a request (None for every other event), `refusal` why it was
     not accepted. `notes` say what was dropped, deferred or blocked and why. `why` are the transitions that
     listen to the event, when none was taken. `trail` is what was to be seen after each microstep, the last
-    one being now.
+    one being now. `codes` are those that were reported, in their order.
     """
 
     sequence: int
@@ -85,6 +99,7 @@ class Step:
     accepted: bool | None = None
     refusal: Refusal | None = None
     why: tuple[Considered, ...] = ()
+    codes: tuple[CodeEvent, ...] = ()
 
     @property
     def changed(self) -> bool:
@@ -101,6 +116,7 @@ class Macrostep:
 
     __slots__ = (
         "accepted",
+        "codes",
         "commands",
         "entered",
         "event",
@@ -123,6 +139,7 @@ class Macrostep:
         self.exited: tuple[str, ...] = ()
         self.entered: tuple[str, ...] = ()
         self.commands: list[Command] = []
+        self.codes: list[CodeEvent] = []
         self.notes: list[str] = []
         self.trail: tuple[Moment, ...] = ()
         self.failed: list[str] = []
@@ -164,6 +181,7 @@ class Macrostep:
             self.accepted,
             self.refusal,
             self.why,
+            tuple(self.codes) if self.codes else (),
         )
 
 

@@ -36,6 +36,23 @@ class Code:
     severity: Severity = Severity.WARN
 
 
+#: The code of an expression or an action that failed, and of an invariant that does not hold.
+EXECUTION_CODE, INVARIANT_CODE = "execution_error", "invariant_broken"
+#: Codes that any operation may end in: they are the engine's, whatever the operation declares.
+OPERATION_CODES = ("driver_error", EXECUTION_CODE, "operation_cancelled")
+_ENGINE_CODES = {
+    EXECUTION_CODE: Code(EXECUTION_CODE, "an expression or an action failed", Severity.ERROR),
+    INVARIANT_CODE: Code(INVARIANT_CODE, "an invariant does not hold", Severity.ERROR),
+}
+
+
+def classify(code: str, declared: Mapping[str, Code]) -> Code:
+    """Return a code with its label and severity; one that nobody declares is its own label, a warning."""
+    if not code:
+        return Code("", "", Severity.INFO)
+    return declared.get(code) or _ENGINE_CODES.get(code) or Code(code, code)
+
+
 @dataclass(frozen=True)
 class Argument:
     """An argument of an operation, action or function.

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from textwrap import wrap
 
+from lupin_engine.errors import Severity
 from lupin_engine.sim.narration import StepLine
 
 #: A text and its tone: "time", "state", "event", "refused", "note", "command" or the rating of an outcome.
@@ -24,6 +25,8 @@ _LEAST_COMMAND = 40
 #: A command is cut after so many lines.
 _COMMAND_LINES = 2
 _GAP = 2
+#: The tone of a code.
+_TONES = {Severity.INFO: "dim", Severity.WARN: "note", Severity.ERROR: "refused"}
 
 
 @dataclass(frozen=True)
@@ -79,9 +82,10 @@ def laid_out(line: StepLine, columns: Columns) -> Iterator[TonedLine]:
             ]
         )
     room = columns.event + (columns.command + _GAP if columns.command else 0)
-    for note in line.notes:
-        for text in wrap(f"({note})", room):
-            yield _row([("", "time", _TIME), ("", "", columns.state + _GAP), (text, "note", 0)])
+    told = [(text, _TONES[severity]) for text, severity in line.codes]
+    for whole, tone in (*told, *((f"({note})", "note") for note in line.notes)):
+        for text in wrap(whole, room):
+            yield _row([("", "time", _TIME), ("", "", columns.state + _GAP), (text, tone, 0)])
 
 
 def _wrapped(moved: str, width: int) -> list[str]:

@@ -27,7 +27,10 @@ class Attempted:
 
 @dataclass(frozen=True)
 class RunSummary:
-    """The figures of a run; times in seconds. `dropped` are results that nobody waited for any more."""
+    """The figures of a run; times in seconds. `dropped` are results that nobody waited for any more.
+
+    `errors` says of each expression or action that failed how often.
+    """
 
     seconds: float
     states: Mapping[str, float]
@@ -37,6 +40,7 @@ class RunSummary:
     held: Mapping[str, float]
     refused: int
     dropped: int
+    errors: Mapping[str, int]
 
 
 def summarise(run: Run, lanes: Timeline) -> RunSummary:
@@ -50,6 +54,7 @@ def summarise(run: Run, lanes: Timeline) -> RunSummary:
         held=_times(lanes.holds),
         refused=len(run.history.refused),
         dropped=run.view.dropped,
+        errors=dict(Counter(run.history.errors)),
     )
 
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from lupin_engine.errors import LupinError, Severity
+from lupin_engine.errors import LupinError
 from lupin_engine.machine.step import View
-from lupin_engine.plugin.contract import Code
+from lupin_engine.plugin.contract import Code, classify
 from lupin_engine.plugin.profile import Fields, Profile, Situation, Wire
 from lupin_engine.ros.bindings.definitions import element_of
 
@@ -37,7 +37,7 @@ def situation(
     `started` is when the mission was accepted, of the same clock as `stamp`; the view's own time is the
     loop's and means nothing to others.
     """
-    label, severity = classify(view.code, codes)
+    code = classify(view.code, codes)
     return Situation(
         mission=view.mission,
         mission_id=view.mission_id,
@@ -48,22 +48,14 @@ def situation(
         counts=view.counts,
         code=view.code,
         detail=view.detail,
-        label=label,
-        severity=severity,
+        label=code.label,
+        severity=code.severity,
         paused=view.paused,
         request=request,
         value=value,
         started=started,
         stamp=stamp,
     )
-
-
-def classify(code: str, codes: Mapping[str, Code]) -> tuple[str, Severity]:
-    """Return (label, severity) of a code as it is declared; an undeclared one is its own label, a warning."""
-    if not code:
-        return "", Severity.INFO
-    declared = codes.get(code)
-    return (declared.label, declared.severity) if declared else (code, Severity.WARN)
 
 
 def write(message: Any, fields: Fields) -> Any:

@@ -11,7 +11,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from lupin_engine.machine.event import Cancel, Command, Report, Start
-from lupin_engine.machine.step import Step
+from lupin_engine.machine.step import CodeEvent, Step
+from lupin_engine.plugin.contract import EXECUTION_CODE
 from lupin_engine.plugin.profile import Publish
 
 #: How an attempt can end, beside the codes of its operation.
@@ -146,6 +147,16 @@ class History:
         told = [(step, moment.phase) for step in self.steps for moment in step.trail]
         before = ["", *(phase for _, phase in told)]
         return [(step, phase) for (step, phase), last in zip(told, before, strict=False) if phase != last]
+
+    @property
+    def codes(self) -> list[tuple[Step, CodeEvent]]:
+        """The codes that were reported, each with its step."""
+        return [(step, code) for step in self.steps for code in step.codes]
+
+    @property
+    def errors(self) -> list[str]:
+        """What was told of the expressions and actions that failed."""
+        return [code.detail for _, code in self.codes if code.code == EXECUTION_CODE]
 
     @property
     def refused(self) -> list[Step]:

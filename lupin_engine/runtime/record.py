@@ -11,7 +11,7 @@ from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, Validatio
 from pydantic_core.core_schema import ValidationInfo
 
 from lupin_engine.machine.event import Act, Cancel, Command, Event, Report, Start
-from lupin_engine.machine.step import Refusal, Step, View
+from lupin_engine.machine.step import CodeEvent, Refusal, Step, View
 from lupin_engine.plugin.profile import START, Profile, Publish
 
 _NAMES = {Start: "start", Cancel: "cancel", Act: "act", Publish: "publish", Report: "report"}
@@ -29,6 +29,7 @@ def step_record(step: Step) -> dict[str, Any]:
         "entered": list(step.entered),
         "commands": [command_record(command) for command in step.commands],
         "configuration": list(step.configuration),
+        "codes": [asdict(code) for code in step.codes],
         "notes": list(step.notes),
         "why": [str(considered) for considered in step.why],
     }
@@ -130,6 +131,7 @@ class _StepRecord(BaseModel):
         ...,
     ] = ()
     configuration: tuple[str, ...] = ()
+    codes: tuple[CodeEvent, ...] = ()
     notes: tuple[str, ...] = ()
     accepted: bool | None = None
     refusal: Refusal | None = None
@@ -166,4 +168,5 @@ def read_step(record: Any) -> Step:
         notes=found.notes,
         accepted=found.accepted,
         refusal=found.refusal,
+        codes=found.codes,
     )

@@ -7,8 +7,10 @@ from dataclasses import dataclass
 from typing import Any
 
 from lupin_engine.chart.model import Chart, Kind
+from lupin_engine.errors import Severity
 from lupin_engine.machine.event import Act, Cancel, Command, Event, Report, Start
 from lupin_engine.machine.step import Step
+from lupin_engine.plugin.contract import EXECUTION_CODE
 from lupin_engine.plugin.profile import Publish
 from lupin_engine.runtime.history import History
 
@@ -20,7 +22,8 @@ _WIDTH = 48
 class StepLine:
     """One step: `moved` is where it led (empty: nowhere), `commanded` what follows, `notes` why (not).
 
-    With each command stands what the outcome is rated that it publishes; '' for every other command.
+    With each command stands what the outcome is rated that it publishes; '' for every other command. With
+    each of the `codes` that are not told by the event stands how bad it is.
     """
 
     time: float
@@ -29,12 +32,14 @@ class StepLine:
     commanded: tuple[tuple[str, str], ...]
     notes: tuple[str, ...]
     refused: bool = False
+    codes: tuple[tuple[str, Severity], ...] = ()
 
     def __str__(self) -> str:
         parts = (
             f"{self.time:8.1f} s  {self.event}",
             f"-> {self.moved}" if self.moved else "",
             *(text for text, _ in self.commanded),
+            *(text for text, _ in self.codes),
         )
         return "   ".join(part for part in (*parts, *self.notes) if part)
 
@@ -51,7 +56,7 @@ def tell(chart: Chart, history: History, begin: int = 0, end: int | None = None)
     return [
         line
         for step, line in told
-        if step.changed or line.notes or step.accepted is not None or _is_news(step)
+        if step.changed or line.notes or line.codes or step.accepted is not None or _is_news(step)
     ]
 
 
@@ -79,13 +84,17 @@ class _Narrator:
 
     def line(self, step: Step) -> StepLine:
         """Tell one step."""
+        codes = [code for code in step.codes if code.code == EXECUTION_CODE]
+        told = {code.detail for code in codes}
+        notes = [note for note in step.notes if note not in told]
         return StepLine(
             time=step.time,
             event=self._event(step),
             moved=self._moved(step),
             commanded=tuple((_command(command), self._rating(command)) for command in step.commands),
-            notes=(*step.notes, *(() if step.refusal else map(str, step.why))),
+            notes=(*notes, *(() if step.refusal else map(str, step.why))),
             refused=step.accepted is False,
+            codes=tuple((f"{code.severity.name.lower()} {code.text}", code.severity) for code in codes),
         )
 
     def _rating(self, command: Command) -> str:

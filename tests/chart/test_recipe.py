@@ -22,9 +22,9 @@ from lupin_engine.chart.rules.written import codes_of, reads_of, sayings_of
 from lupin_engine.diagram.outline import outline
 from lupin_engine.diagram.scxml import scxml
 from lupin_engine.editor.grammar import fields_of, meaning_of, shapes_of
-from lupin_engine.errors import Place
+from lupin_engine.errors import Place, Severity
 from lupin_engine.machine.event import Cancel, Event
-from lupin_engine.machine.step import Considered, Moment, Refusal, Step
+from lupin_engine.machine.step import CodeEvent, Considered, Moment, Refusal, Step
 from lupin_engine.plugin.types import TEXT
 from lupin_engine.ros.launch.monitor import RunMonitor
 from lupin_engine.runtime.record import read_step, step_record
@@ -262,6 +262,7 @@ SAYS: dict[str, Any] = {
     "accepted": False,
     "refusal": Refusal("busy", "Not now"),
     "why": (Considered("A.on.operator.abort.1", PLACE, "false", False),),
+    "codes": (CodeEvent("busy", "not now", Severity.WARN, "come back", "1"),),
 }
 #: A step that says everything that one can say.
 STEP = Step(**{field.name: SAYS.get(field.name, (field.name,)) for field in fields(Step)})
@@ -301,6 +302,7 @@ SEEN_LIVE = {
     **dict.fromkeys(("configuration", "taken", "exited", "entered"), "the state in the view"),
     "commands": "the operations under way",
     "notes": "the node's log",
+    "codes": "the event in the state",
     **dict.fromkeys(("accepted", "refusal"), "the answer of the service"),
 }
 

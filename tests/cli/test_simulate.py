@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +22,7 @@ from lupin_engine.sim.simulation import Run, Script
 from lupin_engine.sim.simulation import simulate as run_script
 from tests import shipped
 
+MISSIONS = Path(__file__).parents[2] / "missions"
 SCENARIOS = Path(__file__).parents[1] / "scenarios" / "inspection"
 
 
@@ -246,6 +248,53 @@ def test_ctrl_c_ends_a_story(monkeypatch: pytest.MonkeyPatch) -> None:
     result = typed("inspection", "--tags", "1", "--speed", "1")
     assert result.return_value == 130
     assert result.output == "".join(line + "\n" for line in WIDE.splitlines()[:3]) + "\n"
+
+
+FAILING = """\
+mission: Failing
+context:
+  count: {type: number, default: 0}
+states:
+  GOING:
+    invoke:
+      do: nav.go_to
+      with: {pose: "${ approach(tags.named(['1'])[round(1 / count)]) }"}
+      timeout: {after: 60 s, code: nav_timeout}
+    on_done: done
+    on_error: LOOKING
+  LOOKING:
+    invoke:
+      do: nav.go_to
+      with: {pose: "${ approach(tags.named(['999'])[0]) }"}
+      timeout: {after: 60 s, code: nav_timeout}
+    on_done: done
+    on_error: done
+  done: {type: final}
+initial: GOING
+"""
+FAILED = (
+    "failing.yaml:7:7: float division by zero",
+    "failing.yaml:14:7: unknown tag '999'; the layout has 29 tags: 1, 2, 3, 4, 5, 6, 7, 9, 10, 11, 12, 13,",
+)
+
+
+def test_expressions_that_fail_are_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where it happens, in the figures, in the last line and in the exit code, although the mission ends."""
+    shutil.copytree(MISSIONS, tmp_path, dirs_exist_ok=True)
+    (tmp_path / "failing.yaml").write_text(FAILING, encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    result = typed("failing.yaml")
+    assert result.return_value == 2
+    story, figures = result.output.split("\n\n")
+    for text in FAILED:
+        assert " ".join(story.split()).count(f"error execution_error: {text}") == 1
+        assert figures.count(f"error       {text}") == 1
+    assert figures.splitlines()[-1] == (
+        "DONE: nothing visited of 0 targets in 3.0 s of virtual time; 2 expressions or actions failed"
+    )
+    told = json.loads(typed("failing.yaml", "--json").output)
+    assert (told["exit_code"], list(told["summary"]["errors"].values())) == (2, [1, 1])
+    assert typed("failing.yaml", "-q", "--until", "LOOKING").return_value == 2
 
 
 # -- pictures ---------------------------------------------------------------------------------------------

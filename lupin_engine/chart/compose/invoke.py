@@ -21,12 +21,9 @@ from lupin_engine.chart.expressions.values import (
 from lupin_engine.chart.findings import Findings
 from lupin_engine.chart.model import ActionCall, ForEach, Invoke, Retry
 from lupin_engine.errors import Place, meant
-from lupin_engine.plugin.contract import Operation
+from lupin_engine.plugin.contract import OPERATION_CODES, Operation
 from lupin_engine.plugin.registry import Catalog
 from lupin_engine.plugin.types import ANY, COUNT, DURATION, TEXT, Type, list_of
-
-#: Codes that any operation may end in: they are the engine's, whatever the operation declares.
-ENGINE_CODES = ("driver_error", "execution_error", "operation_cancelled")
 
 _SOME = Type("integer", "count", minimum=1)
 _FACTOR = Type("number", "number", minimum=1)
@@ -154,7 +151,7 @@ def names_when_failed(invoke: Invoke | None) -> Mapping[str, Type]:
     """Return what is seen of an operation that has failed: its code is one of those that it can end in."""
     code = TEXT
     if invoke is not None:
-        known = {code.name for code in invoke.operation.codes} | {*ENGINE_CODES}
+        known = {code.name for code in invoke.operation.codes} | {*OPERATION_CODES}
         known |= {invoke.timeout_code} if invoke.timeout_code else set()
         code = Type("text", "text", values=tuple(sorted(known)))
     return {"error": Type("record", "error", fields={"code": code, "detail": TEXT}), "event": ANY}

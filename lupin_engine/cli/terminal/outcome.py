@@ -14,6 +14,7 @@ from rich.text import Text
 from lupin_engine.cli.terminal.colours import styled
 from lupin_engine.cli.terminal.view import counts_text, results_table
 from lupin_engine.machine.memory import Visit
+from lupin_engine.plugin.contract import EXECUTION_CODE
 from lupin_engine.plugin.profile import Profile, TargetResult
 from lupin_engine.replay.story import columns_for, laid_out
 from lupin_engine.replay.summary import Attempted, RunSummary, summarise
@@ -76,6 +77,10 @@ def figures(found: RunSummary, wall: float) -> list[tuple[str, str]]:
         ("operations", ", ".join(_attempted(one) for one in found.operations)),
         ("holds", _times(found.held)),
         ("refused", str(found.refused) if found.refused else ""),
+        *(
+            ("error", text if count == 1 else f"{text} ({count} times)")
+            for text, count in found.errors.items()
+        ),
         ("dropped", f"{found.dropped} late results" if found.dropped else ""),
         ("computed", f"in {wall:.2f} s"),
     ]
@@ -99,7 +104,9 @@ def _result(visit: Visit, profile: Profile) -> TargetResult:
 
 
 def verdict(run: Run) -> int:
-    """Return the exit code: all visited or stopped where wanted, some missed, or not done."""
+    """Return the exit code: all visited or stopped where wanted, some missed, or not done as written."""
+    if run.history.errors:
+        return NOT_DONE
     if run.stopped:
         return ALL_VISITED
     if not run.ended:
@@ -127,12 +134,15 @@ def _remarks(run: Run, code: int) -> Iterable[str]:
         yield "stopped at the time limit"
     elif run.stopped:
         yield "stopped where --until says"
-    elif code == NOT_DONE and run.view.paused:
+    elif code == NOT_DONE and not run.ended and run.view.paused:
         yield "it waits for an operator"
+    errors = len(run.history.errors)
+    if errors:
+        yield "an expression or action failed" if errors == 1 else f"{errors} expressions or actions failed"
     for step in run.history.refused[-1:]:
         if step.refusal:
             yield step.refusal.text
-    if run.view.code and code:
+    if run.view.code not in ("", EXECUTION_CODE) and code:
         yield f"last: {run.view.code}" + (f" ({run.view.detail})" if run.view.detail else "")
 
 

@@ -74,7 +74,7 @@ def simulate(
     whose mocks and happenings are then used. The plugins answer as their mocks say: everything succeeds.
 
     Exit code: 0 all targets visited, or stopped where --until says; 1 some missed; 2 fault, not started
-    or not ended; 130 interrupted.
+    or not ended, or an expression or action failed; 130 interrupted.
     """
     from lupin_engine.cli.terminal import outcome
     from lupin_engine.replay.timeline import timeline

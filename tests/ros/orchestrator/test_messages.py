@@ -14,7 +14,7 @@ from geometry_msgs.msg import Pose
 
 from lupin_engine.errors import Severity
 from lupin_engine.machine.step import View
-from lupin_engine.plugin.contract import Code
+from lupin_engine.plugin.contract import Code, classify
 from lupin_engine.plugin.profile import Fields, Publish
 from lupin_engine.plugin.wire import SMALLEST_W
 from lupin_engine.ros import messages
@@ -241,7 +241,13 @@ def test_an_unknown_battery_is_not_a_number() -> None:
 
 @pytest.mark.parametrize(
     ("code", "expected"),
-    [("", ("", 0)), ("battery_low", ("battery low", 1)), ("made_up", ("made_up", 1))],
+    [
+        ("", ("", 0)),
+        ("battery_low", ("battery low", 1)),
+        ("made_up", ("made_up", 1)),
+        ("execution_error", ("an expression or an action failed", 2)),
+    ],
 )
 def test_a_code_is_classified_as_declared(code: str, expected: tuple[str, int]) -> None:
-    assert messages.classify(code, CODES) == expected
+    found = classify(code, CODES)
+    assert (found.label, found.severity) == expected
