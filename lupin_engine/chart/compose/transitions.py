@@ -10,7 +10,7 @@ from lupin_engine.chart.compose.declare import Declared
 from lupin_engine.chart.compose.invoke import check_code, names_when_done, names_when_failed
 from lupin_engine.chart.compose.tree import Draft, Forest
 from lupin_engine.chart.documents import BudgetNode, FileNode, StateNode, TransitionNode
-from lupin_engine.chart.expressions.evaluation import Expression
+from lupin_engine.chart.expressions.evaluation import Expression, never
 from lupin_engine.chart.expressions.scope import Scope
 from lupin_engine.chart.expressions.values import read_guard
 from lupin_engine.chart.findings import Findings
@@ -229,7 +229,7 @@ class TransitionReader:
             return None
         place = node.at("guard")
         found = read_guard(node.guard, place, scope, self._findings, f"{path}.guard")
-        return found or Expression(str(node.guard), place, BOOL, lambda _: False)
+        return found or Expression(str(node.guard), place, BOOL, never)
 
     def _check_codes(self, node: TransitionNode, path: str) -> None:
         for word in ("refuse", "code"):

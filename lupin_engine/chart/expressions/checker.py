@@ -21,6 +21,7 @@ from __future__ import annotations
 
 import ast
 import math
+import re
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -87,6 +88,7 @@ _COMPARISONS: Mapping[type[ast.cmpop], str] = {
     ast.In: "in",
     ast.NotIn: "not in",
 }
+_PARAMETER = re.compile(r"\bparam\.(\w+)")
 _ORDERINGS = (ast.Lt, ast.LtE, ast.Gt, ast.GtE)
 
 
@@ -136,6 +138,7 @@ class _Checker(ExpressionReader):
         """Return type and code, or None after findings."""
         root = self.parse()
         if root is None:
+            self._note_parameters()
             return None
         found = as_quantity(self.visit(root), wanted)
         if not self.failed and not q.accepts(wanted, found.type):
@@ -143,9 +146,14 @@ class _Checker(ExpressionReader):
         if self._grown and not self.failed and not _can_be_compiled(found.code):
             self.stop(0, "the expression is too large with the values that stand for its parameters")
         if self.failed:
+            self._note_parameters()
             return None
         self._note_parts(root)
         return found
+
+    def _note_parameters(self) -> None:
+        """Note the parameters that a refused expression names: perhaps not all of it was read."""
+        self.scope.usage.parameters.update(_PARAMETER.findall(self.fragment.source))
 
     def _note_parts(self, root: ast.expr) -> None:
         """Note the operands of the outermost and/or/not, which tell why a guard was false."""

@@ -90,6 +90,11 @@ class Compiled:
         return self._function
 
 
+def never(_: Environment) -> bool:
+    """Stand in for a condition with mistakes; rules recognise it and say nothing about it."""
+    return False
+
+
 @record(frozen=True)
 class Expression:
     """A typed, compiled expression; `evaluate` reads an environment and has no side effect.

@@ -44,9 +44,10 @@ _BROKEN_WAYS = (
     "unknown-key",
 )
 #: After one of these it is not known what is read.
-_BROKEN_READS = ("bad-expression", "partial-expression", "unknown-parameter", *_BROKEN_WAYS)
+_BROKEN_READS = ("partial-expression", "unknown-parameter", *_BROKEN_WAYS)
 #: After one of these it is not known what is used: a misspelt name looks like one that nobody uses.
 _BROKEN_USES = (
+    "bad-expression",
     "unknown-name",
     "unknown-event",
     "unknown-function",
@@ -91,6 +92,6 @@ def check_composed(composed: Composed, findings: Findings) -> None:
         rules.append(unused_parameter)
     if not findings.has(*_BROKEN_USES):
         rules += UNUSED
-    index = Index(composed, [found.place for found in findings.errors])
+    index = Index(composed)
     for rule in rules:
         findings.extend(rule(index))

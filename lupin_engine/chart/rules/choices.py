@@ -27,6 +27,7 @@ from lupin_engine.chart.rules.index import (
     line_of,
     local,
     told,
+    understood,
 )
 from lupin_engine.chart.semantics import matches
 from lupin_engine.errors import Diagnostic
@@ -112,7 +113,7 @@ def _covered(index: Index, earlier: Transition, later: Transition) -> bool:
     assert later.guard is not None
     if earlier.guard.source == later.guard.source:
         return True
-    if not index.is_sure(earlier.guard) or not index.understood(later.guard):
+    if not index.is_sure(earlier.guard) or not understood(later.guard):
         return False
     return implies(condition_of(later.guard.source), condition_of(earlier.guard.source))
 
@@ -164,7 +165,7 @@ def both_can_win(index: Index) -> Iterator[Diagnostic]:
     read as they work.
     """
     for group in index.groups:
-        guarded = [t for t in group if t.guard is not None and _depends(index, t.guard)]
+        guarded = [t for t in group if t.guard is not None and _depends(t.guard)]
         for at, later in enumerate(guarded):
             clash = next((t for t in guarded[:at] if _both_can_win(index, t, later)), None)
             if clash is not None:
@@ -177,9 +178,9 @@ def both_can_win(index: Index) -> Iterator[Diagnostic]:
                 yield warning(later.place, "both-can-win", later.id, problem, hint)
 
 
-def _depends(index: Index, guard: Expression) -> bool:
+def _depends(guard: Expression) -> bool:
     """Tell whether a guard is sometimes true and sometimes not, as far as it was understood."""
-    return constant(guard.source) is None and index.understood(guard)
+    return constant(guard.source) is None and understood(guard)
 
 
 def _both_can_win(index: Index, earlier: Transition, later: Transition) -> bool:
@@ -257,7 +258,7 @@ def unhandled_outcome(index: Index) -> Iterator[Diagnostic]:
         # Where nothing is invoked nothing fails, and answering that is told as such.
         for event in ("done",) if state.invoke is None else ("done", "error"):
             group = [t for t in state.transitions if t.event == event]
-            if group and not any(map(always_taken, group)):
+            if group and not any(map(always_taken, group)) and understood(*(t.guard for t in group)):
                 yield from _without_rest(index, state, event, group)
     yield from _unheard_finals(index)
 

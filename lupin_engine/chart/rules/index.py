@@ -6,12 +6,12 @@ states, itineraries, inputs that may be unknown) is looked for only when a rule 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 from lupin_engine.chart.compose.compose import Composed
-from lupin_engine.chart.expressions.evaluation import Expression
+from lupin_engine.chart.expressions.evaluation import Expression, never
 from lupin_engine.chart.expressions.guards import TRUE, Condition, Every, condition_of, constant, fact
 from lupin_engine.chart.expressions.names import inputs_read
 from lupin_engine.chart.model import Invoke, Kind, State, Transition
@@ -42,15 +42,9 @@ class Work:
 class Index:
     """What the rules look at."""
 
-    def __init__(self, composed: Composed, mistaken: Iterable[Place]) -> None:
-        """Look through a chart.
-
-        Args:
-            composed: the chart, perhaps with holes.
-            mistaken: where errors were found before.
-        """
+    def __init__(self, composed: Composed) -> None:
+        """Look through a chart, perhaps one with holes."""
         self.composed = composed
-        self.mistaken = {(place.file, place.line) for place in mistaken}
         self.chart = composed.chart
         self.states = tuple(composed.chart.states.values())
         self.semantics = Semantics(self.chart)
@@ -84,7 +78,7 @@ class Index:
             self.outer.append(state)
         answers = False
         for transition in state.transitions:
-            if transition.guard is not None and self.understood(transition.guard):
+            if transition.guard is not None and understood(transition.guard):
                 self.guarded.append(transition)
             event = transition.event
             if event == "" or event.startswith("input."):
@@ -186,10 +180,6 @@ class Index:
 
     # -- conditions ----------------------------------------------------------------------------------------
 
-    def understood(self, expression: Expression) -> bool:
-        """Tell whether no mistake was found in the lines of an expression: one stands in for those."""
-        return (expression.place.file, expression.place.line) not in self.mistaken
-
     @cached_property
     def unsure(self) -> frozenset[str]:
         """The inputs that may be unknown while a mission runs."""
@@ -198,7 +188,7 @@ class Index:
 
     def is_sure(self, guard: Expression) -> bool:
         """Tell whether a guard says all: it is not also false because of a mistake or an unknown input."""
-        if not self.understood(guard):
+        if not understood(guard):
             return False
         if not self.unsure or "input." not in guard.source:
             return True
@@ -228,6 +218,11 @@ class Index:
         drafts = self.composed.drafts.values()
         handed = [(d.mission, str(v)) for d in drafts if d.node is not None for v in d.node.with_.values()]
         return Texts([*((read.mission, read.expression.source) for read in self.reads), *handed])
+
+
+def understood(*guards: Expression | None) -> bool:
+    """Tell whether guards are there without mistakes, or not there at all."""
+    return all(guard is None or guard.evaluate is not never for guard in guards)
 
 
 def always_taken(transition: Transition) -> bool:

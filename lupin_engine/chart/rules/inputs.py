@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from lupin_engine.chart.expressions.names import inputs_read
 from lupin_engine.chart.findings import warning
 from lupin_engine.chart.model import Input
-from lupin_engine.chart.rules.index import Index
+from lupin_engine.chart.rules.index import Index, understood
 from lupin_engine.chart.rules.written import Read
 from lupin_engine.errors import Diagnostic
 
@@ -23,7 +23,7 @@ def unknown_input_read(index: Index) -> Iterator[Diagnostic]:
     if not index.unsure:
         return
     for read in index.reads:
-        if "input." not in read.expression.source or not index.understood(read.expression):
+        if "input." not in read.expression.source or not understood(read.expression):
             continue
         if read.words[-2:] in _MAY_WAIT:
             continue

@@ -14,7 +14,7 @@ from lupin_engine.chart.expressions.guards import TRUE, Condition, constant, neg
 from lupin_engine.chart.expressions.names import names_read
 from lupin_engine.chart.model import ActionCall, Kind, Transition
 from lupin_engine.chart.rules.graph import components, cycles
-from lupin_engine.chart.rules.index import Index, always_taken, condition, local
+from lupin_engine.chart.rules.index import Index, always_taken, condition, local, understood
 from lupin_engine.errors import Diagnostic
 
 #: So many steps are spent on finding a circle among transitions that lead back to each other.
@@ -114,6 +114,8 @@ class _Loops:
             asked = self._before[name, following]
             conditions += [condition(self.by_id[following]), *(negate(condition(t)) for t in asked)]
             guards = [t.guard for t in (self.by_id[following], *asked) if t.guard is not None]
+            if not understood(*guards):
+                return False
             read.update(*(names_read(guard.source) for guard in guards))
         return changed.isdisjoint(read) and possible(TRUE, *conditions)
 

@@ -14,7 +14,7 @@ from itertools import takewhile
 
 from lupin_engine.chart.expressions.guards import Condition, fact, negate, possible
 from lupin_engine.chart.model import ActionCall, Kind, State, Transition
-from lupin_engine.chart.rules.index import OF_ONE_STATE, Index, always_taken, condition, local
+from lupin_engine.chart.rules.index import OF_ONE_STATE, Index, always_taken, condition, local, understood
 from lupin_engine.chart.semantics import matches
 from lupin_engine.errors import Diagnostic
 
@@ -78,7 +78,8 @@ class _VisitCall:
 class _VisitStep:
     """What a transition does to the visit: when it is taken, what it calls, which innermost states it enters.
 
-    Where a history state leads is not known, so after a `vague` step the visit may be either.
+    Where a history state leads is not known, nor what a guard with mistakes means: after a `vague` step the
+    visit may be either.
     """
 
     transition: Transition
@@ -108,7 +109,7 @@ class _VisitAnalysis:
         told: set[int] = set()
         for leaf, visit in self._at.items():
             for step in self._steps[leaf]:
-                for call, before in self._along(step, visit):
+                for call, before in self._along(step, visit) if understood(step.transition.guard) else ():
                     if before == _REFUSED.get(call.action.name) and id(call.action) not in told:
                         told.add(id(call.action))
                         yield _told(leaf, call)
@@ -162,8 +163,9 @@ class _VisitAnalysis:
         asked = [other for other in before if other.event == transition.event and _asks(other)]
         when += [negate(condition(other)) for other in asked]
         calls = list(_walking(f"{transition.id}.do", transition.actions))
+        vague = not understood(transition.guard)
         if transition.target is None:
-            return _VisitStep(transition, tuple(when), tuple(calls), ())
+            return _VisitStep(transition, tuple(when), tuple(calls), (), vague)
         target = self._index.chart.states[transition.target]
         if target.kind is Kind.HISTORY:
             leaves = tuple(self._leaves_in(target.parent or ""))
@@ -173,7 +175,7 @@ class _VisitAnalysis:
         for state in {s.name: s for s in (*self._path(target.name, domain)[::-1], *begun)}.values():
             calls += _walking(f"{state.name}.entry", state.entry)
         leaves = tuple(state.name for state in begun if state.name in self._at)
-        return _VisitStep(transition, tuple(when), tuple(calls), leaves)
+        return _VisitStep(transition, tuple(when), tuple(calls), leaves, vague)
 
     def _path(self, name: str, domain: str) -> list[State]:
         """Return a state and those around it below `domain`, as far as they belong to the walk."""
