@@ -1,38 +1,52 @@
 """Whether a catalog is made of what the contract wants, before anybody looks at what it means.
 
 Catalogs are Python that no type checker may have seen: a text where a list is wanted, a class left out, a
-comma forgotten. Each is told in the words of its place, all of them at once.
+comma forgotten. Each is told in the words of its place, all of them at once. What is wanted is read from the
+annotations of the contract; types are looked at where they are used.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from typing import Any
+from dataclasses import is_dataclass
+from functools import cache
+from types import UnionType
+from typing import Any, get_args, get_origin, get_type_hints
 
 from lupin_engine.errors import Severity, shortened
-from lupin_engine.plugin.contract import (
-    Action,
-    Argument,
-    Code,
-    EventKind,
-    Function,
-    LiveValue,
-    Mock,
-    OnHold,
-    Operation,
-    Parameter,
-    Plugin,
-    Reader,
-)
+from lupin_engine.plugin.contract import OnHold, Plugin
+from lupin_engine.plugin.types import Type
 
 #: Tells what is wrong with a value that stands at a place.
 Shape = Callable[[str, Any], Iterator[str]]
 
 
 def misshapen(plugin: Plugin) -> Iterator[str]:
-    """Tell all that is not of the kind that the contract wants; types are looked at where they are used."""
-    for name, shape in _SHAPES[Plugin].items():
+    """Tell all that is not of the kind that the contract wants."""
+    for name, shape in _shapes(Plugin).items():
         yield from shape(name, getattr(plugin, name))
+
+
+@cache
+def _shapes(kind: type) -> Mapping[str, Shape]:
+    """Return what the parts of something that a catalog is made of must be."""
+    return {name: _wanted(name, hint) for name, hint in get_type_hints(kind).items()}
+
+
+def _wanted(name: str, hint: Any) -> Shape:
+    """Return the shape of a field with an annotation."""
+    if name in _NAMED or hint in _PLAIN:
+        return _NAMED.get(name) or _PLAIN[hint]
+    origin, inner = get_origin(hint), get_args(hint)[:1]
+    if origin is UnionType:
+        return _GIVEN
+    if origin is tuple:
+        return _several("names" if inner == (str,) else f"{inner[0].__name__}(...)", _wanted("", *inner))
+    if origin is Mapping:
+        word = _ONE_OF.get(name) or name.removesuffix("s").replace("_", " ")
+        return _by_name(word, _wanted("", get_args(hint)[1]))
+    is_part = isinstance(hint, type) and is_dataclass(hint) and hint is not Type
+    return _made_with(hint) if is_part else _anything
 
 
 def _must_be(wanted: str, fits: Callable[[Any], bool]) -> Shape:
@@ -52,7 +66,7 @@ def _made_with(wanted: type) -> Shape:
         if not isinstance(value, wanted):
             yield f"{where} must be made with {wanted.__name__}(...), got {shortened(repr(value))}"
             return
-        for name, inner in _SHAPES[wanted].items():
+        for name, inner in _shapes(wanted).items():
             yield from inner(f"{where}: {name}", getattr(value, name))
 
     return shape
@@ -95,61 +109,24 @@ def _anything(_: str, __: Any) -> Iterator[str]:
     yield from ()
 
 
-_TEXT = _must_be("a text", lambda value: isinstance(value, str))
-_SECONDS = _must_be("a number of seconds, such as 2.0", _is_number)
-_LASTING = _must_be("a number of seconds, such as 2.0", lambda value: value is None or _is_number(value))
-_LIMIT = _must_be("a number", lambda value: value is None or _is_number(value))
-_YES_OR_NO = _must_be("True or False", lambda value: isinstance(value, bool))
-_FUNCTION = _must_be("a function of the parameters", callable)
 _GIVEN = _must_be(
     "a mapping by name, or a function of arguments and parameters",
     lambda value: isinstance(value, Mapping) or callable(value),
 )
-_TYPED = _by_name("field", _anything)
-_ARGUMENTS = _by_name("argument", _made_with(Argument))
-
-#: Of everything that a catalog is made of: what its parts must be.
-_SHAPES: Mapping[type, Mapping[str, Shape]] = {
-    Plugin: {
-        "name": _TEXT,
-        "doc": _TEXT,
-        "operations": _by_name("operation", _made_with(Operation)),
-        "actions": _by_name("action", _made_with(Action)),
-        "functions": _by_name("function", _made_with(Function)),
-        "values": _by_name("value", _made_with(LiveValue)),
-        "events": _by_name("event", _made_with(EventKind)),
-        "types": _by_name("type", _anything),
-        "readers": _by_name("reader", _made_with(Reader)),
-        "parameters": _by_name("parameter", _made_with(Parameter)),
-        "client": _TEXT,
-        "nodes": _by_name("node", _TEXT),
-        "stands_in": _by_name("stands_in", _several("names", _TEXT)),
-        "companions": _several("names", _TEXT),
-        "simulated_defaults": _by_name("simulated default", _anything),
-        "internal": _YES_OR_NO,
-        "serves": _several("names", _TEXT),
-        "profile": _TEXT,
-    },
-    Operation: {
-        "doc": _TEXT,
-        "arguments": _ARGUMENTS,
-        "result": _TYPED,
-        "codes": _several("Code(...)", _made_with(Code)),
-        "uses": _several("names", _TEXT),
-        "on_hold": _must_be("OnHold.CANCEL or OnHold.FINISH", lambda value: isinstance(value, OnHold)),
-        "mock": _made_with(Mock),
-    },
-    Action: {"doc": _TEXT, "arguments": _ARGUMENTS, "moves": _YES_OR_NO},
-    Function: {"doc": _TEXT, "arguments": _ARGUMENTS, "bind": _FUNCTION},
-    LiveValue: {"doc": _TEXT, "freshness": _LASTING},
-    EventKind: {"doc": _TEXT, "fields": _TYPED},
-    Parameter: {"doc": _TEXT, "minimum": _LIMIT, "maximum": _LIMIT},
-    Argument: {"doc": _TEXT, "optional": _YES_OR_NO},
-    Mock: {"after": _SECONDS, "result": _GIVEN, "values": _GIVEN},
-    Reader: {"code": _made_with(Code), "bind": _FUNCTION},
-    Code: {
-        "name": _TEXT,
-        "label": _TEXT,
-        "severity": _must_be("a Severity", lambda value: isinstance(value, Severity)),
-    },
+#: Fields that ask for more than their annotation tells.
+_NAMED: Mapping[str, Shape] = {
+    "after": _must_be("a number of seconds, such as 2.0", _is_number),
+    "freshness": _must_be(
+        "a number of seconds, such as 2.0", lambda value: value is None or _is_number(value)
+    ),
+    "bind": _must_be("a function of the parameters", callable),
 }
+_PLAIN: Mapping[Any, Shape] = {
+    str: _must_be("a text", lambda value: isinstance(value, str)),
+    bool: _must_be("True or False", lambda value: isinstance(value, bool)),
+    float | None: _must_be("a number", lambda value: value is None or _is_number(value)),
+    OnHold: _must_be("OnHold.CANCEL or OnHold.FINISH", lambda value: isinstance(value, OnHold)),
+    Severity: _must_be("a Severity", lambda value: isinstance(value, Severity)),
+}
+#: What one thing in a mapping is called, where that is not the name of the field without its s.
+_ONE_OF = {"result": "field", "stands_in": "stands_in"}
