@@ -91,11 +91,9 @@ class Layout:
 
 def numeric_key(tag_id: str) -> tuple[bool, int, str, str]:
     """Return the sort key of a tag id: numbers by value before names by letter."""
-    if not (tag_id.isascii() and tag_id.isdecimal()):
-        return True, 0, "", tag_id
-    # Compared as text, longer ones last: Python reads no number of more than 4,300 digits.
-    digits = tag_id.lstrip("0")
-    return False, len(digits), digits, tag_id
+    is_number = tag_id.isascii() and tag_id.isdecimal()
+    digits = tag_id.lstrip("0") if is_number else ""
+    return not is_number, len(digits), digits, tag_id
 
 
 def load(path: str = "", parameter: str = "tag_locations_file") -> Layout:

@@ -60,8 +60,7 @@ def show(store: str, domain: int | None, as_json: bool) -> int:
     for record, received in _content(store, domain).rows:
         twin.apply(record, received)
     now = time.time()
-    # No tag has a number of more digits, but anybody may tell one.
-    tags = sorted(twin.tags.values(), key=lambda tag: numeric_key(tag.tag_id[:100]))
+    tags = sorted(twin.tags.values(), key=lambda tag: numeric_key(tag.tag_id))
     if as_json:
         told = {"observations": twin.observation_count, "tags": [_tag_told(tag, now) for tag in tags]}
         click.echo(json.dumps(told, ensure_ascii=False, indent=2))
