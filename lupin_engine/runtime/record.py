@@ -3,41 +3,46 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict
+from dataclasses import asdict, fields, is_dataclass
 from types import MappingProxyType
-from typing import Annotated, Any
+from typing import Annotated, Any, get_type_hints
 
-from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, ValidationError, field_validator
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Discriminator,
+    Field,
+    Tag,
+    ValidationError,
+    create_model,
+    field_validator,
+)
 from pydantic_core.core_schema import ValidationInfo
 
 from lupin_engine.machine.event import Act, Cancel, Command, Event, Report, Start
-from lupin_engine.machine.step import CodeEvent, Refusal, Step, View
+from lupin_engine.machine.step import Considered, Step, View
 from lupin_engine.plugin.profile import START, Profile, Publish
 
 _NAMES = {Start: "start", Cancel: "cancel", Act: "act", Publish: "publish", Report: "report"}
+#: The parts of a step that are recorded as they are; the trail is made again from the rest.
+_WRITTEN = tuple(field.name for field in fields(Step) if field.name not in ("event", "trail"))
 
 
 def step_record(step: Step) -> dict[str, Any]:
     """Return a step as JSON data; empty parts are left out."""
-    record: dict[str, Any] = {
-        "sequence": step.sequence,
-        "time": step.time,
-        "event": step.event.name,
-        "data": dict(step.event.data),
-        "taken": list(step.taken),
-        "exited": list(step.exited),
-        "entered": list(step.entered),
-        "commands": [command_record(command) for command in step.commands],
-        "configuration": list(step.configuration),
-        "codes": [asdict(code) for code in step.codes],
-        "notes": list(step.notes),
-        "why": [str(considered) for considered in step.why],
-    }
-    if step.accepted is not None:
-        record["accepted"] = step.accepted
-    if step.refusal is not None:
-        record["refusal"] = asdict(step.refusal)
-    return {name: value for name, value in record.items() if value not in ([], {})}
+    record = {"event": step.event.name, "data": dict(step.event.data)}
+    record |= {part: _plain(getattr(step, part)) for part in _WRITTEN}
+    return {name: value for name, value in record.items() if value not in ([], {}, None)}
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, tuple):
+        return [_plain(each) for each in value]
+    if type(value) in _NAMES:
+        return command_record(value)
+    if isinstance(value, Considered):
+        return str(value)
+    return asdict(value) if is_dataclass(value) and not isinstance(value, type) else value
 
 
 def command_record(command: Command) -> dict[str, Any]:
@@ -109,16 +114,14 @@ def _kind(command: Any) -> str | None:
     return kind if isinstance(kind, str) else None
 
 
-class _StepRecord(BaseModel):
-    """A step as `step_record` writes it."""
+class _StepBase(BaseModel):
+    """What is otherwise in the record of a step than in the step, or may be left out there only."""
 
     event: str
     time: Annotated[float, Field(strict=True, gt=-_LATEST, lt=_LATEST)]
     sequence: int = 0
     data: dict[str, Any] = {}
-    taken: tuple[str, ...] = ()
-    exited: tuple[str, ...] = ()
-    entered: tuple[str, ...] = ()
+    configuration: tuple[str, ...] = ()
     commands: tuple[
         Annotated[
             Annotated[Start, Tag("start")]
@@ -130,11 +133,6 @@ class _StepRecord(BaseModel):
         ],
         ...,
     ] = ()
-    configuration: tuple[str, ...] = ()
-    codes: tuple[CodeEvent, ...] = ()
-    notes: tuple[str, ...] = ()
-    accepted: bool | None = None
-    refusal: Refusal | None = None
 
     @field_validator("data")
     @classmethod
@@ -146,6 +144,16 @@ class _StepRecord(BaseModel):
         return data
 
 
+_HINTS = get_type_hints(Step)
+_OTHERS: dict[str, Any] = {
+    field.name: (_HINTS[field.name], field.default)
+    for field in fields(Step)
+    if field.name not in (*_StepBase.model_fields, "trail", "why")
+}
+#: A step as `step_record` writes it; what was considered is for people only.
+_StepRecord = create_model("_StepRecord", __base__=_StepBase, **_OTHERS)
+
+
 def read_step(record: Any) -> Step:
     """Return the step that was recorded, without its trail and the explanation of what was not taken.
 
@@ -153,20 +161,7 @@ def read_step(record: Any) -> Step:
         ValueError: a part of it is not as it is recorded; the text is the name of that part.
     """
     try:
-        found = _StepRecord.model_validate(record)
+        found = dict(_StepRecord.model_validate(record))
     except ValidationError as problem:
         raise ValueError(problem.errors()[0]["loc"][0]) from None
-    return Step(
-        sequence=found.sequence,
-        time=found.time,
-        event=Event(found.event, found.data),
-        configuration=found.configuration,
-        taken=found.taken,
-        exited=found.exited,
-        entered=found.entered,
-        commands=found.commands,
-        notes=found.notes,
-        accepted=found.accepted,
-        refusal=found.refusal,
-        codes=found.codes,
-    )
+    return Step(event=Event(found.pop("event"), found.pop("data")), **found)
