@@ -14,7 +14,7 @@ from typing import Any
 
 from lupin_engine.chart.expressions.evaluation import Constant, Expression, UnknownInput, Value
 from lupin_engine.chart.model import ActionCall, Chart, Invoke, Kind, State, Timer, Transition
-from lupin_engine.chart.records import parts_of
+from lupin_engine.chart.records import Role, parts_of, walk
 from lupin_engine.diagram.outline import find_state
 from lupin_engine.diagram.picture import LineRole, Picture, StateBox
 from lupin_engine.diagram.xml_text import escape, quoted
@@ -144,14 +144,11 @@ class _ScxmlWriter:
             return None, _written(value)
 
     def _invoke(self, state: State, invoke: Invoke) -> Iterator[str]:
-        limit, expression = self._seconds(invoke.timeout) if invoke.timeout else (None, None)
-        attributes = {
-            "type": _TYPE,
-            "id": f"{_id(state.name)}-operation",
-            "lupin:do": invoke.name,
-            "lupin:timeout": limit or expression,
-            "lupin:attempts": _written(invoke.retry.attempts) if invoke.retry else None,
-        }
+        attributes = {"type": _TYPE, "id": f"{_id(state.name)}-operation"}
+        for words, _, value in walk(invoke, _SAID):
+            if words[0] != "with":  # arguments are elements of their own
+                seconds, _ = self._seconds(value) if _is_duration(value) else (None, None)
+                attributes[f"lupin:{words[-1].removesuffix('.after')}"] = seconds or _text(value)
         yield from _element("invoke", attributes, _params(invoke.arguments), always=True)
 
     def _actions(self, actions: Iterable[ActionCall]) -> Iterator[str]:
@@ -167,6 +164,8 @@ class _ScxmlWriter:
                 yield from _element("send", attributes, _params(action.arguments), always=True)
 
 
+#: What an operation says in attributes of ours.
+_SAID = frozenset({Role.PLAIN, Role.VALUE, Role.CODE})
 #: What of a transition SCXML has a word for.
 _STANDARD = ("target", "guard", "actions", "internal")
 
@@ -175,6 +174,10 @@ def _extensions(rule: Transition) -> dict[str, str | None]:
     """Return what else a transition says, by the words of the language."""
     said = ((part, getattr(rule, part.field)) for part in parts_of(Transition) if part.field not in _STANDARD)
     return {f"lupin:{part.word}": _text(value) for part, value in said if part.word and value is not None}
+
+
+def _is_duration(value: Any) -> bool:
+    return isinstance(value, (Expression, Constant)) and value.type.unit == "s"
 
 
 def _text(value: Any) -> str:

@@ -228,6 +228,25 @@ def test_what_a_transition_says_is_in_its_scxml(part: Any, chart: m.Chart) -> No
 
 
 @pytest.mark.parametrize(
+    ("record", "part"), [(r, p) for r in (m.Invoke, m.Retry) for p in parts_of(r)], ids=named
+)
+def test_what_an_operation_says_is_in_its_scxml(record: type, part: Any, chart: m.Chart) -> None:
+    """Arguments in elements, the rest in attributes of ours."""
+    doing = next(state for state in chart.states.values() if state.invoke and state.invoke.retry)
+    assert doing.invoke is not None
+    note = Expression("noted", PLACE, TEXT, lambda _: "")
+    values: dict[Role, Any] = {Role.PLAIN: "noted", Role.CODE: "noted", Role.INSIDE: None}
+    said = {"arguments": {"noted": note}, "unless": frozenset({"noted"})}
+    value = said.get(part.field, values.get(part.role, note))
+    holder = doing.invoke if record is m.Invoke else doing.invoke.retry
+    invoke = exchanged(doing.invoke, holder, replace(holder, **{part.field: value}))
+    state = replace(doing, invoke=invoke)
+    told = scxml(outline(replace(chart, states={**chart.states, state.name: state}), whole=True))
+    assert ("noted" in told) == (part.role is not Role.INSIDE)
+    assert told != scxml(outline(chart, whole=True))
+
+
+@pytest.mark.parametrize(
     ("record", "field"),
     [
         (r, f.name)

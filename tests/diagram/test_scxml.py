@@ -153,6 +153,7 @@ def test_operations_deadlines_actions_and_refusals_have_a_form() -> None:
         "id": f"{reading.attrib['id']}-operation",
         f"{LUPIN}do": "bridge.read_tag",
         f"{LUPIN}timeout": "5s",
+        f"{LUPIN}timeout.code": "scan_timeout",
     }
     assert [(p.get("name"), p.get("expr")) for p in invoke] == [("tag_id", "target.id")]
     dwelling = found[f"{INSPECTION}-INSPECTING-SCANNING-DWELLING"]
