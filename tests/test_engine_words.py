@@ -18,7 +18,20 @@ FILES = sorted([*ENGINE.rglob("*.py"), *(ENGINE / "cli" / "plugin_template").rgl
 
 #: Words of the greenhouse that the profile uses without naming them.
 OTHERS = frozenset(
-    {"arm", "climate", "dock", "docked", "docking", "floranova", "flower", "flowers", "greenhouse", "layout"}
+    {
+        "arm",
+        "battery",
+        "climate",
+        "dock",
+        "docked",
+        "docking",
+        "estop",
+        "floranova",
+        "flower",
+        "flowers",
+        "greenhouse",
+        "layout",
+    }
     | {"lupin_msgs", "species", "tulip", "tulips", "°C"}
 )
 #: Where a word means something else, by the beginning of a module's path.

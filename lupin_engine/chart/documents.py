@@ -381,7 +381,7 @@ class HoldNode(Node):
     """A suspension of the whole chart."""
 
     engage: Annotated[str, Meaning.ENGAGE] = Field(
-        description="request (operator.pause) or level (input.estop) that engages it"
+        description="request (operator.pause) or level (input.danger) that engages it"
     )
     release: Annotated[Names, Meaning.REQUEST] = Field(description="requests that release it")
     code: Annotated[str, Meaning.CODE] = Field(description="code that engaging reports")

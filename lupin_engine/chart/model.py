@@ -196,7 +196,7 @@ class State:
 class Hold:
     """A suspension of the whole chart.
 
-    `engage` is a request (`operator.pause`) or a level (`input.estop`); `release` are requests. A guard that
+    `engage` is a request (`operator.pause`) or a level (`input.danger`); `release` are requests. A guard that
     is false refuses the request with `engage_code` or, for a release, with `code`. `code` is what engaging
     reports.
     """

@@ -85,7 +85,7 @@ sim = click.option(
     "--sim",
     metavar="NAME=VALUE",
     multiple=True,
-    help="A parameter of the simulated robot, such as battery=0.1.",
+    help="A parameter of the simulated robot, such as drain_per_s=0.01.",
 )
 speed = click.option(
     "--speed",

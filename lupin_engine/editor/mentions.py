@@ -199,7 +199,7 @@ def _in_expression(token: Token, expression: str, offset: int) -> Iterator[Menti
 
 
 def _chain(token: Token, text: str, offset: int) -> Iterator[Mention]:
-    """Yield the mentions of `input.battery.low` and the like, one for each word."""
+    """Yield the mentions of `input.charge.low` and the like, one for each word."""
     words = text.split(".")
     at = offset
     for index, word in enumerate(words):

@@ -194,7 +194,7 @@ def descend(draft: Draft, names: Iterable[str]) -> list[Draft]:
 
 
 def type_of(scope: Scope, words: Iterable[str]) -> Type | None:
-    """Return the type of a chain such as `input.battery.low`; None where it leads nowhere."""
+    """Return the type of a chain such as `input.charge.low`; None where it leads nowhere."""
     first, *rest = words
     found = scope.names.get(first)
     for word in rest:

@@ -146,7 +146,7 @@ SNIPPETS: Mapping[str, tuple[Snippet, ...]] = MappingProxyType(
 EXAMPLES: Mapping[str, tuple[Any, ...]] = MappingProxyType(
     {
         "TransitionNode.target": ("WORKING", "ROUND.DRIVING", "MISSION.history"),
-        "TransitionNode.guard": ("input.battery.low", "len(request.places) > 0", "in_state('WORKING')"),
+        "TransitionNode.guard": ("input.charge.low", "len(request.places) > 0", "in_state('WORKING')"),
         "InvokeNode.do": ("nav.go_to",),
         "LimitNode.after": ("30 s", "${ param.timeout_s }"),
         "RetryNode.attempts": (3,),
@@ -157,9 +157,9 @@ EXAMPLES: Mapping[str, tuple[Any, ...]] = MappingProxyType(
         "ParameterNode.default": ("30 s", 3, True),
         "ParameterNode.unit": ("m/s",),
         "VariableNode.type": ("text",),
-        "InputNode.value": ("robot.battery",),
+        "InputNode.value": ("robot.charge",),
         "LevelNode.below": ("20 %",),
-        "HoldNode.engage": ("operator.pause", "input.estop"),
+        "HoldNode.engage": ("operator.pause", "input.danger"),
         "ItineraryNode.items": ("${ request.places }",),
         "ItineraryNode.order": ("${ distance(input.pose, approach(target)) }",),
         "ForEachNode.key": ("${ place.id }",),

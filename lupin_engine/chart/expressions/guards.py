@@ -1,7 +1,7 @@
 """What can be told of conditions without running them: which exclude each other, which always hold.
 
 A condition is brought to a normal form: `Every` and `Some` of facts, where a fact says of one operand which
-values it may have (`error.code` is 'late'; `battery.value` lies below 0.2). Everything is decided by one
+values it may have (`error.code` is 'late'; `charge.value` lies below 0.2). Everything is decided by one
 question, whether some conditions can hold together, and the answer is cautious: what is not understood may
 hold. Operands are compared as they are written, so `a.b` is the same operand wherever it stands within one
 transition list, which is where conditions are compared.

@@ -52,8 +52,8 @@ def new(name: str, like: str | None) -> int:
     """Begin a mission: its file, the lifecycle around it, a scenario.
 
     NAME is what the file is called, such as water_beds. In the current folder this writes
-    missions/NAME.yaml and scenarios/NAME.scenario.yaml, and copies missions/lifecycle.yaml where there is
-    none. What exists is left as it is.
+    missions/NAME.yaml and scenarios/NAME.scenario.yaml. Where there is no missions/lifecycle.yaml it copies
+    the shipped one, which is written for the profile that it names. What exists is left as it is.
 
     Example: lupin new my_inspection --like inspection
     """

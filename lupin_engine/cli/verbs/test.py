@@ -64,7 +64,7 @@ def test(
 
     PATHS are scenario files (*.scenario.yaml) or folders of them; without any, the folder scenarios or
     tests/scenarios is taken. To choose by name, to share the work between processes and to write JUnit XML,
-    run them with pytest: pytest scenarios -k battery -n auto --junitxml report.xml
+    run them with pytest: pytest scenarios -k abort -n auto --junitxml report.xml
 
     Exit code: 0 when every scenario holds and enough was reached, else 1; 2 when there is nothing to run.
     """

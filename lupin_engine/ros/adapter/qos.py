@@ -19,7 +19,7 @@ class Qos(enum.Enum):
 
     LATCHED = "latched"  #: reliable, transient local, depth 1: a state that late joiners must see
     BACKLOG = "backlog"  #: reliable, transient local, depth 50: observations
-    EVENT = "event"  #: reliable, volatile, depth 10: e-stop, battery
+    EVENT = "event"  #: reliable, volatile, depth 10: a button, a charge
     DETECTION = "detection"  #: reliable, volatile, depth 5: detections, joint states
     SENSOR = "sensor"  #: best effort, volatile, depth 5: camera images
     TRANSFORMS = "transforms"  #: reliable, volatile, depth 100: /tf, many small messages of many publishers

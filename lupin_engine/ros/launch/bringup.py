@@ -43,7 +43,7 @@ APPEAR_LIMIT_S = 90.0
 UNTOLD_S = 4.0
 #: How long the orchestrator may wait for servers. It has a limit of its own, a parameter, and faults then.
 SERVERS_LIMIT_S = 600.0
-#: What an operator may have set (e-stop, battery) reaches the orchestrator within this time, in seconds.
+#: What an operator may have set (a stop, a charge) reaches the orchestrator within this time, in seconds.
 SETTLE_S = 1.5
 #: On a busy machine seconds pass in which nobody speaks: so many states must have come meanwhile, or all of
 #: this time has passed, in seconds.
