@@ -11,10 +11,12 @@ from lupin_engine.plugin.profile import (
     Fields,
     Progress,
     Publish,
+    Rating,
     Remark,
     Situation,
     StartAnswer,
     StartRequest,
+    TargetOutcome,
     TargetResult,
 )
 from lupin_engine.plugin.wire import filled_in, pose_fields, time_fields
@@ -22,13 +24,15 @@ from lupin_engine.plugin.wire import filled_in, pose_fields, time_fields
 #: The counters of MissionState are uint16; a robot that monitors for weeks stays at the highest.
 HIGHEST_COUNT = 2**16 - 1
 
-#: Values of `Observation.status`, by number, each with its counter in MissionState.
-STATUSES: Mapping[str, str] = {
-    "OK": "targets_completed",
-    "UNREACHABLE": "targets_unreachable",
-    "SCAN_FAILED": "targets_failed",
-    "SKIPPED": "targets_skipped",
-}
+#: How a visit ends, in the order of the values of `Observation.status`.
+OUTCOMES = (
+    TargetOutcome("OK", "completed", "visited", Rating.GOOD),
+    TargetOutcome("UNREACHABLE", "unreachable", "unreachable"),
+    TargetOutcome("SCAN_FAILED", "failed", "failed"),
+    TargetOutcome("SKIPPED", "skipped", "skipped", Rating.LEFT_OUT),
+)
+#: Their names, each with its counter in MissionState.
+STATUSES: Mapping[str, str] = {outcome.name: f"targets_{outcome.counter}" for outcome in OUTCOMES}
 #: Values of `Observation.kind`; those of later builds are passed over.
 TAG_READING, FLOWER, ANOMALY = 0, 1, 2
 

@@ -9,11 +9,9 @@ from lupin_engine.plugin.profile import (
     OperatorRequest,
     Profile,
     Publication,
-    Rating,
     RequestField,
     Stages,
     StartService,
-    TargetOutcome,
     Terminal,
     Wire,
 )
@@ -58,12 +56,7 @@ STAGES = Stages(
 PROFILE = Profile(
     name="greenhouse",
     doc="Robots that visit tags in a greenhouse and read the sensors there.",
-    outcomes=(
-        TargetOutcome("OK", "completed", "visited", Rating.GOOD),
-        TargetOutcome("UNREACHABLE", "unreachable", "unreachable"),
-        TargetOutcome("SCAN_FAILED", "failed", "failed"),
-        TargetOutcome("SKIPPED", "skipped", "skipped", Rating.LEFT_OUT),
-    ),
+    outcomes=messages.OUTCOMES,
     request={
         "tag_sequence": RequestField(
             list_of(TEXT), "--tags", "1,5,12", "The tags to visit; default: the mission's own."
