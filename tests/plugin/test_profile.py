@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -9,9 +10,10 @@ from typing import Any
 import pytest
 
 from lupin_engine.errors import LupinError, PluginError
+from lupin_engine.missions.folders import default_missions_folder
 from lupin_engine.missions.load import check_chart
 from lupin_engine.plugin.profile import NO_PROFILE, OperatorRequest, Profile, Stages, TargetOutcome, Terminal
-from lupin_engine.plugin.registry import Catalog, build_catalog
+from lupin_engine.plugin.registry import Catalog, build_catalog, load_catalog
 from lupin_engine.ros.messages import wire_of
 from lupin_greenhouse.profile import PROFILE
 
@@ -57,6 +59,26 @@ def test_of_several_profiles_the_lifecycle_names_one(tmp_path: Path) -> None:
     assert profile_of(tmp_path, "profile: greenhouse\n", both) == ("greenhouse", [])
     several = "missing-key: several profiles are installed: greenhouse, other; write 'profile: NAME'"
     assert profile_of(tmp_path, "", both) == ("", [several])
+
+
+@pytest.mark.parametrize(
+    ("line", "problem"),
+    [
+        ("", "several profiles are installed: greenhouse, other"),
+        ("profile: else\n", "unknown profile 'else'"),
+    ],
+)
+def test_without_its_profile_a_mission_has_no_other_errors(tmp_path: Path, line: str, problem: str) -> None:
+    """Requests, outcomes and actions that only the profile has would each be unknown."""
+    missions, installed = default_missions_folder(), load_catalog()
+    lifecycle = tmp_path / "lifecycle.yaml"
+    text = (missions / "lifecycle.yaml").read_text(encoding="utf-8")
+    lifecycle.write_text(text.replace("profile: greenhouse\n", line), encoding="utf-8")
+    shutil.copytree(missions / "parts", tmp_path / "parts")
+    both = build_catalog(installed.plugins.values(), [PROFILE, OTHER])
+    chart, found = check_chart(lifecycle, [missions / "inspection.yaml"], both)
+    assert chart is None
+    assert [told.problem for told in found] == [problem]
 
 
 def test_two_profiles_of_one_name_are_refused() -> None:

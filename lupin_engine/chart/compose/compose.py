@@ -89,22 +89,27 @@ def compose(
     parts: Mapping[str, PartNode],
     catalog: Catalog,
     findings: Findings,
-) -> Composed:
-    """Compose the chart of these documents; after errors it has holes, but may be checked further."""
-    return _Composer(lifecycle, missions, parts, catalog, findings).compose()
+) -> Composed | None:
+    """Compose the chart of these documents; after errors it has holes, but may be checked further.
+
+    None where nobody knows whose words it is written in: of several profiles the lifecycle must name one.
+    """
+    profiled = _with_profile(catalog, lifecycle, findings)
+    return None if profiled is None else _Composer(lifecycle, missions, parts, profiled, findings).compose()
 
 
-def with_profile(catalog: Catalog, lifecycle: LifecycleNode, findings: Findings) -> Catalog:
+def _with_profile(catalog: Catalog, lifecycle: LifecycleNode, findings: Findings) -> Catalog | None:
     """Return the catalog with the profile that a lifecycle names; without a name the only one holds."""
     name, known = lifecycle.profile, catalog.profiles
     if name is None:
         if len(known) > 1:
             problem, hint = f"several profiles are installed: {', '.join(known)}", "write 'profile: NAME'"
             findings.add(lifecycle.place, "missing-key", "profile", problem, hint)
+            return None
         return catalog
     if name not in known:
         findings.unknown(lifecycle.at("profile"), "unknown-profile", "profile", "profile", name, known)
-        return catalog
+        return None
     return catalog.with_profile(name)
 
 
@@ -120,7 +125,7 @@ class _Composer:
         self._lifecycle = lifecycle
         self._missions = list(missions)
         self._parts = parts
-        self._catalog = catalog = with_profile(catalog, lifecycle, findings)
+        self._catalog = catalog
         self._findings = findings
         self._usage = Usage()
         self._declarer = Declarer(catalog, findings, self._usage)
