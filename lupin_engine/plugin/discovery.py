@@ -80,21 +80,32 @@ class EntryPoint:
         Raises:
             PluginError: it cannot be imported, or is something else.
         """
-        where = f"{what} {self.name!r} ({self})"
         try:
             found = self.load()
         except (Exception, SystemExit) as error:  # foreign code: whatever its import does is told in one line
-            raise PluginError(f"{where} cannot be imported: {told(error, self.module)}") from error
+            reason = told(error, self.module)
+            raise PluginError(f"{what} {self.name!r} ({self}) cannot be imported: {reason}") from error
         if not isinstance(found, kind):
             other = type(found).__name__
-            raise PluginError(f"{where} names something of type {other}; it must name {called}")
+            raise PluginError(
+                f"{what} {self.name!r} ({self}) names something of type {other}; it must name {called}"
+            )
         return found
 
 
 def entry_points(group: str = GROUP) -> list[EntryPoint]:
     """Return the entry points of a group by name."""
-    found = metadata.entry_points(group=group)
-    return sorted({EntryPoint(point.name, point.value, point.dist) for point in found})
+    return entry_points_by_group(group)[group]
+
+
+def entry_points_by_group(*groups: str) -> dict[str, list[EntryPoint]]:
+    """Return the entry points of each group by name; the installed packages are looked through once."""
+    every = metadata.entry_points()
+    found = {group: every.select(group=group) for group in groups}
+    return {
+        group: sorted({EntryPoint(point.name, point.value, point.dist) for point in points})
+        for group, points in found.items()
+    }
 
 
 def find_entry_point(name: str) -> EntryPoint:

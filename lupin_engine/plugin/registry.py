@@ -28,7 +28,7 @@ from lupin_engine.plugin.contract import (
     Plugin,
     Reader,
 )
-from lupin_engine.plugin.discovery import PROFILES, EntryPoint, entry_points
+from lupin_engine.plugin.discovery import GROUP, PROFILES, EntryPoint, entry_points, entry_points_by_group
 from lupin_engine.plugin.profile import NO_PROFILE, Profile
 from lupin_engine.plugin.shapes import misshapen
 from lupin_engine.plugin.types import BUILTIN_TYPES, UNITS, Type, convert, problems
@@ -110,10 +110,11 @@ def load_catalog() -> Catalog:
     Raises:
         PluginError: one cannot be imported, breaks the contract, or contradicts another one.
     """
-    points = {point: import_plugin(point) for point in entry_points()}
+    found = entry_points_by_group(GROUP, PROFILES)
+    points = {point: import_plugin(point) for point in found[GROUP]}
     for name in dict.fromkeys(plugin.name for plugin in points.values()):
         refuse_rivals(name, [point for point, plugin in points.items() if plugin.name == name])
-    return build_catalog([builtin.PLUGIN, *points.values()], load_profiles())
+    return build_catalog([builtin.PLUGIN, *points.values()], map(_import_profile, found[PROFILES]))
 
 
 def load_profiles() -> list[Profile]:
@@ -122,7 +123,11 @@ def load_profiles() -> list[Profile]:
     Raises:
         PluginError: one cannot be imported.
     """
-    return [point.load_as(Profile, "profile", "a Profile") for point in entry_points(group=PROFILES)]
+    return [_import_profile(point) for point in entry_points(PROFILES)]
+
+
+def _import_profile(point: EntryPoint) -> Profile:
+    return point.load_as(Profile, "profile", "a Profile")
 
 
 def refuse_rivals(name: str, points: Sequence[EntryPoint]) -> None:

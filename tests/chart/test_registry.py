@@ -177,6 +177,6 @@ def test_an_entry_point_that_fails_is_told_in_one_line(
     (tmp_path / "leaves_at_once.py").write_text("raise SystemExit(3)")
     monkeypatch.syspath_prepend(tmp_path)
     point = EntryPoint("bad", value)
-    monkeypatch.setattr(registry, "entry_points", lambda: [point])
+    monkeypatch.setattr(registry, "entry_points_by_group", lambda *groups: {groups[0]: [point]})
     with pytest.raises(PluginError, match=rf"plugin 'bad' \({value}\) {reason}"):
         load_catalog()
