@@ -10,13 +10,12 @@ defect of the engine (see the crash log that is named); 130 interrupted; 141 the
 
 from __future__ import annotations
 
-import gc
 import importlib
 import io
 import os
 import sys
 from collections.abc import Mapping, Sequence
-from types import MappingProxyType, ModuleType
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -49,9 +48,6 @@ VERBS: Mapping[str, str] = MappingProxyType(
 #: Else pydantic looks through every installed package for plugins of its own.
 os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
 
-#: How often the collector of garbage looks: Python's own figure, times 15.
-COLLECTOR = (10_000, 10, 10)
-
 DEFECT = 70
 INTERRUPTED = 130
 READER_GONE = 141
@@ -68,7 +64,7 @@ class Verbs(click.Group):
         """Import a verb."""
         if cmd_name not in VERBS:
             return _verb_of_plugin(cmd_name)
-        command = getattr(_imported(f"lupin_engine.cli.verbs.{cmd_name}"), cmd_name)
+        command = getattr(importlib.import_module(f"lupin_engine.cli.verbs.{cmd_name}"), cmd_name)
         assert isinstance(command, click.Command)
         return command
 
@@ -132,22 +128,6 @@ def _author_of_node(name: str) -> str:
         return "the engine"
     is_ours = distribution is not None and distribution.name == "lupin-engine"
     return "the engine" if is_ours else f"the node {name!r} of {distribution}"
-
-
-def _imported(name: str) -> ModuleType:
-    """Import a module without collecting garbage: what modules make stays, and a start is a tenth faster.
-
-    Afterwards the collector runs rarely: most verbs end before they leave much garbage.
-    """
-    if name in sys.modules:
-        return sys.modules[name]
-    gc.disable()
-    try:
-        return importlib.import_module(name)
-    finally:
-        gc.freeze()
-        gc.set_threshold(*COLLECTOR)
-        gc.enable()
 
 
 @click.group(cls=Verbs, context_settings={"help_option_names": ["-h", "--help"]})

@@ -195,8 +195,9 @@ def path_of(uri: str) -> Path:
 def serve(catalog: Catalog, stdout: BinaryIO) -> None:
     """Serve the editor that started this process, until it says to end.
 
-    Every check leaves a chart behind, so Python would look for garbage in the middle of a keystroke, which
-    takes longer than the check. It is done when typing pauses instead.
+    Garbage is collected when typing pauses, not in the middle of a keystroke: every check leaves a chart
+    behind. In `benchmarks/editor.py` the findings are there after 27 ms (slowest 48), with Python's own
+    collection after 40 ms (slowest 330).
     """
     gc.collect()
     gc.freeze()
