@@ -30,10 +30,12 @@ FOLDERS = ["lupin_msgs", *map("interfaces/{}_msgs".format, ("nav2", "tf2", "cont
 INTERFACE_FILES = (".msg", ".srv", ".action", ".xml", ".txt", ".toml", ".cmake")
 GUARD = "_ROS_WHEELS_BOOTSTRAP_COMPLETE"
 CHECK = """
-import rclpy, lupin_engine, lupin_msgs.msg as l, mirte_msgs.msg as m, tf2_msgs.msg as t
+import sys; sys.dont_write_bytecode = False  # what is tried leaves bytecode, so that later starts are fast
+import rclpy, lupin_engine.cli.main, lupin_msgs.msg as l, mirte_msgs.msg as m, tf2_msgs.msg as t
 import control_msgs.action as c, nav2_msgs.action as n
 for each in (l.Observation, m.ServoPosition, t.TFMessage, c.GripperCommand, n.NavigateToPose):
     type(each).__import_type_support__()
+lupin_engine.cli.main.main(["check"])
 """
 PROBE = """
 import importlib.util as u, json, os, platform, struct, sys, sysconfig
@@ -225,8 +227,7 @@ def must_start_afresh(finished: Dict[str, Any], wanted: Dict[str, Any]) -> bool:
     if finished.get("mode", mode) != mode:  # never only because a shell has, or has not, sourced ROS 2
         what = f"This shell means ROS 2 from {mode}, but .venv was made with ROS 2 from {finished['mode']}."
         raise Problem(what, "Use the other kind of shell, or `make clean` to begin anew.")
-    decisive = ["root", "mode"] + ["python"] * bool(wanted["python"])
-    return any(finished.get(key) != wanted[key] for key in decisive)
+    return any(finished.get(k) != wanted[k] for k in ["root", "mode"] + ["python"] * bool(wanted["python"]))
 
 
 def missing_packages(executable: str, mode: str) -> List[str]:
@@ -286,8 +287,7 @@ def build_wheels(executable: str, mode: str, folders: List[str], target: Path) -
 
 def bring_up_to_date(purpose: str) -> None:
     """Do what is missing, and nothing else."""
-    mode = requested_mode()
-    finished = finished_state()
+    mode, finished = requested_mode(), finished_state()
     wanted = wanted_state(mode, purpose, finished)
     afresh = must_start_afresh(finished, wanted)
     outdated = {part for part in wanted if afresh or finished.get(part) != wanted[part]} - {"python"}
