@@ -202,6 +202,12 @@ TYPES_HEAD = """\
 
 Types of parameters, variables and request fields; any of them may follow `list of`. Plugins add their own.
 """
+UNITS_HEAD = """\
+A number that has a dimension is written with one of its units, and declared as `type: number` with `unit`.
+Only numbers of one dimension are added or compared; a product or a quotient has the dimension that follows:
+`given / '2 l/min'` is a duration where `given` is an amount of water. Temperatures are kept in °C, so that
+differences are right and ratios mean nothing.
+"""
 
 #: How the shape of a key that may be computed is told.
 _COMPUTED = {"Written": "value", "Condition": "condition", "Bound": "number, with its unit"}
@@ -458,7 +464,7 @@ def _types() -> Iterator[str]:
     yield from ("", *TYPES_HEAD.splitlines(), "")
     rows = ((f"`{name}`", _type_text(name)) for name in BUILTIN_TYPES)
     yield from _table(("type", "what it is"), rows)
-    yield from ("", "A number that has a dimension is written with one of its units:", "")
+    yield from ("", *UNITS_HEAD.splitlines(), "")
     by_base: dict[str, list[str]] = {}
     for unit, (base, _) in UNITS.items():
         by_base.setdefault(base, []).append(f"`{unit}`")

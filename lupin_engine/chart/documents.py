@@ -339,6 +339,9 @@ class VariableNode(Node):
     """A context variable: written by `set`, kept in the snapshot."""
 
     type: Annotated[str, Meaning.TYPE] = Field(description="such as text, count, pose")
+    unit: Annotated[str | None, Meaning.UNIT] = Field(
+        None, description="unit of a number; a number in s is a duration"
+    )
     default: Annotated[Written, Meaning.VALUE] = Field(description="value when the chart starts")
     summary: str = Field("", description="one sentence for people")
 
@@ -401,6 +404,9 @@ class RequestFieldNode(Node):
     """A field of the request that starts a mission."""
 
     type: Annotated[str, Meaning.TYPE] = Field(description="such as count, duration, list of text")
+    unit: Annotated[str | None, Meaning.UNIT] = Field(
+        None, description="unit of a number; a number in s is a duration"
+    )
     default: Annotated[Written, Meaning.VALUE] = Field(
         None, description="value when the request does not say"
     )

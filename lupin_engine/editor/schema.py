@@ -236,8 +236,7 @@ def _add_names(made: Schema, definitions: dict[str, Schema], catalog: Catalog) -
     for name in ("Parameter", "Variable", "RequestField", "Argument", "Result", "BoundValue"):
         if name in owners:
             owners[name]["properties"]["type"].update(_types(catalog))
-    for name in {"Parameter", "Argument", "Result", "BoundValue"} & owners.keys():
-        owners[name]["properties"]["unit"].update(_named({name: docs.unit(name) for name in UNITS}))
+            owners[name]["properties"]["unit"].update(_named({unit: docs.unit(unit) for unit in UNITS}))
     _add_actions(definitions["Action"], catalog)
 
 

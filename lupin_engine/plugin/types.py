@@ -29,14 +29,25 @@ UNITS: Mapping[str, tuple[str, float]] = MappingProxyType(
         "cm": ("m", 1e-2),
         "m": ("m", 1.0),
         "km": ("m", 1e3),
+        "m2": ("m2", 1.0),
         "deg": ("rad", math.pi / 180.0),
         "rad": ("rad", 1.0),
         "m/s": ("m/s", 1.0),
+        "km/h": ("m/s", 1 / 3.6),
+        "deg/s": ("rad/s", math.pi / 180.0),
+        "rad/s": ("rad/s", 1.0),
         "Hz": ("Hz", 1.0),
         "g": ("kg", 1e-3),
         "kg": ("kg", 1.0),
         "ml": ("l", 1e-3),
         "l": ("l", 1.0),
+        "l/min": ("l/s", 1 / 60),
+        "l/s": ("l/s", 1.0),
+        "ppm": ("ppm", 1.0),
+        "lx": ("lx", 1.0),
+        "lux": ("lx", 1.0),
+        "°C": ("°C", 1.0),
+        "degC": ("°C", 1.0),
         "N": ("N", 1.0),
         "V": ("V", 1.0),
         "A": ("A", 1.0),
@@ -51,7 +62,7 @@ MAX_TOLD = 120
 
 #: Digits that every number keeps on its way through a float.
 _CERTAIN_DIGITS = 15
-_QUANTITY = re.compile(r"^([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*([A-Za-z/%]+)$")
+_QUANTITY = re.compile(r"^([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*([A-Za-z°%][A-Za-z0-9/]*)$")
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,7 @@ from lupin_engine.machine.event import Act, Cancel, Command, Start
 from lupin_engine.machine.memory import Visit
 from lupin_engine.machine.step import Step, View
 from lupin_engine.plugin.profile import Publish
+from lupin_engine.plugin.types import converted
 from lupin_engine.runtime.history import AttemptHistory
 from lupin_engine.sim.entry_order import ROUNDING, OrderComparison, seconds
 from lupin_engine.sim.failure import FailureMaker, ScenarioFailure
@@ -123,7 +124,7 @@ class Comparison:
             if expected is not None and expected != found:
                 yield key, None, expected, found, leaf
         for name, expected in node.variables.items():
-            if seen.context.get(name) != expected:
+            if not contains(seen.context.get(name), converted(expected, self._chart.context[name].type)):
                 yield "variables", None, f"{name}: {expected}", f"{name}: {seen.context.get(name)}", leaf
 
     # -- what was told ----------------------------------------------------------------------------------

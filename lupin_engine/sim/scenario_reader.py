@@ -24,6 +24,7 @@ from lupin_engine.sim.scenario_file import (
     EndNode,
     IsDuration,
     MockNode,
+    MomentNode,
     NameOf,
     OutcomeNode,
     ScenarioNode,
@@ -154,6 +155,13 @@ class ScenarioNames:
             if self.known(node.key_at(key, name), "field", name, declared, path):
                 found[name] = self.value(node.value_at(key, name), f"{path}.{name}", value, declared[name])
         return found
+
+    def variables(self, node: MomentNode) -> None:
+        """Read the values that variables are expected to have; their names are looked up with the others."""
+        for name, value in node.variables.items():
+            if name in self.chart.context:
+                kind, place = self.chart.context[name].type, node.value_at("variables", name)
+                self.value(place, f"expect.variables.{name}", value, kind)
 
     def parts(self, what: str, given: Map, declared: Mapping[str, Type], path: str) -> dict[str, Any]:
         """Read what some of the declared arguments or fields must be, written as missions write them."""
@@ -321,6 +329,7 @@ class ScriptReader:
         effects: list[Effect] = [*self._effects(node)]
         if node.expect is not None:
             effects.append(TakeView())
+            self._words.variables(node.expect)
         if node.at_ == END:
             self._check_end(node, effects)
             return

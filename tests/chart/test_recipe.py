@@ -60,6 +60,7 @@ ELSEWHERE = {
     (d.InvariantNode, "that"): "the record has one expression",
     **{(node, "summary"): "for the editor" for node in BECOMES if node not in (d.StateNode, d.InvariantNode)},
     (d.InputNode, "unit"): "for the reader",
+    **{(node, "unit"): "is in the type" for node in (d.VariableNode, d.RequestFieldNode)},
 }
 #: Which role a meaning asks for.
 ROLES = {

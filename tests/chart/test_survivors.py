@@ -70,12 +70,13 @@ def record(**fields: Type) -> Type:
         (LENGTH, "/", SPEED, SECONDS),
         (NUMBER, "/", DURATION, RATE),
         (NUMBER, "/", RATE, SECONDS),
-        (LENGTH, "*", LENGTH, None),
-        (DURATION, "/", LENGTH, None),
+        (LENGTH, "*", LENGTH, number_in("m2")),
+        (DURATION, "/", LENGTH, number_in("s/m")),
+        (number_in("deg"), "*", LENGTH, None),
     ],
 )
 def test_arithmetic_knows_units(left: Type, sign: str, right: Type, expected: Type | None) -> None:
-    """Units multiply and divide where the result means something; whole numbers stay whole, not in `/`."""
+    """Units multiply and divide where both are base units; whole numbers stay whole, not in `/`."""
     assert q.arithmetic(sign, left, right) == expected
 
 

@@ -258,6 +258,13 @@ def test_what_must_be_so_at_a_moment_is_compared_then(tmp_path: Path, moment: st
     assert rest.startswith(told)
 
 
+def test_a_variable_is_expected_as_its_type_is_written(tmp_path: Path) -> None:
+    """With its unit; and a value that it can never have is told before anything runs."""
+    text = "when: [{at: 1 s, expect: {variables: {reason: 3}}}]\nexpect: {final: DONE}\n"
+    (told,) = problems(tmp_path, HEAD + text)
+    assert told == "4:47: error: expect.variables.reason: expected text, got 3 [wrong-type]"
+
+
 def test_an_error_is_compared_with_its_detail_where_one_is_expected(tmp_path: Path) -> None:
     """By its code alone, or with all of the detail, at a moment and at the end."""
     dies = "- {at: 1 s, fail: {do: nav.go_to, code: nav_status_6, detail: no path}"

@@ -346,7 +346,7 @@ class Declarer:
             place, path = file.key_at("context", name), f"context.{name}"
             if not self.good_name("variable", name, place, path):
                 continue
-            kind = self._type(node.type, node.at("type"), path)
+            kind = self.measured(node, node.type, node.unit, path)
             if kind is None:
                 continue
             at = node.at("default")
@@ -414,7 +414,7 @@ class Declarer:
         path, findings = f"request.{name}", self._findings
         if not self.good_name("field", name, place, path):
             return None
-        kind = self._type(node.type, node.at("type"), path)
+        kind = self.measured(node, node.type, node.unit, path)
         if kind is None:
             return None
         default = None

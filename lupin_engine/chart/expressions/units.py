@@ -6,6 +6,7 @@ unit (`*`): there is no other zero to be confused with.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from functools import cache
 
@@ -29,19 +30,9 @@ ZERO_NUMBER = Type("number", "number", unit="*")
 #: What came over the wire and was not looked up: anything, and a number where it is calculated with.
 WIRE = Type("any", "any", unit="*")
 
-#: Products and quotients of units that have a meaning here.
-_PRODUCTS: Mapping[tuple[str, str], str] = {
-    ("m/s", "s"): "m",
-    ("s", "m/s"): "m",
-    ("Hz", "s"): "",
-    ("s", "Hz"): "",
-}
-_QUOTIENTS: Mapping[tuple[str, str], str] = {
-    ("m", "s"): "m/s",
-    ("m", "m/s"): "s",
-    ("", "s"): "Hz",
-    ("", "Hz"): "s",
-}
+#: How often a base unit may be multiplied with itself.
+MAX_POWER = 9
+_POWER = re.compile(r"(\D+)(\d?)")
 #: Records that are not called by a type's name.
 _ROOTS = frozenset({"param", "request", "input", "event", "error", "itinerary"})
 _EXAMPLES: Mapping[str, str] = {
@@ -177,17 +168,39 @@ def arithmetic(sign: str, left: Type, right: Type) -> Type | None:
     """Return the type of `left sign right` for two numbers, or None when the units do not allow it."""
     if sign in ("+", "-", "%"):
         return _sum(left, right)
-    first, second = _unit(left), _unit(right)
-    if sign == "*":
-        unit = first + second if not (first and second) else _PRODUCTS.get((first, second))
-    elif first == second:
-        unit = ""
-    else:
-        unit = first if not second else _QUOTIENTS.get((first, second))
+    unit = _combined(_unit(left), _unit(right), 1 if sign == "*" else -1)
     if unit is None:
         return None
     whole = left.kind == right.kind == "integer" and sign != "/"
     return INTEGER if whole and not unit else number(unit)
+
+
+@cache
+def _combined(first: str, second: str, power: int) -> str | None:
+    """Return the unit of `first` times `second` to a power of 1 or -1; None for what is in no base unit."""
+    if first == second and power == -1:
+        return ""
+    if not second or (not first and power == 1):
+        return first or second
+    if any(unit in UNITS and UNITS[unit][0] != unit for unit in (first, second)):
+        return None
+    powers = _powers(first)
+    for name, times in _powers(second).items():
+        powers[name] = powers.get(name, 0) + power * times
+    above = [f"{name}{times if times > 1 else ''}" for name, times in sorted(powers.items()) if times > 0]
+    below = [f"/{name}{-times if times < -1 else ''}" for name, times in sorted(powers.items()) if times < 0]
+    if any(abs(times) > MAX_POWER for times in powers.values()):
+        return None
+    unit = ("*".join(above) or "1" * bool(below)) + "".join(below)
+    return "Hz" if unit == "1/s" else unit
+
+
+def _powers(unit: str) -> dict[str, int]:
+    """Return which base units a unit is made of, and how often: of m/s2, m once and s minus twice."""
+    above, *below = ("1/s" if unit == "Hz" else unit).split("/")
+    parts = [(1, part) for part in above.split("*")] + [(-1, part) for part in below]
+    matches = [(sign, _POWER.fullmatch(part)) for sign, part in parts]
+    return {match[1]: sign * int(match[2] or 1) for sign, match in matches if match is not None}
 
 
 def _sum(left: Type, right: Type) -> Type | None:
