@@ -301,7 +301,7 @@ class StateNode(Node):
     use: Annotated[str | None, Meaning.PART] = Field(None, description="part whose states stand here")
     with_: dict[str, Written] = _by_name("by parameter: its value for this use of the part", alias="with")
     resume_at: Transitions = _many(
-        "child to enter when history brings this state back; the first whose guard is true"
+        "child to go on with when history (its own, or one around it) brings this back; the first that holds"
     )
     phase: str | None = Field(None, description="what is published as the phase while the state is active")
     paused: bool = Field(False, description="published as paused: waits for the operator")
@@ -511,9 +511,7 @@ class PartNode(FileNode):
 
     part: Annotated[str, Meaning.PART] = Field(description="name of the part, also that of its file")
     needs: Literal["itinerary"] | None = Field(None, description="what the state that uses this must have")
-    resume_at: Transitions = _many(
-        "child to enter when history brings it back; the first whose guard is true"
-    )
+    resume_at: Transitions = _many("child to go on with when history brings it back; the first that holds")
 
     @property
     def name(self) -> str:

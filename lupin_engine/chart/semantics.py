@@ -102,7 +102,7 @@ class Semantics:
             kept: what stays active.
             mission: the default child of the slot is its mission's.
             remembered: the states that a history state stands for; none: its parent is entered anew.
-            resume: the child to enter when a state comes back by history; None: its default child.
+            resume: the child to enter when a state comes back by history; None: what is remembered.
         """
         entry = _EntrySet(self, mission, resume)
         for rule in rules:
@@ -182,11 +182,26 @@ class _EntrySet:
         target = self._semantics.chart.states[name]
         past = remembered(target) if target.kind is Kind.HISTORY else ()
         domain = self._semantics.domain(rule, name)
-        targets = past or self._anew(target, domain)
+        found = dict(self._brought_back(target, state) for state in past)
+        targets = tuple(found) or self._anew(target, domain)
         for state in targets:
-            self._enter(state, domain, targets, bool(past))
-        for state in past:
+            self._enter(state, domain, targets)
+        for state in found.values():
             self.back.update(self._semantics.lineage[state])
+
+    def _brought_back(self, history: State, name: str) -> tuple[str, str]:
+        """Return where to go on for a remembered state, and which state goes on there.
+
+        That is the outermost one, from the history's parent inwards, of which a `resume_at` holds; else the
+        remembered state as a whole.
+        """
+        lineage = self._semantics.lineage[name]
+        for around in reversed(lineage[: lineage.index(history.parent or "") + 1]):
+            state = self._semantics.chart.states[around]
+            chosen = self._resume(state) if state.kind is Kind.COMPOUND else None
+            if chosen is not None:
+                return chosen, around
+        return name, name
 
     def _anew(self, target: State, domain: str) -> tuple[str, ...]:
         """Return the target; for a history without memory what it says, else what its parent begins with."""
@@ -200,9 +215,9 @@ class _EntrySet:
     def _child(self, state: State) -> str:
         return self._semantics.default_child(state, self._mission)
 
-    def _enter(self, name: str, domain: str, targets: Sequence[str], resuming: bool) -> None:
+    def _enter(self, name: str, domain: str, targets: Sequence[str]) -> None:
         """Enter a state, what it begins with, and what lies between the domain and it."""
-        self._enter_defaults(name, resuming)
+        self._enter_defaults(name)
         for ancestor in self._semantics.lineage[name][1:]:
             if ancestor == domain:
                 break
@@ -211,14 +226,14 @@ class _EntrySet:
                 for region in self._semantics.regions(ancestor):
                     named = any(t == region or self._semantics.is_below(t, region) for t in targets)
                     if not named and region not in self.entered:
-                        self._enter_defaults(region, resuming=False)
+                        self._enter_defaults(region)
 
-    def _enter_defaults(self, name: str, resuming: bool) -> None:
+    def _enter_defaults(self, name: str) -> None:
         self.entered[name] = None
         state = self._semantics.chart.states[name]
         if state.kind is Kind.PARALLEL:
             for region in self._semantics.regions(name):
-                self._enter_defaults(region, resuming=False)
+                self._enter_defaults(region)
         elif state.kind is Kind.COMPOUND:
-            chosen = (self._resume(state) if resuming else None) or self._child(state)
-            self._enter(chosen, name, (chosen,), resuming=False)
+            chosen = self._child(state)
+            self._enter(chosen, name, (chosen,))

@@ -403,6 +403,33 @@ def test_resume_at_chooses_the_child() -> None:
         assert bench.leaves == ["M.W.DRIVE"]
 
 
+@pytest.mark.parametrize("history", ["M.W.OWN", "M.W.ALL", "M.DEEP"])
+def test_resume_at_counts_for_every_history_that_brings_its_state_back(history: str) -> None:
+    """Its own history, and a deep one around it, lead where `resume_at` says; the itinerary goes on."""
+    walk = {
+        "states": {
+            "DRIVE": {"on": {"next": "SCAN"}},
+            "SCAN": {},
+            "OWN": {"kind": "history", "depth": 1},
+            "ALL": {"kind": "history", "depth": None},
+        },
+        "itinerary": ["a", "b"],
+        "resume_at": [{"target": "DRIVE", "guard": lambda env: env["itinerary"]["open"]}],
+    }
+    deep = {"kind": "history", "depth": None}
+    states = {"M": {"states": {"W": walk, "DEEP": deep}, "on": {"out": "Z"}}, "Z": {"on": {"back": history}}}
+    bench = Bench(chart(states))
+    first = bench.machine.memory.itineraries["M.W"]
+    for event in ("next", "out", "back"):
+        bench.send(event)
+    assert bench.leaves == ["M.W.DRIVE"]
+    assert bench.machine.memory.itineraries["M.W"] is first
+    first.visits[0].status = "OK"
+    for event in ("next", "out", "back"):
+        bench.send(event)
+    assert bench.leaves == ["M.W.SCAN"]
+
+
 # -- timers -----------------------------------------------------------------------------------------------
 
 
