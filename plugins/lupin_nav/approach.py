@@ -1,8 +1,7 @@
 """Where the robot stands to read a tag.
 
-Metres and radians in frame `map`. The rules are those of the reference robot, so that a layout tuned there
-keeps its poses here. The direction away from a table is the line from its centre through the tag, not the
-normal of a table's face: a tag near a corner is approached from that corner.
+Metres and radians in frame `map`. The goal lies on the normal of the plate, because a camera reads no code
+from the side. Of a tag of the layout that is the normal of the table's side on which it hangs.
 """
 
 from __future__ import annotations
@@ -18,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lupin_greenhouse.layout import Table
+from lupin_greenhouse.plates import Side, side_of
 from lupin_nav.overrides import Override
 
 MIN_STANDOFF_M = 0.2
@@ -63,21 +63,13 @@ class Approach:
 
 
 class Tables:
-    """The tables of a layout as arrays, so that every test is one operation over all of them."""
+    """The tables of a layout, and their footprints as arrays, so that every test is one operation."""
 
     def __init__(self, tables: Sequence[Table]) -> None:
         # Sorted by id, because the first of equal distances wins.
-        ordered = sorted(tables, key=lambda table: table.id)
-        self.ids = tuple(table.id for table in ordered)
-        self.low: Array = np.array([(t.x0, t.y0) for t in ordered], dtype=float).reshape(-1, 2)
-        self.high: Array = np.array([(t.x1, t.y1) for t in ordered], dtype=float).reshape(-1, 2)
-        self.centres: Array = (self.low + self.high) / 2.0
-
-    def nearest(self, point: Array) -> int | None:
-        """Return the index of the table whose centre is nearest to `point`; None when there is no table."""
-        if not self.ids:
-            return None
-        return int(np.argmin(np.hypot(*(self.centres - point).T)))
+        self.all = tuple(sorted(tables, key=lambda table: table.id))
+        self.low: Array = np.array([(t.x0, t.y0) for t in self.all], dtype=float).reshape(-1, 2)
+        self.high: Array = np.array([(t.x1, t.y1) for t in self.all], dtype=float).reshape(-1, 2)
 
     def inside(self, points: Array) -> NDArray[np.bool_]:
         """Say for each of `points` (n, 2) whether any table covers it, its edge included."""
@@ -106,19 +98,18 @@ def approach(
 ) -> Approach:
     """Return where to stand for a tag of the known layout.
 
-    A full override (goal_x, goal_y and yaw) is taken as it is. Else the goal lies `standoff` from the tag,
-    away from the centre of the nearest table, pulled back towards the tag until no table covers it. Without
-    a table, on its centre, or where nothing is free, the goal is the tag itself (`fallback`). A partial
-    override replaces single fields of what the geometry gave, and leaves the others as they were.
+    A full override (goal_x, goal_y and yaw) is taken as it is. Else the goal lies `standoff` from the tag
+    along the normal of its plate, pulled back towards the tag until no table covers it. Without a table, or
+    where nothing is free, the goal is the tag itself (`fallback`). A partial override replaces single fields
+    of what the geometry gave, and leaves the others as they were.
     """
     own = override or Override()
     distance = clamp_standoff(standoff if own.standoff is None else own.standoff)
     if own.goal_x is not None and own.goal_y is not None and own.yaw is not None:
         return Approach(own.goal_x, own.goal_y, own.yaw, ApproachSource.OVERRIDE, None, distance)
-    point = np.array(tag, dtype=float)
-    index = tables.nearest(point)
-    table = None if index is None else tables.ids[index]
-    clear = None if index is None else _clear_goal(point, tables, index, distance)
+    side = side_of(tag, tables.all)
+    table = None if side is None else side.table.id
+    clear = None if side is None else _clear_goal(tag, tables, side, distance)
     if clear is None:
         yaw = fallback_yaw if own.yaw is None else own.yaw
         return Approach(tag[0], tag[1], yaw, ApproachSource.FALLBACK, table, 0.0)
@@ -126,22 +117,18 @@ def approach(
     return Approach(
         x=float(goal[0]) if own.goal_x is None else own.goal_x,
         y=float(goal[1]) if own.goal_y is None else own.goal_y,
-        yaw=_bearing(goal, point) if own.yaw is None else own.yaw,
+        yaw=_bearing(goal, tag) if own.yaw is None else own.yaw,
         source=ApproachSource.GEOMETRY if own == Override() else ApproachSource.OVERRIDE,
         table=table,
         standoff=used,
     )
 
 
-def _clear_goal(tag: Array, tables: Tables, index: int, standoff: float) -> tuple[Array, float] | None:
+def _clear_goal(tag: Point, tables: Tables, side: Side, standoff: float) -> tuple[Array, float] | None:
     """Return the farthest goal that no table covers and its distance from the tag, or None."""
-    away = tag - tables.centres[index]
-    length = float(np.hypot(*away))
-    if length < DEGENERATE_M:
-        return None
     steps = int((standoff - MIN_STANDOFF_M + _ROUNDING_M) / PULL_BACK_M) + 1
     distances = standoff - PULL_BACK_M * np.arange(steps)
-    goals = tag + distances[:, None] * (away / length)
+    goals: Array = np.array([side.before(tag, distance) for distance in distances], dtype=float)
     free = np.flatnonzero(~tables.inside(goals))
     if free.size == 0:
         return None

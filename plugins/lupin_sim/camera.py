@@ -14,17 +14,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lupin_greenhouse.layout import Table, Tag
+from lupin_greenhouse.layout import Tag
+from lupin_greenhouse.plates import LENGTH, WIDTH, side_of
 from lupin_sim.floor import Point
-from lupin_sim.layout import LENGTH, WIDTH, Floorplan
+from lupin_sim.layout import Floorplan
 from lupin_sim.robot import FloorPose
 
 Numbers = NDArray[np.float64]
 
-#: Width of a plate: a tag so near to the corner of its table may hang on either side.
-PLATE_M = 0.16
-#: Of several sides a tag hangs where there is most room at this distance before it.
-VIEWING_M = 0.5
 #: How far before its table a plate hangs.
 _BEFORE_M = 0.01
 #: The most oblique view, from the plate's normal, under which its code can still be read.
@@ -96,41 +93,12 @@ def plates_of(layout: Floorplan) -> tuple[Plate, ...]:
 
 
 def _plate(tag: Tag, layout: Floorplan) -> Plate:
-    if not layout.tables:
+    place = tag.x, tag.y
+    side = side_of(place, layout.tables)
+    if side is None:
         # It stands alone and looks at the middle of the floor.
-        yaw = math.atan2(LENGTH / 2 - tag.y, WIDTH / 2 - tag.x)
-        return Plate(tag.id, tag.x, tag.y, yaw, (tag.x, tag.y))
-    table = min(layout.tables, key=lambda table: table.distance(tag.x, tag.y))
-    sides = _sides(table, tag)
-    nearest = min(side.distance for side in sides)
-    at_hand = [side for side in sides if side.distance <= max(PLATE_M, nearest)]
-    side = max(at_hand, key=lambda side: layout.clearance(*side.before(tag, VIEWING_M)))
-    ahead = max(0.0, side.inside) + _BEFORE_M
-    return Plate(tag.id, tag.x, tag.y, side.yaw, side.before(tag, ahead))
-
-
-@dataclass(frozen=True)
-class _Side:
-    """A side of a table as seen by a tag: its outward normal, and how far inside of it the tag is (m)."""
-
-    yaw: float
-    inside: float
-
-    @property
-    def distance(self) -> float:
-        return abs(self.inside)
-
-    def before(self, tag: Tag, distance: float) -> tuple[float, float]:
-        return tag.x + distance * math.cos(self.yaw), tag.y + distance * math.sin(self.yaw)
-
-
-def _sides(table: Table, tag: Tag) -> Sequence[_Side]:
-    return (
-        _Side(0.0, table.x1 - tag.x),
-        _Side(math.pi / 2, table.y1 - tag.y),
-        _Side(math.pi, tag.x - table.x0),
-        _Side(-math.pi / 2, tag.y - table.y0),
-    )
+        return Plate(tag.id, *place, math.atan2(LENGTH / 2 - tag.y, WIDTH / 2 - tag.x), place)
+    return Plate(tag.id, *place, side.yaw, side.before(place, max(0.0, side.inside) + _BEFORE_M))
 
 
 def facing(yaw: float) -> tuple[float, float, float, float]:

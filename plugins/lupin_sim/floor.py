@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lupin_greenhouse.layout import Table
-from lupin_sim.layout import LENGTH, WIDTH
+from lupin_greenhouse.plates import LENGTH, WIDTH
 
 Point = tuple[float, float]
 

@@ -4,11 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from lupin_greenhouse import layout
+from lupin_greenhouse import layout, plates
 from lupin_greenhouse.layout import Table, Tag
-
-#: Inner measures of the greenhouse in metres, x and y; it has a wall around.
-WIDTH, LENGTH = 4.0, 8.0
 
 
 @dataclass(frozen=True)
@@ -20,8 +17,7 @@ class Floorplan:
 
     def clearance(self, x: float, y: float) -> float:
         """Return how far a place is from the nearest table or wall; 0 on a table, negative behind a wall."""
-        walls = (x, WIDTH - x, y, LENGTH - y)
-        return min(*walls, *(table.distance(x, y) for table in self.tables))
+        return plates.clearance(self.tables, x, y)
 
 
 def load_layout(file: str = "") -> Floorplan:

@@ -11,7 +11,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from lupin_sim.layout import LENGTH, WIDTH, Floorplan
+from lupin_greenhouse.plates import LENGTH, WIDTH
+from lupin_sim.layout import Floorplan
 
 UNKNOWN, FREE, OCCUPIED = -1, 0, 100
 

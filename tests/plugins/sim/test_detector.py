@@ -9,8 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from lupin_greenhouse.plates import PLATE_M
 from lupin_perception.detections import Detection, read_flowers, read_tags
-from lupin_sim.camera import PLATE_M, Plate
+from lupin_sim.camera import Plate
 from lupin_sim.detector import (
     CENTRE_PX,
     CLASSES,

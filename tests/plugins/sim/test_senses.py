@@ -11,11 +11,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lupin_greenhouse.layout import Table, Tag
-from lupin_nav.approach import Quaternion, approach_discovered
+from lupin_greenhouse.plates import LENGTH, WIDTH
+from lupin_nav.approach import Quaternion, approach, approach_discovered, tables_of
 from lupin_nav.frontier import OccupancyGrid, survey
 from lupin_sim.camera import Camera, Plate, facing, plates_of
 from lupin_sim.floor import Floor
-from lupin_sim.layout import LENGTH, WIDTH, Floorplan, load_layout
+from lupin_sim.layout import Floorplan, load_layout
 from lupin_sim.lidar import FREE, OCCUPIED, ORIGIN_X, ORIGIN_Y, RESOLUTION, UNKNOWN, GrowingMap, Lidar
 from lupin_sim.robot import FloorPose
 
@@ -220,6 +221,15 @@ def test_every_tag_of_the_greenhouse_can_be_seen_and_stood_before() -> None:
         path = floor.path((0.5, 0.5), (goal.x, goal.y))
         assert path is not None, plate
         assert plate in eye.sees(FloorPose(*path[-1], goal.yaw)), plate
+
+
+@pytest.mark.parametrize("tag", load_layout().tags, ids=lambda tag: tag.id)
+def test_a_robot_that_stands_where_an_inspection_drives_to_sees_its_tag(tag: Tag) -> None:
+    layout = load_layout()
+    stand = approach((tag.x, tag.y), tables_of(layout.tables), 0.5, 0.0)
+    path = Floor(layout.tables).path((0.5, 0.5), (stand.x, stand.y))
+    assert path is not None
+    assert tag.id in names(Camera(layout, 1.0, 1.05).sees(FloorPose(*path[-1], stand.yaw)))
 
 
 def test_pests_are_seen_like_tags_but_from_all_sides() -> None:

@@ -13,9 +13,10 @@ from hypothesis import strategies as st
 
 from lupin_engine.errors import LupinError
 from lupin_greenhouse.layout import Table, Tag
+from lupin_greenhouse.plates import LENGTH, WIDTH
 from lupin_sim.faults import Faults, InjectedFault
 from lupin_sim.floor import ROBOT_RADIUS, Floor, Point
-from lupin_sim.layout import LENGTH, WIDTH, Floorplan, load_layout
+from lupin_sim.layout import Floorplan, load_layout
 from lupin_sim.robot import TURN_RATE, FloorPose, Robot
 
 WALL = Table("T", 1.0, 1.2, 0.0, 6.0)
