@@ -12,7 +12,7 @@ from lupin_engine.plugin.contract import (
     Parameter,
     Plugin,
 )
-from lupin_engine.plugin.types import BOOL, COUNT, LENGTH, NUMBER, ROS_NAME, TEXT, Type, list_of
+from lupin_engine.plugin.types import BOOL, COUNT, DURATION, LENGTH, NUMBER, ROS_NAME, TEXT, Type, list_of
 
 #: A tag that was seen: its id and position in metres in frame `map`, the rotation of its plate (+Z is the
 #: plate's normal; x, y, z, w as in ROS), the dominant flower with its confidence (0 to 1), whether a pest was
@@ -38,7 +38,12 @@ PLUGIN = Plugin(
     operations={
         "confirm_tag": Operation(
             doc="Look whether the robot stands in front of the expected tag; only the detection decides.",
-            arguments={"tag_id": Argument(TEXT, "id of the tag that should be in sight")},
+            arguments={
+                "tag_id": Argument(TEXT, "id of the tag that should be in sight"),
+                "within": Argument(
+                    DURATION, "how long it may take until the tag is seen; without it one look", optional=True
+                ),
+            },
             result={"confidence": NUMBER},
             codes=(
                 Code("visual_confirm_missed", "tag not seen"),

@@ -1,8 +1,9 @@
-"""The cameras over ROS: one call of ConfirmTag for each confirmation, and the tags that were discovered."""
+"""The cameras over ROS: calls of ConfirmTag until a tag is seen, and the tags that were discovered."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import partial
 from typing import Any
 
 from lupin_engine.errors import shortened
@@ -17,6 +18,9 @@ from lupin_msgs.srv import ConfirmTag
 from lupin_perception.discovered import records
 from lupin_perception.sightings import MAP
 
+#: Seconds from an answer "not seen" to the next question, as long as the attempt has time left.
+ASK_AGAIN_S = 0.25
+
 
 class PerceptionClient(ServiceDriver):
     """The driver of plugin `perception`."""
@@ -27,6 +31,7 @@ class PerceptionClient(ServiceDriver):
         # A parameter of missions that confirm a tag before they read it; other missions do not wait for this.
         self._required = bool(parameters.get("require_visual_confirmation", False))
         self._ros = ros
+        self._began: dict[str, float] = {}
         self._values = outlet
         self._warn = WarnOnce(ros.log)
         self._closed = False
@@ -36,6 +41,35 @@ class PerceptionClient(ServiceDriver):
     def missing(self) -> list[str]:
         """Name the service while it cannot be reached and a mission insists on it."""
         return super().missing() if self._required else []
+
+    def start(self, attempt: str, operation: str, arguments: Mapping[str, Any]) -> None:
+        """Ask for the tag."""
+        self._began[attempt] = self._ros.elapsed()
+        super().start(attempt, operation, arguments)
+
+    def cancel(self, attempt: str) -> None:
+        """Ask no more."""
+        self._began.pop(attempt, None)
+        super().cancel(attempt)
+
+    def _answered(
+        self,
+        attempt: str,
+        operation: ServiceOperation,
+        arguments: Mapping[str, Any],
+        answer: ConfirmTag.Response | CallFailure,
+    ) -> None:
+        """Take an answer; one that says "not seen" is asked for again while the attempt has time left.
+
+        A camera needs some frames, and a robot may still swing: what is not seen yet may be seen in a second.
+        """
+        left = self._began[attempt] + arguments.get("within", 0.0) - self._ros.elapsed()
+        if not isinstance(answer, CallFailure) and not answer.detected and left > ASK_AGAIN_S:
+            again = partial(self._ask, attempt, operation, arguments)
+            self._calls[attempt] = self._ros.call_later(ASK_AGAIN_S, again)
+            return
+        del self._began[attempt]
+        super()._answered(attempt, operation, arguments, answer)
 
     def close(self) -> None:
         """Report no more."""

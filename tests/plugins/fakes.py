@@ -183,6 +183,15 @@ class FakeRos:
         self.timers.append(FakeTimer(period, callback))
         return self.timers[-1]
 
+    def call_later(self, delay: float, callback: Callable[[], None]) -> FakeTimer:
+        def fire() -> None:
+            timer.cancel()
+            callback()
+
+        timer = FakeTimer(delay, fire)
+        self.timers.append(timer)
+        return timer
+
     def pass_time(self, seconds: float) -> None:
         """Move the clock and fire every running timer as often as its period fits."""
         self.time += seconds

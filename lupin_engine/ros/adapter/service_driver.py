@@ -8,6 +8,7 @@ from functools import partial
 from typing import Any
 
 from lupin_engine.plugin.contract import Outlet
+from lupin_engine.ros.adapter.host import TimerHandle
 from lupin_engine.ros.adapter.node import CallFailure, ServiceCall, ServiceCaller
 
 #: When a call counts as lost, in seconds. The mission's own timeout is shorter and cancels the attempt; this
@@ -51,7 +52,7 @@ class ServiceDriver:
         self._plugin = plugin
         self._outlet = outlet
         self._operations = operations
-        self._calls: dict[str, ServiceCall] = {}
+        self._calls: dict[str, ServiceCall | TimerHandle] = {}
 
     def missing(self) -> list[str]:
         """Name the services that cannot be reached."""
@@ -62,11 +63,13 @@ class ServiceDriver:
         """Call the operation's service."""
         if operation not in self._operations:
             raise ValueError(f"{self._plugin} has no operation {operation!r}")
-        wanted = self._operations[operation]
-        request = wanted.request(arguments)
         self._outlet.accepted(attempt)  # a service has no word for it: what was sent is taken
-        answered = partial(self._answered, attempt, wanted, arguments)
-        self._calls[attempt] = wanted.service.call(request, wanted.deadline, answered)
+        self._ask(attempt, self._operations[operation], arguments)
+
+    def _ask(self, attempt: str, operation: ServiceOperation, arguments: Mapping[str, Any]) -> None:
+        answered = partial(self._answered, attempt, operation, arguments)
+        request = operation.request(arguments)
+        self._calls[attempt] = operation.service.call(request, operation.deadline, answered)
 
     def _answered(
         self,
