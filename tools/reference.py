@@ -195,6 +195,10 @@ A safe piece of Python, checked when the file is read: `and`, `or`, `not`, compa
 number with a unit is written as a text where it meets another (`param.patience > '5 s'`). There are no
 methods and no loops.
 
+Where a text is wanted, expressions may stand in it: `tag ${ target.id } after ${ param.patience:.1f min }`.
+Each is a text, a number with its unit, a yes or no, or a list of those, which is joined with commas. Behind a
+colon stand the digits of a number (`.1f`), another unit of its dimension (`min`), or both.
+
 What can be read, besides variables of the context and the element of a `for_each`, by their names:
 """
 TYPES_HEAD = """\
@@ -241,6 +245,7 @@ ACTION_TEXTS: Mapping[str, str] = {
     "itinerary.close": "give the visit its outcome, once, and publish it",
     "itinerary.close_rest": "close every visit that is still open",
     "report.clear": "forget the code that was reported last",
+    "report.note": "say something in the log and in the story of the run",
     "report.summary": "publish what became of every target",
     "publish.reading": "publish a reading that belongs to no visit",
 }

@@ -199,8 +199,11 @@ def _params(arguments: Mapping[str, Value]) -> list[str]:
 
 
 def _written(value: Value) -> str:
-    """Return a value as an expression."""
-    return repr(value.value) if isinstance(value, Constant) else " ".join(value.source.split())
+    """Return a value as an expression; a text with expressions in it is quoted."""
+    if isinstance(value, Constant):
+        return repr(value.value)
+    source = " ".join(value.source.split())
+    return repr(source) if "${" in source else source
 
 
 def _attributes(**given: str | None) -> str:

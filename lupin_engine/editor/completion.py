@@ -21,7 +21,7 @@ from lupin_engine.chart.nodes import Meaning, Node
 from lupin_engine.editor import docs
 from lupin_engine.editor.folder import Folder
 from lupin_engine.editor.grammar import FILES, Shape, Spot, fields_of, shapes_of, spot_at
-from lupin_engine.editor.mentions import ExpressionPiece, expression_in, owner_of, pieces, value_meaning
+from lupin_engine.editor.mentions import ExpressionPiece, expressions_in, owner_of, pieces, value_meaning
 from lupin_engine.editor.model import Model, descend, states_of, type_of
 from lupin_engine.editor.scan import Cursor, Scan, Steps, TokenRole
 from lupin_engine.missions.folders import PARTS
@@ -323,10 +323,10 @@ class _Completion:
         token = self._cursor.token
         if token is None:
             return self._new_condition() if meaning is Meaning.CONDITION else None
-        found = expression_in(token, meaning)
-        if found is None or not found[1] <= self._offset <= found[1] + len(found[0]):
-            return None
-        return self._in_expression(*found)
+        for found, begin in expressions_in(token, meaning):
+            if begin <= self._offset <= begin + len(found):
+                return self._in_expression(found, begin)
+        return None
 
     def _new_condition(self) -> Offers:
         return Offers(self._offset, self._offset, tuple(self._beginnings()))

@@ -69,6 +69,7 @@ ACTIONS: Mapping[str, str] = MappingProxyType(
         "itinerary.close": "End the visit of the current target, once.",
         "itinerary.close_rest": "Close all targets that are still open.",
         "report.clear": "Forget the last error.",
+        "report.note": "Say something in the log and in the story of the run.",
         "report.summary": "Publish the summary of the mission.",
     }
 )

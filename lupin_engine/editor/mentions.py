@@ -10,14 +10,13 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from lupin_engine.chart.documents import ActionNode, InvokeNode, StateNode
-from lupin_engine.chart.expressions.scope import BUILTIN_CALLS, ROOTS, WORDS
+from lupin_engine.chart.expressions.scope import BUILTIN_CALLS, ROOTS, WORDS, insets
 from lupin_engine.chart.nodes import Meaning, Node
 from lupin_engine.editor.grammar import Spot, spot_at
 from lupin_engine.editor.scan import Scan, Steps, Token, TokenRole
 
 #: A text in quotes, a chain of words with dots, or any other sign.
 _PIECES = re.compile(r"'[^']*'?|\"[^\"]*\"?|[A-Za-z_]\w*(?:\.[A-Za-z_]\w*)*|[^\s\w]")
-_EXPRESSION = re.compile(r"\$\{(.*?)(?:\}\s*$|$)", re.DOTALL)
 _WORD = re.compile(r"\w+")
 #: What a function's one argument names, written out.
 _NAMED_BY = {"held": Meaning.HOLD, "in_state": Meaning.ANYWHERE}
@@ -69,12 +68,13 @@ class ExpressionPiece:
         return self.start + len(self.text)
 
 
-def expression_in(token: Token, meaning: Meaning) -> tuple[str, int] | None:
-    """Return the expression that a token holds, with the offset where it begins."""
+def expressions_in(token: Token, meaning: Meaning) -> list[tuple[str, int]]:
+    """Return the expressions that a token holds, each with the offset where it begins."""
     if meaning is Meaning.CONDITION:
-        return token.text, token.inner
-    found = _EXPRESSION.search(token.text) if meaning is Meaning.VALUE else None
-    return (found.group(1), token.inner + found.start(1)) if found else None
+        return [(token.text, token.inner)]
+    text, found = token.text, insets(token.text) if meaning is Meaning.VALUE else ()
+    ends = [(i.begin + 2, i.colon if i.colon >= 0 else i.end - 1 if i.end >= 0 else len(text)) for i in found]
+    return [(text[begin:end], token.inner + begin) for begin, end in ends]
 
 
 def pieces(expression: str, offset: int = 0) -> list[ExpressionPiece]:
@@ -134,9 +134,10 @@ def _of_key(scan: Scan, spot: Spot, token: Token) -> Iterator[Mention]:
 
 
 def _of_text(token: Token, meaning: Meaning, of: str = "", declares: bool = False) -> Iterator[Mention]:
-    expression = expression_in(token, meaning)
-    if expression is not None:
-        yield from _in_expression(token, *expression)
+    expressions = expressions_in(token, meaning)
+    if expressions:
+        for expression in expressions:
+            yield from _in_expression(token, *expression)
     elif meaning in STATES:
         yield from _words(token, meaning, token.text, token.inner, declares)
     elif meaning in (Meaning.EVENT, Meaning.ENGAGE, Meaning.REQUEST):

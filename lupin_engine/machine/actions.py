@@ -123,6 +123,10 @@ class ExecutableContent:
         """`report.clear`: nothing is wrong any more; forget the code reported last."""
         self._scope.memory.code = self._scope.memory.detail = ""
 
+    def note(self, arguments: Mapping[str, Any], _: str, step: Macrostep) -> None:
+        """`report.note`: say something in the log."""
+        step.note(arguments["text"])
+
     def summary(self, _: Mapping[str, Any], state: str, step: Macrostep) -> None:
         """`report.summary`: say what became of every target."""
         traversal = self.itineraries.of(state)
@@ -141,5 +145,6 @@ _BUILTINS: Mapping[str, _Builtin] = {
     "itinerary.close": ExecutableContent.close,
     "itinerary.close_rest": ExecutableContent.close_rest,
     "report.clear": ExecutableContent.clear,
+    "report.note": ExecutableContent.note,
     "report.summary": ExecutableContent.summary,
 }

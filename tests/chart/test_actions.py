@@ -50,6 +50,7 @@ def told(action: str, folder: Path, catalog: Catalog) -> list[str]:
         "{publish.reading: {tag: T, reading: '${ event.reading }'}}",
         "report.clear",
         "report.summary",
+        "report.note: {text: 'at ${ target.id }'}",
         "set: {reason: x}",
         "set: {reason: '${ target.id }'}",
     ],
@@ -125,6 +126,7 @@ def test_every_argument_is_explained() -> None:
         "itinerary.close",
         "itinerary.close_rest",
         "report.clear",
+        "report.note",
         "report.summary",
         "publish.reading",
     ]
@@ -138,5 +140,6 @@ def test_every_argument_is_explained() -> None:
         "code": "the reason, a declared code",
         "detail": "free text for people",
         "reading": "what was read",
+        "text": "what the log and the story of the run say",
         "tag": "id of the tag",
     }

@@ -89,7 +89,7 @@ def test_an_itinerary_shows_order_and_sweeps(words: Picture) -> None:
 def test_what_wraps_the_mission_says_its_words_in_the_slot(words: Picture) -> None:
     """It has no box of its own, but actions and ways."""
     assert box(words, "MISSION: Words").text == (
-        "entry / report.clear",
+        "entry / report.clear, report.note",
         "exit / report.summary",
         "abort → done",
     )

@@ -86,11 +86,15 @@ CASES = {
     ),
     "actions": (
         LIFECYCLE, "- report.summary", "- |",
-        ["set", "raise", "itinerary.close", "itinerary.close_rest", "publish.reading", "arm.preset",
-         "itinerary.advance", "report.clear", "report.summary"], 9,
+        ["set", "raise", "itinerary.close", "itinerary.close_rest", "report.note", "publish.reading",
+         "arm.preset", "itinerary.advance", "report.clear", "report.summary"], 10,
     ),
     "arguments of an action": (
         LIFECYCLE, "- report.summary", "- itinerary.close: {|}", ["status", "code", "detail", "reading"], 4,
+    ),
+    "an expression in a text": (
+        PART, 'detail: "${ error.detail }"', 'detail: "so ${ error.code }: ${ error.| }"',
+        ["error.code", "error.detail"], 2,
     ),
     "how a visit ended": (
         PART, "status: UNREACHABLE", "status: |", ["OK", "UNREACHABLE", "SCAN_FAILED", "SKIPPED"], 4,

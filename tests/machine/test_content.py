@@ -69,6 +69,13 @@ def test_an_error_in_the_error_handler_leads_to_fault() -> None:
     assert bench.leaves == ["FAULT"]
 
 
+def test_a_note_is_said_in_the_step() -> None:
+    """With what its expressions are then."""
+    note = ("report.note", {"text": lambda env: f"seen: {env['context']['seen']}"})
+    step = Bench(chart({"A": {"on": {"go": {"do": [note]}}}}, context={"seen": "tulip"})).send("go")
+    assert step.notes == ("seen: tulip",)
+
+
 def test_an_error_without_fault_is_told() -> None:
     """A chart without FAULT stays where it is; the step says what nobody handled."""
     bench = Bench(chart({"A": {"on": {"go": {"do": BROKEN}}}}))

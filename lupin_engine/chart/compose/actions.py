@@ -32,6 +32,7 @@ def builtin_actions(profile: Profile) -> Mapping[str, Mapping[str, Argument]]:
         "itinerary.close": {"status": status, "code": _CODE, "detail": _DETAIL, "reading": _READING},
         "itinerary.close_rest": {"status": status, "code": _CODE, "detail": _DETAIL},
         "report.clear": {},
+        "report.note": {"text": Argument(TEXT, "what the log and the story of the run say")},
         "report.summary": {},
         **{name: publication.arguments for name, publication in profile.publications.items()},
     }

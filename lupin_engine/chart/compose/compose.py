@@ -34,6 +34,7 @@ from lupin_engine.chart.documents import (
 from lupin_engine.chart.expressions.checker import check_expression
 from lupin_engine.chart.expressions.evaluation import Expression
 from lupin_engine.chart.expressions.scope import Scope, Typed, Usage, fragment_of, literal
+from lupin_engine.chart.expressions.texts import check_text
 from lupin_engine.chart.expressions.values import (
     PerElement,
     is_expression,
@@ -511,6 +512,8 @@ class _Composer:
         fragment = fragment_of(raw) if isinstance(raw, Text) and is_expression(raw) else None
         if fragment is not None:
             return check_expression(fragment, scope, wanted, self._findings, path)
+        if wanted.kind == "text" and isinstance(raw, Text) and "${" in raw:
+            return check_text(raw, scope, self._findings, path)
         constant = read_constant(raw, place, wanted, self._findings, path)
         return literal(constant.value, wanted) if constant else None
 

@@ -8,7 +8,7 @@ from typing import Any
 
 from lupin_engine.chart.records import record
 from lupin_engine.errors import Place
-from lupin_engine.plugin.types import Type, in_unit
+from lupin_engine.plugin.types import UNITS, Type, in_base, in_unit
 
 #: Integers up to this size are told apart by a float.
 MAX_INTEGER = 2**53
@@ -42,6 +42,19 @@ def _number(value: Any) -> Any:
     return value
 
 
+def _text(value: Any, unit: str, digits: int | None) -> str:
+    """Return a value as a text tells it; what has no unit in its type is told as it is."""
+    if isinstance(value, (list, tuple)):
+        return ", ".join(_text(each, unit, digits) for each in value)
+    if isinstance(value, bool):
+        return str(value).lower()
+    if not isinstance(value, (int, float)):
+        return str(value)
+    number = in_unit(value, unit) if unit in UNITS else value
+    shown = f"{number:.6g}" if digits is None and isinstance(number, float) else f"{number:.{digits or 0}f}"
+    return f"{shown} {unit}" if unit else shown
+
+
 def _same(value: Any) -> Any:
     return value
 
@@ -59,7 +72,9 @@ _GLOBALS: dict[str, Any] = {
     "_number": _number,
     "_times": _times,
     "_same": _same,
+    "_text": _text,
     "_in_unit": in_unit,
+    "_in_base": in_base,
     "inf": math.inf,
 }
 

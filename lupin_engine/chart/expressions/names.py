@@ -8,15 +8,22 @@ from collections.abc import Iterator
 from functools import lru_cache
 
 from lupin_engine.chart.expressions.reader import MAX_NODES
+from lupin_engine.chart.expressions.scope import insets
 
 _CACHED = 4096
 
 
 @lru_cache(_CACHED)
 def tree_of(source: str) -> ast.expr | None:
-    """Parse an expression that was checked before; None for one that was refused as no expression."""
+    """Parse an expression that was checked before; None for one that was refused as no expression.
+
+    A text with expressions in it is the list of these.
+    """
+    inside = [source[i.begin + 2 : i.colon if i.colon >= 0 else i.end - 1] for i in insets(source)]
+    if inside:
+        return ast.List([tree for tree in map(tree_of, inside) if tree is not None], ast.Load())
     try:
-        tree = ast.parse(re.sub(r"\s", " ", source), mode="eval").body
+        tree = ast.parse(re.sub(r"\s", " ", source).strip(), mode="eval").body
     except (SyntaxError, ValueError, MemoryError, RecursionError):
         return None
     # What was refused as too large may be deeper than Python can follow.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import keyword
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
@@ -135,9 +135,45 @@ def literal(value: Any, kind: Type) -> Typed:
     return Typed(kind, f"_same({value!r})" if kind.kind == "any" else f"({value!r})")
 
 
+class Inset(NamedTuple):
+    """An expression in a text: from its `${` up to behind its `}`, with the colon before its format.
+
+    `colon` is -1 where there is none, `end` where it is not closed.
+    """
+
+    begin: int
+    colon: int
+    end: int
+
+
+def insets(text: str) -> Iterator[Inset]:
+    """Yield the expressions in a text; what stands in quotes or brackets ends none."""
+    begin = text.find("${")
+    while begin >= 0:
+        colon, depth, quote = -1, 0, ""
+        for at in range(begin + 2, len(text)):
+            sign = text[at]
+            if quote or sign in "'\"":
+                quote = "" if sign == quote else quote or sign
+            elif sign in "([)]":
+                depth += 1 if sign in "([" else -1
+            elif sign == ":" and depth == 0 and colon < 0:
+                colon = at
+            elif sign == "}":
+                yield Inset(begin, colon, at + 1)
+                begin = text.find("${", at)
+                break
+        else:
+            yield Inset(begin, colon, -1)
+            return
+
+
 def fragment_of(text: Text) -> Fragment | None:
     """Return the expression that a value consists of (`${ ... }`), or None when it is a plain text."""
     if text.startswith("${") and text.endswith("}"):
-        return None if "${" in text[2:] else Fragment(text[2:-1], text, 2)
+        source = text[2:-1]
+        if "${" in source or (":" in source and any(inset.colon >= 0 for inset in insets(text))):
+            return None
+        return Fragment(source, text, 2)
     match = _WHOLE.fullmatch(text)
     return None if match is None or "${" in match.group(1) else Fragment(match.group(1), text, match.start(1))

@@ -1,6 +1,7 @@
 """Reading a value that a file writes: an expression, or plain data that must already have its type.
 
-A text that is wholly `${ ... }` is an expression, any other text is itself. A number that has a unit in its
+A text that is wholly `${ ... }` is an expression, one with `${ ... }` in it is a text with expressions in it
+(see `texts`), any other text is itself. A number that has a unit in its
 type must be written with one: `30` where seconds are meant is an error, not thirty seconds. What stands in a
 request or a ROS parameter is not read here.
 """
@@ -15,6 +16,7 @@ from typing import Any
 from lupin_engine.chart.expressions.checker import compile_expression
 from lupin_engine.chart.expressions.evaluation import Constant, Expression, Value
 from lupin_engine.chart.expressions.scope import Fragment, Scope, fragment_of
+from lupin_engine.chart.expressions.texts import read_text
 from lupin_engine.chart.expressions.units import describe, is_number, one
 from lupin_engine.chart.findings import Findings
 from lupin_engine.chart.nodes import Node, show
@@ -46,6 +48,8 @@ def read_value(
         fragment = fragment_of(raw)
         if fragment is not None:
             return compile_expression(fragment, scope, wanted, findings, path)
+        if wanted.kind == "text" and "${" in raw:
+            return read_text(raw, scope, findings, path)
         hint = "write the whole value as one ${ ... }"
         findings.add(place, "partial-expression", path, "an expression must be the whole value", hint)
         return None

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 import pytest
 
 from lupin_engine.chart.expressions.evaluation import Constant, Expression
+from lupin_engine.chart.expressions.names import names_read
 from lupin_engine.chart.expressions.scope import Scope
 from lupin_engine.chart.expressions.values import (
     Signature,
@@ -170,6 +172,104 @@ def test_an_expression_is_the_whole_value() -> None:
     assert told(findings) == [
         "4: an expression must be the whole value; write the whole value as one ${ ... } [partial-expression]"
     ]
+
+
+SCOPE = Scope(
+    {
+        "name": TEXT,
+        "left": DURATION,
+        "depth": LENGTH,
+        "share": NUMBER,
+        "count": COUNT,
+        "dry": BOOL,
+        "names": list_of(TEXT),
+        "depths": list_of(LENGTH),
+        "pair": RECORD,
+        "odd": ANY,
+    }
+)
+SEEN = {
+    "context": {
+        "name": "tulip",
+        "left": 150.0,
+        "depth": 0.123456789,
+        "share": 0.455,
+        "count": 1234567,
+        "dry": True,
+        "names": ["1", "5"],
+        "depths": [0.01, 0.02],
+        "odd": 2.5,
+    }
+}
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [
+        ("tag ${ name }!", "tag tulip!"),
+        ("${ name }${ name }", "tuliptulip"),
+        ("${ left } left", "150 s left"),
+        ("${ left:min } left", "2.5 min left"),
+        ("${ left : .0f s }", "150 s"),
+        ("${ left / 2:.1f min }", "1.2 min"),
+        ("${ depth } deep", "0.123457 m deep"),
+        ("${ depth:.1f }, ${ depth:.1f cm }", "0.1 m, 12.3 cm"),
+        ("${ share:.0f % } of ${ count }", "46 % of 1234567"),
+        ("dry: ${ dry }, ${ not dry }", "dry: true, false"),
+        ("tags ${ names }", "tags 1, 5"),
+        ("at ${ depths:cm }", "at 1 cm, 2 cm"),
+        ("${ 'a: }' if dry else 'b' }: ${ 0 }", "a: }: 0"),
+        ("${ odd:.2f } or ${ odd }", "2.50 or 2.5"),
+        ("a $5 note {x}: ${ name }", "a $5 note {x}: tulip"),
+    ],
+)
+def test_a_text_has_expressions_in_it(text: str, value: str) -> None:
+    """With their units, or in another one; each knows what it reads."""
+    raw, findings = written(f'k: "{text}"'), Findings()
+    found = read_value(raw["k"], raw.value_place("k"), TEXT, SCOPE, findings, "here")
+    assert told(findings) == []
+    assert isinstance(found, Expression)
+    assert (found.evaluate(SEEN), found.type) == (value, TEXT)
+    assert names_read(found.source) == {name for name in SCOPE.names if re.search(rf"\b{name}\b", text)}
+
+
+@pytest.mark.parametrize(
+    ("text", "wanted", "finding"),
+    [
+        ("it is ${ nam }", TEXT, "14: unknown name 'nam'; did you mean 'name'? [unknown-name]"),
+        ("${ name }, ${ 1 + name }", TEXT, "23: expected a number, but 'name' is text;  [wrong-type]"),
+        ("at ${ pair }", TEXT, "11: 'pair' is pair, which is no text; name a field: 'pair.a' [wrong-type]"),
+        ("a ${ name", TEXT, "7: the expression in this text is not closed; write '}' behind it"),
+        ("a ${ left:2 }", TEXT, "14: ':2' is no way to tell a value; write digits, a unit or both"),
+        ("a ${ left: }", TEXT, "14: ':' is no way to tell a value; write digits, a unit or both"),
+        (
+            "a ${ left:cm }",
+            TEXT,
+            "14: 'left' is duration (s), not in 'cm'; its units are 'ms', 's', 'min', 'h' [wrong-unit]",
+        ),
+        (
+            "a ${ count:m }",
+            TEXT,
+            "15: 'count' is a plain number, not in 'm'; leave the unit out, or write '%'",
+        ),
+        (
+            "a ${ dry:.1f }",
+            TEXT,
+            "13: 'dry' is bool, and only numbers have digits and units; leave the ':' out",
+        ),
+        ("${ left:.1f }", DURATION, "4: an expression must be the whole value; write the whole value as one"),
+        (
+            "a ${ name } ${ names }",
+            list_of(TEXT),
+            "4: an expression must be the whole value; write the whole",
+        ),
+    ],
+)
+def test_what_is_wrong_in_a_text_is_told_where_it_stands(text: str, wanted: Type, finding: str) -> None:
+    """At the column of the name, or of the format."""
+    raw, findings = written(f'k: "{text}"'), Findings()
+    assert read_value(raw["k"], raw.value_place("k"), wanted, SCOPE, findings, "here") is None
+    assert [line[: len(finding)] for line in told(findings)] == [finding]
 
 
 def test_defaults_stand_in_for_arguments_that_are_not_given() -> None:
