@@ -241,6 +241,7 @@ CALL_TEXTS: Mapping[str, str] = {
 ACTION_TEXTS: Mapping[str, str] = {
     "set": "write variables of the context: `set: {NAME: VALUE, ...}`",
     "raise": "tell the whole chart of an event: `raise: {event: door.opened}`",
+    "if": "carry out `then` where the guard is true, else `else`: see [If](#if)",
     "itinerary.advance": "go on to the next target; refused while the visit is open",
     "itinerary.close": "give the visit its outcome, once, and publish it",
     "itinerary.close_rest": "close every visit that is still open",

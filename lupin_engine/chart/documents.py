@@ -27,9 +27,9 @@ from lupin_engine.chart.nodes import Keyed, Meaning, Named, Node, show, wrong_sh
 from lupin_engine.chart.source import Map
 
 
-def _many(description: str) -> Any:
+def _many(description: str, alias: str | None = None) -> Any:
     """Describe a list that may be left out: then it is a tuple, for a list would be copied, which is slow."""
-    return Field((), description=description)
+    return Field((), alias=alias, description=description)
 
 
 def _by_name(description: str, alias: str | None = None) -> Any:
@@ -54,10 +54,11 @@ Bound = Annotated[Any, WithJsonSchema({"type": ["string", "number"]})]
 
 
 class ActionNode(Node):
-    """An action: a name, or a mapping of one name to its arguments."""
+    """An action: a name, or a mapping of one name to its arguments; `if` holds further actions."""
 
     name: Annotated[str, Meaning.ACTION]
     arguments: Any = None
+    if_: IfNode | None = Field(None, alias="if", description="what `if` chooses between")
 
     @classmethod
     def _long_form(cls, data: Any) -> Any:
@@ -67,6 +68,8 @@ class ActionNode(Node):
             raise wrong_shape("expected an action: a name, or a mapping of one name to its arguments")
         ((name, arguments),) = data.items()
         data.model = None
+        if name == "if":
+            return {"name": name, "if": arguments}
         if arguments is not None and not isinstance(arguments, Map):
             raise wrong_shape(f"expected the arguments of {name} as a mapping, got {show(arguments)}")
         return {"name": name, "arguments": arguments}
@@ -76,6 +79,22 @@ Actions = Annotated[
     list[Annotated[ActionNode, WithJsonSchema({"type": ["string", "object"], "maxProperties": 1})]],
     BeforeValidator(_to_list),
 ]
+
+
+class IfNode(Node):
+    """Actions of which a condition chooses: looked at when its turn in the list has come."""
+
+    guard: Annotated[Condition, Meaning.CONDITION] = Field(
+        description="condition; as everywhere it is false where it reads an unknown value"
+    )
+    then: Actions = Field(description="actions where it is true, in order")
+    else_: Actions = _many("actions where it is false, in order", alias="else")
+
+    @classmethod
+    def _long_form(cls, data: Any) -> Any:
+        if not isinstance(data, Map):
+            raise wrong_shape(f"expected {{guard: CONDITION, then: ACTIONS}}, got {show(data)}")
+        return data
 
 
 class TransitionNode(Node):
@@ -196,7 +215,7 @@ class ElementEndNode(Node):
                 _ENDS_HERE,
                 "let the actions set a variable, and leave by 'always' with a guard on it",
             ),
-            "guard": (_ENDS_HERE, "write '${ x if CONDITION else y }' in an argument of the action"),
+            "guard": (_ENDS_HERE, "let the actions choose: 'if: {guard: CONDITION, then: ACTION}'"),
             "code": (_ENDS_HERE, "hand the code to an action"),
         }
     )
@@ -547,6 +566,9 @@ def _nodes_in(annotation: Any) -> set[type[Node]]:
     return set[type[Node]]().union(*map(_nodes_in, get_args(annotation)))
 
 
+# Not before the models above are made: they would take over its whole validator, and read each action twice.
+ActionNode.model_rebuild()
+
 KINDS: Mapping[str, type[FileNode]] = {"lifecycle": LifecycleNode, "mission": MissionNode, "part": PartNode}
 
 __all__ = [
@@ -558,6 +580,7 @@ __all__ = [
     "FileNode",
     "ForEachNode",
     "HoldNode",
+    "IfNode",
     "InputNode",
     "InvariantNode",
     "InvokeNode",

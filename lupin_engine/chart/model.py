@@ -9,7 +9,7 @@ piece keeps the `Place` where the author wrote it, in the author's file.
 from __future__ import annotations
 
 import enum
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
@@ -27,6 +27,7 @@ class ActionCall:
     """One action with its arguments: built-in (`set`, `raise`, `itinerary.close`, ...) or a plugin's.
 
     For `set` the arguments are the context variables; for `raise` the single argument `event` is the name.
+    An `if` has no arguments, but a `guard` that chooses between the actions `then` and `otherwise`.
     """
 
     KEY: ClassVar[str] = "name"
@@ -35,6 +36,16 @@ class ActionCall:
     arguments: Mapping[str, Value] = field(metadata=said(Role.VALUE))
     place: Place
     moves: bool = False
+    guard: Expression | None = field(default=None, metadata=said(Role.CONDITION, "guard"))
+    then: tuple[ActionCall, ...] = field(default=(), metadata=said(Role.ACTIONS, "then"))
+    otherwise: tuple[ActionCall, ...] = field(default=(), metadata=said(Role.ACTIONS, "else"))
+
+
+def every_call(actions: Iterable[ActionCall]) -> Iterator[ActionCall]:
+    """Yield the actions of a list and those that an `if` among them may carry out."""
+    for call in actions:
+        yield call
+        yield from every_call((*call.then, *call.otherwise))
 
 
 @record(frozen=True)

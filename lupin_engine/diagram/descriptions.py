@@ -126,6 +126,9 @@ def _actions(actions: Iterable[ActionCall]) -> str:
 
 def _action(action: ActionCall) -> str:
     """Return an action with its main argument where that is a constant."""
+    if action.guard is not None:
+        other = f", else: {_actions(action.otherwise)}" if action.otherwise else ""
+        return f"if {action.guard.source}: {_actions(action.then)}{other}"
     if action.name == "set":
         return ", ".join(_set(name, value) for name, value in action.arguments.items())
     told = action.arguments.get(_ABOUT.get(action.name, ""))

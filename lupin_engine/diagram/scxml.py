@@ -159,6 +159,10 @@ class _ScxmlWriter:
             elif action.name == "raise":
                 event = action.arguments["event"]
                 yield f"<raise{_attributes(event=str(event.value) if isinstance(event, Constant) else '')}/>"
+            elif action.guard is not None:
+                other = ["<else/>", *self._actions(action.otherwise)] if action.otherwise else []
+                condition = {"cond": self._condition(action.guard.source)}
+                yield from _element("if", condition, [*self._actions(action.then), *other])
             else:
                 attributes = {"type": _TYPE, "event": action.name}
                 yield from _element("send", attributes, _params(action.arguments), always=True)

@@ -13,7 +13,7 @@ from pathlib import Path
 
 from lsprotocol.types import CompletionItemKind as ItemKind
 
-from lupin_engine.chart.compose.actions import builtin_actions
+from lupin_engine.chart.compose.actions import STRUCTURED, builtin_actions
 from lupin_engine.chart.compose.declare import level_events
 from lupin_engine.chart.documents import ActionNode, InvokeNode, PartNode, RetryNode, StateNode
 from lupin_engine.chart.expressions.scope import BUILTIN_CALLS, Scope
@@ -250,8 +250,8 @@ class _Completion:
         """Offer actions; those with arguments as keys, which `insert` tells."""
         profile = self._catalog.profile
         wanted, told = builtin_actions(profile), docs.builtin_actions_of(profile)
-        for name in ("set", "raise", *wanted):
-            takes = name in ("set", "raise") or bool(wanted[name])
+        for name in (*STRUCTURED, *wanted):
+            takes = name in STRUCTURED or bool(wanted[name])
             doc = docs.builtin_action(name, profile)
             yield Offer(name, ItemKind.Method, told[name], doc, name if takes else "")
         for name, action in self._catalog.actions.items():

@@ -65,6 +65,7 @@ ACTIONS: Mapping[str, str] = MappingProxyType(
     {
         "set": "Write variables: `set: {NAME: VALUE}`.",
         "raise": "Let an event happen: `raise: {event: NAME}`.",
+        "if": "Choose: `if: {guard: CONDITION, then: ACTIONS, else: ACTIONS}`.",
         "itinerary.advance": "Go on to the next target of the itinerary.",
         "itinerary.close": "End the visit of the current target, once.",
         "itinerary.close_rest": "Close all targets that are still open.",

@@ -16,7 +16,7 @@ from pydantic.fields import FieldInfo
 
 from lupin_engine.bindings import file as binding_file
 from lupin_engine.bindings.file import BindingNode
-from lupin_engine.chart.documents import KINDS, ActionNode, InvariantNode, StateNode, TransitionNode
+from lupin_engine.chart.documents import KINDS, ActionNode, IfNode, InvariantNode, StateNode, TransitionNode
 from lupin_engine.chart.nodes import Keyed, Meaning, Named, Node
 from lupin_engine.editor.scan import Scan, Steps
 
@@ -170,6 +170,8 @@ def _below(spot: Spot, step: str | int, mapping: Steps) -> Spot | None:
         return replace(spot, shape=shape.item) if shape.item else None
     if shape.item is not None and shape.names is None and shape.model is None:
         return _below(replace(spot, shape=shape.item), step, mapping)  # one alone stands for the list
+    if shape.model is ActionNode and step == "if":
+        return Spot(Shape(model=IfNode), ActionNode, step, mapping)
     if shape.model is ActionNode:
         return Spot(Shape(names=Shape()), ActionNode, "arguments", (*mapping, step))
     if shape.model is not None:

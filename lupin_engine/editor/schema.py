@@ -17,6 +17,7 @@ from typing import Any
 from pydantic import BaseModel
 
 from lupin_engine.chart.compose.actions import builtin_actions
+from lupin_engine.chart.documents import IfNode
 from lupin_engine.editor import docs
 from lupin_engine.editor.grammar import FILES
 from lupin_engine.editor.snippets import EXAMPLES, SNIPPETS, Snippet
@@ -64,6 +65,7 @@ def schema(
     if "VisitNode" in definitions:
         _, whole = definitions["VisitNode"]["anyOf"]
         whole["properties"]["status"]["enum"] = [*profile.statuses, "open"]
+    definitions["IfNode"] = IfNode.model_json_schema(by_alias=True, ref_template="#/definitions/{model}")
     for name, definition in definitions.items():
         _finish(name, definition)
     _finish(model.__name__, made)
@@ -168,6 +170,10 @@ def _action(profile: Profile) -> Schema:
     }
     mapping["properties"]["set"] = {"type": "object", "minProperties": 1, "description": docs.ACTIONS["set"]}
     mapping["properties"]["raise"] = _arguments({"event": _TEXT}, docs.ACTIONS["raise"])
+    mapping["properties"]["if"] = {
+        "description": docs.ACTIONS["if"],
+        "allOf": [{"$ref": "#/definitions/IfNode"}],
+    }
     mapping["properties"]["itinerary.close"]["properties"]["status"]["enum"] = list(profile.statuses)
     return {
         "title": "Action",

@@ -116,6 +116,7 @@ SNIPPETS: Mapping[str, tuple[Snippet, ...]] = MappingProxyType(
         "Action": (
             _snippet("set", "write a variable", {"set": {"${1:variable}": "${2:value}"}}),
             _snippet("raise", "let an event happen", {"raise": {"event": "${1:name}"}}),
+            _snippet("if", "choose", {"if": {"guard": "${1:condition}", "then": ["${2:action}"]}}),
         ),
         "lupin": (
             _snippet(

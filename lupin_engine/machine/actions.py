@@ -43,10 +43,15 @@ class ExecutableContent:
         self._compiled = compiled
         self.itineraries = Itineraries(scope)
 
-    def run(self, actions: Iterable[ActionCall], state: str, trigger: Trigger, step: Macrostep) -> None:
-        """Carry out a block of actions written in `state`."""
+    def run(self, actions: Iterable[ActionCall], state: str, trigger: Trigger, step: Macrostep) -> bool:
+        """Carry out a block of actions written in `state`; say whether it came to its end."""
         compiled = self._compiled
         for call in actions:
+            if call.guard is not None:
+                holds = self._scope.check(call.guard, state, step, trigger)
+                if not self.run(call.then if holds else call.otherwise, state, trigger, step):
+                    return False
+                continue
             action = compiled.get(id(call))
             if action is None:
                 # The chart keeps its calls as long as it lives, so that an id means one of them.
@@ -55,7 +60,8 @@ class ExecutableContent:
                 self._run(action, state, trigger, step)
             except Exception as problem:
                 step.fail(state, f"{call.place}: {call.name}: {reason(problem)}")
-                return
+                return False
+        return True
 
     def _run(self, action: CompiledAction, state: str, trigger: Trigger, step: Macrostep) -> None:
         scope = self._scope

@@ -186,7 +186,7 @@ def test_a_value_of_the_wrong_shape_is_told(written: str, problem: str) -> None:
     ("key", "hint"),
     [
         ("target", "let the actions set a variable, and leave by 'always' with a guard on it"),
-        ("guard", "write '${ x if CONDITION else y }' in an argument of the action"),
+        ("guard", "let the actions choose: 'if: {guard: CONDITION, then: ACTION}'"),
         ("code", "hand the code to an action"),
     ],
 )

@@ -48,6 +48,7 @@ BECOMES: dict[type[Node], type] = {
     d.LevelNode: m.Level,
     d.InputNode: m.Input,
     d.InvariantNode: m.Invariant,
+    d.IfNode: m.ActionCall,
 }
 #: Words that become something else than a field of that name.
 ELSEWHERE = {
@@ -98,7 +99,7 @@ def inside(thing: Any, kind: type) -> Iterator[Any]:
     if isinstance(thing, kind):
         yield thing
     for part in parts_of(type(thing)):
-        if part.role is Role.INSIDE:
+        if part.role in (Role.INSIDE, Role.ACTIONS):
             value = getattr(thing, part.field)
             several = (
                 value.values() if isinstance(value, dict) else value if isinstance(value, tuple) else [value]
@@ -115,7 +116,7 @@ def exchanged(thing: Any, old: Any, new: Any) -> Any:
     changes = {}
     for part in parts_of(type(thing)):
         value = getattr(thing, part.field)
-        if part.role is not Role.INSIDE or value is None:
+        if part.role not in (Role.INSIDE, Role.ACTIONS) or value is None:
             continue
         if isinstance(value, dict):
             changes[part.field] = {name: exchanged(each, old, new) for name, each in value.items()}

@@ -148,7 +148,12 @@ def test_a_budget_is_a_timer_and_a_transition(words: Chart) -> None:
     (rule,) = (t for t in starting.transitions if t.event == "budget")
     assert rule.id == "MISSION.Words.STARTING.budget"
     assert (rule.source, rule.target, rule.code) == (starting.name, "MISSION.Words.BOTH", "slow")
-    assert [action.name for action in rule.actions] == ["set"]
+    (choice,) = rule.actions
+    assert choice.guard is not None
+    assert (choice.name, choice.guard.source, choice.arguments) == ("if", "reason == ''", {})
+    assert [action.name for action in choice.then] == ["set"]
+    (inner,) = choice.otherwise
+    assert [action.name for action in (*inner.then, *inner.otherwise)] == ["report.clear"]
     assert rule.place == starting.budget.place
     assert rule.place.line == starting.place.line + 3
     assert state(words, "BOTH").budget is None

@@ -191,3 +191,10 @@ def test_a_comment_cannot_end_itself() -> None:
     from lupin_engine.diagram.scxml import _comment
 
     assert _comment("a -- b --> c") == "a - - b - -&gt; c"
+
+
+def test_an_if_is_that_of_scxml() -> None:
+    """With its `else` in the middle, and one inside the other."""
+    (outer,) = (found for found in tree("words").iter(f"{SCXML}if") if found.get("cond") == "reason == ''")
+    assert [child.tag.removeprefix(SCXML) for child in outer] == ["assign", "else", "if"]
+    assert outer[2].get("cond") == "known(input.battery) and input.battery.value < 0.5"

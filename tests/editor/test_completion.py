@@ -84,10 +84,16 @@ CASES = {
         ["nav_status_0", "nav_status_5", "nav_status_6", "nav_rejected", "nav_unavailable", "amcl_drift_var",
          "nav_timeout"], 7,
     ),
+    "what if chooses between": (
+        LIFECYCLE, "- report.summary", "- if: {|}", ["guard", "then", "else"], 3,
+    ),
+    "actions in an if": (
+        LIFECYCLE, "- report.summary", "- if: {guard: x, then: {set: {|", ["reason", "home"], 2,
+    ),
     "actions": (
         LIFECYCLE, "- report.summary", "- |",
-        ["set", "raise", "itinerary.close", "itinerary.close_rest", "report.note", "publish.reading",
-         "arm.preset", "itinerary.advance", "report.clear", "report.summary"], 10,
+        ["set", "raise", "if", "itinerary.close", "itinerary.close_rest", "report.note", "publish.reading",
+         "arm.preset", "itinerary.advance", "report.clear", "report.summary"], 11,
     ),
     "arguments of an action": (
         LIFECYCLE, "- report.summary", "- itinerary.close: {|}", ["status", "code", "detail", "reading"], 4,

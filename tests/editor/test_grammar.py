@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from lupin_engine.chart.compose.actions import builtin_actions
+from lupin_engine.chart.compose.actions import STRUCTURED, builtin_actions
 from lupin_engine.chart.expressions.scope import BUILTIN_CALLS, ROOTS
 from lupin_engine.chart.nodes import Node
 from lupin_engine.editor import docs
@@ -33,7 +33,7 @@ def test_the_engines_own_words_are_documented() -> None:
     """What an expression can call and read, what an action can do, what can be asked for."""
     assert set(docs.CALLS) == set(BUILTIN_CALLS)
     assert set(docs.ROOTS) == set(ROOTS)
-    assert set(docs.ACTIONS) == {*builtin_actions(NO_PROFILE), "set", "raise"}
+    assert set(docs.ACTIONS) == {*builtin_actions(NO_PROFILE), *STRUCTURED}
 
 
 def test_every_key_of_the_language_is_described() -> None:

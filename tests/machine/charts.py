@@ -197,7 +197,10 @@ class Builder:
 
 
 def actions(given: Any) -> tuple[ActionCall, ...]:
-    """Return action calls from names and (name, arguments) pairs; `!name` is one that moves the robot."""
+    """Return action calls from names and (name, arguments) pairs; `!name` is one that moves the robot.
+
+    `("if", {"guard": ..., "then": ..., "else": ...})` chooses between actions.
+    """
     listed = [given] if isinstance(given, (str, tuple)) and given else list(given)
     return tuple(_action(item) for item in listed)
 
@@ -206,6 +209,9 @@ def _action(item: Any) -> ActionCall:
     name: str
     arguments: Mapping[str, Any]
     name, arguments = (item, {}) if isinstance(item, str) else item
+    if name == "if":
+        then, otherwise = actions(arguments["then"]), actions(arguments.get("else", ()))
+        return ActionCall(name, {}, PLACE, False, expression(arguments["guard"]), then, otherwise)
     moves = name.startswith("!")
     return ActionCall(name.lstrip("!"), {k: value(v) for k, v in arguments.items()}, PLACE, moves)
 

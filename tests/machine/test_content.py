@@ -310,3 +310,43 @@ def test_a_choice_may_choose_nothing() -> None:
         bench.send("back")
     assert bench.leaves == ["A"]
     assert (step.taken, len(step.why)) == ((), 2)
+
+
+# -- if ---------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("laps", "done"), [(0, ["few", "after"]), (3, ["many", "after"])])
+def test_an_if_chooses_between_actions(laps: int, done: list[str]) -> None:
+    """Its guard is looked at when its turn comes, so it sees what the list has set before."""
+    choice = ("if", {"guard": lambda env: env["context"]["laps"] > 3, "then": "many", "else": "few"})
+    count = ("set", {"laps": lambda env: env["context"]["laps"] + 1})
+    bench = Bench(chart({"A": {"on": {"go": {"do": [count, choice, "after"]}}}}, context={"laps": laps}))
+    step = bench.send("go")
+    assert [command.action for command in step.commands if isinstance(command, Act)] == done
+
+
+def test_an_if_without_else_may_do_nothing() -> None:
+    """And one in another asks only where that has chosen it."""
+    asked: list[str] = []
+    inner = ("if", {"guard": lambda env: asked.append("inner") or True, "then": "never.done"})
+    choice = ("if", {"guard": lambda env: asked.append("outer") or False, "then": [inner]})
+    bench = Bench(chart({"A": {"on": {"go": {"do": [choice]}}}}))
+    assert (bench.send("go").commands, asked) == ((), ["outer"])
+
+
+def test_an_unknown_value_makes_the_guard_of_an_if_false() -> None:
+    """As it does for a transition, and the step says so."""
+    choice = ("if", {"guard": lambda env: env["input"]["place"] > 1, "then": "far", "else": "near"})
+    bench = Bench(chart({"A": {"on": {"go": {"do": [choice]}}}}, inputs={"place": {}}))
+    step = bench.send("go")
+    assert step.commands == (Act("near", {}),)
+    assert step.notes == ("test.yaml:1:1: guard: input.place is unknown",)
+
+
+def test_an_error_in_an_if_ends_the_whole_list() -> None:
+    """What stands behind relied on it."""
+    choice = ("if", {"guard": lambda env: True, "then": [BROKEN]})
+    bench = Bench(chart({"A": {"on": {"go": {"do": [choice, "never.done"]}}}, "FAULT": {}}))
+    step = bench.send("go")
+    assert (bench.leaves, step.commands) == (["FAULT"], ())
+    assert bench.machine.view.detail == "test.yaml:1:1: arm.preset: there is no 'absent'"

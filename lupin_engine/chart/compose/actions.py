@@ -6,18 +6,21 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 from lupin_engine.chart.compose.declare import NAME
-from lupin_engine.chart.documents import ActionNode
+from lupin_engine.chart.documents import ActionNode, IfNode
 from lupin_engine.chart.expressions.evaluation import Constant, Value
 from lupin_engine.chart.expressions.scope import Scope
-from lupin_engine.chart.expressions.values import Signature, read_arguments, read_under
+from lupin_engine.chart.expressions.values import Signature, read_arguments, read_guard, read_under
 from lupin_engine.chart.findings import Findings
 from lupin_engine.chart.model import ActionCall, Variable
 from lupin_engine.chart.source import Map, Text
-from lupin_engine.errors import nearest
+from lupin_engine.errors import Place, nearest
 from lupin_engine.plugin.contract import Argument
 from lupin_engine.plugin.profile import Profile
 from lupin_engine.plugin.registry import RESERVED_EVENTS, Catalog
 from lupin_engine.plugin.types import ANY, TEXT
+
+#: The engine's own actions whose arguments are no fixed list.
+STRUCTURED = ("set", "raise", "if")
 
 _CODE = Argument(TEXT, "the reason, a declared code", optional=True)
 _DETAIL = Argument(TEXT, "free text for people", optional=True)
@@ -25,7 +28,7 @@ _READING = Argument(ANY, "what was read there", optional=True)
 
 
 def builtin_actions(profile: Profile) -> Mapping[str, Mapping[str, Argument]]:
-    """Return the engine's own actions besides `set` and `raise`, whose arguments depend on the chart."""
+    """Return the engine's own actions with their arguments, besides those that are `STRUCTURED`."""
     status = Argument(TEXT, f"how the visit ended: {', '.join(profile.statuses)}")
     return {
         "itinerary.advance": {},
@@ -63,10 +66,12 @@ class ActionReader:
             return self._set(node, given, scope, path)
         if node.name == "raise":
             return self._raise(node, given, path)
+        if node.name == "if":
+            return self._if(node.if_, node.place, scope, path)
         action = self._catalog.actions.get(node.name)
         wanted = action.arguments if action else self._builtin.get(node.name)
         if wanted is None:
-            known = [*self._builtin, "set", "raise", *self._catalog.actions]
+            known = [*self._builtin, *STRUCTURED, *self._catalog.actions]
             self._findings.unknown(node.place, "unknown-action", path, "action", node.name, known)
             return None
         if node.name in ("itinerary.advance", "itinerary.close") and "itinerary" in scope.absent:
@@ -82,6 +87,16 @@ class ActionReader:
             self._check_close(arguments, path)
         self.used.add(node.name)
         return ActionCall(node.name, arguments, node.place, action.moves if action else False)
+
+    def _if(self, node: IfNode | None, place: Place, scope: Scope, path: str) -> ActionCall | None:
+        if node is None:
+            hint = "write 'if: {guard: CONDITION, then: ACTIONS}'"
+            self._findings.add(place, "missing-argument", path, "if has no guard and no actions", hint)
+            return None
+        guard = read_guard(node.guard, node.at("guard"), scope, self._findings, f"{path}.guard")
+        then = self.read(node.then, scope, f"{path}.then")
+        otherwise = self.read(node.else_, scope, f"{path}.else")
+        return ActionCall("if", {}, place, False, guard, then, otherwise) if guard is not None else None
 
     def _set(self, node: ActionNode, given: Map | None, scope: Scope, path: str) -> ActionCall | None:
         if not given:

@@ -17,7 +17,7 @@ from lupin_engine.chart.expressions.guards import (
     total,
 )
 from lupin_engine.chart.findings import warning
-from lupin_engine.chart.model import Invoke, Kind, State, Transition
+from lupin_engine.chart.model import ActionCall, Invoke, Kind, State, Transition
 from lupin_engine.chart.rules.index import (
     OF_ONE_STATE,
     Index,
@@ -43,6 +43,13 @@ def never_wins(index: Index) -> Iterator[Diagnostic]:
     for transition in index.guarded:
         if _never_true(transition):
             yield Diagnostic(transition.place, "never-wins", transition.id, "its guard is never true", hint)
+    for call in index.calls:
+        guard = call.action.guard
+        known = constant(guard.source) if guard is not None and understood(guard) else None
+        if guard is not None and known is not None:
+            problem = f"the guard of this 'if' is {'always' if known else 'never'} true"
+            hint = "mend the guard, or write the actions without 'if'"
+            yield Diagnostic(guard.place, "never-wins", f"{call.path}.if", problem, hint)
     for group in index.groups:
         yield from _hidden_by_earlier(index, group)
     for state in index.outer:
@@ -193,11 +200,21 @@ def _both_can_win(index: Index, earlier: Transition, later: Transition) -> bool:
 
 def _effect(transition: Transition) -> tuple[Any, ...]:
     """Return what a transition does, comparable between two of them."""
-    calls = tuple(
-        (call.name, tuple((name, _written(value)) for name, value in call.arguments.items()))
-        for call in transition.actions
-    )
+    calls = _done(transition.actions)
     return (transition.target, transition.refuse, transition.code, transition.internal, calls)
+
+
+def _done(actions: Iterable[ActionCall]) -> tuple[Any, ...]:
+    return tuple(
+        (
+            call.name,
+            tuple((name, _written(value)) for name, value in call.arguments.items()),
+            call.guard.source if call.guard is not None else "",
+            _done(call.then),
+            _done(call.otherwise),
+        )
+        for call in actions
+    )
 
 
 def _written(value: Any) -> str:

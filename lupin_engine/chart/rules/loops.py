@@ -12,7 +12,7 @@ from itertools import pairwise
 
 from lupin_engine.chart.expressions.guards import TRUE, Condition, constant, negate, possible
 from lupin_engine.chart.expressions.names import names_read
-from lupin_engine.chart.model import ActionCall, Kind, Transition
+from lupin_engine.chart.model import ActionCall, Kind, Transition, every_call
 from lupin_engine.chart.rules.graph import components, cycles
 from lupin_engine.chart.rules.index import Index, always_taken, condition, local, understood
 from lupin_engine.errors import Diagnostic
@@ -134,7 +134,7 @@ class _Loops:
                 found |= {"itinerary", "target"} if states[name].itinerary is not None else set()
             for name in left:
                 calls += states[name].exit
-        return found.union(*map(_written, calls))
+        return found.union(*map(_written, every_call(calls)))
 
     def _below(self, name: str, ancestor: str) -> bool:
         return name != ancestor and self._index.inside(name, ancestor)

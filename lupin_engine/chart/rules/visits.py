@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import takewhile
 
-from lupin_engine.chart.expressions.guards import Condition, fact, negate, possible
-from lupin_engine.chart.model import ActionCall, Kind, State, Transition
+from lupin_engine.chart.expressions.guards import Condition, condition_of, fact, negate, possible
+from lupin_engine.chart.model import ActionCall, Kind, State, Transition, every_call
 from lupin_engine.chart.rules.index import OF_ONE_STATE, Index, always_taken, condition, local, understood
 from lupin_engine.chart.semantics import matches
 from lupin_engine.errors import Diagnostic
@@ -48,10 +48,10 @@ def _never_closed(index: Index, walker: State) -> Iterator[Diagnostic]:
 
 def _calls(state: State) -> Iterator[_VisitCall]:
     """Yield what a state's actions do to the itinerary."""
-    yield from _walking(f"{state.name}.entry", state.entry)
-    yield from _walking(f"{state.name}.exit", state.exit)
-    for transition in state.transitions:
-        yield from _walking(f"{transition.id}.do", transition.actions)
+    lists = [(f"{transition.id}.do", transition.actions) for transition in state.transitions]
+    for path, actions in [(f"{state.name}.entry", state.entry), (f"{state.name}.exit", state.exit), *lists]:
+        calls = every_call(actions)
+        yield from (_VisitCall(call, path) for call in calls if call.name.startswith("itinerary."))
 
 
 def _below(index: Index, state: State, stop_at_walks: bool = False) -> Iterator[State]:
@@ -109,7 +109,9 @@ class _VisitAnalysis:
         told: set[int] = set()
         for leaf, visit in self._at.items():
             for step in self._steps[leaf]:
-                for call, before in self._along(step, visit) if understood(step.transition.guard) else ():
+                if not understood(step.transition.guard):
+                    continue
+                for call, before in self._along(step.calls, _those(visit, step.when))[0]:
                     if before == _REFUSED.get(call.action.name) and id(call.action) not in told:
                         told.add(id(call.action))
                         yield _told(leaf, call)
@@ -197,21 +199,33 @@ class _VisitAnalysis:
                 continue
             self._at[leaf] |= visit
             for step in self._steps[leaf]:
-                after = _EITHER if step.vague else self._after(step, self._at[leaf])
+                _, after = self._along(step.calls, _those(self._at[leaf], step.when))
+                after = _EITHER if step.vague else after
                 waiting.extend((name, after) for name in step.leaves)
 
-    def _along(self, step: _VisitStep, visit: Visit) -> Iterator[tuple[_VisitCall, Visit]]:
-        """Yield the calls of a step with what the visit may be before each; none when it cannot be taken."""
-        visit = _those(visit, step.when)
-        for call in step.calls if visit else ():
-            yield call, visit
-            visit = self._called(call, visit)
+    def _along(
+        self, calls: Iterable[_VisitCall], visit: Visit
+    ) -> tuple[list[tuple[_VisitCall, Visit]], Visit]:
+        """Return the calls with what the visit may be before each, and what it may be after them.
 
-    def _after(self, step: _VisitStep, visit: Visit) -> Visit:
-        visit = _those(visit, step.when)
-        for call in step.calls if visit else ():
-            visit = self._called(call, visit)
-        return visit
+        None are reached where the visit can be neither.
+        """
+        found: list[tuple[_VisitCall, Visit]] = []
+        for call in calls if visit else ():
+            guard = call.action.guard
+            if guard is None:
+                found.append((call, visit))
+                visit = self._called(call, visit)
+                continue
+            asked = condition_of(guard.source) if "itinerary.open" in guard.source else None
+            then, after_then = self._along(
+                _walking(call.path, call.action.then), _those(visit, (asked,) if asked else ())
+            )
+            other, after_else = self._along(
+                _walking(call.path, call.action.otherwise), _those(visit, (negate(asked),) if asked else ())
+            )
+            found, visit = [*found, *then, *other], after_then | after_else
+        return found, visit
 
     def _called(self, call: _VisitCall, visit: Visit) -> Visit:
         if call.action.name == "itinerary.advance":
@@ -279,8 +293,10 @@ def _asks(transition: Transition) -> bool:
 
 
 def _walking(path: str, calls: Iterable[ActionCall]) -> Iterator[_VisitCall]:
-    """Yield the actions of a list that do something to the itinerary."""
-    return (_VisitCall(call, path) for call in calls if call.name.startswith("itinerary."))
+    """Yield the actions of a list that do something to the itinerary, and an `if` that chooses such."""
+    for call in calls:
+        if call.name.startswith("itinerary.") or any(_walking(path, (*call.then, *call.otherwise))):
+            yield _VisitCall(call, path)
 
 
 def _told(leaf: str, call: _VisitCall) -> Diagnostic:

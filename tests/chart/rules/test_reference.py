@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from lupin_engine.chart.compose.actions import builtin_actions
+from lupin_engine.chart.compose.actions import STRUCTURED, builtin_actions
 from lupin_engine.chart.expressions.scope import BUILTIN_CALLS, ROOTS
 from lupin_engine.missions.folders import LIFECYCLE, PARTS
 from lupin_engine.missions.load import check_chart
@@ -83,4 +83,4 @@ def test_what_is_told_by_hand_is_complete() -> None:
     """A word that is added without a sentence about it, or removed, is noticed here."""
     assert set(reference.ROOT_TEXTS) == ROOTS
     assert set(reference.CALL_TEXTS) == set(BUILTIN_CALLS)
-    assert set(reference.ACTION_TEXTS) == {*builtin_actions(PROFILE), "set", "raise"}
+    assert set(reference.ACTION_TEXTS) == {*builtin_actions(PROFILE), *STRUCTURED}
