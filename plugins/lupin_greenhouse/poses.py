@@ -52,6 +52,22 @@ def pose_of(position: Iterable[float], rotation: Iterable[float]) -> Pose | None
     return Pose(np.array(place, dtype=float), np.array([part / length for part in turn], dtype=float))
 
 
+def seen_turn(rotation: Any) -> tuple[float, float, float, float] | None:
+    """Return the rotation (x, y, z, w) of length 1 of a tag that was seen; None where it is no number.
+
+    Whoever tells a DiscoveredTag has seen it: all zeros there are an orientation that nobody filled in, which
+    becomes the identity, and w = 0 is a true half turn. The rule that w = 0 means "no pose" is about
+    Observation, TwinTagState and ConfirmTag only.
+    """
+    told = rotation.x, rotation.y, rotation.z, rotation.w
+    length = math.hypot(*told)
+    if not all(map(math.isfinite, told)) or not math.isfinite(length):
+        return None
+    x, y, z, w = told if length >= _SHORTEST else (0.0, 0.0, 0.0, 1.0)
+    length = length if length >= _SHORTEST else 1.0
+    return x / length, y / length, z / length, w / length
+
+
 def heading(rotation: Any) -> float:
     """Return the turn about the vertical of a quaternion message, in radians from -pi to pi.
 

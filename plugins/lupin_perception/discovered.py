@@ -1,7 +1,7 @@
 """The tags of a DiscoveredTags message as plain records; pure.
 
-A pose whose orientation has w = 0 was never filled in, and what is not finite is no place: such a tag is
-known by name only and cannot be driven to, so it is left out until it has a pose.
+What is not finite is no place: such a tag is known by name only and cannot be driven to, so it is left out
+until it has a pose.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from lupin_greenhouse.layout import numeric_key
+from lupin_greenhouse.poses import seen_turn
 
 Record = Mapping[str, Any]
 
@@ -24,27 +25,24 @@ def records(message: Any) -> tuple[list[Record], list[str]]:
     placed: dict[str, Record] = {}
     others: dict[str, None] = {}
     for tag in message.tags:
-        if tag.tag_id and _is_placed(tag.pose_in_map):
-            placed[tag.tag_id] = _record(tag)
+        record = _record(tag) if tag.tag_id else None
+        if record is not None:
+            placed[tag.tag_id] = record
         else:
             others[tag.tag_id] = None
     return [placed[name] for name in sorted(placed, key=numeric_key)], list(others)
 
 
-def _is_placed(pose: Any) -> bool:
-    p, q = pose.position, pose.orientation
-    return q.w != 0.0 and all(map(math.isfinite, (p.x, p.y, q.x, q.y, q.z, q.w)))
-
-
-def _record(tag: Any) -> Record:
-    p, q = tag.pose_in_map.position, tag.pose_in_map.orientation
-    length = math.hypot(q.x, q.y, q.z, q.w)
+def _record(tag: Any) -> Record | None:
+    place, turn = tag.pose_in_map.position, seen_turn(tag.pose_in_map.orientation)
+    if turn is None or not all(map(math.isfinite, (place.x, place.y))):
+        return None
     confidence = float(tag.species_confidence)
     return {
         "id": tag.tag_id,
-        "x": p.x,
-        "y": p.y,
-        "facing": {axis: getattr(q, axis) / length for axis in "xyzw"},
+        "x": place.x,
+        "y": place.y,
+        "facing": dict(zip("xyzw", turn, strict=True)),
         "species": tag.species,
         "species_confidence": confidence if math.isfinite(confidence) else 0.0,
         "anomaly": bool(tag.anomaly),

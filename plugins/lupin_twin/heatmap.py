@@ -117,6 +117,9 @@ def _grid(request: Request) -> FieldGrid:
         grid = FieldGrid.over(*bounds, request.resolution)
     except BadGrid as problem:
         raise FieldRequestRefused(str(problem)) from None
+    for axis, low, high in (("x", request.min_x, request.max_x), ("y", request.min_y, request.max_y)):
+        if low == high:
+            raise FieldRequestRefused(f"the bounding box is empty: {axis} from {low:g} to {high:g} m")
     if grid.width * grid.height > MAX_CELLS:
         size = f"{request.max_x - request.min_x:g} m x {request.max_y - request.min_y:g} m"
         raise FieldRequestRefused(

@@ -89,11 +89,15 @@ class Anomaly:
 
 @dataclass(frozen=True)
 class Discovery:
-    """A tag was seen at a place."""
+    """A tag was seen at a place, so often by now, and what was seen to grow there ("": nothing yet)."""
 
     __pydantic_config__ = _STRICT
     tag_id: str
     pin: Pin
+    sightings: int = 0
+    species: str = ""
+    confidence: float = 0.0
+    anomaly: bool = False
     kind: Literal["discovery"] = "discovery"
 
 

@@ -1,8 +1,9 @@
 """The table of tags that all records add up to; pure, time is an argument.
 
-The first place of a tag stays, so that its marker does not follow the drift of the robot's localization.
-Readings are the latest of each sensor, flowers the latest of all; a planter box told by the geometry channel
-is better than one that came with flowers.
+The first place of a tag stays, so that its marker does not follow the drift of the robot's localization,
+until a camera that has seen the tag more often says otherwise: a reading may come with no better place than
+that of the robot. Readings are the latest of each sensor, flowers the latest of all; a planter box told by
+the geometry channel is better than one that came with flowers.
 """
 
 from __future__ import annotations
@@ -41,6 +42,13 @@ MAX_TAGS, MAX_SENSORS = 10_000, 256
 REPORTS = 256
 NEAR_M = 2.0
 
+#: Metres by which a better place must differ from the one that is known.
+MOVED_M = 0.05
+
+#: What is told as the age of a tag that was never observed, in seconds: nobody takes it for fresh, and unlike
+#: an infinite number every reader of JSON reads it.
+NEVER_S = 1e9
+
 #: Values beyond this cannot be sent in a field, which has 32 bits for each.
 LARGEST = float(np.finfo(np.float32).max)
 
@@ -58,12 +66,14 @@ def observed_at(record: Observed, received: float) -> float:
 class TwinTag:
     """What is known of one tag; `pin` is None as long as nobody knows where it is.
 
+    `sightings` is how often it had been seen by the camera that told the place, 0 where none did.
     `last_observed` is the time of the latest reading or flowers, in seconds, None before the first.
     """
 
     tag_id: str
     history: deque[Reading]
     pin: Pin | None = None
+    sightings: int = 0
     readings: dict[str, float] = field(default_factory=dict)
     last_observed: float | None = None
     species: str = ""
@@ -74,8 +84,20 @@ class TwinTag:
     footprint_from_channel: bool = False
 
     def stale_seconds(self, now: float) -> float:
-        """Return how long ago the tag was last observed; 0 for one that never was."""
-        return 0.0 if self.last_observed is None else max(0.0, now - self.last_observed)
+        """Return how long ago the tag was last observed; `NEVER_S` or more for one that never was."""
+        return max(now, NEVER_S) if self.last_observed is None else max(0.0, now - self.last_observed)
+
+    def is_better(self, seen: Discovery) -> bool:
+        """Say whether a tag was seen at a better place than the known one."""
+        if self.pin is None:
+            return True
+        moved = math.hypot(seen.pin.x - self.pin.x, seen.pin.y - self.pin.y)
+        return seen.sightings > self.sightings and moved > MOVED_M
+
+    def shows(self, seen: Discovery) -> bool:
+        """Say whether what was seen to grow there is known; where nothing was seen yet, nothing is told."""
+        told = seen.species, seen.confidence, seen.anomaly
+        return told == ("", 0.0, False) or told == (self.species, self.confidence, self.anomaly)
 
 
 @dataclass(frozen=True)
@@ -89,8 +111,8 @@ class TwinReport:
 class Twin:
     """All tags in the order in which they were first heard of, and the anomaly reports.
 
-    `observation_count` counts readings and flowers, `pins` the tags that have a place, and `revision` all
-    that was taken in.
+    `observation_count` counts readings and flowers, `pins` the places that tags were given, and `revision`
+    all that was taken in.
     """
 
     def __init__(self, history: int = HISTORY) -> None:
@@ -139,7 +161,7 @@ class Twin:
         """Say whether `apply` would change anything: places and boxes are told again and again."""
         if isinstance(record, Discovery):
             tag = self._tags.get(record.tag_id)
-            return tag is None or tag.pin is None
+            return tag is None or tag.is_better(record) or not tag.shows(record)
         if isinstance(record, BoxOutline):
             tag = self._tags.get(record.tag_id)
             return tag is None or not tag.footprint_from_channel or tag.footprint != record.footprint
@@ -156,10 +178,18 @@ class Twin:
             case Anomaly():
                 self._anomalies.append(record)
             case Discovery():
-                self._pin(self._tag(record.tag_id), record.pin)
+                self._apply_discovery(record)
             case BoxOutline():
                 tag = self._tag(record.tag_id)
                 tag.footprint, tag.footprint_from_channel = record.footprint, True
+
+    def _apply_discovery(self, record: Discovery) -> None:
+        tag = self._tag(record.tag_id)
+        if tag.is_better(record):
+            tag.pin, tag.sightings = record.pin, record.sightings
+            self.pins += 1
+        if not tag.shows(record):
+            tag.species, tag.confidence, tag.anomaly = record.species, record.confidence, record.anomaly
 
     def _apply_reading(self, record: Reading, time: float) -> None:
         tag = self._tag(record.tag_id)

@@ -1,8 +1,8 @@
 """Messages read into records; pure. What is dropped says why.
 
-A pose whose orientation has w = 0 was never filled in. Of a rotation in space only the turn about the
-vertical is kept, as a quaternion (0, 0, z, w) of length 1: whoever takes (z, w) from the message gets the
-same heading.
+A pose of an Observation whose orientation has w = 0 was never filled in. Of a rotation in space only the turn
+about the vertical is kept, as a quaternion (0, 0, z, w) of length 1: whoever takes (z, w) from the message
+gets the same heading.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ import numpy as np
 from lupin_engine.errors import LupinError, shortened
 from lupin_engine.plugin.wire import seconds_of
 from lupin_greenhouse.frames import frame_name
+from lupin_greenhouse.poses import seen_turn
 from lupin_twin.field import OccupancyMap
 from lupin_twin.records import Anomaly, Bloom, BoxOutline, Corners, Discovery, Flowers, Observed, Pin, Reading
 
@@ -128,16 +129,21 @@ _READERS: Mapping[int, Callable[[Any, str, dict[str, Any]], Observed]] = {
 def discoveries(message: Any, frame: str) -> list[Discovery]:
     """Return the tags of a DiscoveredTags message that have an id and a place.
 
-    These poses were seen, so w = 0 here is either an orientation that nobody filled in, which becomes the
-    identity, or a true half turn, which stays one.
-
     Raises:
         Dropped: they are in another frame.
     """
     _check_frame(frame, "discovered tags", message.header.frame_id)
-    found = ((tag.tag_id, _seen_pin(tag.pose_in_map)) for tag in message.tags)
-    named = ((tag_id.strip(), pin) for tag_id, pin in found if len(tag_id) <= LONGEST_NAME)
-    return [Discovery(tag_id, pin) for tag_id, pin in named if tag_id and pin is not None]
+    named = ((tag, tag.tag_id.strip()) for tag in message.tags if len(tag.tag_id) <= LONGEST_NAME)
+    found = (_discovery(tag, tag_id) for tag, tag_id in named if tag_id)
+    return [discovery for discovery in found if discovery is not None]
+
+
+def _discovery(tag: Any, tag_id: str) -> Discovery | None:
+    pin = _seen_pin(tag.pose_in_map)
+    if pin is None:
+        return None
+    confidence = _finite(tag.species_confidence)
+    return Discovery(tag_id, pin, int(tag.sightings), tag.species, confidence, bool(tag.anomaly))
 
 
 def boxes(text: str) -> list[BoxOutline]:
@@ -200,11 +206,12 @@ def pin_of(pose: Any) -> Pin | None:
 
 def _seen_pin(pose: Any) -> Pin | None:
     """Return the place and the turn about the vertical; the identity where there is no such turn."""
-    p, q = pose.position, pose.orientation
-    if not all(map(math.isfinite, (p.x, p.y, q.z, q.w))):
+    p, turn = pose.position, seen_turn(pose.orientation)
+    if turn is None or not all(map(math.isfinite, (p.x, p.y))):
         return None
-    length = math.hypot(q.z, q.w)
-    z, w = (q.z / length, q.w / length) if length > SMALLEST_TURN else (0.0, 1.0)
+    _, _, z, w = turn
+    length = math.hypot(z, w)
+    z, w = (z / length, w / length) if length > SMALLEST_TURN else (0.0, 1.0)
     return Pin(float(p.x), float(p.y), z, w)
 
 

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from lupin_greenhouse.poses import Pose, between, heading, matrix, pose_of, product
+from lupin_greenhouse.poses import Pose, between, heading, matrix, pose_of, product, seen_turn
 from tests.plugins.greenhouse.places import at, is_same
 
 numbers = st.floats(-100.0, 100.0)
@@ -73,6 +73,22 @@ def test_a_quaternion_of_any_length_is_a_rotation(scale: float) -> None:
     pose = pose_of((0, 0, 0), (0, 0, scale, scale))
     assert pose is not None
     assert pose.rotation.tolist() == pytest.approx([0.0, 0.0, math.sqrt(0.5), math.sqrt(0.5)])
+
+
+@pytest.mark.parametrize(
+    ("told", "turn"),
+    [
+        ((0, 0, 0, 0), (0, 0, 0, 1)),  # nobody filled it in
+        ((0, 0, 2, 0), (0, 0, 1, 0)),  # a true half turn
+        ((0, 0, -1, 0), (0, 0, -1, 0)),
+        ((0, 3, 0, 4), (0, 0.6, 0, 0.8)),
+        ((0, 0, 0, math.nan), None),
+        ((0, 0, math.inf, 1), None),
+    ],
+)
+def test_a_tag_that_was_seen_has_a_turn_where_it_tells_numbers(told: Any, turn: Any) -> None:
+    x, y, z, w = told
+    assert seen_turn(SimpleNamespace(x=x, y=y, z=z, w=w)) == turn
 
 
 def test_halfway_is_halfway_and_by_the_shorter_way() -> None:

@@ -183,7 +183,16 @@ def test_what_nobody_stamped_counts_from_its_receipt() -> None:
     assert outlet.values == [("tags.discovered", [], ros.time)]
 
 
-@pytest.mark.parametrize("wrong", [{"w": 0.0}, {"x": math.nan}, {"x": math.inf}, {"w": math.nan}])
+def test_a_half_turn_and_an_orientation_that_nobody_filled_in_are_places() -> None:
+    turned = tag("6", w=0.0)
+    turned.pose_in_map.orientation.z = 2.0
+    _, outlet = hear(told(turned, tag("7", w=0.0)))
+    ((half, unfilled),) = outlet.of("tags.discovered")
+    assert half["facing"] == {"x": 0.0, "y": 0.0, "z": 1.0, "w": 0.0}
+    assert unfilled["facing"] == {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0}
+
+
+@pytest.mark.parametrize("wrong", [{"x": math.nan}, {"x": math.inf}, {"w": math.nan}])
 def test_a_tag_without_a_pose_waits_until_it_has_one_and_is_warned_about_once(wrong: dict[str, Any]) -> None:
     ros, outlet = hear(told(tag("7", **wrong), tag("8")), told(tag("7", **wrong)), told(tag("7")))
     assert [[known["id"] for known in seen] for seen in outlet.of("tags.discovered")] == [["8"], [], ["7"]]

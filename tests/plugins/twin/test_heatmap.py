@@ -89,6 +89,8 @@ def test_the_settings_are_used(state: Twin) -> None:
         ({"resolution": 0.0}, "the resolution must be above 0 m, got 0"),
         ({"resolution": math.nan}, "the resolution must be above 0 m, got nan"),
         ({"max_x": -1.0}, "the bounds of x are the wrong way round: 0 to -1"),
+        ({"max_x": 0.0}, "the bounding box is empty: x from 0 to 0 m"),
+        ({"min_y": 2.0}, "the bounding box is empty: y from 2 to 2 m"),
         ({"min_y": math.inf}, "the bounds must be finite, got x 0 to 4, y inf to 2"),
         (
             {"resolution": 1e-3},
@@ -181,7 +183,7 @@ def test_only_another_map_makes_the_field_another(
 
 def test_what_was_not_asked_for_longest_is_forgotten(state: Twin, worked_out: list[int]) -> None:
     heatmaps = Heatmaps(state)
-    areas = [request(max_x=float(n)) for n in range(REMEMBERED + 1)]
+    areas = [request(max_x=float(n + 1)) for n in range(REMEMBERED + 1)]
     for area in (*areas[:REMEMBERED], areas[0], areas[REMEMBERED]):
         heatmaps.answer(area)
     assert len(worked_out) == REMEMBERED + 1

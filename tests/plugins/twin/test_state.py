@@ -85,7 +85,8 @@ def report(pose_frame: str = "map", x: float = 3.0) -> Any:
 
 
 def seen(*tags: tuple[str, Any], frame: str = "map") -> Any:
-    entries = [SimpleNamespace(tag_id=tag_id, pose_in_map=place) for tag_id, place in tags]
+    nothing = {"sightings": 3, "species": "", "species_confidence": 0.0, "anomaly": False}
+    entries = [SimpleNamespace(tag_id=tag_id, pose_in_map=place, **nothing) for tag_id, place in tags]
     return SimpleNamespace(header=SimpleNamespace(frame_id=frame), tags=entries)
 
 
@@ -221,10 +222,19 @@ def test_discovered_tags_are_read() -> None:
         ("", pose(0.0, 0.0)),
     )
     assert wire.discoveries(message, "map") == [
-        Discovery("5", Pin(1.0, 2.0, 0.0, 1.0)),
-        Discovery("6", Pin(3.0, 4.0, 0.0, 1.0)),
-        Discovery("7", Pin(5.0, 6.0, 1.0, 0.0)),
-        Discovery("8", Pin(7.0, 8.0, 0.0, 1.0)),
+        Discovery("5", Pin(1.0, 2.0, 0.0, 1.0), 3),
+        Discovery("6", Pin(3.0, 4.0, 0.0, 1.0), 3),
+        Discovery("7", Pin(5.0, 6.0, 1.0, 0.0), 3),
+        Discovery("8", Pin(7.0, 8.0, 0.0, 1.0), 3),
+    ]
+
+
+def test_what_was_seen_to_grow_at_a_discovered_tag_is_read() -> None:
+    message = seen(("5", pose(1.0, 2.0)))
+    told = {"sightings": 40, "species": "tulip_red", "species_confidence": math.nan, "anomaly": True}
+    vars(message.tags[0]).update(told)
+    assert wire.discoveries(message, "map") == [
+        Discovery("5", Pin(1.0, 2.0, 0.0, 1.0), 40, "tulip_red", 0.0, True)
     ]
 
 
@@ -339,8 +349,9 @@ def test_records_can_be_written_and_read(record: Record) -> None:
             Anomaly(1.5, "m", "s", 1.0, 2.0, 0.0, "fallen", 3),
         ),
         (
-            '{"tag_id":"5","pin":{"x":1.0,"y":2.0,"z":1.0,"w":0.0},"kind":"discovery"}',
-            Discovery("5", Pin(1.0, 2.0, 1.0, 0.0)),
+            '{"tag_id":"5","pin":{"x":1.0,"y":2.0,"z":1.0,"w":0.0},"sightings":7,"species":"tulip",'
+            '"confidence":0.5,"anomaly":true,"kind":"discovery"}',
+            Discovery("5", Pin(1.0, 2.0, 1.0, 0.0), 7, "tulip", 0.5, True),
         ),
         ('{"tag_id":"5","footprint":[[0.0,1.0]],"kind":"box"}', BoxOutline("5", ((0.0, 1.0),))),
     ],
@@ -411,9 +422,48 @@ def test_a_place_may_come_later() -> None:
 def test_a_discovered_tag_has_a_place_and_nothing_else() -> None:
     state = state_of(Discovery("5", HERE), Discovery("5", THERE))
     tag = state.tags["5"]
-    assert (tag.pin, tag.readings, tag.last_observed, tag.stale_seconds(1000.0)) == (HERE, {}, None, 0.0)
+    assert (tag.pin, tag.readings, tag.last_observed, tag.stale_seconds(1000.0)) == (HERE, {}, None, 1e9)
     assert (tag.species, tag.confidence, tag.anomaly, tag.blooms, tag.footprint) == ("", 0.0, False, (), ())
     assert state.observation_count == 0
+
+
+def test_a_tag_that_was_never_read_does_not_look_fresh() -> None:
+    """`last_observed` is zero then, so it is as old as the clock; also by a clock that has just begun."""
+    tag = state_of(Discovery("5", HERE)).tags["5"]
+    assert (tag.stale_seconds(12.0), tag.stale_seconds(1.8e9)) == (1e9, 1.8e9)
+
+
+def test_what_was_seen_to_grow_at_a_discovered_tag_is_known() -> None:
+    state = state_of(Discovery("5", HERE), flowers(species="tulip_red", confidence=0.5, anomaly=True))
+    tag = state.tags["5"]
+    pink = Discovery("5", HERE, 3, "tulip_pink", 0.9, False)
+    assert state.is_news(pink)
+    state.apply(pink, 1000.0)
+    assert (tag.species, tag.confidence, tag.anomaly) == ("tulip_pink", 0.9, False)
+    assert not state.is_news(pink)
+    unseen = Discovery("5", HERE, 3)
+    assert not state.is_news(unseen), "a new mission has not looked yet"
+    state.apply(unseen, 1000.0)
+    assert tag.species == "tulip_pink"
+
+
+def test_a_later_better_place_corrects_an_earlier_one() -> None:
+    """A reading may come with the robot's place; the camera then tells that of the plate, ever nearer."""
+    state = state_of(reading(temperature=20.0, pin=HERE))
+    nearer = Pin(THERE.x + 0.2, THERE.y, THERE.z, THERE.w)
+    for seen_at, sightings, corrected in (
+        (THERE, 3, True),
+        (nearer, 3, False),  # not seen more often
+        (nearer, 9, True),
+        (Pin(nearer.x + 0.04, nearer.y, nearer.z, nearer.w), 20, False),  # the same place
+        (HERE, 4, False),  # a new mission, from afar
+    ):
+        told = Discovery("5", seen_at, sightings)
+        assert state.is_news(told) is corrected
+        state.apply(told, 1000.0)
+        assert (state.tags["5"].pin == seen_at) is corrected
+    state.apply(reading(temperature=20.0, pin=HERE), 1000.0)
+    assert state.tags["5"].pin == nearer, "the robot's place corrects nothing"
 
 
 def test_tags_keep_the_order_in_which_they_came() -> None:
@@ -512,7 +562,7 @@ def test_a_clock_that_was_set_back_leaves_nothing_fresh_for_ever() -> None:
     revision = twin.revision
     twin.tell_time(10.0)
     ages = {name: tag.stale_seconds(15.0) for name, tag in twin.tags.items()}
-    assert ages == {"old": 13.0, "new": 5.0, "seen": 0.0}
+    assert ages == {"old": 13.0, "new": 5.0, "seen": 1e9}
     assert twin.revision > revision, "it is told"
     revision = twin.revision
     for now in (0.0, 10.0, 15.0):
