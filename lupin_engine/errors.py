@@ -20,6 +20,11 @@ from typing import NamedTuple
 MAX_COMPARED = 400
 MAX_LISTED = 100
 
+#: How many letters of a name are enough to complete it.
+MIN_BEGINNING = 3
+#: What stands in the declaration of a thing, by the key that holds it.
+_DECLARATIONS = {"codes": "label: ...", "context": "type: ..., default: ..."}
+
 #: How many letters of a text from outside are repeated in a message.
 MAX_SHOWN = 40
 
@@ -135,9 +140,25 @@ def nearest(name: str, allowed: Iterable[str]) -> str:
 
 
 def meant(name: str, allowed: Iterable[str]) -> str:
-    """Say what was probably meant by `name`; '' where nothing is like it."""
-    close = difflib.get_close_matches(name, _around(name, sorted(set(allowed))), n=1, cutoff=0.6)
+    """Say what was probably meant by `name`: the only one that begins so, else the one that is most like it.
+
+    '' where nothing is like it.
+    """
+    names = sorted(set(allowed))
+    close = [one for one in names if one.startswith(name)] if len(name) >= MIN_BEGINNING else []
+    if len(close) != 1:
+        close = difflib.get_close_matches(name, _around(name, names), n=1, cutoff=0.6)
     return f"did you mean {close[0]!r}?" if close else ""
+
+
+def or_else(hint: str, otherwise: str) -> str:
+    """Join what was probably meant with what there is to do where it was not."""
+    return f"{hint} Or {otherwise}" if hint.endswith("?") else "; or ".join(filter(None, (hint, otherwise)))
+
+
+def declared_as(family: str, name: str) -> str:
+    """Say how something is declared that is used and not declared."""
+    return f"declare it under {family}: '{name}: {{{_DECLARATIONS[family]}}}'"
 
 
 def reason(problem: Exception) -> str:

@@ -150,11 +150,7 @@ Transitions = Annotated[
 class LimitNode(Node):
     """How long an attempt may take, and the code it ends in then."""
 
-    @classmethod
-    def _long_form(cls, data: Any) -> Any:
-        if not isinstance(data, Map):
-            raise wrong_shape(f"expected {{after: DURATION, code: CODE}} or never, got {show(data)}")
-        return data
+    SHAPE = "{after: DURATION, code: CODE} or never"
 
     after: Annotated[Written, Meaning.VALUE] = Field(description="longest time for one attempt, a duration")
     code: Annotated[str, Meaning.CODE] = Field(
@@ -174,6 +170,8 @@ Timeout = Annotated[
 
 class RetryNode(Node):
     """How often and how patiently an operation is tried again."""
+
+    SHAPE = "{attempts: COUNT, backoff: DURATION}"
 
     attempts: Annotated[Written, Meaning.VALUE] = Field(description="attempts in all, the first included")
     backoff: Annotated[Written, Meaning.VALUE] = Field(None, description="pause between attempts, a duration")
@@ -232,6 +230,8 @@ class ElementEndNode(Node):
 class ForEachNode(Node):
     """One operation for every new element of a list, while the state is active."""
 
+    SHAPE = "{item: NAME, in: LIST, key: VALUE, invoke: ...}"
+
     item: str = Field(description="what the element is called in the expressions below")
     in_: Annotated[Written, Meaning.VALUE] = Field(
         alias="in", description="list of elements, looked at again after every step"
@@ -255,6 +255,8 @@ class ForEachNode(Node):
 class BudgetNode(Node):
     """The time that a state has over all visits in one mission."""
 
+    SHAPE = "{after: DURATION, code: CODE, target: STATE}"
+
     after: Annotated[Written, Meaning.VALUE] = Field(description="time that the state has in all, a duration")
     code: Annotated[str, Meaning.CODE] = Field(
         description="code that is published as last_error when the time is used up"
@@ -264,16 +266,11 @@ class BudgetNode(Node):
     )
     do: Actions = _many("actions, in order")
 
-    @classmethod
-    def _long_form(cls, data: Any) -> Any:
-        if not isinstance(data, Map):
-            wanted = "{after: DURATION, code: CODE, target: STATE}"
-            raise wrong_shape(f"expected {wanted}, got {show(data)}")
-        return data
-
 
 class ItineraryNode(Node):
     """The list that a state walks."""
+
+    SHAPE = "{items: LIST}"
 
     items: Annotated[Written, Meaning.VALUE] = Field(description="list of targets")
     order: Annotated[Written, Meaning.VALUE] = Field(

@@ -68,11 +68,13 @@ class Node(BaseModel):
     """A mapping of the language that remembers where it was read.
 
     `ELSEWHERE` holds keys that authors look for here and that stand somewhere else, with what to tell them.
+    `SHAPE` is what a value is told that is no mapping.
     """
 
     model_config = ConfigDict(extra="forbid", strict=True)
 
     ELSEWHERE: ClassVar[Mapping[str, tuple[str, str]]] = MappingProxyType({})
+    SHAPE: ClassVar[str] = ""
 
     # A slot and no private attribute of pydantic's, which would take as long to set as all the rest to read.
     __slots__ = ("_raw",)
@@ -91,6 +93,8 @@ class Node(BaseModel):
     @classmethod
     def _long_form(cls, data: Any) -> Any:
         """Return the mapping that a short form stands for."""
+        if cls.SHAPE and not isinstance(data, Map):
+            raise wrong_shape(f"expected {cls.SHAPE}, got {show(data)}")
         return data
 
     @property

@@ -43,6 +43,7 @@ MAX_NUMBER = 40
 
 _Loader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
+_NO_TAG = "write the plain value; in a condition, 'not' for '!'"
 _NULL = ("", "~", "null", "Null", "NULL")
 _TRUE = ("true", "True", "TRUE")
 _FALSE = ("false", "False", "FALSE")
@@ -56,6 +57,8 @@ _INTEGER = re.compile(r"[-+]?[0-9]+|0o[0-7]+|0x[0-9a-fA-F]+")
 _FLOAT = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?")
 #: What a plain scalar begins with that is perhaps no text.
 _STARTS = frozenset([*"+-.0123456789", *(word[:1] for word in _WORDS)])
+#: Where an expression begins that does not stand in quotes.
+_EXPRESSION = re.compile(r"""'[^']*'|"[^"]*"|(\$\{)""")
 _QUOTES = ("'", '"')
 #: What may stand between the beginning of a node and that of its value.
 _ANCHOR = re.compile(r"&\S+[ \t]*")
@@ -388,17 +391,27 @@ class _Builder:
         try:
             return self._document()
         except yaml.MarkedYAMLError as error:
-            mark = error.problem_mark or error.context_mark
+            mark: Mark = error.problem_mark or error.context_mark or _BEGINNING
             context = f" {error.context}" if error.context else ""
-            self._refuse(
-                mark or _BEGINNING, "wrong-yaml", f"{error.problem or 'not YAML'}{context}", _yaml_hint(error)
-            )
+            hint = _yaml_hint(error)
+            if "flow" in context:
+                mark, hint = self._unquoted(mark)
+            self._refuse(mark, "wrong-yaml", f"{error.problem or 'not YAML'}{context}", hint)
         except yaml.YAMLError as error:
             position = int(getattr(error, "position", 0) or 0)
             line = self._text.count("\n", 0, position)
             column = position - self._text.rfind("\n", 0, position) - 1
             reason = getattr(error, "reason", None) or "not YAML"
             self._refuse(_Position(line, column), "wrong-yaml", str(reason))
+
+    def _unquoted(self, mark: Mark) -> tuple[Mark, str]:
+        """Return where an expression without quotes stands that ended the reading at `mark`, and a hint."""
+        lines = self._file.lines
+        before = lines[mark.line][: mark.column + 1] if mark.line < len(lines) else ""
+        found = next((match for match in _EXPRESSION.finditer(before) if match[1]), None)
+        if found is None:
+            return mark, ""
+        return _Position(mark.line, found.start()), 'quote it inside of braces and brackets: "${ ... }"'
 
     def _document(self) -> Any:
         self._next()
@@ -438,7 +451,7 @@ class _Builder:
         self._check_count(start)
         if depth > MAX_DEPTH:
             self._refuse(start, "too-large", f"more than {MAX_DEPTH} levels of nesting")
-        self._refuse(start, "wrong-yaml", f"the tag {event.tag!r} is not allowed", "write the plain value")
+        self._refuse(start, "wrong-yaml", f"the tag {event.tag!r} is not allowed", _NO_TAG)
 
     def _anchored(self, event: Any, start: Mark, depth: int) -> Any:
         self._anchors[event.anchor] = None
@@ -549,4 +562,6 @@ def _yaml_hint(error: yaml.MarkedYAMLError) -> str:
         return "quote a text that contains ': '"
     if "cannot start any token" in problem:
         return "indent with blanks and quote a text that starts with a special character"
+    if "a tag" in str(error.context):
+        return _NO_TAG
     return ""

@@ -139,6 +139,10 @@ _SHAPES: Mapping[str, str] = {
 }
 
 
+#: What a mapping looks like that authors write without its braces, by its key.
+_MAPPINGS: Mapping[str, str] = {"after": "{DURATION: STATE}", "on": "{EVENT: STATE}"}
+
+
 def _expected(details: ErrorDetails, found: Any) -> tuple[str, str]:
     """Return problem and hint for a value of the wrong shape."""
     kind = details["type"]
@@ -146,4 +150,6 @@ def _expected(details: ErrorDetails, found: Any) -> tuple[str, str]:
         allowed = str(details["ctx"]["expected"])
         hint = meant(found, re.findall(r"'([^']+)'", allowed)) if isinstance(found, str) else ""
         return f"expected {allowed}, got {show(found)}", hint
+    if kind == "dict_type" and details["loc"][-1] in _MAPPINGS:
+        return f"expected {_MAPPINGS[str(details['loc'][-1])]}, got {show(found)}", ""
     return f"expected {_SHAPES.get(kind) or details['msg']}, got {show(found)}", ""

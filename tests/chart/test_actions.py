@@ -79,7 +79,8 @@ def test_an_action_takes_what_it_says(action: str, tmp_path: Path, catalog: Cata
         ),
         (
             "itinerary.close_rest: {status: OK, code: lte}",
-            "itinerary.close_rest.code: unknown code 'lte'; did you mean 'late'? [undeclared-code]",
+            "itinerary.close_rest.code: the code 'lte' is not declared; did you mean 'late'? "
+            "Or declare it under codes: 'lte: {label: ...}' [undeclared-code]",
         ),
         (
             "itinerary.close_rest: {status: OK, reading: 1}",

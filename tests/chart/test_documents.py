@@ -135,8 +135,8 @@ def told(text: str, kind: str = "mission") -> list[str]:
         ("paused: maybe", "13: error: states.A.paused: expected true or false, got 'maybe'"),
         ("states: x", "13: error: states.A.states: expected a mapping, got 'x'"),
         ("states: []", "13: error: states.A.states: expected a mapping, got a list of 0"),
-        ("on: 3", "9: error: states.A.on: expected a mapping, got 3"),
-        ("itinerary: x", "16: error: states.A.itinerary: expected a mapping, got 'x'"),
+        ("on: 3", "9: error: states.A.on: expected {EVENT: STATE}, got 3"),
+        ("itinerary: x", "16: error: states.A.itinerary: expected {items: LIST}, got 'x'"),
         (
             "type: {a: 1}",
             "11: error: states.A.type: expected 'parallel', 'final' or 'history', got a mapping with 'a'",

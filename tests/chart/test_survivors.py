@@ -297,8 +297,10 @@ def test_every_mistake_in_actions_is_told(tmp_path: Path, catalog: Catalog) -> N
     actions = "[{set: {a: 1, b: 2}}, {raise: {event: 'fine.not ok'}}, {itinerary.close: {status: OK}}]"
     states = f"  A:\n    entry: {actions}\n    after: {{1 s: done}}\n  done: {{type: final}}\n"
     assert told(HEAD + states, tmp_path, catalog) == [
-        "7:20: A.entry.set: unknown variable 'a'; allowed: 'n', 'reason' [unknown-argument]",
-        "7:26: A.entry.set: unknown variable 'b'; allowed: 'n', 'reason' [unknown-argument]",
+        "7:20: A.entry.set: unknown variable 'a'; allowed: 'n', 'reason'; "
+        "or declare it under context: 'a: {type: ..., default: ...}' [unknown-argument]",
+        "7:26: A.entry.set: unknown variable 'b'; allowed: 'n', 'reason'; "
+        "or declare it under context: 'b: {type: ..., default: ...}' [unknown-argument]",
         "7:50: A.entry.raise: 'fine.not ok' cannot be an event; "
         "use words of letters, digits and underscores, with dots between [bad-name]",
         "7:67: A.entry.itinerary.close: itinerary.close needs an itinerary, "

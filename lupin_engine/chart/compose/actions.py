@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
-from lupin_engine.chart.compose.declare import NAME
+from lupin_engine.chart.compose.declare import NAME, check_code
 from lupin_engine.chart.documents import ActionNode, IfNode
 from lupin_engine.chart.expressions.evaluation import Constant, Value
 from lupin_engine.chart.expressions.scope import Scope
@@ -13,7 +13,7 @@ from lupin_engine.chart.expressions.values import Signature, read_arguments, rea
 from lupin_engine.chart.findings import Findings
 from lupin_engine.chart.model import ActionCall, Variable
 from lupin_engine.chart.source import Map, Text
-from lupin_engine.errors import Place, nearest
+from lupin_engine.errors import Place, declared_as, nearest, or_else
 from lupin_engine.plugin.contract import Argument
 from lupin_engine.plugin.profile import Profile
 from lupin_engine.plugin.registry import RESERVED_EVENTS, Catalog
@@ -49,6 +49,8 @@ class ActionReader:
     ) -> None:
         self._catalog = catalog
         self._builtin = builtin_actions(catalog.profile)
+        #: Names of the engine's own actions.
+        self.engine_actions = (*self._builtin, *STRUCTURED)
         self._variables = variables
         self._codes = set(codes)
         self._findings = findings
@@ -71,8 +73,7 @@ class ActionReader:
         action = self._catalog.actions.get(node.name)
         wanted = action.arguments if action else self._builtin.get(node.name)
         if wanted is None:
-            known = [*self._builtin, *STRUCTURED, *self._catalog.actions]
-            self._findings.unknown(node.place, "unknown-action", path, "action", node.name, known)
+            self._unknown(node, path)
             return None
         if node.name in ("itinerary.advance", "itinerary.close") and "itinerary" in scope.absent:
             problem = f"{node.name} needs an itinerary, and no state around this one has one"
@@ -98,6 +99,15 @@ class ActionReader:
         otherwise = self.read(node.else_, scope, f"{path}.else")
         return ActionCall("if", {}, place, False, guard, then, otherwise) if guard is not None else None
 
+    def _unknown(self, node: ActionNode, path: str) -> None:
+        if node.name in self._catalog.operations:
+            problem = f"{node.name!r} is an operation, not an action: it takes time"
+            hint = f"give it a state with 'invoke: {{do: {node.name}, timeout: ...}}'"
+            self._findings.add(node.place, "unknown-action", path, problem, hint)
+            return
+        known = [*self.engine_actions, *self._catalog.actions]
+        self._findings.unknown(node.place, "unknown-action", path, "action", node.name, known)
+
     def _set(self, node: ActionNode, given: Map | None, scope: Scope, path: str) -> ActionCall | None:
         if not given:
             hint = "write 'set: {NAME: VALUE}'"
@@ -106,8 +116,9 @@ class ActionReader:
         found: dict[str, Value] = {}
         for name in given:
             if name not in self._variables:
-                at, known = given.key_place(name), self._variables
-                self._findings.unknown(at, "unknown-argument", path, "variable", str(name), known)
+                hint = nearest(name, self._variables) if self._variables else ""
+                hint, problem = or_else(hint, declared_as("context", name)), f"unknown variable {str(name)!r}"
+                self._findings.add(given.key_place(name), "unknown-argument", path, problem, hint)
                 continue
             wanted = self._variables[name].type
             value = read_under(given, name, wanted, scope, self._findings, f"{path}.{name}")
@@ -136,14 +147,13 @@ class ActionReader:
         return ActionCall("raise", {"event": Constant(str(name), name.place, TEXT)}, node.place)
 
     def _check_close(self, arguments: Mapping[str, Value], path: str) -> None:
-        for key, allowed, rule in (
-            ("status", self._catalog.profile.statuses, "wrong-type"),
-            ("code", self._codes, "undeclared-code"),
-        ):
-            value = arguments.get(key)
-            if isinstance(value, Constant) and value.value not in allowed:
-                problem, hint = f"unknown {key} {value.value!r}", nearest(value.value, allowed)
-                self._findings.add(value.place, rule, f"{path}.{key}", problem, hint)
+        status, code = arguments.get("status"), arguments.get("code")
+        allowed = self._catalog.profile.statuses
+        if isinstance(status, Constant) and status.value not in allowed:
+            problem, hint = f"unknown status {status.value!r}", nearest(status.value, allowed)
+            self._findings.add(status.place, "wrong-type", f"{path}.status", problem, hint)
+        if isinstance(code, Constant):
+            check_code(code.value, code.place, f"{path}.code", self._codes, self._findings)
 
 
 def raised_events(nodes: Iterable[ActionNode]) -> Iterator[str]:

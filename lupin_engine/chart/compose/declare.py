@@ -28,7 +28,7 @@ from lupin_engine.chart.findings import Findings
 from lupin_engine.chart.model import Field, Hold, Input, Level, Variable
 from lupin_engine.chart.nodes import Node
 from lupin_engine.chart.records import same_meaning
-from lupin_engine.errors import Place, Severity, nearest
+from lupin_engine.errors import Place, Severity, declared_as, meant, nearest, or_else
 from lupin_engine.plugin.contract import Code, Parameter
 from lupin_engine.plugin.registry import Catalog
 from lupin_engine.plugin.types import (
@@ -383,8 +383,8 @@ class Declarer:
                 findings.unknown(node.at("release", index), "unknown-event", path, "request", event, requests)
         for key in ("code", "engage_code"):
             code = getattr(node, key)
-            if code is not None and code not in codes:
-                findings.unknown(node.at(key), "undeclared-code", path, "code", code, codes)
+            if code is not None:
+                check_code(code, node.at(key), path, codes, findings)
         guards = {
             key: read_guard(getattr(node, key), node.at(key), scope, findings, f"{path}.{key}")
             for key in ("engage_guard", "release_guard")
@@ -426,8 +426,8 @@ class Declarer:
             if kind.kind != "list":
                 problem = f"only a list can be empty, this is {with_article(kind)}"
                 findings.add(at, "wrong-type", path, problem)
-            elif node.not_empty not in codes:
-                findings.unknown(at, "undeclared-code", path, "code", node.not_empty, codes)
+            else:
+                check_code(node.not_empty, at, path, codes, findings)
         return Field(name, kind, place, default, node.not_empty, self.limit(node, "min", kind, path))
 
     def _can_be_given(self, name: str, node: RequestFieldNode, kind: Type, place: Place, path: str) -> None:
@@ -440,6 +440,13 @@ class Declarer:
         elif carried is not None and kind.kind != carried:
             problem = f"a start carries {name!r} as {_KINDS[carried]}, this is {describe(kind)}"
             self._findings.add(node.at("type"), "wrong-type", path, problem, "choose another name")
+
+
+def check_code(code: str, place: Place, path: str, declared: Iterable[str], findings: Findings) -> None:
+    """Refuse a code that has no label."""
+    if code not in declared:
+        hint = or_else(meant(code, declared), declared_as("codes", code))
+        findings.add(place, "undeclared-code", path, f"the code {code!r} is not declared", hint)
 
 
 def input_type(found: Input) -> Type:
@@ -456,4 +463,4 @@ def level_events(inputs: Mapping[str, Input]) -> list[str]:
     return plain + [f"input.{name}.{level.name}" for name, found in inputs.items() for level in found.levels]
 
 
-__all__ = ["NAME", "SEVERITIES", "Declared", "Declarer", "input_type", "level_events"]
+__all__ = ["NAME", "SEVERITIES", "Declared", "Declarer", "check_code", "input_type", "level_events"]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 
 from lupin_engine.chart.compose.actions import ActionReader
-from lupin_engine.chart.compose.declare import Declarer
+from lupin_engine.chart.compose.declare import Declarer, check_code
 from lupin_engine.chart.documents import ElementEndNode, ForEachNode, InvokeNode, LimitNode, RetryNode
 from lupin_engine.chart.expressions.evaluation import Value
 from lupin_engine.chart.expressions.scope import Scope
@@ -20,7 +20,6 @@ from lupin_engine.chart.expressions.values import (
 )
 from lupin_engine.chart.findings import Findings
 from lupin_engine.chart.model import ActionCall, ForEach, Invoke, Retry
-from lupin_engine.errors import Place, meant
 from lupin_engine.plugin.contract import OPERATION_CODES, Operation
 from lupin_engine.plugin.registry import Catalog
 from lupin_engine.plugin.types import ANY, COUNT, DURATION, TEXT, Type, list_of
@@ -53,8 +52,7 @@ class InvokeReader:
         """Read an operation with its limits; None when there is none of that name."""
         operation = self._catalog.operations.get(node.do)
         if operation is None:
-            known = self._catalog.operations
-            self._findings.unknown(node.at("do"), "unknown-operation", path, "operation", node.do, known)
+            self._unknown(node, path)
             return None
         self.used.add(node.do)
         given = node.mapping("with")
@@ -69,6 +67,15 @@ class InvokeReader:
         timeout, code = self._timeout(node, scope, path)
         retry = self._retry(node.retry, operation, code, scope, f"{path}.retry") if node.retry else None
         return Invoke(node.do, operation, arguments, node.place, timeout, code, retry)
+
+    def _unknown(self, node: InvokeNode, path: str) -> None:
+        if node.do in self._catalog.actions or node.do in self._actions.engine_actions:
+            problem = f"{node.do!r} is an action, not an operation: it is done at once"
+            hint = f"write it without 'invoke', such as 'entry: {{{node.do}: ...}}'"
+            self._findings.add(node.at("do"), "unknown-operation", path, problem, hint)
+            return
+        known = self._catalog.operations
+        self._findings.unknown(node.at("do"), "unknown-operation", path, "operation", node.do, known)
 
     def _timeout(self, node: InvokeNode, scope: Scope, path: str) -> tuple[Value | None, str | None]:
         limit = node.timeout
@@ -155,11 +162,3 @@ def names_when_failed(invoke: Invoke | None) -> Mapping[str, Type]:
         known |= {invoke.timeout_code} if invoke.timeout_code else set()
         code = Type("text", "text", values=tuple(sorted(known)))
     return {"error": Type("record", "error", fields={"code": code, "detail": TEXT}), "event": ANY}
-
-
-def check_code(code: str, place: Place, path: str, declared: Iterable[str], findings: Findings) -> None:
-    """Refuse a code that has no label."""
-    if code in declared:
-        return
-    hint = meant(code, declared) or f"add 'codes: {{{code}: {{label: ..., severity: warn}}}}'"
-    findings.add(place, "undeclared-code", path, f"the code {code!r} is not declared", hint)

@@ -6,8 +6,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 from lupin_engine.chart.compose.actions import ActionReader
-from lupin_engine.chart.compose.declare import Declared
-from lupin_engine.chart.compose.invoke import check_code, names_when_done, names_when_failed
+from lupin_engine.chart.compose.declare import Declared, check_code
+from lupin_engine.chart.compose.invoke import names_when_done, names_when_failed
 from lupin_engine.chart.compose.tree import Draft, Forest
 from lupin_engine.chart.documents import BudgetNode, FileNode, StateNode, TransitionNode
 from lupin_engine.chart.expressions.evaluation import Expression, never

@@ -52,7 +52,7 @@ from lupin_engine.chart.expressions.scope import (
     Typed,
 )
 from lupin_engine.chart.findings import Findings
-from lupin_engine.errors import nearest
+from lupin_engine.errors import declared_as, nearest, or_else
 from lupin_engine.plugin.contract import Function
 from lupin_engine.plugin.types import (
     ANY,
@@ -204,7 +204,14 @@ class _Checker(ExpressionReader):
             return self.wrong(node, rule, f"there is no {name!r} here: {reason}")
         if name in BUILTIN_CALLS or name in scope.functions:
             return self.wrong(node, "wrong-type", f"{name!r} is a function", f"call it: {name}(...)")
-        return self.wrong(node, "unknown-name", f"unknown name {name!r}", nearest(name, scope.names))
+        return self.wrong(node, "unknown-name", f"unknown name {name!r}", self._instead_of(name))
+
+    def _instead_of(self, name: str) -> str:
+        """Say what was probably meant by an unknown name: a name, a field of a record, a variable to come."""
+        names = self.scope.names
+        fields = [f"{root}.{name}" for root, kind in names.items() if root in ROOTS and name in kind.fields]
+        hint = f"did you mean {fields[0]!r}?" if fields else nearest(name, names)
+        return or_else(hint, declared_as("context", name)) if self.scope.has_context else hint
 
     def _attribute(self, node: ast.Attribute) -> Typed:
         if not isinstance(node.value, ast.Name):
@@ -270,8 +277,9 @@ class _Checker(ExpressionReader):
             return self.refuse(node, "Slice")
         value, index = self.visit(node.value), self.visit(node.slice)
         if value.type.kind not in ("list", "any"):
-            problem = f"{self.text_of(node.value)!r} is {q.describe(value.type)}, only a list can be indexed"
-            return self.wrong(node.value, "wrong-type", problem)
+            shown = self.text_of(node.value)
+            problem = f"{shown!r} is {q.describe(value.type)}, only a list can be indexed"
+            return self.wrong(node.value, "wrong-type", problem, _fields_of(shown, value.type, index))
         if not q.accepts(INTEGER, index.type):
             self.mismatch(node.slice, INTEGER, index.type)
         item = value.type if value.type.kind == "any" else value.type.item
@@ -447,6 +455,14 @@ def _in_its_unit(kind: Type, code: str) -> Typed:
     """Return what is looked up in the environment, which has base units, in the unit of its type."""
     unit = innermost(kind).unit
     return Typed(kind, f"_in_unit({code}, {unit!r})" if unit in UNITS and UNITS[unit][0] != unit else code)
+
+
+def _fields_of(shown: str, kind: Type, index: Typed) -> str:
+    """Say how the fields of a record are read that somebody wanted to index."""
+    if index.written in kind.fields:
+        return f"write '{shown}.{index.written}'"
+    fields = ", ".join(repr(f"{shown}.{name}") for name in kind.fields)
+    return f"its fields are {fields}" if fields else ""
 
 
 def _can_be_compiled(code: str) -> bool:

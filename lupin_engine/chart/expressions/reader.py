@@ -57,6 +57,17 @@ _INSTEAD: Mapping[str, str] = {
     "IsNot": "write '!='",
     "Invert": "write 'not'",
 }
+#: Signs of other languages, and what they are here; found outside of texts.
+_FOREIGN: Mapping[str, str] = {
+    "&&": "and",
+    "||": "or",
+    "=>": ">=",
+    "=<": "<=",
+    "<>": "!=",
+    "=": "==",
+    "!": "not",
+}
+_FOREIGN_SIGN = re.compile(r"""'[^']*'|"[^"]*"|(&&|\|\||=>|=<|<>|(?<![=!<>])=(?!=)|!(?!=))""")
 
 
 class ExpressionReader(ABC):
@@ -100,7 +111,12 @@ class ExpressionReader(ABC):
         try:
             root = _tree(source)
         except SyntaxError as error:
-            self.stop(*_syntax(error, len(source)))
+            sign = next((found for found in _FOREIGN_SIGN.finditer(source) if found[1]), None)
+            if sign is None:
+                self.stop(*_syntax(error, len(source)))
+            else:
+                hint = f"write '{_FOREIGN[sign[1]]}'"
+                self.stop(sign.start(), f"'{sign[1]}' is not allowed in an expression", hint)
             return None
         except (ValueError, MemoryError, RecursionError):
             self.stop(0, "not an expression: too deeply nested, or not a text")

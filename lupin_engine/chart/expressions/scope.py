@@ -64,6 +64,11 @@ class Scope:
         init=False, repr=False, compare=False, default_factory=dict
     )
 
+    @property
+    def has_context(self) -> bool:
+        """Tell whether variables can be declared for it: in a chart, not in a binding."""
+        return "input" in self.names
+
     def with_names(self, names: Mapping[str, Type]) -> Scope:
         """Return this scope with further names, or other types for the same ones."""
         key: Any = tuple(names.items())
