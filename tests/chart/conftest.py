@@ -89,7 +89,10 @@ PERCEPTION = Plugin(
     operations={
         "confirm_tag": Operation(
             "Look for a tag.",
-            arguments={"tag_id": Argument(TEXT, "tag")},
+            arguments={
+                "tag_id": Argument(TEXT, "tag"),
+                "within": Argument(DURATION, "how long it looks", optional=True),
+            },
             codes=(Code("not_visible", "tag not visible"),),
         )
     },
