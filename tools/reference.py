@@ -169,6 +169,9 @@ explained in [rules.md](rules.md).
   stand still, answers wait. After the release the chart first comes to rest; then what was cancelled begins
   again in the states that are still active. A request is answered at once all the same: a transition that
   says `during` or `releases` is taken, anything else refused.
+- A mission begins when its request is accepted: its variables and those of its parts have their defaults, its
+  `entry` runs, its itineraries, budgets and history are new. Coming back by history, as from the dock, is no
+  beginning. Variables of the lifecycle keep their values from mission to mission.
 - A *code* is why something happened. The one that was reported last is published with its label, as
   `last_error`; a request that is refused is answered with one.
 - A live value is *unknown* before its first report, or when that is too old. A guard that reads it is then

@@ -358,7 +358,9 @@ class VariableNode(Node):
     unit: Annotated[str | None, Meaning.UNIT] = Field(
         None, description="unit of a number; a number in s is a duration"
     )
-    default: Annotated[Written, Meaning.VALUE] = Field(description="value when the chart starts")
+    default: Annotated[Written, Meaning.VALUE] = Field(
+        description="value when a mission starts; of a variable of the lifecycle, when the chart starts"
+    )
     summary: str = Field("", description="one sentence for people")
 
 
@@ -510,8 +512,8 @@ class MissionNode(FileNode):
     request: Annotated[dict[str, RequestFieldNode], Named(Meaning.FIELD)] = _by_name(
         "what the request that starts it carries, by name"
     )
-    entry: Actions = _many("actions when the mission starts")
-    exit: Actions = _many("actions when the mission ends")
+    entry: Actions = _many("actions when the mission starts; not when history brings it back")
+    exit: Actions = _many("actions whenever the mission is left, also if history brings it back later")
     on: Annotated[dict[str, Transitions], Keyed(Meaning.EVENT)] = _by_name(
         "by event: what it does in every state of the mission"
     )

@@ -248,12 +248,16 @@ class Mission:
 
 @record(frozen=True)
 class Variable:
-    """A context variable: written by `set`, kept in the snapshot."""
+    """A context variable: written by `set`, kept in the snapshot.
+
+    One `of_mission` is declared by a mission or a part, and begins anew with every mission.
+    """
 
     name: str
     type: Type = field(metadata=said(Role.PLAIN, "type"))
     default: Value = field(metadata=said(Role.VALUE, "default"))
     place: Place
+    of_mission: bool = False
 
 
 @record(frozen=True)

@@ -25,7 +25,15 @@ from lupin_engine.machine.inputs import Inputs
 from lupin_engine.machine.memory import Memory, Timer
 from lupin_engine.machine.operations import Operations
 from lupin_engine.machine.requests import BAD_REQUEST, Explainer, Possibility, Requests, consider
-from lupin_engine.machine.scope import CONFIGURATION, ITINERARY, REQUEST, EvaluationScope, Watch, World
+from lupin_engine.machine.scope import (
+    CONFIGURATION,
+    CONTEXT,
+    ITINERARY,
+    REQUEST,
+    EvaluationScope,
+    Watch,
+    World,
+)
 from lupin_engine.machine.snapshot import snapshot
 from lupin_engine.machine.step import (
     Macrostep,
@@ -399,7 +407,11 @@ class Machine:
         ):
             of_mission.clear()
         memory.current_itinerary = ""
-        self.scope.touch(REQUEST | ITINERARY)
+        for variable in self.chart.context.values():
+            if variable.of_mission:
+                memory.context.pop(variable.name, None)
+        self._begin_context(self._step)
+        self.scope.touch(CONTEXT | REQUEST | ITINERARY)
         memory.code = memory.detail = ""
         self._inputs.begin_mission(self._step)
 
@@ -511,7 +523,7 @@ class Machine:
         self.memory.configuration = configuration
         if state.itinerary is not None:
             self._content.itineraries.begin(state, trigger, self._step, comes_back)
-        if state.entry:
+        if state.entry and not (comes_back and self._is_mission(state)):
             self._content.run(state.entry, state.name, trigger, self._step)
         if state.invoke is not None:
             self._operations.enter(state.name, trigger.event)
@@ -519,6 +531,10 @@ class Machine:
             self._arm_timers(state, trigger)
         if state.kind is Kind.FINAL:
             self._completed(state)
+
+    def _is_mission(self, state: State) -> bool:
+        """Say whether a state wraps a mission, which begins once however often history brings it back."""
+        return state.parent is not None and self.chart.states[state.parent].slot
 
     def _arm_timers(self, state: State, trigger: Trigger) -> None:
         step, known = self._step, self.memory.budgets
@@ -539,7 +555,7 @@ class Machine:
         """Raise `done` for the state that a final state ends, and for the parallel ones that end with it."""
         states = self.chart.states
         parent = states[final.parent or ""]
-        if parent.parent is not None and states[parent.parent].slot:
+        if parent.parent is not None and self._is_mission(parent):
             parent = states[parent.parent]  # a mission's end is the slot's end
         self._step.queue.append(InternalEvent("done", parent.name))
         while parent.parent is not None:

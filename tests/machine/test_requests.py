@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -188,6 +189,39 @@ def test_a_new_mission_begins_with_nothing_of_the_last() -> None:
     assert walk is not None
     assert [visit.target for visit in walk.visits] == ["1"]
     assert bench.machine.view.code == ""
+
+
+def test_a_mission_begins_once_with_variables_of_its_own() -> None:
+    """Its context begins with each start, its entry runs then; history brings it back as it was."""
+    count = ("set", {"n": lambda env: env["context"]["n"] + 1, "all": lambda env: env["context"]["all"] + 1})
+    inner = {
+        "Patrol": {
+            "mission": "Patrol",
+            "entry": count,
+            "states": {"WALK": {"on": {"finish": "end"}}, "end": {"kind": "final"}},
+        }
+    }
+    mission = {
+        **STATES["MISSION"],
+        "states": {**inner, "past": {"kind": "history", "depth": 2}},
+        "on": {"operator.dock": "DOCKED"},
+    }
+    states = {
+        "READY": STATES["READY"],
+        "MISSION": mission,
+        "DOCKED": {"on": {"operator.resume": "MISSION.past"}},
+    }
+    given = chart(
+        states, missions={"Patrol": {"state": "MISSION.Patrol", "request": {}}}, context={"n": 0, "all": 0}
+    )
+    context = {**given.context, "n": replace(given.context["n"], of_mission=True)}
+    bench = Bench(replace(given, context=context))
+    for starts in (1, 2):
+        assert bench.send("mission.start", mission_type="Patrol").accepted
+        bench.send("operator.dock")
+        assert bench.send("operator.resume").entered == ("MISSION", "MISSION.Patrol", "MISSION.Patrol.WALK")
+        assert bench.context == {"n": 1, "all": starts}
+        bench.send("finish")
 
 
 def test_a_code_keeps_its_label() -> None:

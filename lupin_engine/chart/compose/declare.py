@@ -352,7 +352,8 @@ class Declarer:
             at = node.at("default")
             default = read_value(node.default, at, kind, scope, self._findings, f"{path}.default")
             # One with a mistaken default is declared all the same, or each use would be told as well.
-            variable = Variable(name, kind, default or Constant(None, at, kind), place)
+            of_mission = not isinstance(file, LifecycleNode)
+            variable = Variable(name, kind, default or Constant(None, at, kind), place, of_mission)
             self._put("variable", self.declared.context, name, variable, place)
 
     # -- holds and requests --------------------------------------------------------------------------------
