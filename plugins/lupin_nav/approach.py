@@ -145,16 +145,15 @@ def approach_discovered(
     """
     distance = clamp_standoff(standoff)
     qx, qy, qz, qw = facing
-    point = np.array(tag, dtype=float)
-    normal = np.array([2.0 * (qx * qz + qw * qy), 2.0 * (qy * qz - qw * qx)])
+    dx, dy = 2.0 * (qx * qz + qw * qy), 2.0 * (qy * qz - qw * qx)
     source = ApproachSource.DISCOVERED_NORMAL
-    if np.hypot(*normal) < DEGENERATE_M and robot is not None:
-        normal, source = np.array(robot, dtype=float) - point, ApproachSource.DISCOVERED_ROBOT
-    length = float(np.hypot(*normal))
+    if math.hypot(dx, dy) < DEGENERATE_M and robot is not None:
+        dx, dy, source = robot[0] - tag[0], robot[1] - tag[1], ApproachSource.DISCOVERED_ROBOT
+    length = math.hypot(dx, dy)
     if length < DEGENERATE_M:
         return Approach(tag[0], tag[1], fallback_yaw, ApproachSource.FALLBACK, None, 0.0)
-    goal = point + distance * normal / length
-    return Approach(float(goal[0]), float(goal[1]), _bearing(goal, point), source, None, distance)
+    x, y = tag[0] + distance * dx / length, tag[1] + distance * dy / length
+    return Approach(x, y, math.atan2(tag[1] - y, tag[0] - x), source, None, distance)
 
 
 def _bearing(origin: Any, target: Any) -> float:
