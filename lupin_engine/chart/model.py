@@ -11,6 +11,7 @@ from __future__ import annotations
 import enum
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any, ClassVar
 
 from lupin_engine.chart.expressions.evaluation import Expression, Value
@@ -336,11 +337,11 @@ class Chart:
         """What these missions visit, and how visits can end."""
         return self.catalog.profile
 
-    def ancestors(self, name: str) -> list[str]:
-        """Return the proper ancestors of a state, innermost first, the root included."""
-        found = []
-        parent = self.states[name].parent
-        while parent is not None:
-            found.append(parent)
-            parent = self.states[parent].parent
+    @cached_property
+    def lineage(self) -> Mapping[str, tuple[str, ...]]:
+        """Every state's own name and its ancestors', innermost first, the root included."""
+        found: dict[str, tuple[str, ...]] = {}
+        for name, state in self.states.items():
+            above = () if state.parent is None else found[state.parent]
+            found[name] = (name, *above)
         return found

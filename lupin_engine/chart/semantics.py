@@ -41,11 +41,7 @@ class Semantics:
         self.chart = chart
         #: Document order.
         self.order: dict[str, int] = {name: index for index, name in enumerate(chart.states)}
-        #: Every state's own name and its ancestors', innermost first, the root included.
-        self.lineage: dict[str, tuple[str, ...]] = {}
-        for name, state in chart.states.items():  # parents come before their children
-            above = () if state.parent is None else self.lineage[state.parent]
-            self.lineage[name] = (name, *above)
+        self.lineage = chart.lineage
 
     def leaves(self, configuration: Iterable[str]) -> tuple[str, ...]:
         """Return the active states without active children, in document order."""

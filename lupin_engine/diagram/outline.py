@@ -207,7 +207,7 @@ class _Outliner:
         """Say whether a transition is an arrow, and not a line of text."""
         if source == target:
             return not self._states[source].children
-        above, over = self._chart.ancestors(source), self._chart.ancestors(target)
+        above, over = self._chart.lineage[source][1:], self._chart.lineage[target][1:]
         if source in over or target in above:
             return False
         common = next(name for name in above if name in over)

@@ -146,12 +146,12 @@ class Machine:
             step.accepted, step.refusal = False, Refusal(BAD_REQUEST, wrong)
         elif wrong:
             step.note(f"dropped: {wrong}")
-        elif event.is_request:
-            self._request(event)
-        elif event.name == "value":
+        elif name == "value":
             self._inputs.observe(event, step)
         elif event.is_attempt_event:
             self._operations.report(event, step)
+        elif event.is_request:
+            self._request(event)
         else:
             self._happened(event)
         return self._finish()
@@ -355,22 +355,22 @@ class Machine:
 
     def _enabled_levels(self, levels: LevelRules) -> list[Transition]:
         """Return the eventless transitions and the ones on a level of an input that can be taken now."""
-        held, inputs, scope = self.memory.held, self.scope.inputs, self.scope
-        inputs.now = self._step.now
-        if not levels.offered:
-            self._level_watch.settle(levels.reads, scope, self._step.now)
-            return []
-        offered = [
-            [r for r in rules if (not held or passes(r, held)) and (not r.event or inputs.holds(r.event))]
-            for rules in levels.offered
-        ]
+        step, held, scope = self._step, self.memory.held, self.scope
+        inputs, chosen = scope.inputs, []
+        inputs.now = step.now
         scope.doubtful = False
-        rules = self._enabled(offered, NO_TRIGGER) if any(offered) else []
-        if rules:
+        for offered in levels.offered:
+            for rule in offered:
+                if (rule.event and not inputs.holds(rule.event)) or (held and not passes(rule, held)):
+                    continue
+                if rule.guard is None or scope.check(rule.guard, rule.source, step):
+                    chosen.append(rule)
+                    break
+        if chosen:
             self._level_watch.forget()
         else:
-            self._level_watch.settle(levels.reads, scope, self._step.now)
-        return rules
+            self._level_watch.settle(levels.reads, scope, step.now)
+        return chosen
 
     # -- requests, holds --------------------------------------------------------------------------------
 

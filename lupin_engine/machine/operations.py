@@ -18,8 +18,7 @@ time. The rules, all kept here:
 from __future__ import annotations
 
 import zlib
-from collections.abc import Iterable, Mapping
-from itertools import takewhile
+from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any
 
@@ -103,24 +102,21 @@ class Operations:
 
     def begin_missing(self, active: Configuration, step: Macrostep) -> bool:
         """Begin what waits and what the active states have not begun; say whether there was any of that."""
+        scope = self._scope
         if not self._watch.is_due(active.work, step.now):
             return False
-        self._scope.doubtful = False
-        begun = self._begin_all(active.working, step)
-        if begun:
-            self._watch.forget()
-        else:
-            self._watch.settle(active.work, self._scope, step.now)
-        return begun
-
-    def _begin_all(self, working: Iterable[State], step: Macrostep) -> bool:
+        scope.doubtful = False
         begun = self._start_waiting(step)
-        for state in working:
+        for state in active.working:
             if state.for_each is not None:
                 begun = self._take_up(state.name, state.for_each, step) or begun
-        order = {state.name: index for index, state in enumerate(working)}
-        waiting = [found for found in self._scope.memory.invocations.values() if self._may_begin(found)]
-        for invocation in sorted(waiting, key=lambda found: order[found.state]):
+        waiting = [found for found in scope.memory.invocations.values() if self._may_begin(found)]
+        # Before anything is begun: what an attempt that cannot be made changes is looked at again.
+        self._watch.settle(active.work, scope, step.now)
+        if len(waiting) > 1:
+            order = {state.name: index for index, state in enumerate(active.working)}
+            waiting.sort(key=lambda found: order[found.state])
+        for invocation in waiting:
             invocation.begun = True
             self._issue(invocation, step)
         return begun or bool(waiting)
@@ -254,7 +250,7 @@ class Operations:
         traversal = self._scope.memory.traversal
         if traversal is None or traversal.visit is None or traversal.visit.closed:
             return
-        if traversal.state in (invocation.state, *self._scope.chart.ancestors(invocation.state)):
+        if traversal.state in self._scope.chart.lineage[invocation.state]:
             name, tries = self._invoke(invocation).name, traversal.visit.tries
             tries[name] = tries.get(name, 0) + by
 
@@ -272,9 +268,13 @@ class Operations:
 
     def _before(self, attempt: Attempt) -> Attempt | None:
         """Return the earlier attempt that still uses what this one needs."""
-        earlier = takewhile(lambda other: other is not attempt, self._scope.memory.attempts.values())
-        busy = (other for other in earlier if other.phase is not Phase.LOST)
-        return next((other for other in busy if set(other.uses) & set(attempt.uses)), None)
+        needs = set(attempt.uses)
+        for other in self._scope.memory.attempts.values():
+            if other is attempt:
+                break
+            if other.phase is not Phase.LOST and not needs.isdisjoint(other.uses):
+                return other
+        return None
 
     def _start(self, attempt: Attempt, step: Macrostep) -> None:
         self._move(attempt, "resource free", step)

@@ -323,7 +323,7 @@ def traversal_of(chart: Chart, memory: Memory, state: str) -> Traversal | None:
     """Return the itinerary that `state` works on: its own or its ancestors', else the mission's last one."""
     if not memory.itineraries:
         return None
-    for name in (state, *chart.ancestors(state)):
+    for name in chart.lineage[state]:
         if name in memory.itineraries:
             return memory.itineraries[name]
     return memory.traversal

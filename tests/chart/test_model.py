@@ -61,9 +61,9 @@ def test_an_unknown_input_is_called_by_its_name() -> None:
 
 
 def test_a_state_knows_what_is_around_it(chart: Chart) -> None:
-    """Innermost first, the root last and itself left out."""
-    assert chart.ancestors("MISSION.M.A.B") == ["MISSION.M.A", "MISSION.M", "MISSION", ""]
-    assert chart.ancestors("") == []
+    """Itself first, then what is around it, the root last."""
+    assert chart.lineage["MISSION.M.A.B"] == ("MISSION.M.A.B", "MISSION.M.A", "MISSION.M", "MISSION", "")
+    assert chart.lineage[""] == ("",)
     assert chart.states["MISSION.M.A.B"].local_name == "B"
 
 
