@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
+from functools import partial
 from typing import Any
 
 import yaml
 
 from lupin_engine.plugin.contract import Parameter
-from lupin_engine.plugin.parameters import sorted_out
-from lupin_engine.plugin.types import TEXT, Type
+from lupin_engine.plugin.parameters import named, sorted_out
+from lupin_engine.plugin.types import TEXT, Notation, Type
 
 _BOOLEANS = {"true": True, "yes": True, "on": True, "false": False, "no": False, "off": False}
 
@@ -23,7 +24,7 @@ def settings_in(
 ) -> tuple[dict[str, Any], list[str]]:
     """Return the valid values of what was given as `name=value`, in base units, and the problems of the rest.
 
-    Problems are: no `=`, an unknown name, a value of another type or out of range.
+    Problems are: no `=`, an unknown name, a value of another type, without its unit or out of range.
 
     Args:
         option: the option that gave it.
@@ -35,7 +36,7 @@ def settings_in(
     texts, problems = _split(option, given, f"{node}." if node else "")
     types = {name: declared[name].type if name in declared else TEXT for name in texts}
     data = {name: read_value(text, types[name]) for name, text in texts.items()}
-    values, wrong = sorted_out(declared, data, elsewhere=elsewhere)
+    values, wrong = sorted_out(declared, data, partial(named, notation=Notation.FILE), elsewhere)
     where = f"{option} {node}".rstrip()
     return values, [f"{where}: {problem}" for problem in [*problems, *wrong]]
 
@@ -106,7 +107,7 @@ def _as_list(text: str, kind: Type) -> Any:
 
 
 def _as_yaml(text: str, kind: Type) -> Any:
-    """Read a record: `{x: 1, y: 2, yaw: 0}`, or its fields in order as `[1, 2, 0]`."""
+    """Read a record: `{x: 1 m, y: 2 m, yaw: 90 deg}`, or its fields in order as `[1 m, 2 m, 90 deg]`."""
     try:
         value = yaml.safe_load(text)
     except yaml.YAMLError:

@@ -7,7 +7,7 @@ from typing import Any
 
 from lupin_engine.errors import meant, nearest
 from lupin_engine.plugin.contract import Parameter
-from lupin_engine.plugin.types import Type, convert, within
+from lupin_engine.plugin.types import Notation, Type, convert, within
 
 #: Reads a value of the parameter that is named; ValueError says what is wrong with it.
 Reader = Callable[[str, Parameter, Any], Any]
@@ -18,15 +18,15 @@ def narrowed(spec: Parameter) -> Type:
     return within(spec.type, spec.minimum, spec.maximum)
 
 
-def accepted(spec: Parameter, value: Any) -> Any:
+def accepted(spec: Parameter, value: Any, notation: Notation = Notation.SETTING) -> Any:
     """Return a value as plain data in base units; ValueError says what is allowed, and what came."""
-    return convert(value, narrowed(spec))
+    return convert(value, narrowed(spec), notation)
 
 
-def named(name: str, spec: Parameter, value: Any) -> Any:
+def named(name: str, spec: Parameter, value: Any, notation: Notation = Notation.SETTING) -> Any:
     """Return a value as `accepted` does; the text of its ValueError begins with the parameter."""
     try:
-        return accepted(spec, value)
+        return accepted(spec, value, notation)
     except ValueError as problem:
         raise ValueError(f"parameter {name!r}: {problem}") from None
 

@@ -212,7 +212,7 @@ def _parse_quantity(text: str) -> tuple[float, str] | None:
 class Notation(enum.Enum):
     """How values are given, which decides what a number with a unit may look like."""
 
-    #: In a file: with the unit, such as `60 s`.
+    #: In a file or on the command line: with the unit, such as `60 s`.
     FILE = enum.auto()
     #: As a setting: the same, or a bare number in the base unit, for so parameters arrive from ROS.
     SETTING = enum.auto()
@@ -283,13 +283,13 @@ def _plainly_fits(value: Any, wanted: Type) -> bool:
     return made is bool and kind == "bool"
 
 
-def convert(value: Any, wanted: Type) -> Any:
+def convert(value: Any, wanted: Type, notation: Notation = Notation.SETTING) -> Any:
     """Return a setting as plain data of type `wanted`, numbers in their base unit.
 
     Raises:
         ValueError: the value is not of that type; the text says what was expected and what came.
     """
-    found = problems(value, wanted)
+    found = problems(value, wanted, notation)
     if found:
         raise ValueError(found[0].text)
     return converted(value, wanted)
@@ -381,7 +381,7 @@ def _number(value: Any, wanted: Type, notation: Notation) -> _Answer:
     if isinstance(number, bool) or not isinstance(number, (int, float)):
         return _expected(wanted, value)
     if notation is Notation.FILE and wanted.unit and number is value:
-        return _expected(wanted, value, fault=Fault.NO_UNIT)
+        return Fault.NO_UNIT, f"{value!r} has no unit; write '{value!r} {wanted.unit}'"
     if wanted.kind == "integer" and not isinstance(number, int):
         return _expected(wanted, value)
     if wanted.kind == "number" and not _is_finite(number):

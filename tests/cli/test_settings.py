@@ -24,7 +24,7 @@ DECLARED = {
 @pytest.mark.parametrize(
     ("text", "value"),
     [
-        ("timeout_s=90", 90.0),
+        ("timeout_s=90 s", 90.0),
         ("timeout_s=1.5 min", 90.0),
         ("share=35 %", pytest.approx(0.35)),
         ("tries=3", 3),
@@ -35,8 +35,8 @@ DECLARED = {
         ("tags=1,5, 12", ["1", "5", "12"]),
         ("tags=[1, '5']", ["1", "5"]),
         ("tags=", []),
-        ("dock={x: 1, y: 2, yaw: 90 deg}", {"x": 1.0, "y": 2.0, "yaw": pytest.approx(1.5707963)}),
-        ("dock=[1, 2, 0]", {"x": 1.0, "y": 2.0, "yaw": 0.0}),
+        ("dock={x: 1 m, y: 200 cm, yaw: 90 deg}", {"x": 1.0, "y": 2.0, "yaw": pytest.approx(1.5707963)}),
+        ("dock=[1 m, 2 m, 0 rad]", {"x": 1.0, "y": 2.0, "yaw": 0.0}),
     ],
 )
 def test_a_value_is_read_as_its_type(text: str, value: Any) -> None:
@@ -56,21 +56,30 @@ def test_every_problem_is_told() -> None:
         "tries",
         "=5",
         "timeout=5",
-        "timeout_s=0.1",
+        "timeout_s=0.1 s",
         "look=maybe",
         "tries=1.5",
         "share=5 s",
-        "dock=[1, 2]",
+        "dock=[1 m, 2 m]",
     ]
     assert settings_in("--set", given, DECLARED)[1] == [
         "--set: 'tries' has no '='; write --set NAME=VALUE",
         "--set: '=5' has no name before its '='; write --set NAME=VALUE",
         "--set: unknown parameter 'timeout'; did you mean 'timeout_s'?",
-        "--set: parameter 'timeout_s': expected duration of at least 1 s, got 0.1",
+        "--set: parameter 'timeout_s': expected duration of at least 1 s, got '0.1 s'",
         "--set: parameter 'look': expected bool, got 'maybe'; write true or false",
         "--set: parameter 'tries': expected count, got 1.5",
         "--set: parameter 'share': expected number, got '5 s'",
-        "--set: parameter 'dock': expected pose with the fields x, y, yaw, got [1, 2]",
+        "--set: parameter 'dock': expected pose with the fields x, y, yaw, got ['1 m', '2 m']",
+    ]
+
+
+def test_a_number_says_its_unit_as_in_a_file() -> None:
+    """Seconds or minutes is no guess of ours; a plain number has none to say."""
+    _, problems = settings_in("--set", ["timeout_s=90", "share=0.3", "dock=[1, 2 m, 0 rad]"], DECLARED)
+    assert problems == [
+        "--set: parameter 'timeout_s': 90 has no unit; write '90 s'",
+        "--set: parameter 'dock': 1 has no unit; write '1 m'",
     ]
 
 
