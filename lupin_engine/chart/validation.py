@@ -55,8 +55,11 @@ def is_kind(raw: Map, kind: str, findings: Findings) -> bool:
     return False
 
 
-def validate(raw: Map, model: type[_M], findings: Findings) -> _M | None:
-    """Read the mapping of a whole file as `model`; None after findings that leave nothing to go on with."""
+def validate(raw: Map, model: type[_M], findings: Findings, lenient: bool = False) -> _M | None:
+    """Read the mapping of a whole file as `model`; None after findings that leave nothing to go on with.
+
+    Unknown keys are left out and the rest is read; when `lenient`, so is what has the wrong shape.
+    """
     for _ in range(MAX_PRUNINGS):
         try:
             return model.model_validate(raw)
@@ -64,24 +67,38 @@ def validate(raw: Map, model: type[_M], findings: Findings) -> _M | None:
             found = error.errors(include_url=False)
         for details in found:
             _report(raw, details, findings)
-        if any(details["type"] != "extra_forbidden" for details in found):
+        if not lenient and any(details["type"] != "extra_forbidden" for details in found):
             return None
-        for details in found:
-            _prune(raw, details)
+        ways = dict.fromkeys(_way(raw, details) for details in found)
+        for way in reversed(ways):
+            _prune(raw, way)
     return None
 
 
-def _prune(raw: Map, details: ErrorDetails) -> None:
-    """Drop an unknown key that has been told, so that the rest of the file can still be read."""
-    *steps, key = (str(step) for step in details["loc"])
+def _way(raw: Map, details: ErrorDetails) -> tuple[str | int, ...]:
+    """Return the steps of an error's path that there are in the file."""
+    found: Any = raw
+    way: list[str | int] = []
+    for step in details["loc"]:
+        if isinstance(found, Map) and str(step) in found:
+            way.append(str(step))
+        elif isinstance(found, Seq) and isinstance(step, int) and step < len(found):
+            way.append(step)
+        else:
+            continue
+        found = found[way[-1]]
+    return tuple(way)
+
+
+def _prune(raw: Map, way: tuple[str | int, ...]) -> None:
+    """Drop what has been told to be wrong, so that the rest of the file can still be read."""
     holder: Any = raw
-    for step in steps:
-        if isinstance(holder, Map) and step in holder:
-            holder = holder[step]
-        elif isinstance(holder, Seq) and step.isdigit() and int(step) < len(holder):
-            holder = holder[int(step)]
-    if isinstance(holder, Map):
-        holder.pop(key, None)
+    for step in way[:-1]:
+        holder = holder[step]
+    if isinstance(holder, Seq):
+        holder.starts.pop(int(way[-1]))
+    if way:
+        del holder[way[-1]]
 
 
 def _report(raw: Map, details: ErrorDetails, findings: Findings) -> None:

@@ -152,15 +152,18 @@ def load_scenario_text(text: str, file: Path, missions: Missions) -> Scenario:
 
 
 def _load(raw: Map | None, path: Path, missions: Missions, findings: Findings) -> Scenario:
-    node = validate(raw, ScenarioNode, findings) if isinstance(raw, Map) else None
+    node = validate(raw, ScenarioNode, findings, lenient=True) if isinstance(raw, Map) else None
     if node is None:
         raise ChartError(findings.all)
     mission = missions.file(node.mission, path)
     chart = missions.chart(mission)
-    words = ScenarioNames(chart, findings)
+    misshapen, named = bool(findings.errors), Findings()
+    words = ScenarioNames(chart, named)
     check_names(node, words)
     reader = ScriptReader(node, words)
     script, parameters = reader.script(), reader.parameters()
+    # What has the wrong shape was left out: that it is not there is no second mistake.
+    findings.extend(found for found in named.all if not misshapen or found.rule != "wrong-shape")
     if findings.errors:
         raise ChartError(findings.errors)
     return Scenario(path, node.scenario, mission, chart, script, parameters, node, missions)

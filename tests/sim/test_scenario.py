@@ -130,6 +130,31 @@ def test_a_file_of_the_wrong_shape_is_told(tmp_path: Path, text: str, expected: 
     assert any(line.startswith(expected) for line in problems(tmp_path, text)), problems(tmp_path, text)
 
 
+def test_mistakes_of_shape_and_of_names_are_told_at_once(tmp_path: Path) -> None:
+    """What has the wrong shape is told and left out; the names in all the rest are looked up."""
+    text = """\
+mocks:
+  - {do: nav.goto, then: {after: 5 s}}
+  - {do: nav.dock, then: [{after: 5}, {fail: nav_rejectd}], target: 3}
+when:
+  - {on: NAVIGATNG, request: operator.pause}
+  - {on: NAVIGATING, request: [operator.pause]}
+  - {at: 5 s, requst: operator.resume}
+expect: {visits: 3, final: DONE, holds: [paus]}
+"""
+    assert problems(tmp_path, HEAD + text) == [
+        "5:10: error: unknown operation 'nav.goto'; did you mean 'nav.go_to'? [unknown-operation]",
+        "6:35: error: after: a duration needs a unit, got 5; write '5 s' [no-unit]",
+        "6:46: error: nav.dock: unknown code 'nav_rejectd'; did you mean 'nav_rejected'? [undeclared-code]",
+        "6:69: error: mocks.1.target: expected text, got 3 [wrong-shape]",
+        "8:10: error: unknown state 'NAVIGATNG'; did you mean 'NAVIGATING'? [unknown-state]",
+        "9:31: error: when.1.request: expected a mapping, got a list of 1 [wrong-shape]",
+        "10:15: error: when.2: unknown key 'requst'; did you mean 'request'? [unknown-key]",
+        "11:18: error: expect.visits: expected a list, got 3 [wrong-shape]",
+        "11:42: error: expect.holds: unknown hold 'paus'; did you mean 'pause'? [unknown-hold]",
+    ]
+
+
 def test_every_key_says_what_it_is_for() -> None:
     """Editors show the descriptions, and know the short forms."""
     schema = ScenarioNode.model_json_schema(mode="validation")
