@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import json
-from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any
 
 from lupin_engine.diagram.picture import Arrow, Label, Picture, StateBox, TextLine, Tone
 from lupin_engine.errors import UsageError
@@ -30,45 +27,6 @@ def coloured(picture: Picture, counts: Counts) -> Picture:
     arrows = tuple(_arrow(arrow, counts) for arrow in picture.arrows)
     notes = tuple(_line(line, counts) for line in picture.notes)
     return replace(picture, boxes=boxes, arrows=arrows, notes=notes, run=counts.title or "visited")
-
-
-def count_steps(steps: Iterable[Mapping[str, Any]], title: str = "") -> Counts:
-    """Count what the steps of runs entered and took; they are records as `runtime.record` makes them."""
-    states: Counter[str] = Counter()
-    ways: Counter[str] = Counter()
-    for step in steps:
-        states.update(step.get("entered", ()))
-        ways.update(step.get("taken", ()))
-    return Counts(states, ways, title)
-
-
-def read_trace(text: str, name: str) -> Counts:
-    """Read the record of a run: what `lupin simulate --json` prints, or steps as a list or one a line.
-
-    Raises:
-        UsageError: it is no such record.
-    """
-    try:
-        steps = _steps(text)
-    except (ValueError, TypeError, AttributeError):
-        hint = "'lupin simulate MISSION --json' prints one"
-        raise UsageError(f"{name!r} is not the record of a run; {hint}") from None
-    found = count_steps(steps, f"coloured by {name}: {len(steps)} steps; pale: never visited")
-    if not found.states:
-        raise UsageError(f"the run in {name!r} entered no state")
-    return found
-
-
-def _steps(text: str) -> list[Mapping[str, Any]]:
-    try:
-        record = json.loads(text)
-    except ValueError:
-        record = [json.loads(line) for line in text.splitlines() if line.strip()]
-    steps = record if isinstance(record, list) else record.get("steps", [record])
-    for step in steps:
-        if not all(isinstance(name, str) for key in ("entered", "taken") for name in step.get(key, ())):
-            raise TypeError
-    return list(steps)
 
 
 def check_fits(picture: Picture, counts: Counts, name: str) -> None:

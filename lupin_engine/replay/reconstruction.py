@@ -1,7 +1,7 @@
 """From the record of a run to a scenario that runs the same: what servers answered, what happened, what came.
 
-A record is what `lupin simulate --json` prints (one object with `steps`), or the orchestrator's steps, one
-JSON object a line, bare or under `step` as `lupin run --json` prints them.
+A record is what `lupin simulate --json` prints (one object with `steps`), its steps alone as a list, or the
+orchestrator's steps, one JSON object a line, bare or under `step` as `lupin run --json` prints them.
 
 Times count from the entry of the state that the mission was in, so that the scenario still means the same
 when something before it takes longer. What a server said becomes the mock of its operation, one outcome for
@@ -61,15 +61,29 @@ class RunRecord:
 
 
 def read_recording(text: str, name: str) -> RunRecord:
-    """Read a record; `name` is what errors call it.
+    """Read a record from which a run can be made again; `name` is what errors call it.
 
     Raises:
         UsageError: this is no record of steps, or none from its beginning on.
+    """
+    recording = read_steps(text, name)
+    if not recording.mission:
+        raise UsageError(f"{name}: no mission is started in it")
+    return recording
+
+
+def read_steps(text: str, name: str) -> RunRecord:
+    """Read a record; `name` is what errors call it.
+
+    Raises:
+        UsageError: this is no record of steps.
     """
     try:
         whole = json.loads(text)
     except ValueError:
         return _checked(_steps_of_lines(text, name), name)
+    if isinstance(whole, list):
+        return _checked(whole, name)
     if isinstance(whole, dict) and isinstance(whole.get("steps"), list):
         parameters, seed = whole.get("parameters") or {}, whole.get("seed") or 0
         if not isinstance(parameters, dict) or not isinstance(seed, int):
@@ -85,7 +99,8 @@ def _steps_of_lines(text: str, name: str) -> Iterator[Any]:
         try:
             found = json.loads(line)
         except ValueError:
-            raise UsageError(f"{name}:{number}: this is no JSON") from None
+            hint = "'lupin simulate MISSION --json' prints a record"
+            raise UsageError(f"{name}:{number}: this is no JSON; {hint}") from None
         if isinstance(found, dict):
             step = found.get("step", found)
             if isinstance(step, dict) and "event" in step and "time" in step:
@@ -96,10 +111,7 @@ def _checked(records: Iterable[Any], name: str) -> RunRecord:
     found = [record for record in records if isinstance(record, dict) and {"event", "time"} <= set(record)]
     if not found:
         raise UsageError(f"{name}: there are no steps in it")
-    recording = RunRecord(tuple(_step(record, number, name) for number, record in enumerate(found, 1)))
-    if not recording.mission:
-        raise UsageError(f"{name}: no mission is started in it")
-    return recording
+    return RunRecord(tuple(_step(record, number, name) for number, record in enumerate(found, 1)))
 
 
 def _step(record: Any, number: int, name: str) -> Step:

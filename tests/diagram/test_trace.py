@@ -2,31 +2,26 @@
 
 from __future__ import annotations
 
-import json
-from typing import Any
+from collections import Counter
 
 import pytest
 
 from lupin_engine.diagram.outline import outline
 from lupin_engine.diagram.picture import Picture, Tone
 from lupin_engine.diagram.svg import svg
-from lupin_engine.diagram.trace import Counts, check_fits, coloured, count_steps, read_trace
+from lupin_engine.diagram.trace import Counts, check_fits, coloured
 from lupin_engine.errors import UsageError
 from tests.diagram import pictured
 
-STEPS: list[dict[str, Any]] = [
-    {"entered": ["", "BOOT"]},
-    {"taken": ["BOOT.on_done.0"], "entered": ["READY"], "exited": ["BOOT"]},
-    {"event": "tick"},
-    {"taken": ["READY.on.mission.start.1"], "entered": ["MISSION", "MISSION.InspectionMission"]},
-    {"taken": ["MISSION.on.operator.abort.0"], "entered": ["RETURNING", "RETURNING.DRIVING_HOME"]},
-    {"taken": ["DONE.on.mission.start.1"], "entered": ["MISSION", "MISSION.InspectionMission"]},
-]
+ENTERED = ("BOOT", "READY", "MISSION", "MISSION.InspectionMission", "RETURNING", "MISSION")
+TAKEN = ("BOOT.on_done.0", "READY.on.mission.start.1", "MISSION.on.operator.abort.0")
 
 
 def run() -> Picture:
     """The inspection, coloured by those steps."""
-    return coloured(outline(pictured.chart("inspection")), count_steps(STEPS, "two starts"))
+    return coloured(
+        outline(pictured.chart("inspection")), Counts(Counter(ENTERED), Counter(TAKEN), "two starts")
+    )
 
 
 def test_states_and_ways_have_their_counts_and_tones() -> None:
@@ -60,36 +55,6 @@ def test_counts_of_several_runs_colour_as_well() -> None:
     picture = coloured(outline(pictured.chart("inspection")), Counts({"BOOT": 300}, {}))
     assert picture.run == "visited"
     assert next(box for box in picture.every() if box.name == "BOOT").text[-1] == "\u00d7300"
-
-
-@pytest.mark.parametrize(
-    "text",
-    [
-        json.dumps({"mission": "InspectionMission", "steps": STEPS}),
-        json.dumps(STEPS),
-        "\n".join(map(json.dumps, STEPS)) + "\n",
-    ],
-    ids=["simulate", "list", "lines"],
-)
-def test_a_record_has_several_forms(text: str) -> None:
-    """What `lupin simulate --json` prints; the steps as a list, or one a line as they are logged."""
-    found = read_trace(text, "run.json")
-    assert found.states["MISSION"] == 2
-    assert found.ways["BOOT.on_done.0"] == 1
-    assert found.title == "coloured by run.json: 6 steps; pale: never visited"
-
-
-@pytest.mark.parametrize(
-    "text", ["", "mission: x", "3", "[3]", '{"steps": 3}', '{"steps": [{"entered": [1]}]}']
-)
-def test_anything_else_is_no_record(text: str) -> None:
-    """Said in one sentence."""
-    with pytest.raises(UsageError) as caught:
-        read_trace(text, "x.json")
-    assert str(caught.value) in (
-        "'x.json' is not the record of a run; 'lupin simulate MISSION --json' prints one",
-        "the run in 'x.json' entered no state",
-    )
 
 
 def test_a_run_of_another_mission_is_refused() -> None:

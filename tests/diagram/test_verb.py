@@ -134,6 +134,31 @@ def test_a_run_colours_the_picture(run: Path, tmp_path: Path) -> None:
     assert ">done / close OK \u00d73</text>" in text
 
 
+def test_a_record_has_several_forms(run: Path, tmp_path: Path) -> None:
+    """The steps as a list, or one a line as they are logged and as `lupin run --json` tells them."""
+    steps, file = json.loads(run.read_text(encoding="utf-8"))["steps"], tmp_path / "steps.json"
+    lines = ["\n".join(map(json.dumps, form)) for form in (steps, [{"step": step} for step in steps])]
+    for text in (json.dumps(steps), *lines):
+        file.write_text(text, encoding="utf-8")
+        assert invoke("inspection", "--trace", file, "-o", tmp_path / "x.svg").exception is None
+        assert f">coloured by steps.json: {len(steps)} steps;" in (tmp_path / "x.svg").read_text("utf-8")
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ('{"steps": 3}', "x.json: expected the output of 'lupin simulate --json', or steps, one a line"),
+        ('[{"event": "e", "time": 0}]', "the run in 'x.json' entered no state"),
+        ('[{"event": "e", "time": 0, "entered": [1]}]', "x.json: step 1 is none: its 'entered' is not as "),
+    ],
+)
+def test_anything_else_is_no_record(text: str, told: str, tmp_path: Path) -> None:
+    """Said in one sentence."""
+    file = tmp_path / "x.json"
+    file.write_text(text, encoding="utf-8")
+    assert str(invoke("inspection", "--trace", file, "-o", tmp_path / "x.svg").exception).startswith(told)
+
+
 def test_a_large_chart_is_drawn_to_a_readable_depth(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
@@ -192,7 +217,7 @@ def test_a_large_chart_is_drawn_to_a_readable_depth(
         (
             ("inspekt", "--focus", "X", "-o", "x.txt", "--trace", "README.md"),
             "'x.txt' says no format: end it in .mmd, .scxml, .svg, .png, or add --format\n"
-            "'README.md' is not the record of a run; 'lupin simulate MISSION --json' prints one\n"
+            "README.md:1: this is no JSON; 'lupin simulate MISSION --json' prints a record\n"
             "no mission 'inspekt' in missions; did you mean 'inspection'?",
         ),
         (

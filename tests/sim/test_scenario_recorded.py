@@ -157,7 +157,8 @@ def test_a_record_that_breaks_off_ends_there(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "told"),
     [
-        ("[]", "run.json: expected the output of 'lupin simulate --json', or steps, one a line"),
+        ("[]", "run.json: there are no steps in it"),
+        ("3", "run.json: expected the output of 'lupin simulate --json', or steps, one a line"),
         ("{}", "run.json: expected the output of"),
         ('{"steps": []}', "run.json: there are no steps in it"),
         ('{"steps": [{"event": "start", "time": 0}]}', "run.json: no mission is started in it"),

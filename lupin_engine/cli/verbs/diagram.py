@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections import Counter
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -137,9 +138,15 @@ def _picture(loaded: LoadedMissions, wanted: str, focus: str | None, depth: int 
 
 
 def _counts(trace: Path) -> Counts:
-    from lupin_engine.diagram.trace import read_trace
+    from lupin_engine.diagram.trace import Counts
+    from lupin_engine.replay.reconstruction import read_steps
 
-    return read_trace(trace.read_text(encoding="utf-8", errors="replace"), trace.name)
+    steps = read_steps(trace.read_text(encoding="utf-8", errors="replace"), trace.name).steps
+    states = Counter(name for step in steps for name in step.entered)
+    if not states:
+        raise UsageError(f"the run in {trace.name!r} entered no state")
+    ways = Counter(name for step in steps for name in step.taken)
+    return Counts(states, ways, f"coloured by {trace.name}: {len(steps)} steps; pale: never visited")
 
 
 def _draw(picture: Picture, wanted: str) -> bytes:
