@@ -35,7 +35,7 @@ RULE = {
     "verify": ("machine",),
     "editor": ("missions",),
     "pytest_plugin": ("replay",),
-    "harness": ("ros.adapter",),
+    "harness": ("ros.launch",),
     "cli": ("ros.launch", "replay", "diagram", "verify", "editor", "harness"),
 }
 #: Outside packages that belong to certain rooms only.

@@ -5,8 +5,6 @@ from __future__ import annotations
 import contextlib
 import os
 import re
-import signal
-import subprocess
 import sys
 import tempfile
 import time
@@ -27,7 +25,7 @@ from lupin_engine.plugin.types import convert
 from lupin_engine.ros.adapter.environment import child_environment
 from lupin_engine.ros.adapter.network import interfaces
 from lupin_engine.ros.adapter.node import RosNode
-from lupin_engine.ros.adapter.process import SUPERVISED
+from lupin_engine.ros.launch.supervisor import Death, Patience, Supervisor
 
 #: Seconds in which everything that must happen has happened, on a busy machine.
 PATIENCE_S = 30.0
@@ -39,8 +37,8 @@ SCHEDULED = Path("/proc/thread-self/schedstat")
 LOOK_S = 1.0
 #: Seconds after which an attempt that may have no server is cancelled.
 TRY_S = 5.0
-#: Seconds that a process gets to end when it is asked to.
-LEAVING_S = 5.0
+#: What a process gets that is killed as a crash would.
+CRASH = Patience(interrupt=None, terminate=None)
 
 #: A step in a traceback: file and line.
 _STEP = re.compile(r'\s+File "(.+)", line (\d+)')
@@ -97,70 +95,55 @@ class Servers:
     def __init__(self, setting: Setting) -> None:
         self._setting = setting
         self._logs = tempfile.TemporaryDirectory(prefix="lupin-harness-")
-        self._processes: dict[str, subprocess.Popen[bytes]] = {}
+        self._started: set[str] = set()
+        self._deaths: list[Death] = []
+        self._supervisor: Supervisor | None = None
         self.here: RosNode | None = None
 
     def start(self) -> None:
         """Start what does not run."""
-        for name, entry in self._setting.nodes.items():
-            if name not in self._processes:
-                self._processes[name] = self._run(name, entry)
+        if self._supervisor is None:
+            path = os.pathsep.join(filter(None, sys.path))
+            self._supervisor = Supervisor(Path(self._logs.name), {**child_environment(), "PYTHONPATH": path})
+        for name in self._setting.nodes:
+            if name not in self._started:
+                self._supervisor.start(name, self._command(name))
+                self._started.add(name)
         if self._setting.offer is not None and self.here is None:
             self.here = RosNode("harness_stand_ins")
             self._setting.offer(self.here)
 
     def kill(self) -> None:
         """Kill them and all processes that they have started, as a crash would."""
-        for process in self._processes.values():
-            with contextlib.suppress(ProcessLookupError):
-                os.killpg(process.pid, signal.SIGKILL)
-            process.wait()
-            assert process.stdin is not None
-            process.stdin.close()
-        self._processes.clear()
-        self._close()
+        self._end(CRASH)
 
     def stop(self) -> None:
         """Ask them to end; kill those that do not."""
-        for process in self._processes.values():
-            process.send_signal(signal.SIGINT)
-        for process in self._processes.values():
-            with contextlib.suppress(subprocess.TimeoutExpired):
-                process.wait(LEAVING_S)
-        self.kill()
+        self._end(Patience())
         self._logs.cleanup()
 
     def check(self) -> None:
         """Raise when a process has ended by itself."""
-        for name, process in self._processes.items():
-            if process.poll() is not None:
-                log = self._log(name).read_text(encoding="utf-8", errors="replace")
-                last = last_words(log)
-                raise ContractBroken(f"node {name!r} has ended with code {process.returncode}: {last}")
+        self._deaths += self._supervisor.deaths() if self._supervisor else []
+        for death in self._deaths:
+            log = death.log.read_text(encoding="utf-8", errors="replace")
+            raise ContractBroken(f"node {death.name!r} has ended with code {death.code}: {last_words(log)}")
 
-    def _run(self, name: str, entry: str) -> subprocess.Popen[bytes]:
-        command = [sys.executable, "-c", _RUN, entry]
+    def _command(self, name: str) -> list[str]:
+        command = [sys.executable, "-c", _RUN, self._setting.nodes[name]]
         given = self._setting.node_parameters.get(name, {})
         if given:
             command.append("--ros-args")
         for parameter, value in given.items():
             said = str(value).lower() if isinstance(value, bool) else str(value)
             command += ["-p", f"{parameter}:={said}"]
-        path = os.pathsep.join(filter(None, sys.path))
-        with self._log(name).open("ab") as output:
-            return subprocess.Popen(
-                command,
-                stdin=subprocess.PIPE,  # the lifeline: never written to
-                stdout=output,
-                stderr=subprocess.STDOUT,
-                env={**child_environment(), "PYTHONPATH": path, SUPERVISED: "1"},
-                start_new_session=True,
-            )
+        return command
 
-    def _log(self, name: str) -> Path:
-        return Path(self._logs.name, f"{name}.log")
-
-    def _close(self) -> None:
+    def _end(self, patience: Patience) -> None:
+        if self._supervisor is not None:
+            self._supervisor.stop(patience)
+        self._started.clear()
+        self._deaths.clear()
         if self.here is not None:
             self.here.close()
             self.here = None

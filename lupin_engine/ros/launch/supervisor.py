@@ -51,10 +51,10 @@ class Death:
 
 @dataclass(frozen=True)
 class Patience:
-    """Seconds that a process gets after each signal: SIGINT, SIGTERM, SIGKILL."""
+    """Seconds that a process gets after each signal: SIGINT, SIGTERM, SIGKILL; None: it is not sent."""
 
-    interrupt: float = 5.0
-    terminate: float = 3.0
+    interrupt: float | None = 5.0
+    terminate: float | None = 3.0
     kill: float = 3.0
 
 
@@ -147,13 +147,16 @@ def _stop(child: _Child, patience: Callable[[], Patience]) -> bool:
     """End a child and its whole group; say whether it took a SIGKILL."""
     child.segments = shared_memory.segments_of(child.process.pid) or child.segments
     killed = False
-    for number, allowed in (
+    steps: tuple[tuple[signal.Signals, Callable[[], float | None]], ...] = (
         (signal.SIGINT, lambda: patience().interrupt),
         (signal.SIGTERM, lambda: patience().terminate),
         (signal.SIGKILL, lambda: patience().kill),
-    ):
+    )
+    for number, allowed in steps:
         if _is_over(child):
             break
+        if allowed() is None:
+            continue
         killed = number is signal.SIGKILL
         _signal_group(child, number)
         _wait(lambda: _is_over(child), allowed)
@@ -188,13 +191,10 @@ def _signal_group(child: _Child, number: signal.Signals) -> None:
         os.killpg(child.process.pid, number)
 
 
-def _wait(condition: Callable[[], bool], allowed: Callable[[], float]) -> bool:
+def _wait(condition: Callable[[], bool], allowed: Callable[[], float | None]) -> None:
     begin = time.monotonic()
-    while not condition():
-        if time.monotonic() - begin >= allowed():
-            return False
+    while not condition() and time.monotonic() - begin < (allowed() or 0.0):
         time.sleep(POLL_S)
-    return True
 
 
 def last_lines(log: Path, count: int = SHOWN_LINES) -> tuple[str, ...]:
