@@ -73,7 +73,9 @@ class ScenarioItem(pytest.Item):
 
     def runtest(self) -> None:
         """Run it."""
-        result = _suite(self.config).run(self.path, _seeds(self.config))
+        first = self.config.option.lupin_seed
+        seeds = range(first, first + max(1, self.config.option.lupin_seeds))
+        result = _suite(self.config).run(self.path, seeds)
         if result.mission is not None and self.config.option.lupin_coverage:
             _reach(self.config, result.mission, result.counts)
         if not result.holds:
@@ -93,11 +95,6 @@ class ScenarioItem(pytest.Item):
     def reportinfo(self) -> tuple[Path, int, str]:
         """Return where it stands and what it is called."""
         return self.path, 0, self.name
-
-
-def _seeds(config: pytest.Config) -> range:
-    first = config.option.lupin_seed
-    return range(first, first + max(1, config.option.lupin_seeds))
 
 
 def _suite(config: pytest.Config) -> Suite:

@@ -41,10 +41,6 @@ def _to_list(value: Any) -> Any:
     return value if isinstance(value, list) else [value]
 
 
-def _as_it_is(value: Any) -> Any:
-    return value
-
-
 #: What may be an expression: text, number, yes or no, list or record; typed where it is used.
 Written = Annotated[Any, WithJsonSchema({"type": ["string", "number", "boolean", "array", "object"]})]
 #: A condition; always an expression.
@@ -464,7 +460,8 @@ class FileNode(Node):
         dict[
             str,
             Annotated[
-                InvariantNode, BeforeValidator(_as_it_is, json_schema_input_type=str | bool | InvariantNode)
+                InvariantNode,
+                BeforeValidator(lambda value: value, json_schema_input_type=str | bool | InvariantNode),
             ],
         ],
         Named(Meaning.INVARIANT),

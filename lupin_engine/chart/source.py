@@ -517,7 +517,7 @@ class _Builder:
         self._check_count(start)
         if event.tag is not None:
             self._refuse(start, "wrong-yaml", f"the tag {event.tag!r} is not allowed", "write the plain key")
-        self._anchors[event.anchor or ""] = (self._text_of(event, start), 1)
+        self._anchors[event.anchor or ""] = (_text(event.value, self._file, start, event.style or None), 1)
 
     def _scalar(self, event: Any, start: Mark, _: int) -> Any:
         value: str = event.value
@@ -539,9 +539,6 @@ class _Builder:
             problem = f"a number of {len(value)} digits"
             self._refuse(start, "too-large", problem, f"at most {MAX_NUMBER} are read")
         return convert(value)
-
-    def _text_of(self, event: Any, start: Mark) -> Text:
-        return _text(event.value, self._file, start, event.style or None)
 
 
 #: What makes a node of an event.

@@ -219,7 +219,8 @@ class _SvgDrawing:
         layout = self.layout
         top = 30 + (len(self._heading) - 1) * _LEADING
         legend = self._legend()
-        widest = max([layout.width, *(text.width + 16 for text in self._heading), self._legend_width(legend)])
+        legend_width = _MARGIN + sum(text_width(_LEGEND[cause], _TEXT) + 46 for cause in legend)
+        widest = max([layout.width, *(text.width + 16 for text in self._heading), legend_width])
         width, height = math.ceil(widest) + 16, layout.height + top + 44
         size = f'width="{width}" height="{height}" viewBox="0 0 {width} {height}"'
         lines = [
@@ -362,10 +363,6 @@ class _SvgDrawing:
         met = {label.cause for arrow in self._picture.arrows for label in arrow.labels}
         met = {TransitionCause.DONE if cause is TransitionCause.EVENT else cause for cause in met}
         return [cause for cause in _LEGEND if cause in met]
-
-    @staticmethod
-    def _legend_width(legend: Sequence[TransitionCause]) -> float:
-        return _MARGIN + sum(text_width(_LEGEND[cause], _TEXT) + 46 for cause in legend)
 
     @staticmethod
     def _legend_pieces(legend: Sequence[TransitionCause], y: int) -> Iterator[str]:

@@ -150,7 +150,8 @@ class _Completion:
             yield Offer("event", ItemKind.Property, "text", docs.ACTIONS["raise"])
         else:
             for name, argument in _arguments_of(owner, spot.holder, self._catalog).items():
-                detail = f"{argument.type}{'' if _must(argument) else ' (optional)'}"
+                can_miss = argument.optional or argument.default is not None
+                detail = f"{argument.type}{' (optional)' if can_miss else ''}"
                 yield Offer(name, ItemKind.Property, detail, docs.argument_line(name, argument))
 
     def _bindings(self, part: str) -> Iterator[Offer]:
@@ -322,14 +323,13 @@ class _Completion:
         """Return what an expression can go on with; None when the cursor is in none."""
         token = self._cursor.token
         if token is None:
-            return self._new_condition() if meaning is Meaning.CONDITION else None
+            if meaning is not Meaning.CONDITION:
+                return None
+            return Offers(self._offset, self._offset, tuple(self._beginnings()))
         for found, begin in expressions_in(token, meaning):
             if begin <= self._offset <= begin + len(found):
                 return self._in_expression(found, begin)
         return None
-
-    def _new_condition(self) -> Offers:
-        return Offers(self._offset, self._offset, tuple(self._beginnings()))
 
     def _in_expression(self, expression: str, start: int) -> Offers:
         here = next(
@@ -446,10 +446,6 @@ def _arguments_of(owner: str, holder: type[Node] | None, catalog: Catalog) -> Ma
         return operation.arguments if operation else {}
     action = catalog.actions.get(owner)
     return action.arguments if action else builtin_actions(catalog.profile).get(owner, {})
-
-
-def _must(argument: Argument) -> bool:
-    return argument.default is None and not argument.optional
 
 
 def _open_call(words: list[str]) -> str:

@@ -72,7 +72,9 @@ def schema(
     for name in one_alone:
         holder, _, key = name.partition(".")
         if holder in definitions:
-            _let_one_stand_alone(definitions[holder]["properties"][key])
+            node = definitions[holder]["properties"][key]
+            several = {"type": node.pop("type"), "items": node.pop("items")}
+            node["anyOf"] = [several, several["items"]]
     definitions["Action"] = _action(profile)
     if catalog is not None:
         _add_names(made, definitions, catalog.for_missions)
@@ -150,11 +152,6 @@ def _point_to_actions(node: Schema) -> None:
         del node["type"], node["items"]
         one = {"$ref": "#/definitions/Action"}
         node["anyOf"] = [{"type": "array", "items": one}, one]
-
-
-def _let_one_stand_alone(node: Schema) -> None:
-    item = node["items"]
-    node["anyOf"] = [{"type": node.pop("type"), "items": node.pop("items")}, item]
 
 
 def _action(profile: Profile) -> Schema:

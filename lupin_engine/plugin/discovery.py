@@ -145,15 +145,9 @@ def _place_in(error: BaseException, module: str) -> str:
     while step is not None and folder:
         passed = step.tb_frame.f_code.co_filename
         if passed == folder or passed.startswith(folder + os.sep):
-            place = f"{_from_here(passed)}:{step.tb_lineno}"
+            place = f"{passed.removeprefix(os.getcwd() + os.sep)}:{step.tb_lineno}"
         step = step.tb_next
     return place
-
-
-def _from_here(file: str) -> str:
-    """Return a file as it is called from the current folder, where it is below that."""
-    here = os.getcwd() + os.sep
-    return file.removeprefix(here)
 
 
 def source_file(module: str) -> str | None:
@@ -175,15 +169,10 @@ def declared_in(project: Path) -> list[tuple[str, str]]:
     """Return name and value of the plugins that a pyproject.toml declares, installed or not."""
     headers = [f"[project.entry-points.{quote}{GROUP}{quote}]" for quote in "\"'"]
     return [
-        (name.strip("\"'"), _unquoted(value))
+        (name.strip("\"'"), quoted[2] if (quoted := _QUOTED.match(value)) else value)
         for header in headers
         for name, value in _in_section(project, header)
     ]
-
-
-def _unquoted(value: str) -> str:
-    quoted = _QUOTED.match(value)
-    return quoted[2] if quoted else value
 
 
 def _in_section(file: Path, header: str) -> Iterator[tuple[str, str]]:

@@ -297,10 +297,6 @@ class Terminal:
 # -- all of it ------------------------------------------------------------------------------------------
 
 
-def _no_values(reading: Mapping[str, Any]) -> Mapping[str, float]:
-    return {}
-
-
 @dataclass(frozen=True)
 class Profile:
     """All that the engine must know of one kind of robot and its missions.
@@ -320,7 +316,7 @@ class Profile:
     publications: Mapping[str, Publication] = field(default_factory=dict)
     stages: Stages = field(default_factory=Stages)
     terminal: Terminal = field(default_factory=Terminal)
-    values_of: Callable[[Mapping[str, Any]], Mapping[str, float]] = _no_values
+    values_of: Callable[[Mapping[str, Any]], Mapping[str, float]] = lambda _: {}
     wire: Wire | None = None
 
     @property

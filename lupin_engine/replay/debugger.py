@@ -200,9 +200,6 @@ class Debugger:
         found = self._possible()
         return {*found, *(event.removeprefix("operator.") for event in found)}
 
-    def _command_names(self) -> list[str]:
-        return list(COMMANDS)
-
     def event_names(self) -> list[str]:
         """Return what can be sent: requests, also without their first word, and the plugins' events."""
         return [*self._chart.profile.events, *self._chart.profile.requests, *self._catalog.events]
@@ -434,7 +431,7 @@ class Debugger:
         rows = [[(f"{number:5}  ", "dim"), (move.text, "")] for number, move in moves]
         return rows or [[("no moves so far", "dim")]]
 
-    @_command("help [COMMAND]", "this list", _command_names)
+    @_command("help [COMMAND]", "this list", lambda _: list(COMMANDS))
     def _help(self, words: list[str]) -> list[TonedLine]:
         if words:
             command = _known(words[0])

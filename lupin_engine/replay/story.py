@@ -40,7 +40,7 @@ class Columns:
 
 def columns_for(lines: Sequence[StepLine], width: int) -> Columns:
     """Return the columns in which lines are told in `width` cells."""
-    state = max((_longest(line.moved) for line in lines), default=0)
+    state = max((len(word) for line in lines for word in line.moved.split()), default=0)
     event = max((len(line.event) for line in lines), default=0)
     return _columns(min(_MOST_STATE, state), min(_MOST_EVENT, event), width)
 
@@ -97,11 +97,6 @@ def _wrapped(moved: str, width: int) -> list[str]:
         lines[-1] += piece
     texts = [line.rstrip() for line in lines]
     return [text[start : start + width] for text in texts for start in range(0, len(text), width)]
-
-
-def _longest(moved: str) -> int:
-    """Return the length of the longest piece between which a text may be broken."""
-    return max(map(len, moved.split()), default=0)
 
 
 def _at(pieces: TonedLine, index: int) -> TonedText:

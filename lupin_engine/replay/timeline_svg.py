@@ -91,7 +91,8 @@ class _SvgTimeline:
         """Yield what is drawn, from back to front."""
         yield _rect(0, 0, WIDTH, self._height, "#ffffff")
         yield _text(16, 28, self._lanes.title or "not started", **_TITLE)
-        yield _text(WIDTH - _RIGHT, 28, self._subtitle(), _PALE, text_anchor="end")
+        subtitle = f"{lasting(self._lanes.seconds)} of virtual time"
+        yield _text(WIDTH - _RIGHT, 28, subtitle, _PALE, text_anchor="end")
         yield from self._axis()
         yield from self._events()
         top = self._plot_top
@@ -103,9 +104,6 @@ class _SvgTimeline:
             top += _GAP
             yield _line(16, top - _GAP / 2, WIDTH - _RIGHT, top - _GAP / 2, _GRID)
         yield from self._legend()
-
-    def _subtitle(self) -> str:
-        return f"{lasting(self._lanes.seconds)} of virtual time"
 
     def _x(self, time: float) -> float:
         return _LEFT + _PLOT * time / self._seconds

@@ -331,7 +331,8 @@ class ScriptReader:
             effects.append(TakeView())
             self._words.variables(node.expect)
         if node.at_ == END:
-            self._check_end(node, effects)
+            if [type(effect) for effect in effects] != [TakeView]:
+                self._words.wrong(node.place, "when", "at the end nothing can happen", "say 'expect' only")
             return
         if not node.model_fields_set.intersection(_EFFECTS):
             self._words.wrong(node.place, "when", "nothing happens", f"say {' or '.join(_EFFECTS)}")
@@ -340,10 +341,6 @@ class ScriptReader:
         nth = self._nth(node)
         for effect in effects:
             yield Happening(effect, wait, node.on, nth, node.start_of, index)
-
-    def _check_end(self, node: WhenNode, effects: list[Effect]) -> None:
-        if [type(effect) for effect in effects] != [TakeView]:
-            self._words.wrong(node.place, "when", "at the end nothing can happen", "say 'expect' only")
 
     def _nth(self, node: WhenNode) -> int:
         """Return which entry or start is meant; 0 is every one."""

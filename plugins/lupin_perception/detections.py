@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
@@ -114,7 +114,8 @@ def _read(
     ]
     found = [result for result in results if not isinstance(result, UnreadableDetection)]
     problems = [result.reason for result in results if isinstance(result, UnreadableDetection)]
-    problems += _strange_keys(entries, keys)
+    if any(isinstance(entry, Mapping) and not keys >= entry.keys() for entry in entries):
+        problems.append(f"keys besides {', '.join(sorted(keys))} are ignored")
     return found, list(dict.fromkeys(problems))
 
 
@@ -130,11 +131,6 @@ def _entries(text: str, within: str) -> list[Any] | UnreadableDetection:
     if not isinstance(data, list):
         return UnreadableDetection("no list")
     return data if len(data) <= MAX_ENTRIES else UnreadableDetection(f"more than {MAX_ENTRIES} entries")
-
-
-def _strange_keys(entries: Sequence[Any], keys: frozenset[str]) -> Iterator[str]:
-    if any(isinstance(entry, Mapping) and not keys >= entry.keys() for entry in entries):
-        yield f"keys besides {', '.join(sorted(keys))} are ignored"
 
 
 def _tag(entry: Mapping[str, Any]) -> TagSeen | UnreadableDetection:

@@ -187,7 +187,8 @@ class Store:
             StoreError: it could not be written, and waits in memory.
         """
         text = to_json(record)
-        digest = _digest(text) if isinstance(record, (Reading, Flowers, Anomaly)) else None
+        is_told_once = isinstance(record, (Reading, Flowers, Anomaly))
+        digest = hashlib.sha256(text.encode()).digest() if is_told_once else None
         self._waiting.append((received, digest, text))
         return self.flush()
 
@@ -236,10 +237,6 @@ def _locked(path: str) -> int:
         os.close(descriptor)
         raise StoreError(f"{path} is used by another twin; give this one a store_file of its own") from None
     return descriptor
-
-
-def _digest(text: str) -> bytes:
-    return hashlib.sha256(text.encode()).digest()
 
 
 def _opened(path: str) -> sqlite3.Connection:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
-from lupin_engine.chart.expressions.evaluation import Constant, Expression
+from lupin_engine.chart.expressions.evaluation import Constant
 from lupin_engine.chart.expressions.guards import (
     Condition,
     condition_of,
@@ -172,7 +172,8 @@ def both_can_win(index: Index) -> Iterator[Diagnostic]:
     read as they work.
     """
     for group in index.groups:
-        guarded = [t for t in group if t.guard is not None and _depends(t.guard)]
+        # Sometimes true and sometimes not, as far as it was understood.
+        guarded = [t for t in group if t.guard and constant(t.guard.source) is None and understood(t.guard)]
         for at, later in enumerate(guarded):
             clash = next((t for t in guarded[:at] if _both_can_win(index, t, later)), None)
             if clash is not None:
@@ -183,11 +184,6 @@ def both_can_win(index: Index) -> Iterator[Diagnostic]:
                 )
                 hint = "write guards that exclude each other, or give the last one none"
                 yield warning(later.place, "both-can-win", later.id, problem, hint)
-
-
-def _depends(guard: Expression) -> bool:
-    """Tell whether a guard is sometimes true and sometimes not, as far as it was understood."""
-    return constant(guard.source) is None and understood(guard)
 
 
 def _both_can_win(index: Index, earlier: Transition, later: Transition) -> bool:

@@ -30,7 +30,11 @@ def visits(index: Index) -> Iterator[Diagnostic]:
     for walker in index.states:
         if walker.itinerary is not None:
             inside = list(_below(index, walker))
-            followed = not any(_is_not_followed(state) for state in inside if state is not walker)
+            followed = not any(
+                state.kind is Kind.PARALLEL or state.for_each is not None or state.itinerary is not None
+                for state in inside
+                if state is not walker
+            )
             refused = list(_VisitAnalysis(index, walker, inside).refused()) if followed else []
             yield from refused or _never_closed(index, walker)
 
@@ -60,10 +64,6 @@ def _below(index: Index, state: State, stop_at_walks: bool = False) -> Iterator[
     for child in (index.chart.states[name] for name in state.children):
         if not (stop_at_walks and child.itinerary is not None):
             yield from _below(index, child, stop_at_walks)
-
-
-def _is_not_followed(state: State) -> bool:
-    return state.kind is Kind.PARALLEL or state.for_each is not None or state.itinerary is not None
 
 
 @dataclass(frozen=True)

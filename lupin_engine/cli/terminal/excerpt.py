@@ -64,13 +64,10 @@ def _shown(line: str) -> list[str]:
     found: list[str] = []
     cell = 0
     for char in line:
-        found.append(" " * (_TAB - cell % _TAB) if char == "\t" else _visible(char))
+        visible = char if char.isprintable() else "\N{REPLACEMENT CHARACTER}"
+        found.append(" " * (_TAB - cell % _TAB) if char == "\t" else visible)
         cell += _cells(found[-1])
     return found
-
-
-def _visible(char: str) -> str:
-    return char if char.isprintable() else "\N{REPLACEMENT CHARACTER}"
 
 
 def _cells(text: str) -> int:

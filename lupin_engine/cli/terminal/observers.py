@@ -20,7 +20,7 @@ from lupin_engine.cli.terminal import view
 from lupin_engine.cli.terminal.tty import hang_up
 from lupin_engine.errors import Severity
 from lupin_engine.plugin.profile import TargetResult
-from lupin_engine.ros.launch.monitor import RunEvent, RunMonitor
+from lupin_engine.ros.launch.monitor import RunMonitor
 
 #: Pictures a second in the terminal.
 PICTURES_HZ = 8.0
@@ -58,7 +58,8 @@ class PlainObserver:
     def show(self, monitor: RunMonitor) -> None:
         """Write the events that are new."""
         for happening in monitor.happenings[self._told :]:
-            self._write(_plain_event(happening))
+            mark = "" if happening.severity is Severity.INFO else f"  [{happening.severity.name.lower()}]"
+            self._write(f"{view.clock(happening.elapsed)}    {happening.text}{mark}")
         self._told = len(monitor.happenings)
 
     def close(self, monitor: RunMonitor | None, code: int) -> None:
@@ -68,11 +69,6 @@ class PlainObserver:
         self.show(monitor)
         console = Console(file=sys.stdout, width=120, color_system=None)
         _finish(console, monitor)
-
-
-def _plain_event(happening: RunEvent) -> str:
-    mark = "" if happening.severity is Severity.INFO else f"  [{happening.severity.name.lower()}]"
-    return f"{view.clock(happening.elapsed)}    {happening.text}{mark}"
 
 
 class LiveObserver:

@@ -184,9 +184,11 @@ def _details(monitor: RunMonitor, now: float, symbols: Symbols) -> RenderableTyp
     for running in under_way or [None]:
         grid.add_row("operation", _operation(running))
         grid.add_row("", _deadline(running))
-        grid.add_row("", _running_detail(running))
+        grid.add_row("", Text(running.detail if running else "", "dim", no_wrap=True, overflow="crop"))
     for name, low in monitor.profile.terminal.gauges.items():
-        grid.add_row(name, _gauge(monitor.progress, name, low))
+        share = monitor.progress.gauges.get(name, 0.0)
+        style = "red" if monitor.progress.flags.get(low) else "green"
+        grid.add_row(name, _measure(share, 1.0, style, f"{share:.0%}"))
     return grid
 
 
@@ -252,15 +254,6 @@ def _deadline(running: RunningOperation | None) -> RenderableType:
     share = running.since / running.limit if running.limit else 1.0
     style = "green" if share < 0.6 else "yellow" if share < 0.9 else "red"
     return _measure(running.since, running.limit, style, f"{running.since:.1f} s of {running.limit:.0f} s")
-
-
-def _running_detail(running: RunningOperation | None) -> Text:
-    return Text(running.detail if running else "", "dim", no_wrap=True, overflow="crop")
-
-
-def _gauge(progress: Progress, name: str, low: str) -> RenderableType:
-    share = progress.gauges.get(name, 0.0)
-    return _measure(share, 1.0, "red" if progress.flags.get(low) else "green", f"{share:.0%}")
 
 
 def _measure(value: float, total: float, style: str, text: str) -> RenderableType:

@@ -69,14 +69,10 @@ def _chosen(words: Sequence[str], everything: bool) -> list[Interface]:
     shown = [i for i in seen if everything or not i.is_housekeeping]
     if not shown:
         raise UsageError("nobody here has more than what every node has; --all shows that")
-    chosen = [i for i in shown if _is_meant(i, words)]
+    chosen = [i for i in shown if not words or any(w in text for w in words for text in _texts(i))]
     if not chosen:
         raise UsageError(_not_found(words, shown))
     return chosen
-
-
-def _is_meant(interface: Interface, words: Sequence[str]) -> bool:
-    return not words or any(word in text for word in words for text in _texts(interface))
 
 
 def _texts(interface: Interface) -> tuple[str, ...]:

@@ -77,8 +77,9 @@ def child_environment() -> dict[str, str]:
     _put(environment, AMENT_PREFIXES, sys.prefix)
     # The wheels put their libraries on the path by themselves; it is the interfaces built beside an apt ROS
     # that nobody would find. Type support is loaded by bare file name, so only the path can lead to it.
-    if rclpy_source() == "apt" and _holds_type_support(Path(sys.prefix, "lib")):
-        _put(environment, LIBRARIES, str(Path(sys.prefix, "lib")))
+    libraries = Path(sys.prefix, "lib")
+    if rclpy_source() == "apt" and any(libraries.glob("lib*__rosidl_typesupport_c.so")):
+        _put(environment, LIBRARIES, str(libraries))
     return environment
 
 
@@ -108,10 +109,6 @@ def _sourced_ros(environment: Mapping[str, str]) -> str | None:
             return prefix
     distribution = environment.get("ROS_DISTRO")
     return f"ROS_DISTRO={distribution}" if distribution else None
-
-
-def _holds_type_support(folder: Path) -> bool:
-    return next(folder.glob("lib*__rosidl_typesupport_c.so"), None) is not None
 
 
 def _put(environment: dict[str, str], variable: str, entry: str) -> None:

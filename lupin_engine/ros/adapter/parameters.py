@@ -193,7 +193,7 @@ class DeclaredParameters:
         values = self.starting_values(self._specs)
         for name, spec in self._specs.items():
             self._declare(name, spec, values[name])
-        node.add_pre_set_parameters_callback(self._before_set)
+        node.add_pre_set_parameters_callback(lambda changes: [self._retyped(one) for one in changes])
         node.add_on_set_parameters_callback(self._on_set)
 
     def values(self) -> dict[str, Any]:
@@ -250,7 +250,8 @@ class DeclaredParameters:
         """Refuse unknown names of `-p`; one that a parameter file has may be meant for other nodes."""
         problems = []
         for name in self._given():
-            if name in self._specs or self._is_ros_own(name):
+            own = name in _ROS_OWN or name.startswith("qos_overrides.") or self._node.has_parameter(name)
+            if name in self._specs or own:
                 continue
             problem = f"parameter {name!r} is not known to this node; {nearest(name, self._specs)}"
             if name in said:
@@ -260,14 +261,7 @@ class DeclaredParameters:
         if problems:
             raise LupinError("\n".join(problems))
 
-    def _is_ros_own(self, name: str) -> bool:
-        own = name in _ROS_OWN or name.startswith("qos_overrides.")
-        return own or bool(self._node.has_parameter(name))
-
     # --- while the node runs
-
-    def _before_set(self, changes: list[RosParameter]) -> list[RosParameter]:
-        return [self._retyped(change) for change in changes]
 
     def _retyped(self, change: RosParameter) -> RosParameter:
         """Return an integer given for a double as a double; what cannot be read stays as it is."""

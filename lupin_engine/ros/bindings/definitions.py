@@ -233,7 +233,7 @@ def element_of(listed: str) -> Any:
 
 def plain(value: Any) -> Any:
     """Return a message as dictionaries, lists and scalars; a time as seconds."""
-    if _is_time(value):
+    if type(value).__module__.startswith("builtin_interfaces."):  # it has Time and Duration only
         return seconds_of(value)
     if hasattr(value, "get_fields_and_field_types"):
         return {name: plain(getattr(value, name)) for name in value.get_fields_and_field_types()}
@@ -242,8 +242,3 @@ def plain(value: Any) -> Any:
     if isinstance(value, str) or not hasattr(value, "__iter__"):
         return value.item() if hasattr(value, "item") else value
     return [plain(element) for element in value]
-
-
-def _is_time(value: Any) -> bool:
-    # That package has Time and Duration only.
-    return type(value).__module__.startswith("builtin_interfaces.")

@@ -12,7 +12,7 @@ import os
 import signal
 import subprocess
 import time
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -158,7 +158,8 @@ def _stop(child: _Child, patience: Callable[[], Patience]) -> bool:
         if allowed() is None:
             continue
         killed = number is signal.SIGKILL
-        _signal_group(child, number)
+        with contextlib.suppress(ProcessLookupError, PermissionError):
+            os.killpg(child.process.pid, number)
         _wait(lambda: _is_over(child), allowed)
     _close_lifeline(child)
     if killed:
@@ -186,11 +187,6 @@ def group_lives(group: int) -> bool:
     return True
 
 
-def _signal_group(child: _Child, number: signal.Signals) -> None:
-    with contextlib.suppress(ProcessLookupError, PermissionError):
-        os.killpg(child.process.pid, number)
-
-
 def _wait(condition: Callable[[], bool], allowed: Callable[[], float | None]) -> None:
     begin = time.monotonic()
     while not condition() and time.monotonic() - begin < (allowed() or 0.0):
@@ -205,11 +201,7 @@ def last_lines(log: Path, count: int = SHOWN_LINES) -> tuple[str, ...]:
             text = file.read().decode(errors="replace")
     except OSError:
         return ()
-    return tuple(_told(text.splitlines())[-count:])
-
-
-def _told(lines: Iterable[str]) -> list[str]:
-    return [line.rstrip() for line in lines if line.strip()]
+    return tuple([line.rstrip() for line in text.splitlines() if line.strip()][-count:])
 
 
 def _signal_name(number: int) -> str:

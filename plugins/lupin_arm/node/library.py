@@ -69,7 +69,8 @@ class LibraryServer:
         later = partial(self._ros.serve_later, stale_after=STALE_AFTER_S, refuse=refuse)
         now(GetArmLibrary, f"{BASE}/list", self._list, refuse=_refuse_list)
         now(SaveArmPose, f"{BASE}/save_pose", _answering(self._save_pose), refuse=refuse)
-        now(ArmLibraryEdit, f"{BASE}/delete", _answering(self._edit), refuse=refuse)
+        edit = _answering(lambda asked: self._library.edit(asked.kind, asked.name, asked.new_name))
+        now(ArmLibraryEdit, f"{BASE}/delete", edit, refuse=refuse)
         later(SetArmPreset, f"{BASE}/goto_pose", _answering_later(self._go_to))
         later(PlayArmSequence, f"{BASE}/play", _answering_later(self._play))
         later(ArmRecord, f"{BASE}/record", self._record)
@@ -109,9 +110,6 @@ class LibraryServer:
             pose, changed = checked_pose(request.arm_rad, jaw, _now())
         name = self._library.save_pose(request.name, pose, request.overwrite)
         return "; ".join([f"saved {name!r}", *changed])
-
-    def _edit(self, request: ArmLibraryEdit.Request) -> str:
-        return self._library.edit(request.kind, request.name, request.new_name)
 
     # --- moving -------------------------------------------------------------------------------------------
 

@@ -103,10 +103,10 @@ class Servos:
             "clear_offsets": self._clear_offsets,
             "write_offsets": self._write_offsets,
             "move_to_zero": self._move_to_zero,
-            "release": self._release,
+            "release": lambda attempt, _: self._switch(attempt, False, "servo_failed"),
             "measure": self._measure,
             "correct": self._correct,
-            "enable": self._enable,
+            "enable": lambda attempt, _: self._switch(attempt, True, "still_limp"),
         }
 
     @property
@@ -184,12 +184,6 @@ class Servos:
     def tell_stopped(self) -> None:
         """Tell the chart whether the arm is stopped."""
         self._outlet.value("calibration.stopped", self._arm.stopped, self._ros.elapsed())
-
-    def _release(self, attempt: str, _: Mapping[str, Any]) -> None:
-        self._switch(attempt, False, "servo_failed")
-
-    def _enable(self, attempt: str, _: Mapping[str, Any]) -> None:
-        self._switch(attempt, True, "still_limp")
 
     def _switch(self, attempt: str, on: bool, code: str) -> None:
         def switched(problem: str | None) -> None:
