@@ -125,7 +125,7 @@ def observed(name: str, value: Any, stamp: float) -> Event:
     return Event("value", {"name": name, "value": value, "stamp": stamp})
 
 
-@dataclass(frozen=True)
+@record(frozen=True)
 class Start:
     """Begin an attempt of an operation: the `tries`th of the activation of `state` that it serves."""
 
@@ -136,7 +136,7 @@ class Start:
     tries: int = 1
 
 
-@dataclass(frozen=True)
+@record(frozen=True)
 class Cancel:
     """Ask that an attempt ends."""
 
@@ -144,7 +144,7 @@ class Cancel:
     operation: str
 
 
-@dataclass(frozen=True)
+@record(frozen=True)
 class Act:
     """Carry out a plugin's action and don't wait."""
 
@@ -152,7 +152,7 @@ class Act:
     arguments: Mapping[str, Any]
 
 
-@dataclass(frozen=True)
+@record(frozen=True)
 class Report:
     """The mission's last word: every visit with its outcome."""
 

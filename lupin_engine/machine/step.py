@@ -13,7 +13,7 @@ from lupin_engine.machine.memory import Memory, Phase
 from lupin_engine.plugin.contract import EXECUTION_CODE
 
 
-@dataclass(frozen=True)
+@record(frozen=True)
 class Refusal:
     """Why a request changed nothing: a declared code and a sentence for the operator."""
 
@@ -21,7 +21,7 @@ class Refusal:
     text: str
 
 
-@dataclass(frozen=True)
+@record(frozen=True)
 class Considered:
     """A transition that listens to an event, and what keeps it from being taken.
 

@@ -43,8 +43,9 @@ class Timers:
     def disarm(self, kind: str, owner: str) -> None:
         """Forget the deadlines of that kind and owner."""
         for timers in (self._memory.timers, self._memory.frozen):
-            if timers:
-                timers[:] = [timer for timer in timers if timer[2] != kind or timer[3][0] != owner]
+            for index in range(len(timers) - 1, -1, -1):
+                if timers[index][2] == kind and timers[index][3][0] == owner:
+                    del timers[index]
 
     def left(self, kind: str, owner: str, now: float) -> float | None:
         """Return how much time a deadline has left, in seconds; None when it is not armed."""
