@@ -371,12 +371,10 @@ def _number(value: Any, wanted: Type, notation: Notation) -> _Answer:
     number = value
     if isinstance(value, str) and wanted.kind == "number" and notation is not Notation.DATA:
         quantity = parse_quantity(value)
-        units = ", ".join(map(repr, units_of(wanted.unit)))
-        hint = f"; its units are {units}" if wanted.unit and units else ""
         if quantity is None:
-            return _expected(wanted, value, hint)
+            return _expected(wanted, value, _unit_hint(wanted))
         if quantity[1] != wanted.unit:
-            return _expected(wanted, value, hint, Fault.UNIT)
+            return _expected(wanted, value, _unit_hint(wanted), Fault.UNIT)
         number = quantity[0]
     if isinstance(number, bool) or not isinstance(number, (int, float)):
         return _expected(wanted, value)
@@ -390,6 +388,11 @@ def _number(value: Any, wanted: Type, notation: Notation) -> _Answer:
     if (low is not None and number < low) or (high is not None and number > high):
         return Fault.RANGE, f"expected {wanted} {_range(wanted, value)}, got {value!r}"
     return _FINE
+
+
+def _unit_hint(wanted: Type) -> str:
+    units = ", ".join(map(repr, units_of(wanted.unit)))
+    return f"; its units are {units}" if wanted.unit and units else ""
 
 
 def _is_finite(value: float) -> bool:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
-from functools import cache
+from functools import cache, lru_cache
 from types import MappingProxyType
 from typing import Any
 
@@ -117,7 +117,7 @@ class ScenarioNames:
         return self.catalog.operations.get(name)
 
     def look_up(self, node: Node, key: str, value: Any, mark: NameOf) -> None:
-        """TakeView up the names under `key`: a text, which may be empty, a list or the keys of a mapping."""
+        """Look up the names under `key`: a text, which may be empty, a list or the keys of a mapping."""
         for index, name in enumerate([value] if isinstance(value, str) else value or ()):
             place = node.key_at(key, name) if isinstance(value, dict) else node.at(key, index)
             if mark.what == "state":
@@ -129,13 +129,13 @@ class ScenarioNames:
         return {getattr(state, attribute) or "" for state in self.chart.states.values()} - {""}
 
     def _state(self, place: Place, name: str) -> None:
-        """TakeView for a state by its full name or its last parts."""
-        names = [state for state in self.chart.states if state]
-        if not any(is_named(state, name) for state in names):
-            self.known(place, "state", name, {state.rpartition(".")[2] for state in names})
+        """Look for a state by its full name or its last parts."""
+        if not _has_state(self.chart, name):
+            names = {state.rpartition(".")[2] for state in self.chart.states if state}
+            self.known(place, "state", name, names)
 
     def code(self, place: Place, code: str, name: str, operation: Operation) -> None:
-        """TakeView for a code of an operation."""
+        """Look for a code of an operation."""
         self.known(place, "code", code, [known.name for known in operation.codes], name)
 
     def value(self, place: Place, path: str, value: Any, kind: Type) -> Any:
@@ -411,21 +411,30 @@ def _attribute(key: str) -> str:
     return "at_" if key == "at" else key
 
 
+@lru_cache(1024)
+def _has_state(chart: Chart, name: str) -> bool:
+    """Say whether a state is called that; the scenarios of a folder name the same ones again and again."""
+    return any(is_named(state, name) for state in chart.states if state)
+
+
 @cache
-def _marks(model: type[Node]) -> Mapping[str, tuple[str, Sequence[Any]]]:
+def _marks(model: type[Node]) -> Mapping[str, tuple[str, Sequence[NameOf | IsDuration]]]:
     """Return the key of each field of a model, and how it is marked."""
-    return {name: (field.alias or name, field.metadata) for name, field in model.model_fields.items()}
+    return {
+        name: (field.alias or name, [m for m in field.metadata if isinstance(m, (NameOf, IsDuration))])
+        for name, field in model.model_fields.items()
+    }
 
 
 def check_names(node: Node, names: ScenarioNames) -> None:
-    """TakeView up the names and read the durations that are marked in a node, and in the nodes below it."""
+    """Look up the names and read the durations that are marked in a node, and in the nodes below it."""
     fields = _marks(type(node))
     for field in node.model_fields_set:
         value, (key, marks) = getattr(node, field), fields[field]
         for mark in marks:
             if isinstance(mark, NameOf):
                 names.look_up(node, key, value, mark)
-            elif isinstance(mark, IsDuration):
+            else:
                 names.duration(node.at(key), key, value)
         for inner in value if isinstance(value, list) else [value]:
             if isinstance(inner, Node):
