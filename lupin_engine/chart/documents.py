@@ -268,7 +268,9 @@ class ItineraryNode(Node):
 
     SHAPE = "{items: LIST}"
 
-    items: Annotated[Written, Meaning.VALUE] = Field(description="list of targets")
+    items: Annotated[Written, Meaning.VALUE] = Field(
+        description="list of targets: texts, whole numbers or records with an `id`, which they are told by"
+    )
     order: Annotated[Written, Meaning.VALUE] = Field(
         None, description="number for each `target`; the smallest is next"
     )

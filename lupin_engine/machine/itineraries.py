@@ -7,7 +7,7 @@ from typing import Any
 
 from lupin_engine.chart.expressions.evaluation import UnknownInput
 from lupin_engine.chart.model import Itinerary, State
-from lupin_engine.errors import reason
+from lupin_engine.errors import reason, shortened
 from lupin_engine.machine.event import Trigger
 from lupin_engine.machine.memory import Traversal, Visit
 from lupin_engine.machine.scope import ITINERARY, EvaluationScope, traversal_of
@@ -112,7 +112,10 @@ class Itineraries:
 
     def _items(self, state: State, rule: Itinerary, trigger: Trigger, step: Macrostep) -> list[Any]:
         try:
-            return list(rule.items.evaluate(self._scope.see(state.name, step, trigger)))
+            items = list(rule.items.evaluate(self._scope.see(state.name, step, trigger)))
+            for item in items:
+                identity_of(item)  # one that has none is told here
+            return items
         except Exception as problem:
             step.fail(state.name, f"{rule.place}: itinerary: {reason(problem)}")
             return []
@@ -150,5 +153,12 @@ class Itineraries:
 
 
 def identity_of(item: Any) -> str:
-    """Return what an element is called in messages: its `id`, or itself."""
-    return str(item["id"]) if isinstance(item, dict) and "id" in item else str(item)
+    """Return what a target is called in messages: its `id`, or itself.
+
+    Raises:
+        ValueError: it has none; the checker lets that pass only where it does not know the type.
+    """
+    name = item.get("id") if isinstance(item, dict) else item
+    if isinstance(name, bool) or not isinstance(name, (str, int)):
+        raise ValueError(f"the target {shortened(repr(item))} has no 'id' to tell it by")
+    return str(name)

@@ -300,8 +300,19 @@ def test_what_is_current_is_the_target_only_where_it_is_walked() -> None:
 
 def test_targets_are_called_by_their_id_or_as_they_are() -> None:
     """What is published needs a name."""
-    assert [identity_of(item) for item in ({"id": 7}, {"x": 1}, "a")] == ["7", "{'x': 1}", "a"]
+    assert [identity_of(item) for item in ({"id": 7}, 3, "a")] == ["7", "3", "a"]
     assert Visit("7").closed is False
+
+
+@pytest.mark.parametrize("item", [{"x": 1.0}, {"id": None}, 1.5, True, [1]])
+def test_a_target_without_a_name_is_an_error_and_not_walked(item: Any) -> None:
+    """Only where its type is not known before does one get as far as here; nothing is published of it."""
+    on = {"close": {"do": CLOSE}}
+    bench = Bench(chart({"W": {"itinerary": {"items": lambda _: [item]}, "on": on}, "FAULT": {}}))
+    bench.send("close")
+    problem = f"the target {item!r} has no 'id' to tell it by"
+    assert bench.steps[0].notes[0] == f"test.yaml:1:1: itinerary: {problem}"
+    assert not [c for step in bench.steps for c in step.commands if isinstance(c, Publish)]
 
 
 def driving() -> Bench:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,9 @@ from click.testing import CliRunner, Result
 from lupin_engine.cli.main import main
 from lupin_engine.cli.verbs.simulate import simulate
 from lupin_engine.cli.verbs.test import test as run_scenarios
+from lupin_engine.missions.folders import LIFECYCLE
 
+MISSIONS = Path(__file__).parents[2] / "missions"
 SCENARIOS = Path(__file__).parents[1] / "scenarios" / "inspection"
 # pytest would take the verb for a test.
 run_scenarios.__test__ = False  # type: ignore[attr-defined]
@@ -32,6 +35,45 @@ def test_simulate_tells_a_story_and_its_sum() -> None:
     assert "publish 2 OK" in result.output
     assert result.output.splitlines()[-1] == "DONE: 2 visited of 2 targets in 13.9 s of virtual time"
     assert result.return_value == 0
+
+
+ROUTE = """\
+mission: Route
+codes:
+  drive_slow: {label: driving took too long}
+states:
+  TOUR:
+    itinerary: {items: [{id: gate, x: 1 m, y: 2 m, yaw: 0 rad}, {id: bench, x: 20 cm, y: 2 m, yaw: 90 deg}]}
+    on_done: done
+    initial: GOING
+    states:
+      GOING:
+        invoke:
+          do: nav.go_to
+          with: {pose: "${ target }", max_variance: 0.25}
+          timeout: {after: 60 s, code: drive_slow}
+        on_done: {target: NEXT, do: {itinerary.close: {status: OK}}}
+        on_error: {target: NEXT, do: {itinerary.close: {status: UNREACHABLE, code: "${ error.code }"}}}
+      NEXT:
+        always:
+          - {target: GOING, guard: itinerary.remaining > 0, do: itinerary.advance}
+          - target: over
+      over: {type: final}
+  done: {type: final}
+"""
+
+
+def test_targets_that_are_written_out_are_driven_to_and_told_by_their_id(tmp_path: Path) -> None:
+    """A list in the file is typed like everything else: its lengths and angles are in base units."""
+    shutil.copy(MISSIONS / LIFECYCLE, tmp_path)
+    (tmp_path / "route.yaml").write_text(ROUTE)
+    result = typed(simulate, str(tmp_path / "route.yaml"))
+    assert result.return_value == 0
+    told = " ".join(result.output.split())
+    assert "start nav.go_to(pose: {id gate, x 1, y 2, yaw 0}, max_variance: 0.25)" in told
+    assert "start nav.go_to(pose: {id bench, x 0.2, y 2, yaw 1.571}, max_variance: 0.25)" in told
+    assert "publish gate OK" in told
+    assert "publish bench OK" in told
 
 
 def test_quiet_prints_the_sum_only() -> None:

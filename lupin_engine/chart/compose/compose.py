@@ -35,12 +35,14 @@ from lupin_engine.chart.expressions.checker import check_expression
 from lupin_engine.chart.expressions.evaluation import Expression
 from lupin_engine.chart.expressions.scope import Scope, Typed, Usage, fragment_of, literal
 from lupin_engine.chart.expressions.texts import check_text
+from lupin_engine.chart.expressions.units import with_article
 from lupin_engine.chart.expressions.values import (
     PerElement,
     is_expression,
     read_constant,
     read_guard,
     read_key,
+    read_list,
     read_per_element,
     read_value,
 )
@@ -61,7 +63,7 @@ from lupin_engine.errors import Place
 from lupin_engine.plugin.builtin import BUILTIN
 from lupin_engine.plugin.contract import Code, Parameter
 from lupin_engine.plugin.registry import Catalog
-from lupin_engine.plugin.types import ANY, BOOL, COUNT, DURATION, Type, list_of
+from lupin_engine.plugin.types import ANY, BOOL, COUNT, DURATION, Type
 
 #: What expressions see of the itinerary around them.
 ITINERARY = Type(
@@ -456,8 +458,9 @@ class _Composer:
 
     def _itinerary(self, draft: Draft, node: ItineraryNode, outer: Scope) -> tuple[Itinerary | None, Scope]:
         path = path_of(draft.name, "itinerary")
-        items = read_key(node, "items", list_of(ANY), outer, self._findings, path)
+        items = read_list(node.items, node.at("items"), outer, self._findings, f"{path}.items")
         item = (items.type.item if items is not None else None) or ANY
+        self._check_identity(item, node.at("items"), f"{path}.items")
         sweeps = read_key(node, "sweeps", COUNT, outer, self._findings, path)
         order = None
         if node.order is not None:
@@ -471,6 +474,14 @@ class _Composer:
             return None, inner
         walk = Itinerary(items, node.place, order, sweeps, node.on_abort == "leave_open", node.source)
         return walk, inner
+
+    def _check_identity(self, item: Type, place: Place, path: str) -> None:
+        """Refuse targets that cannot be told apart in what is published about them."""
+        own = item.fields.get("id", item) if item.kind == "record" else item
+        if own.kind not in ("any", "text", "integer"):
+            problem = f"a target is told by its 'id', and {with_article(item)} has none"
+            hint = "give each an 'id', as in {id: gate, x: 1 m, ...}, or walk a list of text"
+            self._findings.add(place, "wrong-type", path, problem, hint)
 
     def _part_scope(self, draft: Draft, node: StateNode, scope: Scope) -> Scope:
         """Return what the states of a part see: the part's declarations, and what its user hands on."""

@@ -15,14 +15,14 @@ from lupin_engine.chart.expressions.values import (
     read_arguments,
     read_guard,
     read_key,
+    read_list,
     read_per_element,
-    read_value,
 )
 from lupin_engine.chart.findings import Findings
 from lupin_engine.chart.model import ActionCall, ForEach, Invoke, Retry
 from lupin_engine.plugin.contract import OPERATION_CODES, Operation
 from lupin_engine.plugin.registry import Catalog
-from lupin_engine.plugin.types import ANY, COUNT, DURATION, TEXT, Type, list_of
+from lupin_engine.plugin.types import ANY, COUNT, DURATION, TEXT, Type
 
 _SOME = Type("integer", "count", minimum=1)
 _FACTOR = Type("number", "number", minimum=1)
@@ -122,7 +122,7 @@ class InvokeReader:
         """Read what is done for the elements of a list; None after findings that leave nothing to do."""
         findings = self._findings
         around = scope.without("event", "an element comes without an event")
-        items = read_value(node.in_, node.at("in"), list_of(ANY), around, findings, f"{path}.in")
+        items = read_list(node.in_, node.at("in"), around, findings, f"{path}.in")
         kind = (items.type.item if items is not None else None) or ANY
         self._check_item(node, around, path)
         inner = around.with_item(node.item, kind)

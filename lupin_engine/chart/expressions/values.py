@@ -10,14 +10,14 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from lupin_engine.chart.expressions.checker import compile_expression
 from lupin_engine.chart.expressions.evaluation import Constant, Expression, Value
 from lupin_engine.chart.expressions.scope import Fragment, Scope, fragment_of
 from lupin_engine.chart.expressions.texts import read_text
-from lupin_engine.chart.expressions.units import describe, is_number, one
+from lupin_engine.chart.expressions.units import describe, is_number, join, one
 from lupin_engine.chart.findings import Findings
 from lupin_engine.chart.nodes import Node, show
 from lupin_engine.chart.source import Map, Seq, Text, map_at, text_at
@@ -26,12 +26,18 @@ from lupin_engine.plugin.contract import Argument
 from lupin_engine.plugin.types import (
     ANY,
     BOOL,
+    INTEGER,
+    NUMBER,
+    TEXT,
     Fault,
     Notation,
     Type,
     ValueProblem,
     convert,
     converted,
+    list_of,
+    number_in,
+    parse_quantity,
     problems,
     units_of,
 )
@@ -76,6 +82,60 @@ def read_key(node: Node, key: str, wanted: Type, scope: Scope, findings: Finding
     if fragment is not None:
         return compile_expression(fragment, scope, wanted, findings, path)
     return read_value(raw, node.at(key), wanted, scope, findings, path)
+
+
+def read_list(raw: Any, place: Place, scope: Scope, findings: Findings, path: str) -> Value | None:
+    """Read a list of anything; one that is written out has the type that its elements have."""
+    item = ANY
+    if isinstance(raw, Seq) and raw:
+        item = literal_type(raw[0])
+        for index, element in enumerate(raw[1:], start=1):
+            kind = literal_type(element)
+            joined = _both(item, kind)
+            if joined is None:
+                problem = f"a list holds one type: {_difference(item, kind)}"
+                findings.add(raw.place_of(index), "wrong-type", path, problem)
+                return None
+            item = joined
+    return read_value(raw, place, list_of(item), scope, findings, path)
+
+
+def literal_type(raw: Any) -> Type:
+    """Return the type of a value that is written out; what is no value of the language is anything."""
+    if isinstance(raw, bool):
+        return BOOL
+    if isinstance(raw, (int, float)):
+        return INTEGER if isinstance(raw, int) else NUMBER
+    if isinstance(raw, str) and not is_expression(raw):
+        quantity = parse_quantity(raw)
+        return TEXT if quantity is None else number_in(quantity[1])
+    if isinstance(raw, Mapping):
+        fields = {str(name): literal_type(raw[name]) for name in raw}
+        return Type("record", f"record of {', '.join(fields)}", fields=fields)
+    kinds = {literal_type(element) for element in raw} if isinstance(raw, list) else set()
+    return list_of(kinds.pop()) if len(kinds) == 1 else ANY
+
+
+def _both(first: Type, second: Type) -> Type | None:
+    """Return the type of two written elements; a text that looks like a quantity may be a text."""
+    if first.kind == second.kind == "record":
+        if first.fields.keys() != second.fields.keys():
+            return None
+        fields = {name: _both(kind, second.fields[name]) for name, kind in first.fields.items()}
+        known = {name: kind for name, kind in fields.items() if kind is not None}
+        return replace(first, fields=known) if len(known) == len(fields) else None
+    if {first.kind, second.kind} == {"text", "number"} and (first.unit or second.unit):
+        return TEXT
+    return join(first, second)
+
+
+def _difference(first: Type, this: Type) -> str:
+    """Say in what an element differs from the first one of its list."""
+    if first.kind == this.kind == "record" and first.fields.keys() == this.fields.keys():
+        name = next(name for name, kind in first.fields.items() if _both(kind, this.fields[name]) is None)
+        known, got = describe(first.fields[name]), describe(this.fields[name])
+        return f"{name!r} of the first is {known}, here it is {got}"
+    return f"the first is {describe(first)}, this is {describe(this)}"
 
 
 @dataclass(frozen=True)
