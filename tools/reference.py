@@ -172,8 +172,10 @@ explained in [rules.md](rules.md).
 - A mission begins when its request is accepted: its variables and those of its parts have their defaults, its
   `entry` runs, its itineraries, budgets and history are new. Coming back by history, as from the dock, is no
   beginning. Variables of the lifecycle keep their values from mission to mission.
-- A *code* is why something happened. The one that was reported last is published with its label, as
-  `last_error`; a request that is refused is answered with one.
+- A *code* is why something happened, with a detail for people. Each time that one is reported is an event: in
+  the log, the live view and the record of the run, with the target that it is about. Of all that a mission
+  has reported, the newest of the worst is published with its label, as `last_error`. A refused request is
+  answered with a code, which reports nothing.
 - A live value is *unknown* before its first report, or when that is too old. A guard that reads it is then
   false, so ask with `known(...)`.
 

@@ -116,7 +116,10 @@ class TransitionNode(Node):
     )
     releases: Annotated[Names, Meaning.HOLD] = _many("holds that taking this releases")
     code: Annotated[str | None, Meaning.CODE] = Field(
-        None, description="code that is published as last_error when this is taken"
+        None, description="code that is reported when this is taken"
+    )
+    detail: Annotated[Written, Meaning.VALUE] = Field(
+        None, description="text beside the code; it sees what the actions have set; else that of the error"
     )
     internal: bool = Field(False, description="do not leave and re-enter the state that this stands in")
     use: Annotated[str | None, Meaning.STATE] = Field(
@@ -254,9 +257,8 @@ class BudgetNode(Node):
     SHAPE = "{after: DURATION, code: CODE, target: STATE}"
 
     after: Annotated[Written, Meaning.VALUE] = Field(description="time that the state has in all, a duration")
-    code: Annotated[str, Meaning.CODE] = Field(
-        description="code that is published as last_error when the time is used up"
-    )
+    code: Annotated[str, Meaning.CODE] = Field(description="code that is reported when the time is used up")
+    detail: Annotated[Written, Meaning.VALUE] = Field(None, description="text beside the code")
     target: Annotated[str, Meaning.STATE] = Field(
         description="state to go to then, found in the nearest enclosing scope"
     )
@@ -343,7 +345,7 @@ class ParameterNode(Node):
 
 
 class CodeNode(Node):
-    """A reason that can reach last_error."""
+    """A reason that can be reported, or that a request is refused with."""
 
     label: str = Field(description="text for people")
     severity: Literal["info", "warn", "error"] = Field("warn", description="how bad it is")

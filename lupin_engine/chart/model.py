@@ -74,6 +74,7 @@ class Transition:
     releases: frozenset[str] = field(default=frozenset(), metadata=said(Role.HOLDS, "releases"))
     code: str | None = field(default=None, metadata=said(Role.CODE, "code"))
     internal: bool = field(default=False, metadata=said(Role.PLAIN, "internal"))
+    detail: Value | None = field(default=None, metadata=said(Role.VALUE, "detail"))
 
 
 @record(frozen=True)

@@ -27,7 +27,8 @@ class ElementTexts:
         """Return the label of a transition."""
         guard = f"[{_cut(rule.guard.source)}]" if rule.guard else ""
         event = self._event(rule) or ("" if guard else "always")
-        return Label(event, _cause(rule.event), guard, _actions(rule.actions), frozenset({rule.id}))
+        told = ", ".join(filter(None, (f"code {rule.code}" if rule.code else "", _actions(rule.actions))))
+        return Label(event, _cause(rule.event), guard, told, frozenset({rule.id}))
 
     def lines(self, state: State) -> Iterator[TextLine]:
         """Yield the lines of a state, without its transitions."""

@@ -17,6 +17,7 @@ from dataclasses import dataclass, field
 
 from lupin_engine.chart.expressions.evaluation import Expression
 from lupin_engine.chart.model import Hold, Transition
+from lupin_engine.errors import Severity
 from lupin_engine.machine.event import Event
 from lupin_engine.machine.memory import Memory
 from lupin_engine.machine.scope import HELD, EvaluationScope, Reads, Watch
@@ -115,7 +116,8 @@ class Holds:
         scope.memory.held.append(hold.name)
         scope.touch(HELD)
         step.note(f"hold {hold.name} engaged")
-        scope.record_code(hold.code, "", step)
+        # That it is held shows by itself, and is over with the release: mere information is not remembered.
+        scope.record_code(hold.code, "", step, least=Severity.WARN)
         if first:
             scope.timers.freeze(step.now)
             self._suspend(step)

@@ -464,6 +464,7 @@ class Machine:
     def _microstep(self, plan: Microstep, trigger: Trigger) -> None:
         """Carry out a microstep: exits, actions, entries; then the holds that its transitions release."""
         step, memory = self._step, self.memory
+        target = target_of(memory) if memory.itineraries else ""
         if plan.remembers:
             memory.history.update(plan.remembers)
         if plan.moves:
@@ -477,7 +478,7 @@ class Machine:
             if rule.actions:
                 self._content.run(rule.actions, rule.source, trigger, step)
             if rule.code is not None:
-                self.scope.record_code(rule.code, trigger.error.get("detail", ""), step)
+                self._report_code(rule, rule.code, trigger, target)
         for state, configuration in plan.entries:
             self._enter(state, configuration, trigger, state.name in plan.back)
         active = plan.leads_to
@@ -497,6 +498,16 @@ class Machine:
             target = target_of(memory) if memory.itineraries else ""
             moment = Moment(active.label, active.phase, target) if target else active.moment
             step.trail = (*step.trail, moment) if step.trail else active.trail if not target else (moment,)
+
+    def _report_code(self, rule: Transition, code: str, trigger: Trigger, target: str) -> None:
+        """Report the code of a transition that is taken, about the target of the states that it left."""
+        step, detail = self._step, trigger.error.get("detail", "")
+        if rule.detail is not None:
+            try:
+                detail = rule.detail.evaluate(self.scope.see(rule.source, step, trigger))
+            except Exception as problem:
+                step.fail(rule.source, f"{rule.detail.place}: detail: {reason(problem)}")
+        self.scope.record_code(code, detail, step, target)
 
     def _exit(self, state: State, configuration: tuple[str, ...], trigger: Trigger) -> None:
         step = self._step

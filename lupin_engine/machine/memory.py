@@ -138,7 +138,8 @@ class Reported(NamedTuple):
 
 @dataclass(slots=True)
 class Memory:
-    """The whole state of a machine. `code` is the reason last reported, with its detail.
+    """The whole state of a machine. `code` is the newest of the worst that were reported, with its detail,
+    `codes` how many were reported.
 
     `timers` are in the order in which they fire. `budgets` is the time that each state with a budget had left
     when it was last entered or left, `handled` the keys that each `for_each` has dealt with, both in this
@@ -171,6 +172,7 @@ class Memory:
     broken: list[str] = field(default_factory=list)
     code: str = ""
     detail: str = ""
+    codes: int = 0
     sequence: int = 0
     next_id: int = 0
     dropped: int = 0

@@ -13,7 +13,6 @@ from typing import Any
 
 from lupin_engine.chart.expressions.evaluation import Compiled, Environment, Expression, UnknownInput, Value
 from lupin_engine.chart.model import Chart
-from lupin_engine.chart.semantics import FAULT
 from lupin_engine.errors import Severity, reason
 from lupin_engine.machine.event import NO_TRIGGER, NOTHING, Trigger
 from lupin_engine.machine.memory import Memory, Traversal
@@ -272,19 +271,24 @@ class EvaluationScope(dict[str, Any]):
         for watch in self.watches:
             watch.unseen |= part
 
-    def record_code(self, code: str, detail: str, step: Macrostep) -> None:
-        """Report a code, and remember it for `last_error`; mere information does not replace a warning.
+    def record_code(
+        self,
+        code: str,
+        detail: str,
+        step: Macrostep,
+        target: str | None = None,
+        least: Severity = Severity.INFO,
+    ) -> None:
+        """Report a code, and remember it for `last_error` unless something worse is remembered.
 
-        In FAULT nothing less severe than its reason does: an emergency stop there must not hide what failed.
+        Without a `target` it is about the one that is processed. What is less than `least` is only reported.
         """
-        found = classify(code, self.chart.codes)
-        told = CodeEvent(code, found.label, found.severity, detail, target_of(self.memory))
-        step.codes.append(told)
-        declared = self.chart.codes.get(code)
-        shown = self.chart.codes.get(self.memory.code) if FAULT in self.memory.configuration else None
-        least = shown.severity if shown else Severity.WARN
-        if declared is None or declared.severity >= least:
-            self.memory.code, self.memory.detail = code, detail
+        memory, found = self.memory, classify(code, self.chart.codes)
+        about = target_of(memory) if target is None else target
+        step.codes.append(CodeEvent(code, found.label, found.severity, detail, about))
+        memory.codes += 1
+        if found.severity >= max(least, classify(memory.code, self.chart.codes).severity):
+            memory.code, memory.detail = code, detail
 
     def __missing__(self, root: str) -> Any:
         found = _ASKED_SELDOM.get(root)

@@ -68,9 +68,7 @@ class CodeEvent:
     detail: str
     target: str
 
-    @property
-    def text(self) -> str:
-        """The code and the detail."""
+    def __str__(self) -> str:
         return f"{self.code}: {self.detail}" if self.detail else self.code
 
 
@@ -203,7 +201,8 @@ class View:
 
     `counts` says how many visits ended in each of the profile's outcomes, over all sweeps.
     `cancelling` are the operations that nobody wants any more and whose end the server has not confirmed.
-    `code` and `detail` are what was reported last. `paused`: held, or in a state that waits for the operator.
+    `code` and `detail` are the newest of the worst that were reported, `codes` says how many were, ever.
+    `paused`: held, or in a state that waits for the operator.
     """
 
     configuration: tuple[str, ...]
@@ -217,6 +216,7 @@ class View:
     counts: Mapping[str, int]
     code: str
     detail: str
+    codes: int
     held: tuple[str, ...]
     paused: bool
     attempts: tuple[Attempting, ...]
@@ -250,6 +250,7 @@ def view_of(chart: Chart, memory: Memory) -> View:
         counts={status: traversal.count(status) if traversal else 0 for status in chart.profile.statuses},
         code=memory.code,
         detail=memory.detail,
+        codes=memory.codes,
         held=tuple(memory.held),
         paused=bool(memory.held) or any(chart.states[name].paused for name in memory.configuration),
         attempts=tuple(_attempting(memory)),

@@ -9,9 +9,10 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 
 from lupin_engine.chart.model import Chart
+from lupin_engine.errors import Severity
 from lupin_engine.machine.step import Step
 from lupin_engine.plugin.types import NUMBER
-from lupin_engine.sim.narration import rating
+from lupin_engine.sim.narration import own_codes, rating
 from lupin_engine.sim.simulation import Run, label_of
 
 
@@ -65,7 +66,7 @@ class Curve:
 
 @dataclass(frozen=True)
 class Tick:
-    """Something that came from outside, at one moment."""
+    """Something that came from outside or was reported, at one moment; `refused`: or is an error."""
 
     time: float
     text: str
@@ -100,7 +101,7 @@ def timeline(run: Run) -> Timeline:
         holds=tuple(_by_text(_holds(run))),
         flags=tuple(_flags(run)),
         curves=tuple(_curves(run)),
-        ticks=tuple(_ticks(run.steps)),
+        ticks=tuple(_ticks(run)),
     )
 
 
@@ -216,11 +217,15 @@ def _curves(run: Run) -> Iterator[Curve]:
             yield Curve(spec.name, known)
 
 
-def _ticks(steps: Iterable[Step]) -> Iterator[Tick]:
-    """Yield the requests and what plugins told."""
-    for step in steps:
+def _ticks(run: Run) -> Iterator[Tick]:
+    """Yield the requests, what plugins told, and the codes; those of holds and of attempts have lanes."""
+    lanes = {hold.code for hold in run.chart.holds.values()}
+    for step in run.steps:
         name = step.event.name
         if step.accepted is not None:
             yield Tick(step.time, name.rpartition(".")[2], not step.accepted)
         elif name != "start" and name != "value" and name.partition(".")[0] not in ("attempt", "timer"):
             yield Tick(step.time, name)
+        for code in own_codes(step)[name == "timer.timeout" :]:
+            if code.code not in lanes:
+                yield Tick(step.time, code.code, code.severity is Severity.ERROR)

@@ -292,6 +292,9 @@ class Orchestrator:
             target = f"{self._chart.profile.terminal.target}_id"
             ids = {target: view.target or "-", "mission_id": view.mission_id or "-"}
             self._ros.log.info("step", on=step.event.name, taken=list(step.taken), now=now, **ids)
+        for code in step.codes:
+            log = (self._ros.log.info, self._ros.log.warning, self._ros.log.error)[code.severity]
+            log(code.label, code=code.code, detail=code.detail, target=code.target or "-")
         for note in step.notes:
             self._ros.log.info(note)
 
@@ -306,11 +309,11 @@ class Orchestrator:
     # -- publishing -------------------------------------------------------------------------------------
 
     def _publish_if_changed(self, view: View, moment: Moment | None = None) -> None:
-        """Publish at once when lifecycle, phase, target or a flag is new."""
+        """Publish at once when lifecycle, phase, target or a flag is new, or a code was reported."""
         if moment is not None:
             view = replace(view, lifecycle=moment.lifecycle, phase=moment.phase, target=moment.target)
         fields = self._state_fields(view)
-        said = (view.lifecycle, view.phase, view.target, view.paused, view.code, view.mission_id)
+        said = (view.lifecycle, view.phase, view.target, view.paused, view.codes, view.mission_id)
         shown = (*said, *(fields[name] for name in self._wire.urgent))
         if shown != self._published:
             self._published = shown

@@ -9,8 +9,7 @@ from typing import Any
 from lupin_engine.chart.model import Chart, Kind
 from lupin_engine.errors import Severity
 from lupin_engine.machine.event import Act, Cancel, Command, Event, Report, Start
-from lupin_engine.machine.step import Step
-from lupin_engine.plugin.contract import EXECUTION_CODE
+from lupin_engine.machine.step import CodeEvent, Step
 from lupin_engine.plugin.profile import Publish
 from lupin_engine.runtime.history import History
 
@@ -23,7 +22,7 @@ class StepLine:
     """One step: `moved` is where it led (empty: nowhere), `commanded` what follows, `notes` why (not).
 
     With each command stands what the outcome is rated that it publishes; '' for every other command. With
-    each of the `codes` that are not told by the event stands how bad it is.
+    each of the `codes` that the event does not tell of stands how bad it is.
     """
 
     time: float
@@ -60,6 +59,11 @@ def tell(chart: Chart, history: History, begin: int = 0, end: int | None = None)
     ]
 
 
+def own_codes(step: Step) -> list[CodeEvent]:
+    """Return the codes of a step but for the one that its event tells of."""
+    return [code for code in step.codes if code.code != step.event.data.get("code")]
+
+
 # -- one step ---------------------------------------------------------------------------------------------
 
 
@@ -84,8 +88,7 @@ class _Narrator:
 
     def line(self, step: Step) -> StepLine:
         """Tell one step."""
-        codes = [code for code in step.codes if code.code == EXECUTION_CODE]
-        told = {code.detail for code in codes}
+        told = {code.detail for code in step.codes}
         notes = [note for note in step.notes if note not in told]
         return StepLine(
             time=step.time,
@@ -94,8 +97,12 @@ class _Narrator:
             commanded=tuple((_command(command), self._rating(command)) for command in step.commands),
             notes=(*notes, *(() if step.refusal else map(str, step.why))),
             refused=step.accepted is False,
-            codes=tuple((f"{code.severity.name.lower()} {code.text}", code.severity) for code in codes),
+            codes=tuple((self._code(code), code.severity) for code in own_codes(step)),
         )
+
+    def _code(self, code: CodeEvent) -> str:
+        about = f" ({self._chart.profile.terminal.target} {code.target})" if code.target else ""
+        return f"{code.severity.name.lower()} {code}{about}"
 
     def _rating(self, command: Command) -> str:
         return rating(self._chart, command.status) if isinstance(command, Publish) else ""

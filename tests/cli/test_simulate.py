@@ -397,6 +397,7 @@ unknown command 'strat'; did you mean 'start'?
 0.0 s PREPARE LOCALIZING> run 250 ms
 0.2 s PREPARE LOCALIZING> send pause
      0.2 s                                operator.pause accepted
+                                          info paused_by_operator
                                           (hold pause engaged)
 0.2 s PREPARE LOCALIZING [pause]> quit
 """

@@ -160,7 +160,7 @@ STORY = """\
      0.0 s  start   -> BOOT   start plugins.ready
      0.0 s  plugins.ready done   -> READY
      0.0 s  mission.start accepted   -> PREPARE.LOCALIZING   start nav.localize(max_variance: 0.25)
-     0.4 s  robot.estop = true   hold estop engaged
+     0.4 s  robot.estop = true   warn estop_engaged   hold estop engaged
      0.5 s  nav.localize done   the answer of nav.localize waits for the release
      0.6 s  operator.resume REFUSED: resume refused: e-stop engaged
      0.7 s  robot.estop = false"""

@@ -12,7 +12,7 @@ from lupin_engine.chart.compose.tree import Draft, Forest
 from lupin_engine.chart.documents import BudgetNode, FileNode, StateNode, TransitionNode
 from lupin_engine.chart.expressions.evaluation import Expression, never
 from lupin_engine.chart.expressions.scope import Scope
-from lupin_engine.chart.expressions.values import read_guard
+from lupin_engine.chart.expressions.values import read_guard, read_key
 from lupin_engine.chart.findings import Findings
 from lupin_engine.chart.model import Invoke, Transition
 from lupin_engine.errors import Place, nearest
@@ -154,6 +154,7 @@ class TransitionReader:
             target=self._forest.resolve(node.target, draft, node, "target", path),
             actions=self._actions.read(node.do, any_event(draft), f"{path}.do"),
             code=node.code,
+            detail=read_key(node, "detail", TEXT, any_event(draft), self._findings, path),
         )
 
     def _is_event(self, event: str, holder: StateNode | FileNode, draft: Draft) -> bool:
@@ -206,7 +207,7 @@ class TransitionReader:
             resolved = self._forest.resolve(target, site.owner, node, "target", path)
         if refuse is not None or code is not None:
             self._check_codes(node, path)
-        if refuse is not None or target is None:
+        if refuse is not None or target is None or node.detail is not None:
             self._check_sense(node, event, path)
         return Transition(
             id,
@@ -221,6 +222,7 @@ class TransitionReader:
             self._hold_names(node, "releases", path) if node.releases else _NO_HOLDS,
             code,
             node.internal,
+            None if node.detail is None else read_key(node, "detail", TEXT, scope, self._findings, path),
         )
 
     def _guard(self, node: TransitionNode, scope: Scope, path: str) -> Expression | None:
@@ -246,6 +248,10 @@ class TransitionReader:
         elif node.refuse is not None and (node.target is not None or node.do):
             problem = "a refusal changes nothing, so it has no target and no actions"
             self._findings.add(node.key_at("refuse"), "wrong-shape", path, problem, "write two transitions")
+        elif node.detail is not None and node.code is None:
+            problem = "'detail' stands beside a code"
+            hint = "leave it out" if node.refuse is not None else "add 'code: CODE'"
+            self._findings.add(node.key_at("detail"), "wrong-shape", path, problem, hint)
         elif event.startswith("input.") and node.target is None:
             problem = f"while {event} is true this would be taken for ever"
             self._findings.add(node.place, "level-without-target", path, problem, "add 'target: STATE'")

@@ -167,15 +167,12 @@ class RunMonitor:
 
     def _tell_changes(self, before: Progress, at: float) -> None:
         new = self.progress
-        told = ""
-        if new.error and new.error != before.error:
-            told = new.event
-            self.note(at, new.severity, _event_text(new))
         if new.found > before.found:
             self.note(at, Severity.INFO, self.finds)
         for name, flag in self.profile.terminal.flags.items():
             is_up = new.flags.get(name, False)
-            if is_up != before.flags.get(name, False) and told != flag.on:
+            # A hold reports a code when it is engaged, which says the same.
+            if is_up != before.flags.get(name, False) and not (is_up and new.event == flag.on):
                 self.note(at, Severity.WARN if is_up else Severity.INFO, flag.on if is_up else flag.off)
 
     def _take_observation(self, data: Mapping[str, Any], at: float) -> bool:
@@ -221,6 +218,10 @@ class RunMonitor:
         except ValueError:
             return
         self._history.take(step)
+        for code in step.codes:
+            about = f"{self.profile.terminal.target} {code.target}: " if code.target else ""
+            told = code.label if code.label == str(code) else f"{code.label} ({code})"
+            self.note(at, code.severity, f"{about}{told}")
         pose = step.event.data.get("result", {}).get("pose") if step.event.name == "attempt.done" else None
         attempt = self._history.attempts.get(step.event.data["attempt"]) if pose else None
         if pose and attempt is not None:
@@ -242,8 +243,3 @@ class RunMonitor:
 
 def _key(attempt: Mapping[str, Any]) -> tuple[str, str, int]:
     return str(attempt["state"]), str(attempt["operation"]), int(attempt["tries"])
-
-
-def _event_text(progress: Progress) -> str:
-    label, raw = progress.event, progress.error
-    return label if label == raw or not label else f"{label} ({raw})"

@@ -329,9 +329,11 @@ def test_a_pause_is_no_error() -> None:
 
 
 def test_in_fault_an_emergency_stop_does_not_hide_what_failed() -> None:
-    """Nothing less severe replaces the reason there, and everything replaces it anywhere else."""
+    """Nothing less severe replaces the reason until that is cleared."""
     on = {"operator.abort": {"target": "FAULT", "code": "crashed"}}
-    bench = held("READY", READY={"on": on}, FAULT={"on": {"operator.reset": "READY"}})
+    bench = held(
+        "READY", READY={"on": on}, FAULT={"on": {"operator.reset": {"target": "READY", "do": "report.clear"}}}
+    )
     press(bench, True)
     press(bench, False)
     bench.send("operator.resume")

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import asdict
 from typing import Any
+
+from lupin_engine.machine.step import CodeEvent
 
 MISSION_ID = "lupin-1"
 
@@ -71,6 +74,7 @@ def step(
     event: str = "x",
     attempt: str = "",
     commands: Sequence[dict[str, Any]] = (),
+    codes: Sequence[CodeEvent] = (),
 ) -> tuple[str, dict[str, Any]]:
     """A step with its view; `attempts` are operation, tries, deadline."""
     shown = [
@@ -79,4 +83,5 @@ def step(
     ]
     view = {"mission_id": mission_id, "configuration": list(configuration), "attempts": shown}
     record = {"time": time, "event": event, "data": {"attempt": attempt}, "commands": list(commands)}
+    record["codes"] = [asdict(code) for code in codes]
     return "step", {"time": time, "step": record, "view": view}

@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 
 from lupin_engine.errors import Severity
+from lupin_engine.machine.step import CodeEvent
 from lupin_engine.ros.launch.monitor import RunMonitor
 from lupin_greenhouse.profile import PROFILE
 from tests.ros.launch.messages import anomaly, flowers, observation, state, step
@@ -86,7 +87,7 @@ def test_an_observation_of_a_later_build_is_passed_over() -> None:
 
 
 def test_flags_and_errors_become_events_once() -> None:
-    """Five messages a second repeat them."""
+    """Five messages a second repeat them. A code is told for each step that reports it."""
     paused = state(
         paused=True,
         estop_engaged=True,
@@ -94,13 +95,25 @@ def test_flags_and_errors_become_events_once() -> None:
         last_event="e-stop engaged",
         last_event_severity=1,
     )
-    monitor = told(state(), paused, paused, state(last_error="estop_engaged"))
+    engaged = CodeEvent("estop_engaged", "e-stop engaged", Severity.WARN, "", "")
+    late = CodeEvent("late", "late", Severity.INFO, "5 s", "7")
+    monitor = told(
+        state(),
+        paused,
+        step([], codes=[engaged]),
+        paused,
+        state(last_error="estop_engaged"),
+        step([], codes=[late, late]),
+    )
     assert texts(monitor) == [
-        (1.0, "e-stop engaged (estop_engaged)"),
         (1.0, "paused"),
-        (3.0, "e-stop released"),
-        (3.0, "resumed"),
+        (2.0, "e-stop engaged (estop_engaged)"),
+        (4.0, "e-stop released"),
+        (4.0, "resumed"),
+        (5.0, "tag 7: late (late: 5 s)"),
+        (5.0, "tag 7: late (late: 5 s)"),
     ]
+    assert monitor.happenings[-1].severity is Severity.INFO
 
 
 def test_time_runs_against_the_deadline_of_the_orchestrator() -> None:
