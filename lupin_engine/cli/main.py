@@ -63,7 +63,10 @@ class Verbs(click.Group):
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         """Import a verb."""
         if cmd_name not in VERBS:
-            return _verb_of_plugin(cmd_name)
+            from lupin_engine.cli.plugin_verbs import load_verb
+
+            points = _points_of_plugins().get(cmd_name)
+            return load_verb(points) if points else None
         command = getattr(importlib.import_module(f"lupin_engine.cli.verbs.{cmd_name}"), cmd_name)
         assert isinstance(command, click.Command)
         return command
@@ -95,16 +98,6 @@ def _points_of_plugins() -> Mapping[str, Sequence[EntryPoint]]:
     from lupin_engine.cli.plugin_verbs import plugin_verbs
 
     return {verb: points for verb, points in plugin_verbs().items() if verb not in VERBS}
-
-
-def _verb_of_plugin(verb: str) -> click.Command | None:
-    """Import a verb of an installed package."""
-    points = _points_of_plugins().get(verb)
-    if not points:
-        return None
-    from lupin_engine.cli.plugin_verbs import load_verb
-
-    return load_verb(points)
 
 
 def _author(arguments: Sequence[str] | None) -> str:

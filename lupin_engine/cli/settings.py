@@ -78,24 +78,25 @@ def _node(item: str) -> str:
 
 def read_value(text: str, kind: Type) -> Any:
     """Return the text as data; unchanged where it does not fit, which the check then reports."""
-    return _READERS.get(kind.kind, _as_yaml)(text, kind)
+    match kind.kind:
+        case "bool":
+            return _BOOLEANS.get(text.lower(), text)
+        case "text":
+            return text
+        case "integer" | "number":
+            return _as_number(text)
+        case "list":
+            return _as_list(text, kind)
+    return _as_yaml(text, kind)
 
 
-def _as_bool(text: str, _: Type) -> Any:
-    return _BOOLEANS.get(text.lower(), text)
-
-
-def _as_number(text: str, kind: Type) -> Any:
+def _as_number(text: str) -> Any:
     for convert in (int, float):
         try:
             return convert(text)
         except ValueError:
             continue
     return text  # perhaps a quantity, such as `60 s`
-
-
-def _as_text(text: str, _: Type) -> Any:
-    return text
 
 
 def _as_list(text: str, kind: Type) -> Any:
@@ -115,12 +116,3 @@ def _as_yaml(text: str, kind: Type) -> Any:
     if isinstance(value, list) and len(value) == len(kind.fields):
         return dict(zip(kind.fields, value, strict=True))
     return value
-
-
-_READERS: Mapping[str, Callable[[str, Type], Any]] = {
-    "bool": _as_bool,
-    "integer": _as_number,
-    "number": _as_number,
-    "text": _as_text,
-    "list": _as_list,
-}

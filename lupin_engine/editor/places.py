@@ -15,7 +15,7 @@ from lupin_engine.chart.nodes import Meaning
 from lupin_engine.editor.folder import Folder
 from lupin_engine.editor.mentions import STATES, Mention
 from lupin_engine.editor.model import steps_of
-from lupin_engine.editor.scan import Steps
+from lupin_engine.editor.scan import Steps, Token
 from lupin_engine.missions.folders import PARTS
 from lupin_engine.plugin import builtin
 from lupin_engine.plugin.discovery import entry_points, source_file
@@ -95,7 +95,7 @@ def place_of(folder: Folder, draft: Draft) -> Spanned | None:
         token = scan.key_token((*steps_of(local[:-1]), "history"))
     else:
         token = scan.key_token(steps_of(local))
-    return Spanned(file, token.inner, token.inner + len(token.text)) if token else None
+    return next(iter(_spanned(file, token)), None)
 
 
 def _states(folder: Folder, path: Path, mention: Mention) -> list[Spanned]:
@@ -105,9 +105,7 @@ def _states(folder: Folder, path: Path, mention: Mention) -> list[Spanned]:
 
 def _part(folder: Folder, name: str) -> list[Spanned]:
     file = folder.path / PARTS / f"{name}.yaml"
-    scan = folder.scan(file)
-    token = scan.value_token(("part",))
-    return [Spanned(file, token.inner, token.inner + len(token.text))] if token else []
+    return _spanned(file, folder.scan(file).value_token(("part",)))
 
 
 def _declared(folder: Folder, path: Path, steps: Steps) -> list[Spanned]:
@@ -120,7 +118,10 @@ def _declared(folder: Folder, path: Path, steps: Steps) -> list[Spanned]:
 
 
 def _key(folder: Folder, file: Path, steps: Steps) -> list[Spanned]:
-    token = folder.scan(file).key_token(steps)
+    return _spanned(file, folder.scan(file).key_token(steps))
+
+
+def _spanned(file: Path, token: Token | None) -> list[Spanned]:
     return [Spanned(file, token.inner, token.inner + len(token.text))] if token else []
 
 

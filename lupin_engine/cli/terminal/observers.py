@@ -177,17 +177,11 @@ def _result(monitor: RunMonitor, result: TargetResult) -> dict[str, Any]:
     return {**found, "reason": result.reason, "values": dict(result.values)}
 
 
-class Heard:
-    """Forwards to another observer while its output can be written; then stops the run.
+class _Forwarding:
+    """Forwards everything to another observer."""
 
-    A terminal that was closed, or a pipe whose reader has left, must not keep a robot from being stopped.
-    """
-
-    def __init__(self, inner: Any, stop: Callable[[], None]) -> None:
-        """`stop` is called once, when the output can no longer be written."""
+    def __init__(self, inner: Any) -> None:
         self._inner = inner
-        self._stop = stop
-        self._gone = False
 
     def note(self, text: str, severity: Severity = Severity.INFO) -> None:
         """Forward."""
@@ -206,6 +200,22 @@ class Heard:
         self._pass_on(self._inner.close, monitor, code)
 
     def _pass_on(self, tell: Callable[..., None], *what: Any) -> None:
+        tell(*what)
+
+
+class Heard(_Forwarding):
+    """Forwards to another observer while its output can be written; then stops the run.
+
+    A terminal that was closed, or a pipe whose reader has left, must not keep a robot from being stopped.
+    """
+
+    def __init__(self, inner: Any, stop: Callable[[], None]) -> None:
+        """`stop` is called once, when the output can no longer be written."""
+        super().__init__(inner)
+        self._stop = stop
+        self._gone = False
+
+    def _pass_on(self, tell: Callable[..., None], *what: Any) -> None:
         if self._gone:
             return
         try:
@@ -216,24 +226,17 @@ class Heard:
             self._stop()
 
 
-class SavingPicture:
+class SavingPicture(_Forwarding):
     """Forwards to another observer, and saves one picture when half of the targets are done."""
 
     def __init__(self, inner: Any, chart: Chart, path: Path) -> None:
-        self._inner, self._chart, self._path = inner, chart, path
+        super().__init__(inner)
+        self._chart, self._path = chart, path
         self._saved = False
-
-    def note(self, text: str, severity: Severity = Severity.INFO) -> None:
-        """Forward."""
-        self._inner.note(text, severity)
-
-    def arrived(self, kind: str, data: Mapping[str, Any], monitor: RunMonitor) -> None:
-        """Forward."""
-        self._inner.arrived(kind, data, monitor)
 
     def show(self, monitor: RunMonitor) -> None:
         """Forward; save a picture when half of the targets are done and an operation has run for a moment."""
-        self._inner.show(monitor)
+        super().show(monitor)
         now = time.monotonic()
         under_way = any(running.since > 1.0 for running in monitor.running(now))
         if not self._saved and under_way and monitor.total and 2 * monitor.closed >= monitor.total:
@@ -260,4 +263,4 @@ class SavingPicture:
         """Forward; save the picture now if that has not happened yet."""
         if not self._saved and monitor is not None:
             self._save(monitor, time.monotonic())
-        self._inner.close(monitor, code)
+        super().close(monitor, code)

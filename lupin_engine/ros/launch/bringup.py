@@ -30,7 +30,7 @@ from lupin_engine.ros.launch.monitor import RunMonitor
 from lupin_engine.ros.launch.nodes import ORCHESTRATOR
 from lupin_engine.ros.launch.supervisor import IMPATIENT, Patience, Supervisor
 from lupin_engine.ros.messages import wire_of
-from lupin_engine.ros.operator import Answer, Operator
+from lupin_engine.ros.operator import Operator
 
 #: Period of the loop, in seconds.
 TICK_S = 0.05
@@ -145,14 +145,13 @@ class Bringup:
         self._wait_for(self._missing_servers, SERVERS_LIMIT_S)
         self.supervisor.note_segments()
         if self._settings.settle or self.description.joined:
-            self._settle()
+            settled_at, enough = time.monotonic() + SETTLE_S, self._states + SETTLE_STATES
+            self._wait_until(
+                lambda: time.monotonic() >= settled_at and self._states >= enough,
+                SETTLE_LIMIT_S,
+                checked=True,
+            )
         self._is_up = True
-
-    def _settle(self) -> None:
-        began, enough = time.monotonic(), self._states + SETTLE_STATES
-        self._tick_until(
-            lambda: time.monotonic() - began >= SETTLE_S and self._states >= enough, SETTLE_LIMIT_S
-        )
 
     def _start(self, launch: NodeLaunch) -> None:
         folder = self._settings.folder
@@ -312,17 +311,13 @@ class Bringup:
         if not abort:
             self._observer.note("no request of this profile ends a mission", Severity.ERROR)
             return False
-        answer = self._ask(abort)
+        answer = self._operator.ask(abort, ANSWER_S)
+        self._take()
         if not answer.reached:
             self._observer.note(f"the mission could not be aborted: {answer.text}", Severity.ERROR)
         elif not answer.accepted:
             self._observer.note(answer.text, Severity.WARN)
         return answer.reached
-
-    def _ask(self, name: str) -> Answer:
-        answer = self._operator.ask(name, ANSWER_S)
-        self._take()
-        return answer
 
     # -- the loop ---------------------------------------------------------------------------------------
 
@@ -338,19 +333,16 @@ class Bringup:
             self._tick()
             self._interrupts.check()
 
-    def _wait_until(self, condition: Callable[[], bool], limit: float) -> bool:
+    def _wait_until(self, condition: Callable[[], bool], limit: float, checked: bool = False) -> bool:
+        """Wait for a condition, and say whether it came; `checked` raises when the user wants to stop."""
         until = time.monotonic() + limit
         while not condition():
             if time.monotonic() > until:
                 return False
             self._tick()
+            if checked:
+                self._interrupts.check()
         return True
-
-    def _tick_until(self, enough: Callable[[], bool], limit: float) -> None:
-        until = time.monotonic() + limit
-        while time.monotonic() < until and not enough():
-            self._tick()
-            self._interrupts.check()
 
     def _tick(self) -> None:
         self._operator.spin(TICK_S)
