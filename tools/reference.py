@@ -169,9 +169,11 @@ explained in [rules.md](rules.md).
   stand still, answers wait. After the release the chart first comes to rest; then what was cancelled begins
   again in the states that are still active. A request is answered at once all the same: a transition that
   says `during` or `releases` is taken, anything else refused.
-- A mission begins when its request is accepted: its variables and those of its parts have their defaults, its
-  `entry` runs, its itineraries, budgets and history are new. Coming back by history, as from the dock, is no
-  beginning. Variables of the lifecycle keep their values from mission to mission.
+- A mission begins when its request is accepted: its variables and those of its parts have their defaults,
+  its `entry` runs, its itineraries, budgets and history are new. The targets of an itinerary that depends
+  on the request alone are known from then on: `itinerary.close_rest` closes them however early the mission
+  ends. Coming back by history, as from the dock, is no beginning. Variables of the lifecycle keep their
+  values from mission to mission. While an invariant does not hold no mission begins.
 - A *code* is why something happened, with a detail for people. Each time that one is reported is an event: in
   the log, the live view and the record of the run, with the target that it is about. Of all that a mission
   has reported, the newest of the worst is published with its label, as `last_error`. A refused request is

@@ -469,7 +469,7 @@ class FileNode(Node):
             ],
         ],
         Named(Meaning.INVARIANT),
-    ] = _by_name("conditions that hold at every moment; broken, they lead to FAULT")
+    ] = _by_name("conditions that hold at every moment; broken, they lead to FAULT, and nothing starts")
     initial: Annotated[str | None, Meaning.CHILD] = Field(
         None, description="state that is entered first; needed where several could be"
     )

@@ -41,6 +41,20 @@ class Itineraries:
         memory.current_itinerary = state.name
         self._scope.touch(ITINERARY)
 
+    def foresee(self, state: State | None) -> None:
+        """Know the targets of a mission that begins, so that they are told of however early it ends."""
+        if state is None or state.itinerary is None:
+            return
+        rule, memory = state.itinerary, self._scope.memory
+        try:
+            items = list(rule.items.evaluate(self._scope))
+        except Exception:
+            return  # entering the state tells
+        traversal = memory.itineraries[state.name] = Traversal(state.name, [], [])
+        traversal.leaves_open = rule.leaves_open
+        self._lay_out(traversal, items)
+        memory.current_itinerary = state.name
+
     def of(self, state: str) -> Traversal | None:
         """Return the itinerary that `state` works on."""
         return traversal_of(self._scope.chart, self._scope.memory, state)

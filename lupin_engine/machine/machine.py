@@ -410,7 +410,9 @@ class Machine:
         for variable in self.chart.context.values():
             if variable.of_mission:
                 memory.context.pop(variable.name, None)
+        memory.broken.clear()  # those left are about these variables
         self._begin_context(self._step)
+        self._content.itineraries.foresee(self._table.walks.get(memory.mission))
         self.scope.touch(CONTEXT | REQUEST | ITINERARY)
         memory.code = memory.detail = ""
         self._inputs.begin_mission(self._step)

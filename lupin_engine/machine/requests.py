@@ -11,7 +11,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from lupin_engine.chart.expressions.evaluation import Environment, UnknownInput
-from lupin_engine.chart.model import Field, Transition
+from lupin_engine.chart.expressions.names import names_read
+from lupin_engine.chart.model import Field, Invariant, Transition
 from lupin_engine.chart.semantics import ENGINE_EVENTS
 from lupin_engine.errors import nearest, reason, shortened
 from lupin_engine.machine.event import NO_TRIGGER, Event, Trigger
@@ -19,6 +20,7 @@ from lupin_engine.machine.holds import HoldChanges, Holds, blocking_hold
 from lupin_engine.machine.scope import EvaluationScope, World
 from lupin_engine.machine.step import Considered, Macrostep, Refusal, moment_of
 from lupin_engine.machine.structure import Configuration, Structure
+from lupin_engine.plugin.contract import INVARIANT_CODE
 from lupin_engine.plugin.types import Type, convert
 
 #: The code of a request that nothing answers here.
@@ -60,14 +62,25 @@ class Requests:
         code = code or holds.refused
         targets = (self._scope.chart.states[rule.target] for rule in found.rules if rule.target is not None)
         found.starts = any(target.slot for target in targets)
+        broken = self._broken() if found.starts else None
         if code:
             found.refusal = self._refusal(event, code)
+        elif broken is not None:
+            text = f"{_verb(event)} refused: the invariant {broken.name} does not hold: "
+            found.refusal = Refusal(INVARIANT_CODE, text + (broken.summary or broken.that.source))
         elif found.starts and not dry:
             env = self._scope.see("", step, Trigger(event=event.data))
             found.values, found.refusal = read_request(self._scope.world, event.data, env)
         if found.refusal is None and not (found.rules or holds.engages or holds.releases):
             found.refusal = self._impossible(event)
         return found
+
+    def _broken(self) -> Invariant | None:
+        """Return an invariant that does not hold, and is not about variables that begin anew."""
+        chart = self._scope.chart
+        anew = {name for name, variable in chart.context.items() if variable.of_mission}
+        broken = (chart.invariants[name] for name in self._scope.memory.broken)
+        return next((one for one in broken if anew.isdisjoint(names_read(one.that.source))), None)
 
     def _transitions(
         self, event: Event, active: Configuration, released: Sequence[str], step: Macrostep

@@ -350,6 +350,14 @@ def _has_work_at_entry(state: State) -> bool:
     return bool(state.entry or lasting or state.kind is Kind.FINAL)
 
 
+def _is_asked(chart: Chart, state: State) -> bool:
+    """Say whether a state walks a list that depends on nothing but the request."""
+    if state.itinerary is None or not state.mission:
+        return False
+    reads = Reads(chart, [state.itinerary.items])
+    return reads.certain and reads.parts == REQUEST
+
+
 @lru_cache(maxsize=32)
 def dispatch_table(chart: Chart) -> DispatchTable:
     """Return the dispatch table that all machines of a chart share."""
@@ -368,6 +376,12 @@ class DispatchTable:
         levels = [hold.engage for hold in structure.chart.holds.values() if hold.engage.startswith("input.")]
         self.hold_reads = Reads(structure.chart, (), levels)
         self.hold_reads.parts |= HELD
+        #: For a mission the first state that walks what the request alone says.
+        self.walks = {
+            state.mission: state
+            for state in reversed(list(structure.chart.states.values()))
+            if _is_asked(structure.chart, state)
+        }
         self._beginning: Microstep | None = None
 
     def configuration(self, states: States) -> Configuration:

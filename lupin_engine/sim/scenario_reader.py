@@ -14,7 +14,7 @@ from lupin_engine.chart.model import Chart
 from lupin_engine.chart.nodes import Node, show
 from lupin_engine.chart.source import Map, Seq
 from lupin_engine.errors import Place
-from lupin_engine.plugin.contract import Operation
+from lupin_engine.plugin.contract import OPERATION_CODES, Operation
 from lupin_engine.plugin.parameters import accepted
 from lupin_engine.plugin.types import DURATION, NUMBER, Type, convert
 from lupin_engine.sim.scenario_file import (
@@ -136,7 +136,8 @@ class ScenarioNames:
 
     def code(self, place: Place, code: str, name: str, operation: Operation) -> None:
         """Look for a code of an operation."""
-        self.known(place, "code", code, [known.name for known in operation.codes], name)
+        if code not in OPERATION_CODES:
+            self.known(place, "code", code, [known.name for known in operation.codes], name)
 
     def value(self, place: Place, path: str, value: Any, kind: Type) -> Any:
         """Convert a value."""

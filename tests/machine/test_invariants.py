@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
+from lupin_engine.machine.step import Refusal
 from tests.machine.charts import Bench, chart, fails, said
 
 STATES: dict[str, Any] = {
@@ -97,3 +99,35 @@ def test_time_alone_may_break_one() -> None:
     bench = Bench(given)
     (step,) = bench.wait(5.0)
     assert (step.time, bench.leaves) == (5.0, ["FAULT"])
+
+
+# -- starting -----------------------------------------------------------------------------------------------
+
+
+def test_while_one_does_not_hold_no_mission_starts() -> None:
+    """The refusal names it. One about variables that begin anew with the mission is no reason."""
+    mission = {"slot": True, "states": {"M": {"mission": "M", "states": {"WALK": {}}}}}
+    states = {
+        "READY": {"on": {"mission.start": "MISSION", "set": STATES["A"]["on"]["set"]}},
+        "MISSION": {**mission, "on": {"set": STATES["A"]["on"]["set"]}},
+        "FAULT": {"on": {"operator.reset": "READY", "set": STATES["A"]["on"]["set"]}},
+    }
+    given = chart(
+        states,
+        context={"n": 0},
+        invariants={"n": lambda env: env["context"]["n"] < 5},
+        missions={"M": {"state": "MISSION.M"}},
+    )
+    bench = Bench(given)
+    bench.send("set", to=7)
+    bench.send("operator.reset")
+    step = bench.send("mission.start", mission_type="M")
+    assert step.refusal == Refusal("invariant_broken", "start refused: the invariant n does not hold: n")
+    assert bench.leaves == ["READY"]
+    bench.send("set", to=1)
+    assert bench.send("mission.start", mission_type="M").accepted
+    anew = Bench(replace(given, context={"n": replace(given.context["n"], of_mission=True)}))
+    anew.send("set", to=7)
+    anew.send("operator.reset")
+    assert anew.send("mission.start", mission_type="M").accepted
+    assert (anew.context, anew.machine.memory.broken) == ({"n": 0}, [])

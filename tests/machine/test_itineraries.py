@@ -6,12 +6,14 @@ from typing import Any
 
 import pytest
 
+from lupin_engine.chart.expressions.evaluation import Compiled, Expression
 from lupin_engine.chart.model import Chart
 from lupin_engine.machine import event as events
 from lupin_engine.machine.itineraries import identity_of
 from lupin_engine.machine.memory import Traversal, Visit
 from lupin_engine.plugin.profile import Publish
-from tests.machine.charts import PAUSE, Bench, chart, expression, fails, said
+from lupin_engine.plugin.types import ANY, list_of
+from tests.machine.charts import PAUSE, PLACE, Bench, chart, expression, fails, said
 
 CLOSE = ("itinerary.close", {"status": "OK"})
 FAIL = ("itinerary.close", {"status": "SCAN_FAILED"})
@@ -259,6 +261,31 @@ def test_outside_its_state_the_last_walk_counts() -> None:
     bench = Bench(chart(states))
     bench.send("out")
     assert said(bench.send("rest")) == ["publish 1 SKIPPED", "publish 2 SKIPPED"]
+
+
+def test_targets_of_a_request_are_known_before_they_are_walked() -> None:
+    """However early a mission ends, close_rest tells what became of them; entering the walk begins it."""
+    asked = Expression("request.tags", PLACE, ANY, Compiled("env['request']['tags']"))
+    mission = {
+        "mission": "M",
+        "states": {
+            "LOOK": {"on": {"seen": "WALK"}},
+            "WALK": {"mission": "M", "itinerary": asked, "on": {"close": {"do": CLOSE}}},
+        },
+    }
+    slot = {"slot": True, "states": {"M": mission}, "on": {"operator.abort": {"target": "READY", "do": REST}}}
+    given = chart(
+        {"READY": {"on": {"mission.start": "MISSION"}}, "MISSION": slot},
+        missions={"M": {"state": "MISSION.M", "request": {"tags": {"type": list_of(ANY)}}}},
+    )
+    bench = Bench(given)
+    bench.send("mission.start", mission_type="M", tags=targets("1", "2"))
+    assert (bench.machine.view.total, bench.machine.view.target) == (2, "")
+    assert said(bench.send("operator.abort")) == ["publish 1 SKIPPED", "publish 2 SKIPPED"]
+    bench.send("mission.start", mission_type="M", tags=targets("1", "2"))
+    bench.send("seen")
+    assert said(bench.send("close")) == ["publish 1 OK"]
+    assert said(bench.send("operator.abort")) == ["publish 2 SKIPPED"]
 
 
 def test_every_state_works_on_its_own_itinerary() -> None:

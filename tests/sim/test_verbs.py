@@ -90,7 +90,7 @@ def test_quiet_prints_the_sum_only() -> None:
             "DONE: 2 visited, 1 unreachable of 3 targets in 12.9 s of virtual time; last: nav_status_6",
         ),
         ("battery_low_while_paused", 2, "it waits for an operator"),
-        ("localization_failed_and_left", 2, "FAULT: nothing visited of 0 targets in 15.0 s of virtual time"),
+        ("localization_failed_and_left", 2, "FAULT: 3 skipped of 3 targets in 15.0 s of virtual time"),
         ("start_refused_on_low_battery", 2, "start refused: battery low"),
     ],
 )

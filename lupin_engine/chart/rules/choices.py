@@ -29,7 +29,7 @@ from lupin_engine.chart.rules.index import (
     told,
     understood,
 )
-from lupin_engine.chart.semantics import matches
+from lupin_engine.chart.semantics import FAULT, matches
 from lupin_engine.errors import Diagnostic
 
 _NEVER = "this can never be taken"
@@ -266,7 +266,7 @@ def unhandled_outcome(index: Index) -> Iterator[Diagnostic]:
     """Find an end for which its state has no transition, or only guarded ones."""
     for work in index.works:
         if work.state.invoke is work.invoke:
-            yield from _without_answer(work.state)
+            yield from _without_answer(index, work.state)
     for state in index.answering:
         # Where nothing is invoked nothing fails, and answering that is told as such.
         for event in ("done",) if state.invoke is None else ("done", "error"):
@@ -276,11 +276,12 @@ def unhandled_outcome(index: Index) -> Iterator[Diagnostic]:
     yield from _unheard_finals(index)
 
 
-def _without_answer(state: State) -> Iterator[Diagnostic]:
+def _without_answer(index: Index, state: State) -> Iterator[Diagnostic]:
+    """Find an end that nothing is said of; in FAULT also the errors that any operation may end in."""
     invoke = state.invoke
     assert invoke is not None
     handled = {transition.event for transition in state.transitions}
-    fails = bool(invoke.operation.codes) or invoke.timeout_code is not None
+    fails = bool(invoke.operation.codes) or invoke.timeout_code is not None or index.inside(state.name, FAULT)
     for event, key, happens in (("done", "on_done", True), ("error", "on_error", fails)):
         if event not in handled and happens:
             how = "ended" if event == "done" else "failed"
