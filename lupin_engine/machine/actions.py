@@ -138,7 +138,7 @@ class ExecutableContent:
         traversal = self.itineraries.of(state)
         told = ("target", "status", "code", "detail", "reading", "tries")
         visits = (
-            tuple({name: getattr(v, name) for name in told} for v in traversal.visits) if traversal else ()
+            tuple({name: getattr(v, name) for name in told} for v in traversal.outcomes) if traversal else ()
         )
         step.commands.append(Report(self._scope.memory.mission, self._scope.memory.mission_id, visits))
 

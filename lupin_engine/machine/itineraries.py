@@ -120,6 +120,7 @@ class Itineraries:
         assert state.itinerary is not None, f"{traversal.state} walks without an itinerary"
         for visit in traversal.visits:
             traversal.past[visit.status] = traversal.past.get(visit.status, 0) + 1
+            traversal.earlier[visit.target] = visit
         traversal.sweep += 1
         self._lay_out(traversal, self._items(state, state.itinerary, Trigger(), step) or traversal.items)
         self._choose(traversal, 0, step)

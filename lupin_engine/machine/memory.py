@@ -35,7 +35,8 @@ class Traversal:
     """An itinerary under way: the items, one visit for each, and where we are.
 
     `sweep` counts from 1, `sweeps` is how many there will be (0: no end). `past` counts the visits of earlier
-    sweeps by status. With `leaves_open` nobody closes what was not visited.
+    sweeps by status, `earlier` is the newest of them for each target. With `leaves_open` nobody closes what
+    was not visited.
     """
 
     state: str
@@ -45,6 +46,7 @@ class Traversal:
     sweep: int = 1
     sweeps: int = 1
     past: dict[str, int] = field(default_factory=dict)
+    earlier: dict[str, Visit] = field(default_factory=dict)
     leaves_open: bool = False
 
     @property
@@ -56,6 +58,11 @@ class Traversal:
     def visit(self) -> Visit | None:
         """The current target's visit."""
         return self.visits[self.index] if self.index < len(self.visits) else None
+
+    @property
+    def outcomes(self) -> tuple[Visit, ...]:
+        """What became of each target: its visit in this sweep, or while that is open the newest before it."""
+        return tuple(v if v.closed else self.earlier.get(v.target, v) for v in self.visits)
 
     @property
     def is_last_sweep(self) -> bool:

@@ -297,6 +297,33 @@ def test_expressions_that_fail_are_told(tmp_path: Path, monkeypatch: pytest.Monk
     assert typed("failing.yaml", "-q", "--until", "LOOKING").return_value == 2
 
 
+SWEEPING = """\
+mission: Sweeping
+codes:
+  time_is_up: {label: time is up, severity: info}
+states:
+  WALKING:
+    budget: {after: 1 min, code: time_is_up, target: done}
+    itinerary: {items: "${ tags.named(['1', '2', '3', '4', '5']) }", sweeps: 0}
+    use: visit_targets
+    with: {stand: "${ approach(target) }", max_variance: 1e6}
+    on_done: done
+  done: {type: final}
+initial: WALKING
+"""
+
+
+def test_sweeps_that_the_time_ends_count_as_a_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """All five were visited, although not all of them in the last sweep."""
+    shutil.copytree(MISSIONS, tmp_path, dirs_exist_ok=True)
+    (tmp_path / "sweeping.yaml").write_text(SWEEPING, encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    result = typed("sweeping.yaml")
+    assert "DONE: 5 visited of 5 targets in 63.0 s of virtual time\n" in result.output
+    assert "info time_is_up" in result.output
+    assert result.return_value == 0
+
+
 # -- pictures ---------------------------------------------------------------------------------------------
 
 

@@ -203,6 +203,25 @@ def test_counters_go_over_all_sweeps() -> None:
     assert seen(bench) == {"open": True, "remaining": 1, "total": 3, "closed": 1, "sweep": 2}
 
 
+def test_a_sweep_that_is_cut_short_does_not_hide_the_ones_before() -> None:
+    """What became of a target is its newest visit that was closed."""
+    bench = walking(sweeps=0)
+    walk(bench, "fail", "next")
+    visit(bench, 2)
+    visit(bench, 1)
+    traversal = bench.machine.memory.traversal
+    assert traversal is not None
+    assert [(v.target, v.status) for v in traversal.visits] == [("1", "OK"), ("2", ""), ("3", "")]
+    told = [(v.target, v.status) for v in traversal.outcomes]
+    assert told == [("1", "OK"), ("2", "OK"), ("3", "OK")]
+    walk(bench, "fail")
+    assert [visit.status for visit in traversal.outcomes] == ["OK", "SCAN_FAILED", "OK"]
+    bench.restart()
+    again = bench.machine.memory.traversal
+    assert again is not None
+    assert again.outcomes == traversal.outcomes
+
+
 def test_an_empty_list_is_walked_at_once() -> None:
     """There is no target, and nothing remains, with or without end."""
     for sweeps in (1, 0):
