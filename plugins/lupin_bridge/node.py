@@ -15,7 +15,7 @@ from lupin_msgs.srv import GetTagReading
 
 __all__ = ["PARAMETERS", "BridgeNode", "check", "main"]
 
-#: Answered when a known tag cannot be read; the interface has no constant for it, clients read the message.
+#: As in GetTagReading.srv: interfaces that were generated from an earlier one lack the constant.
 STATUS_READING_FAILED = 2
 
 #: Requests older than this, in seconds, get no reading: they waited out a broken link, nobody needs it.

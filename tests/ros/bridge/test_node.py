@@ -140,3 +140,9 @@ def test_without_a_bridge_an_attempt_fails(make_node: MakeNode) -> None:
     driver.close()
     spin_for([engine], 0.05)
     assert outlet.kinds("a2") == ["accepted"]
+
+
+def test_every_status_that_is_answered_has_its_constant() -> None:
+    text = (Path(__file__).parents[3] / "lupin_msgs/srv/GetTagReading.srv").read_text(encoding="utf-8")
+    declared = dict(re.findall(r"^uint8 STATUS_(\w+)=(\d+)", text, re.MULTILINE))
+    assert declared == {"OK": "0", "UNKNOWN_TAG": "1", "READING_FAILED": str(STATUS_READING_FAILED)}
