@@ -208,6 +208,7 @@ PARAMETERS: Mapping[str, Parameter] = {
         maximum=60.0,
     ),
     "battery_topic": Parameter(ROS_NAME, "/io/power/power_watcher", "topic of the battery state"),
+    "other_battery_topic": Parameter(ROS_NAME, "/battery", "topic of the battery state on other robots"),
     "frame_id": Parameter(TEXT, "map", "frame of goals and of the localizer's pose"),
     "tag_locations_file": Parameter(TEXT, "", "layout of the greenhouse, JSON; empty: the bundled one"),
     "tag_sequence": Parameter(list_of(TEXT), [], "tags to visit when a request names none; empty: all"),

@@ -63,7 +63,8 @@ class NavClient:
         self._driving = ActionOperation(self._server, _outcome, _told, "nav_rejected", "nav_unavailable")
         self._pose_topic = ros.node.resolve_topic_name(parameters["amcl_pose_topic"])
         ros.subscribe(PoseWithCovarianceStamped, parameters["amcl_pose_topic"], Qos.LATCHED, self._on_pose)
-        ros.subscribe(BatteryState, parameters["battery_topic"], Qos.EVENT, self._on_battery)
+        for topic in dict.fromkeys((parameters["battery_topic"], parameters["other_battery_topic"])):
+            ros.subscribe(BatteryState, topic, Qos.EVENT, self._on_battery)
         self._estop = EmergencyStop(
             ros, parameters["estop_topic"], parameters["estop_timeout_s"], self._on_estop
         )

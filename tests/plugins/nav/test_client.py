@@ -367,6 +367,13 @@ def test_the_battery_is_reported_as_a_fraction_and_junk_is_not() -> None:
     assert bench.outlet.of("robot.battery") == pytest.approx([0.8, 0.35, 1.0])
 
 
+def test_the_battery_is_heard_wherever_a_robot_tells_it() -> None:
+    bench = Bench()
+    bench.ros.subscriptions["/battery"](BatteryState(percentage=0.6))
+    bench.ros.subscriptions["/io/power/power_watcher"](BatteryState(percentage=0.5))
+    assert bench.outlet.of("robot.battery") == pytest.approx([0.6, 0.5])
+
+
 def test_the_emergency_stop_is_reported_as_it_comes() -> None:
     bench = Bench()
     for engaged in (True, True, False):
@@ -388,5 +395,5 @@ def test_an_emergency_stop_that_falls_silent_is_engaged() -> None:
 def test_topics_and_frame_are_those_of_the_parameters() -> None:
     changed = {"amcl_pose_topic": "/p", "estop_topic": "/e", "battery_topic": "/b", "frame_id": "hall"}
     bench = Bench(changed=changed)
-    assert set(bench.ros.subscriptions) == {"/p", "/e", "/b"}
+    assert set(bench.ros.subscriptions) == {"/p", "/e", "/b", "/battery"}
     assert bench.dock().request.pose.header.frame_id == "hall"
