@@ -22,7 +22,7 @@ class Display:
 
     def __init__(self, ros: RosNode) -> None:
         self._ros = ros
-        self._plans = ros.publisher(Path, "/plan", Qos.EVENT)
+        self._plans = ros.publisher(Path, "/plan", Qos.LATCHED)  # a page that is opened on the way shows it
         # As Nav2 does it: a click is a goal like any other, and whoever cancels all goals cancels it too.
         self._navigation = ros.action(NavigateToPose, "navigate_to_pose")
         ros.subscribe(PoseStamped, "/goal_pose", Qos.EVENT, self._on_click)

@@ -61,6 +61,10 @@ VARIANCE, LOST_VARIANCE, LOSING = 0.01, 4.0, 4.0
 #: Variance of what a robot on a floor does not know: z, roll and pitch.
 UNKNOWN_VARIANCE = 1e6
 
+#: The battery: three cells of lithium in a row, and what the robot takes from them.
+EMPTY_V, FULL_V = 9.0, 12.6
+CURRENT_A, CAPACITY_AH, TEMPERATURE_C = 1.5, 5.0, 25.0
+
 #: Result code of Nav2's planner for "no path".
 NO_VALID_PATH = 208
 
@@ -343,7 +347,12 @@ class SimNode:
     def _publish_battery(self) -> None:
         message = BatteryState(percentage=self._robot.charge, present=True)
         message.header.stamp = self._ros.stamp()
-        message.voltage = message.current = message.temperature = math.nan  # not simulated
+        message.power_supply_status = BatteryState.POWER_SUPPLY_STATUS_DISCHARGING
+        message.voltage = EMPTY_V + (FULL_V - EMPTY_V) * self._robot.charge
+        message.current = -CURRENT_A
+        message.capacity = message.design_capacity = CAPACITY_AH
+        message.charge = CAPACITY_AH * self._robot.charge
+        message.temperature = TEMPERATURE_C
         self._batteries.publish(message)
 
     def _publish_estop(self) -> None:

@@ -124,7 +124,16 @@ def test_a_standing_robot_tells_where_and_how_it_is(make_node: MakeNode) -> None
     variances = [pose.pose.covariance[axis * 7] for axis in range(6)]
     assert [variances[axis] for axis in (0, 1, 5)] == [0.01] * 3
     assert min(variances[2:5]) > 100.0
-    assert scene.batteries[-1].percentage == 0.75
+    battery = scene.batteries[-1]
+    assert (battery.percentage, battery.power_supply_status) == (
+        0.75,
+        BatteryState.POWER_SUPPLY_STATUS_DISCHARGING,
+    )
+    assert battery.voltage == pytest.approx(11.7)
+    assert battery.current < 0.0, "as long as it discharges"
+    fields = battery.get_fields_and_field_types()
+    numbers = {name: getattr(battery, name) for name, kind in fields.items() if kind == "float"}
+    assert all(map(math.isfinite, numbers.values())), numbers
     assert scene.estops[-1] is False
     frames = [(t.header.frame_id, t.child_frame_id) for t in scene.transforms[-1].transforms]
     assert frames[:2] == [("map", "odom"), ("odom", "base_link")]
@@ -260,12 +269,11 @@ class Clicked(Scene):
     def __init__(self, make_node: MakeNode, *arguments: str) -> None:
         super().__init__(make_node, *arguments)
         self.plans: list[Any] = []
-        self.observer.subscribe(Path, "/plan", Qos.EVENT, self.plans.append)
+        self.observer.subscribe(Path, "/plan", Qos.LATCHED, self.plans.append)
         self.clicks = self.observer.publisher(PoseStamped, "/goal_pose", Qos.EVENT)
         self.cancel_all = self.observer.service(CancelGoal, "/navigate_to_pose/_action/cancel_goal")
         self.until(lambda: self.clicks.get_subscription_count() == 1 and self.cancel_all.ready())
-        # The first plan is not told again: the robot has to know who listens.
-        self.until(lambda: self.node._display._plans.get_subscription_count() == 1 and self.poses)
+        self.until(lambda: self.poses)
 
     def click(self, x: float, y: float) -> None:
         pose = PoseStamped()
@@ -286,6 +294,9 @@ def test_a_click_on_the_map_drives_the_robot_and_the_plan_shows_how(make_node: M
     # It heads along the way, and ends as the click said.
     headings = [2.0 * math.atan2(p.pose.orientation.z, p.pose.orientation.w) for p in first.poses]
     assert headings == pytest.approx([math.pi / 2, 0.0])
+    late: list[Any] = []
+    scene.observer.subscribe(Path, "/plan", Qos.LATCHED, late.append)
+    scene.until(lambda: late, "the plan, by a page that is opened on the way")
     # Told again while it drives: of what is left.
     assert last.poses[0].pose.position.y > 0.5
     assert last.poses[-1].pose.position.y == 1.5
