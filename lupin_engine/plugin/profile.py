@@ -174,8 +174,8 @@ class Publish:
 class Situation:
     """Where a mission stands, as its state message is made from it.
 
-    `counts` is by outcome, `value(name)` an input of the lifecycle or None while it is unknown, `request`
-    what the mission was started with. `label` and `severity` belong to `code`; `started` and `stamp` are the
+    `counts` is by outcome, `value(name)` an input or a variable, None while it is unknown, `request` what the
+    mission was started with. `label` and `severity` belong to `code`; `started` and `stamp` are the
     fields of a Time.
     """
 

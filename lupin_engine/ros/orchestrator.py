@@ -332,7 +332,8 @@ class Orchestrator:
         return {"sec": stamp.sec, "nanosec": stamp.nanosec}
 
     def _value(self, name: str, now: float) -> Any:
-        return self._machine.input_value(name, now) if name in self._chart.inputs else None
+        known = name in self._chart.inputs
+        return self._machine.input_value(name, now) if known else self._machine.memory.context.get(name)
 
 
 class _Publisher:

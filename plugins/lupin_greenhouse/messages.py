@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
 from typing import Any
 
 from lupin_engine.errors import Severity
@@ -20,6 +21,7 @@ from lupin_engine.plugin.profile import (
     TargetResult,
 )
 from lupin_engine.plugin.wire import filled_in, pose_fields, time_fields
+from lupin_greenhouse.mission import STAGES
 
 #: The counters of MissionState are uint16; a robot that monitors for weeks stays at the highest.
 HIGHEST_COUNT = 2**16 - 1
@@ -35,6 +37,9 @@ OUTCOMES = (
 STATUSES: Mapping[str, str] = {outcome.name: f"targets_{outcome.counter}" for outcome in OUTCOMES}
 #: Values of `Observation.kind`; those of later builds are passed over.
 TAG_READING, FLOWER, ANOMALY = 0, 1, 2
+
+#: The published state in which `tags_discovered` counts.
+EXPLORING = "EXPLORING"
 
 #: Flags of MissionState.
 FLAGS = ("estop_engaged", "paused", "battery_low")
@@ -72,7 +77,10 @@ def read_answer(data: Fields) -> StartAnswer:
 
 
 def state_fields(now: Situation) -> Fields:
-    """Return the published state. An empty mission leaves the mission's fields empty."""
+    """Return the published state; where no mission runs or has ended, the mission's fields are empty."""
+    if now.lifecycle in (*STAGES.starting, *STAGES.ready):
+        none: dict[str, Any] = {"mission": "", "mission_id": "", "target": "", "started": None}
+        now = replace(now, **none, total=0, counts={}, request={})
     battery = now.value("battery") or {}
     charge = battery.get("value")
     return {
@@ -96,7 +104,9 @@ def state_fields(now: Situation) -> Fields:
 
 def _counters(now: Situation) -> Fields:
     goal = int(now.request.get("discovery_goal", 0))
-    discovered = _count(len(now.value("discovered") or ())) if goal else 0
+    # They advance while the robot explores; those that turn up later are no finds of the search.
+    discovered = len(now.value("discovered") or ()) if now.lifecycle == EXPLORING else now.value("found")
+    discovered = _count(discovered or 0) if goal else 0
     search = {"discovery_goal": goal, "tags_discovered": discovered}
     if goal and not now.total:  # it searches: what it is to find is its list
         return {**search, "targets_total": goal, "targets_completed": discovered}
@@ -135,8 +145,9 @@ def read_state(data: Fields) -> Progress:
 def observation_fields(published: Publish, value: Callable[[str], Any], stamp: Fields) -> Fields:
     """Return the observation of one closed visit, or of a reading on the way.
 
-    The target's id is carried whatever the outcome, because consumers key on it; a reading and a place only
-    with OK. Where nobody knows the place, `orientation.w` is 0, which means "never observed".
+    The target's id and the time are carried whatever the outcome, because consumers key on the one and show
+    the other; a reading and a place only with OK. Where nobody knows the place, `orientation.w` is 0, which
+    means "never observed".
     """
     fields: dict[str, Any] = {
         "header": {"stamp": stamp, "frame_id": "map"},
@@ -144,7 +155,7 @@ def observation_fields(published: Publish, value: Callable[[str], Any], stamp: F
         "source": published.source,
         "kind": TAG_READING,
         "status": list(STATUSES).index(published.status),
-        "tag_reading": {"tag_id": published.target},
+        "tag_reading": {"tag_id": published.target, "stamp": stamp},
         "tag_pose_in_map": {"orientation": {"w": 0.0}},
     }
     if published.status != "OK":

@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
-from lupin_greenhouse.profile import STAGES
+from lupin_engine.plugin.profile import Stages
+
+#: The published states of missions/lifecycle.yaml that are not the missions' own.
+STAGES = Stages(
+    starting=("BOOT",), ready=("READY",), returning=("RETURNING",), ended=("DONE",), faulted=("FAULT",)
+)
 
 #: Published states in which no mission is under way; '' before anything was heard. RETURNING is none of them:
 #: there the robot still drives for its mission.

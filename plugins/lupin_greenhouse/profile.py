@@ -10,13 +10,13 @@ from lupin_engine.plugin.profile import (
     Profile,
     Publication,
     RequestField,
-    Stages,
     StartService,
     Terminal,
     Wire,
 )
 from lupin_engine.plugin.types import ANY, TEXT, Type, list_of
 from lupin_greenhouse import messages
+from lupin_greenhouse.mission import STAGES
 
 #: The types that every run uses, as the rest of the system has them.
 HASHES = {
@@ -46,11 +46,6 @@ WIRE = Wire(
     read_outcome=messages.read_observation,
     urgent=("estop_engaged", "battery_low"),
     hashes=HASHES,
-)
-
-#: The published states of missions/lifecycle.yaml that are not the missions' own.
-STAGES = Stages(
-    starting=("BOOT",), ready=("READY",), returning=("RETURNING",), ended=("DONE",), faulted=("FAULT",)
 )
 
 PROFILE = Profile(

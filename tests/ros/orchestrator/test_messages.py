@@ -14,7 +14,7 @@ from geometry_msgs.msg import Pose
 
 from lupin_engine.errors import Severity
 from lupin_engine.machine.step import View
-from lupin_engine.plugin.contract import Code, classify
+from lupin_engine.plugin.contract import Code
 from lupin_engine.plugin.profile import Fields, Publish
 from lupin_engine.plugin.wire import SMALLEST_W
 from lupin_engine.ros import messages
@@ -91,6 +91,7 @@ def test_a_failed_observation_carries_its_tag_and_reason_but_no_reading_and_no_p
     message = observation(failed, pose=HERE)
     assert (message.status, message.status_detail) == (Observation.STATUS_UNREACHABLE, "aborted")
     assert (message.tag_reading.tag_id, list(message.tag_reading.readings)) == ("5", [])
+    assert message.tag_reading.stamp.sec == NOW["sec"], "tables sort by it"
     assert message.tag_pose_in_map.orientation.w == 0.0
 
 
@@ -175,10 +176,10 @@ def published_state(
     return messages.write(MissionState(), greenhouse.state_fields(now))
 
 
-def state(view: View, discovered: int, goal: int) -> MissionState:
-    battery = {"value": 1.0, "low": False}
+def state(view: View, discovered: int, goal: int, found: int = 0) -> MissionState:
+    known = {"battery": {"value": 1.0, "low": False}, "estop": False, "found": found}
     seen = [{"id": str(n)} for n in range(discovered)]
-    return published_state(view, {"discovery_goal": goal}, estop=False, battery=battery, discovered=seen)
+    return published_state(view, {"discovery_goal": goal}, discovered=seen, **known)
 
 
 def counters(message: MissionState) -> tuple[int, ...]:
@@ -191,7 +192,10 @@ def counters(message: MissionState) -> tuple[int, ...]:
     )
 
 
-SEARCHING = replace(VIEW, mission="ExplorationMission", total=0, counts=dict.fromkeys(VIEW.counts, 0))
+SEARCHING = replace(
+    VIEW, lifecycle="EXPLORING", mission="ExplorationMission", total=0, counts=dict.fromkeys(VIEW.counts, 0)
+)
+WATCHING = replace(VIEW, lifecycle="MONITORING", mission="ExplorationMission", total=5)
 
 
 def test_a_search_counts_the_tags_that_it_found() -> None:
@@ -201,9 +205,32 @@ def test_a_search_counts_the_tags_that_it_found() -> None:
 
 
 def test_with_a_list_of_targets_its_visits_count_and_the_discovery_is_told_beside() -> None:
-    message = state(replace(VIEW, total=5, counts={**VIEW.counts, "OK": 2}), discovered=6, goal=5)
-    assert (message.tags_discovered, message.discovery_goal) == (6, 5)
+    """What turns up while the tags are watched is no find of the search."""
+    message = state(replace(WATCHING, counts={**VIEW.counts, "OK": 2}), discovered=6, goal=5, found=5)
+    assert (message.tags_discovered, message.discovery_goal) == (5, 5)
     assert counters(message) == (5, 2, 1, 1, 0)
+
+
+def test_on_the_way_to_the_dock_a_search_keeps_its_finds_and_before_it_there_are_none() -> None:
+    home = replace(SEARCHING, lifecycle="RETURNING")
+    assert state(home, discovered=4, goal=5, found=3).tags_discovered == 3
+    assert state(replace(SEARCHING, lifecycle="PREPARE"), discovered=1, goal=5).tags_discovered == 0
+
+
+@pytest.mark.parametrize("lifecycle", ["BOOT", "READY"])
+def test_where_no_mission_runs_or_has_ended_its_fields_are_empty(lifecycle: str) -> None:
+    """After a reset: the robot is there again, and the mission that failed is not."""
+    reset = replace(WATCHING, lifecycle=lifecycle, target="", code="", detail="", held=(), paused=False)
+    message = published_state(reset, {"discovery_goal": 5}, {"sec": 5}, found=5, battery={"value": 0.5})
+    empty = MissionState(lifecycle_state=lifecycle, mission_phase="NAVIGATING", battery_percentage=0.5)
+    empty.header = message.header
+    assert message == empty
+
+
+def test_in_fault_and_in_the_end_the_mission_is_still_told() -> None:
+    for lifecycle in ("FAULT", "DONE"):
+        message = state(replace(WATCHING, lifecycle=lifecycle), discovered=6, goal=5, found=5)
+        assert (message.mission_id, message.targets_total, message.tags_discovered) == ("lupin-1", 5, 5)
 
 
 def test_without_a_goal_there_is_no_discovery() -> None:
@@ -212,7 +239,7 @@ def test_without_a_goal_there_is_no_discovery() -> None:
 
 
 def test_a_robot_that_monitors_for_weeks_stays_at_the_highest_count() -> None:
-    message = state(replace(VIEW, total=5, counts={"OK": 70_000}), discovered=70_000, goal=5)
+    message = state(replace(WATCHING, counts={"OK": 70_000}), discovered=70_000, goal=5, found=70_000)
     assert (message.targets_completed, message.tags_discovered) == (65_535, 65_535)
 
 
@@ -237,17 +264,3 @@ def test_an_unknown_battery_is_not_a_number() -> None:
     assert math.isnan(state.battery_percentage)
     assert state.estop_engaged is False
     assert state.started_at.sec == 0
-
-
-@pytest.mark.parametrize(
-    ("code", "expected"),
-    [
-        ("", ("", 0)),
-        ("battery_low", ("battery low", 1)),
-        ("made_up", ("made_up", 1)),
-        ("execution_error", ("an expression or an action failed", 2)),
-    ],
-)
-def test_a_code_is_classified_as_declared(code: str, expected: tuple[str, int]) -> None:
-    found = classify(code, CODES)
-    assert (found.label, found.severity) == expected
