@@ -80,6 +80,7 @@ MORE = {
     "missions_path",
     "amcl_pose_must_live",  # a pose seeded once is one without a publisher
     "estop_timeout_s",  # a stop that was told steadily and falls silent is engaged
+    "other_battery_topic",  # robots tell their battery here or there
     "battery_hysteresis",  # a battery that flickers at the threshold is one trip to the dock
     "frontier_timeout_s",  # a search ends when nothing is left to explore
     "frontier_avoid_distance_m",  # a frontier to which there was no way is not chosen again
