@@ -44,6 +44,7 @@ VIEW = View(
     counts={"OK": 1, "SCAN_FAILED": 1, "UNREACHABLE": 1, "SKIPPED": 0},
     code="localization_failed",
     detail="no pose",
+    codes=1,
     held=("pause",),
     paused=True,
     attempts=(),
