@@ -179,7 +179,7 @@ explained in [rules.md](rules.md).
   has reported, the newest of the worst is published with its label, as `last_error`. A refused request is
   answered with a code, which reports nothing.
 - A live value is *unknown* before its first report, or when that is too old. A guard that reads it is then
-  false, so ask with `known(...)`.
+  false, so ask with `known(...)`. What a guard has asked counts for the `do` of its transition.
 
 ## How to read the tables
 

@@ -40,10 +40,17 @@ def names_read(source: str) -> frozenset[str]:
 
 
 @lru_cache(_CACHED)
-def inputs_read(source: str) -> tuple[str, ...]:
-    """Return the inputs that an expression reads where it has not asked whether they are known."""
+def inputs_read(source: str, known: frozenset[str] = frozenset()) -> tuple[str, ...]:
+    """Return the inputs that an expression reads where nobody has asked whether they are known."""
     tree = tree_of(source)
-    return tuple(dict.fromkeys(_unasked(tree, frozenset()))) if tree is not None else ()
+    return tuple(dict.fromkeys(_unasked(tree, known))) if tree is not None else ()
+
+
+@lru_cache(_CACHED)
+def inputs_asked(source: str, outcome: bool) -> frozenset[str]:
+    """Return the inputs that are known where a condition came out as `outcome`."""
+    tree = tree_of(source)
+    return _asked(tree, outcome) if tree is not None else frozenset()
 
 
 def _unasked(node: ast.AST, known: frozenset[str]) -> Iterator[str]:

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
-from lupin_engine.chart.expressions.names import inputs_read
+from lupin_engine.chart.expressions.names import inputs_asked, inputs_read
 from lupin_engine.chart.findings import warning
-from lupin_engine.chart.model import Input
+from lupin_engine.chart.model import ActionCall, Input
 from lupin_engine.chart.rules.index import Index, understood
 from lupin_engine.chart.rules.written import Read
 from lupin_engine.errors import Diagnostic
@@ -18,18 +18,42 @@ _MAY_WAIT = (("for_each", "in"), ("for_each", "key"), ("itinerary", "order"))
 def unknown_input_read(index: Index) -> Iterator[Diagnostic]:
     """Find an expression that reads a live value without having asked whether it is known.
 
-    A guard is then false, whatever it says; where a value is computed it is an error at run time.
+    A guard is then false, whatever it says; where a value is computed it is an error at run time. What
+    the guard of a transition or an `if` has asked counts for its actions, which see the same moment.
     """
     if not index.unsure:
         return
+    asked = dict(_asked(index))
     for read in index.reads:
         if "input." not in read.expression.source or not understood(read.expression):
             continue
         if read.words[-2:] in _MAY_WAIT:
             continue
-        for name in inputs_read(read.expression.source):
+        for name in inputs_read(read.expression.source, asked.get(id(read.expression), frozenset())):
             if name in index.unsure:
                 yield _told(read, index.chart.inputs[name])
+
+
+def _asked(index: Index) -> Iterator[tuple[int, frozenset[str]]]:
+    """Yield the expressions in actions, by their ids, with the inputs that guards before have asked for."""
+    for state in index.states:
+        each = state.for_each
+        yield from _given((*state.entry, *state.exit, *((*each.on_done, *each.on_error) if each else ())))
+        for transition in state.transitions:
+            guard = transition.guard.source if transition.guard is not None else "true"
+            yield from _given(transition.actions, inputs_asked(guard, True))
+
+
+def _given(
+    actions: Iterable[ActionCall], known: frozenset[str] = frozenset()
+) -> Iterator[tuple[int, frozenset[str]]]:
+    for call in actions:
+        yield from ((id(value), known) for value in call.arguments.values())
+        if call.guard is not None:
+            source = call.guard.source
+            yield id(call.guard), known
+            yield from _given(call.then, known | inputs_asked(source, True))
+            yield from _given(call.otherwise, known | inputs_asked(source, False))
 
 
 def _told(read: Read, found: Input) -> Diagnostic:
