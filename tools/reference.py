@@ -227,7 +227,7 @@ ROOT_TEXTS: Mapping[str, str] = {
     "param": "parameters, as `param.NAME`",
     "request": "fields of the request that started the mission, as `request.NAME`",
     "input": "live values, as `input.NAME`; with levels `input.NAME.value` and `input.NAME.LEVEL`",
-    "event": "what the event carries: in `on_done` the result of the operation, as `event.FIELD`",
+    "event": "what the event carries, as `event.FIELD`; in `on_done` the result",
     "error": "in `on_error`: `error.code` and `error.detail`",
     "target": "the element of the itinerary that is being visited",
     "itinerary": "`itinerary.open` (the visit has no outcome yet), `.remaining` (targets after this one), "
@@ -247,7 +247,7 @@ CALL_TEXTS: Mapping[str, str] = {
 }
 ACTION_TEXTS: Mapping[str, str] = {
     "set": "write variables of the context: `set: {NAME: VALUE, ...}`",
-    "raise": "tell the whole chart of an event: `raise: {event: door.opened}`",
+    "raise": "tell the whole chart of an event: see [Raise](#raise)",
     "if": "carry out `then` where the guard is true, else `else`: see [If](#if)",
     "itinerary.advance": "go on to the next target; refused while the visit is open",
     "itinerary.close": "give the visit its outcome, once, and publish it",

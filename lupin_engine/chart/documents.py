@@ -50,10 +50,11 @@ Bound = Annotated[Any, WithJsonSchema({"type": ["string", "number"]})]
 
 
 class ActionNode(Node):
-    """An action: a name, or a mapping of one name to its arguments; `if` holds further actions."""
+    """An action: a name, or a mapping of one name to its arguments, with models for `raise` and `if`."""
 
     name: Annotated[str, Meaning.ACTION]
     arguments: Any = None
+    raise_: RaiseNode | None = Field(None, alias="raise", description="the event of `raise`")
     if_: IfNode | None = Field(None, alias="if", description="what `if` chooses between")
 
     @classmethod
@@ -64,8 +65,8 @@ class ActionNode(Node):
             raise wrong_shape("expected an action: a name, or a mapping of one name to its arguments")
         ((name, arguments),) = data.items()
         data.model = None
-        if name == "if":
-            return {"name": name, "if": arguments}
+        if name in ("if", "raise"):
+            return {"name": name, name: arguments}
         if arguments is not None and not isinstance(arguments, Map):
             raise wrong_shape(f"expected the arguments of {name} as a mapping, got {show(arguments)}")
         return {"name": name, "arguments": arguments}
@@ -75,6 +76,19 @@ Actions = Annotated[
     list[Annotated[ActionNode, WithJsonSchema({"type": ["string", "object"], "maxProperties": 1})]],
     BeforeValidator(_to_list),
 ]
+
+
+class RaiseNode(Node):
+    """An event that the chart tells itself of; it is dealt with before the next one from outside."""
+
+    event: Annotated[str, Meaning.EVENT] = Field(description="name of the event: words with dots")
+    with_: dict[str, Written] = _by_name("what it carries, read as event.FIELD, by name", alias="with")
+
+    @classmethod
+    def _long_form(cls, data: Any) -> Any:
+        if not isinstance(data, Map):
+            raise wrong_shape(f"expected {{event: NAME}}, got {show(data)}")
+        return data
 
 
 class IfNode(Node):
@@ -318,6 +332,9 @@ class StateNode(Node):
     with_: dict[str, Written] = _by_name("by parameter: its value for this use of the part", alias="with")
     resume_at: Transitions = _many(
         "child to go on with when history (its own, or one around it) brings this back; the first that holds"
+    )
+    result: dict[str, Written] = _by_name(
+        "of a final state: what `on_done` of the state that ends reads as event.FIELD, by name"
     )
     phase: str | None = Field(None, description="what is published as the phase while the state is active")
     paused: bool = Field(False, description="published as paused: waits for the operator")
@@ -591,6 +608,7 @@ __all__ = [
     "MissionNode",
     "ParameterNode",
     "PartNode",
+    "RaiseNode",
     "RequestFieldNode",
     "RetryNode",
     "StateNode",

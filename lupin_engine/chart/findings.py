@@ -54,6 +54,7 @@ SUBJECTS: Mapping[str, Mapping[str, str]] = MappingProxyType(
             "unknown-action": "an action is built in or a plugin's",
             "unknown-argument": "an argument is one that the operation, action or function has",
             "missing-argument": "an argument without a default is given",
+            "different-fields": "an event or the end of a state always carries the same fields",
             "unknown-value": "an input names a live value of a plugin",
             "unknown-part": "a part is a file in the folder of parts",
             "part-loop": "a part does not contain itself",

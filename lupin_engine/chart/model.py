@@ -27,7 +27,8 @@ from lupin_engine.plugin.types import Type
 class ActionCall:
     """One action with its arguments: built-in (`set`, `raise`, `itinerary.close`, ...) or a plugin's.
 
-    For `set` the arguments are the context variables; for `raise` the single argument `event` is the name.
+    For `set` the arguments are the context variables; for `raise` the single argument `event` is the name,
+    and `data` what the event carries.
     An `if` has no arguments, but a `guard` that chooses between the actions `then` and `otherwise`.
     """
 
@@ -37,6 +38,7 @@ class ActionCall:
     arguments: Mapping[str, Value] = field(metadata=said(Role.VALUE))
     place: Place
     moves: bool = False
+    data: Mapping[str, Value] = field(default_factory=dict, metadata=said(Role.VALUE, "with"))
     guard: Expression | None = field(default=None, metadata=said(Role.CONDITION, "guard"))
     then: tuple[ActionCall, ...] = field(default=(), metadata=said(Role.ACTIONS, "then"))
     otherwise: tuple[ActionCall, ...] = field(default=(), metadata=said(Role.ACTIONS, "else"))
@@ -197,6 +199,7 @@ class State:
     itinerary: Itinerary | None = field(default=None, metadata=said(Role.INSIDE, "itinerary"))
     resume_at: tuple[Transition, ...] = field(default=(), metadata=said(Role.INSIDE, "resume_at"))
     depth: int | None = field(default=None, metadata=said(Role.PLAIN, "depth"))
+    result: Mapping[str, Value] = field(default_factory=dict, metadata=said(Role.VALUE, "result"))
     summary: str = field(default="", metadata=said(Role.PLAIN, "summary"))
 
     @property

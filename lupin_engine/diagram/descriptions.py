@@ -39,6 +39,9 @@ class ElementTexts:
         if state.invoke is not None:
             yield from self._invoke(state.invoke)
         yield from _doings(("entry", state.entry), ("exit", state.exit))
+        if state.result:
+            given = ", ".join(_set(name, value) for name, value in state.result.items())
+            yield TextLine(f"result / {_cut(given)}", LineRole.ACTION)
 
     def seconds(self, value: Value) -> str:
         """Return a duration as the parameters' defaults make it, else as it is written."""

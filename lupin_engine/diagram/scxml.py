@@ -67,6 +67,7 @@ class _ScxmlWriter:
         inside += _element("onentry", {}, [*self._timers(state), *self._actions(state.entry)])
         cancels = [f"<cancel{_attributes(sendid=self._timer(state, timer))}/>" for timer in _clocks(state)]
         inside += _element("onexit", {}, [*cancels, *self._actions(state.exit)])
+        inside += _element("donedata", {}, _params(state.result))
         for child in box.children:
             inside += self._box(child)
         if state.kind is not Kind.FINAL:
@@ -158,7 +159,12 @@ class _ScxmlWriter:
                     yield f"<assign{_attributes(location=name, expr=_written(value))}/>"
             elif action.name == "raise":
                 event = action.arguments["event"]
-                yield f"<raise{_attributes(event=str(event.value) if isinstance(event, Constant) else '')}/>"
+                name = str(event.value) if isinstance(event, Constant) else ""
+                if action.data:  # its `raise` carries nothing, a `send` to itself does
+                    attributes = {"event": name, "target": "#_internal"}
+                    yield from _element("send", attributes, _params(action.data))
+                else:
+                    yield f"<raise{_attributes(event=name)}/>"
             elif action.guard is not None:
                 other = ["<else/>", *self._actions(action.otherwise)] if action.otherwise else []
                 condition = {"cond": self._condition(action.guard.source)}

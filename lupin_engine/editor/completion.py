@@ -146,8 +146,6 @@ class _Completion:
             yield from self._bindings(owner)
         elif spot.holder is ActionNode and owner == "set":
             yield from self._variables()
-        elif spot.holder is ActionNode and owner == "raise":
-            yield Offer("event", ItemKind.Property, "text", docs.ACTIONS["raise"])
         else:
             for name, argument in _arguments_of(owner, spot.holder, self._catalog).items():
                 can_miss = argument.optional or argument.default is not None

@@ -54,7 +54,7 @@ ROOTS: Mapping[str, str] = MappingProxyType(
         "param": "The settings: of this file, of the lifecycle, of the plugins.",
         "request": "What the request carried that started the mission.",
         "input": "The live values.",
-        "event": "What came with the event, or the result of the operation that has ended.",
+        "event": "What came with the event, or the result of the operation or state that has ended.",
         "error": "Why the operation failed: `code` and `detail`.",
         "target": "The element of the itinerary that is visited now.",
         "itinerary": "How far the itinerary is: `open`, `remaining`, `total`, `closed`, `sweep`.",
@@ -64,7 +64,7 @@ ROOTS: Mapping[str, str] = MappingProxyType(
 ACTIONS: Mapping[str, str] = MappingProxyType(
     {
         "set": "Write variables: `set: {NAME: VALUE}`.",
-        "raise": "Let an event happen: `raise: {event: NAME}`.",
+        "raise": "Let an event happen: `raise: {event: NAME, with: {FIELD: VALUE}}`.",
         "if": "Choose: `if: {guard: CONDITION, then: ACTIONS, else: ACTIONS}`.",
         "itinerary.advance": "Go on to the next target of the itinerary.",
         "itinerary.close": "End the visit of the current target, once.",

@@ -16,7 +16,14 @@ from pydantic.fields import FieldInfo
 
 from lupin_engine.bindings import file as binding_file
 from lupin_engine.bindings.file import BindingNode
-from lupin_engine.chart.documents import KINDS, ActionNode, IfNode, InvariantNode, StateNode, TransitionNode
+from lupin_engine.chart.documents import (
+    KINDS,
+    ActionNode,
+    InvariantNode,
+    RaiseNode,
+    StateNode,
+    TransitionNode,
+)
 from lupin_engine.chart.nodes import Keyed, Meaning, Named, Node
 from lupin_engine.editor.scan import Scan, Steps
 
@@ -79,7 +86,7 @@ class Spot:
             return Meaning.ACTION
         if self.shape.names is None:
             return None
-        if self.key in ("with", "arguments"):
+        if self.key in ("with", "arguments") and self.holder is not RaiseNode:
             return Meaning.BINDING if self.holder is StateNode else Meaning.ARGUMENT
         found = self._keys
         return found.meaning if found is not None else None
@@ -170,8 +177,8 @@ def _below(spot: Spot, step: str | int, mapping: Steps) -> Spot | None:
         return replace(spot, shape=shape.item) if shape.item else None
     if shape.item is not None and shape.names is None and shape.model is None:
         return _below(replace(spot, shape=shape.item), step, mapping)  # one alone stands for the list
-    if shape.model is ActionNode and step == "if":
-        return Spot(Shape(model=IfNode), ActionNode, step, mapping)
+    if shape.model is ActionNode and step in ("raise", "if"):
+        return Spot(shapes_of(ActionNode)[step], ActionNode, step, mapping)
     if shape.model is ActionNode:
         return Spot(Shape(names=Shape()), ActionNode, "arguments", (*mapping, step))
     if shape.model is not None:

@@ -116,8 +116,6 @@ def value_meaning(scan: Scan, spot: Spot) -> Meaning:
     """Return what a scalar at a spot stands for, which for an argument its action decides."""
     if spot.holder is ActionNode and spot.name:
         action = spot.mapping[-1]
-        if action == "raise" and spot.name == "event":
-            return Meaning.EVENT
         if action in ("itinerary.close", "itinerary.close_rest") and spot.name == "code":
             written = scan.value(*spot.mapping, spot.name) or ""
             return Meaning.VALUE if "${" in written else Meaning.CODE

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from pathlib import Path
 
+from lupin_engine.chart.compose.carried import end_of
 from lupin_engine.chart.compose.compose import Composed
 from lupin_engine.chart.compose.invoke import names_when_done, names_when_failed
 from lupin_engine.chart.compose.transitions import event_type
@@ -144,8 +145,10 @@ class Model:
         state = self.composed.chart.states.get(draft.name)
         key = rest[0]
         if key == "on" and len(rest) > 1:
-            return scope.with_names({"event": event_type(str(rest[1]), self.catalog)})
+            return scope.with_names({"event": event_type(str(rest[1]), self.catalog, self.composed.carried)})
         if key == "on_done":
+            if state is not None and state.invoke is None:
+                return scope.with_event(self.composed.carried.fields_of(end_of(state.name)))
             return scope.with_names(names_when_done(state.invoke if state else None))
         if key == "on_error":
             return scope.with_names(names_when_failed(state.invoke if state else None))

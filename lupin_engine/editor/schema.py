@@ -17,14 +17,14 @@ from typing import Any
 from pydantic import BaseModel
 
 from lupin_engine.chart.compose.actions import builtin_actions
-from lupin_engine.chart.documents import IfNode
+from lupin_engine.chart.documents import IfNode, RaiseNode
 from lupin_engine.editor import docs
 from lupin_engine.editor.grammar import FILES
 from lupin_engine.editor.snippets import EXAMPLES, SNIPPETS, Snippet
 from lupin_engine.plugin.contract import Argument
 from lupin_engine.plugin.profile import NO_PROFILE, Profile
 from lupin_engine.plugin.registry import Catalog
-from lupin_engine.plugin.types import BUILTIN_TYPES, UNITS, Type
+from lupin_engine.plugin.types import UNITS, Type
 
 Schema = dict[str, Any]
 
@@ -39,6 +39,10 @@ SHORT_FORMS: Mapping[str, Schema] = MappingProxyType(
         "InvariantNode": {"type": ["string", "boolean"], "description": "condition"},
     }
 )
+
+
+#: Actions with models of their own.
+_STRUCTURED: Mapping[str, type[BaseModel]] = MappingProxyType({"raise": RaiseNode, "if": IfNode})
 
 
 def kinds(further: Mapping[str, type[BaseModel]] | None = None) -> dict[str, type[BaseModel]]:
@@ -65,7 +69,10 @@ def schema(
     if "VisitNode" in definitions:
         _, whole = definitions["VisitNode"]["anyOf"]
         whole["properties"]["status"]["enum"] = [*profile.statuses, "open"]
-    definitions["IfNode"] = IfNode.model_json_schema(by_alias=True, ref_template="#/definitions/{model}")
+    for each in _STRUCTURED.values():
+        definitions[each.__name__] = each.model_json_schema(
+            by_alias=True, ref_template="#/definitions/{model}"
+        )
     for name, definition in definitions.items():
         _finish(name, definition)
     _finish(model.__name__, made)
@@ -166,11 +173,9 @@ def _action(profile: Profile) -> Schema:
         "additionalProperties": {"type": ["object", "null"]},
     }
     mapping["properties"]["set"] = {"type": "object", "minProperties": 1, "description": docs.ACTIONS["set"]}
-    mapping["properties"]["raise"] = _arguments({"event": _TEXT}, docs.ACTIONS["raise"])
-    mapping["properties"]["if"] = {
-        "description": docs.ACTIONS["if"],
-        "allOf": [{"$ref": "#/definitions/IfNode"}],
-    }
+    for name, model in _STRUCTURED.items():
+        node = {"$ref": f"#/definitions/{model.__name__}"}
+        mapping["properties"][name] = {"description": docs.ACTIONS[name], "allOf": [node]}
     mapping["properties"]["itinerary.close"]["properties"]["status"]["enum"] = list(profile.statuses)
     return {
         "title": "Action",
@@ -178,9 +183,6 @@ def _action(profile: Profile) -> Schema:
         "anyOf": [{"type": "string", "examples": [*known]}, mapping],
         "defaultSnippets": _plain(SNIPPETS["Action"]),
     }
-
-
-_TEXT = Argument(BUILTIN_TYPES["text"], "the name of the event")
 
 
 def _arguments(wanted: Mapping[str, Argument], doc: str) -> Schema:

@@ -11,18 +11,18 @@ from typing import Any
 
 from lupin_engine.chart.model import ActionCall, Chart
 from lupin_engine.errors import reason
-from lupin_engine.machine.event import Act, InternalEvent, Report, Trigger
+from lupin_engine.machine.event import NOTHING, Act, InternalEvent, Report, Trigger
 from lupin_engine.machine.itineraries import Itineraries
 from lupin_engine.machine.memory import Visit
 from lupin_engine.machine.scope import CONTEXT, Arguments, EvaluationScope
-from lupin_engine.machine.step import Macrostep
+from lupin_engine.machine.step import Macrostep, fields_told
 from lupin_engine.plugin.profile import Publication
 
 
 class CompiledAction:
     """An action with what is known of it before it is carried out."""
 
-    __slots__ = ("arguments", "builtin", "call", "publication")
+    __slots__ = ("arguments", "builtin", "call", "data", "publication")
 
     def __init__(self, call: ActionCall, chart: Chart) -> None:
         declared = chart.catalog.actions.get(call.name)
@@ -30,6 +30,7 @@ class CompiledAction:
         self.builtin = _BUILTINS.get(call.name)
         self.publication = chart.profile.publications.get(call.name)
         self.arguments = Arguments(call.arguments, declared.arguments if declared else {})
+        self.data = Arguments(call.data, {}) if call.data else None
 
 
 class ExecutableContent:
@@ -66,6 +67,8 @@ class ExecutableContent:
     def _run(self, action: CompiledAction, state: str, trigger: Trigger, step: Macrostep) -> None:
         scope = self._scope
         arguments = action.arguments.evaluate(scope.at(state, step.now, trigger))
+        if action.data is not None:
+            arguments["data"] = action.data.evaluate(scope)
         if action.builtin is not None:
             action.builtin(self, arguments, state, step)
         elif action.publication is not None:
@@ -106,7 +109,10 @@ class ExecutableContent:
 
     def raise_event(self, arguments: Mapping[str, Any], _: str, step: Macrostep) -> None:
         """`raise`: queue an internal event."""
-        step.queue.append(InternalEvent(str(arguments["event"])))
+        name, data = str(arguments["event"]), arguments.get("data", NOTHING)
+        if data:
+            step.note(f"{name} carries {fields_told(data)}")
+        step.queue.append(InternalEvent(name, None, Trigger(data)))
 
     def advance(self, _: Mapping[str, Any], state: str, step: Macrostep) -> None:
         """`itinerary.advance`: go on to the next target."""

@@ -30,6 +30,7 @@ from lupin_engine.machine.scope import (
     CONTEXT,
     ITINERARY,
     REQUEST,
+    Arguments,
     EvaluationScope,
     Watch,
     World,
@@ -41,6 +42,7 @@ from lupin_engine.machine.step import (
     Refusal,
     Step,
     View,
+    fields_told,
     target_of,
     view_of,
 )
@@ -543,7 +545,7 @@ class Machine:
         if state.timers or state.budget is not None:
             self._arm_timers(state, trigger)
         if state.kind is Kind.FINAL:
-            self._completed(state)
+            self._completed(state, self._result(state, trigger))
 
     def _is_mission(self, state: State) -> bool:
         """Say whether a state wraps a mission, which begins once however often history brings it back."""
@@ -564,13 +566,26 @@ class Machine:
                 known[state.name] = delay
             self.scope.timers.arm(kind, state.name, step.now, delay, timer.event)
 
-    def _completed(self, final: State) -> None:
+    def _result(self, final: State, trigger: Trigger) -> Mapping[str, Any]:
+        """Return what the end of a state gives; nothing where that cannot be computed."""
+        if not final.result:
+            return NOTHING
+        step = self._step
+        try:
+            found = Arguments(final.result, {}).evaluate(self.scope.see(final.name, step, trigger))
+        except Exception as problem:
+            step.fail(final.name, f"{final.place}: result: {reason(problem)}")
+            return NOTHING
+        step.note(f"{final.local_name} gives {fields_told(found)}")
+        return found
+
+    def _completed(self, final: State, result: Mapping[str, Any]) -> None:
         """Raise `done` for the state that a final state ends, and for the parallel ones that end with it."""
         states = self.chart.states
         parent = states[final.parent or ""]
         if parent.parent is not None and self._is_mission(parent):
             parent = states[parent.parent]  # a mission's end is the slot's end
-        self._step.queue.append(InternalEvent("done", parent.name))
+        self._step.queue.append(InternalEvent("done", parent.name, Trigger(result)))
         while parent.parent is not None:
             parent = states[parent.parent]
             if parent.kind is not Kind.PARALLEL or not self._is_final(parent.name):

@@ -224,6 +224,11 @@ class View:
     dropped: int
 
 
+def fields_told(fields: Mapping[str, object]) -> str:
+    """Return what an event or the end of a state carries, for a note."""
+    return ", ".join(f"{name} {_shown(value)}" for name, value in fields.items())
+
+
 def moment_of(chart: Chart, memory: Memory) -> Moment:
     """Return the published part of the configuration: outermost label, innermost phase, current target."""
     states = [chart.states[name] for name in memory.configuration]

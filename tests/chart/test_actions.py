@@ -97,10 +97,7 @@ def test_an_action_takes_what_it_says(action: str, tmp_path: Path, catalog: Cata
             "report.clear: report.clear has no argument 'all'; nothing is allowed here [unknown-argument]",
         ),
         ("set", "set: set names no variable; write 'set: {NAME: VALUE}' [missing-argument]"),
-        (
-            "raise: {}",
-            "raise: raise takes one argument, the event; write 'raise: {event: NAME}' [missing-argument]",
-        ),
+        ("raise", "raise: raise names no event; write 'raise: {event: NAME}' [missing-argument]"),
         (
             "raise: {event: done.x}",
             "raise: 'done.x' cannot be raised: events of 'done' come from the engine itself; "

@@ -198,3 +198,17 @@ def test_an_if_is_that_of_scxml() -> None:
     (outer,) = (found for found in tree("words").iter(f"{SCXML}if") if found.get("cond") == "reason == ''")
     assert [child.tag.removeprefix(SCXML) for child in outer] == ["assign", "else", "if"]
     assert outer[2].get("cond") == "known(input.battery) and input.battery.value < 0.5"
+
+
+def test_what_events_and_ends_carry_is_in_the_document() -> None:
+    """SCXML's `raise` carries nothing, a `send` to the chart itself does; an end has `donedata`."""
+    (sent,) = (found for found in tree("words").iter(f"{SCXML}send") if found.get("event") == "read.failed")
+    assert sent.get("target") == "#_internal"
+    assert [(param.get("name"), param.get("expr")) for param in sent] == [
+        ("tag", "reason"),
+        ("far", "read > 3"),
+    ]
+    (given,) = tree("words").iter(f"{SCXML}donedata")
+    assert [(param.get("name"), param.get("expr")) for param in given] == [
+        ("walked", "param.dwell * itinerary.total")
+    ]

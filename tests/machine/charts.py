@@ -136,7 +136,7 @@ class Builder:
         budget = next((Timer("budget", value(t), PLACE) for t in described.get("budget", {})), None)
         children = self._children[name]
         first = next((child for child in children), None)
-        plain = ("phase", "paused", "slot", "mission", "depth", "summary")
+        plain = ("phase", "paused", "slot", "mission", "depth", "summary", "result")
         self.states[name] = State(
             name=name,
             kind=Kind(kind),
@@ -199,6 +199,7 @@ class Builder:
 def actions(given: Any) -> tuple[ActionCall, ...]:
     """Return action calls from names and (name, arguments) pairs; `!name` is one that moves the robot.
 
+    `("raise", {"event": ..., "with": {...}})` carries fields,
     `("if", {"guard": ..., "then": ..., "else": ...})` chooses between actions.
     """
     listed = [given] if isinstance(given, (str, tuple)) and given else list(given)
@@ -211,9 +212,11 @@ def _action(item: Any) -> ActionCall:
     name, arguments = (item, {}) if isinstance(item, str) else item
     if name == "if":
         then, otherwise = actions(arguments["then"]), actions(arguments.get("else", ()))
-        return ActionCall(name, {}, PLACE, False, expression(arguments["guard"]), then, otherwise)
+        return ActionCall(name, {}, PLACE, False, {}, expression(arguments["guard"]), then, otherwise)
+    data = {k: value(v) for k, v in arguments.get("with", {}).items()} if name == "raise" else {}
+    arguments = {k: v for k, v in arguments.items() if k != "with" or name != "raise"}
     moves = name.startswith("!")
-    return ActionCall(name.lstrip("!"), {k: value(v) for k, v in arguments.items()}, PLACE, moves)
+    return ActionCall(name.lstrip("!"), {k: value(v) for k, v in arguments.items()}, PLACE, moves, data)
 
 
 def _invoke(described: str | Mapping[str, Any]) -> Invoke:

@@ -11,7 +11,7 @@ from lupin_engine.chart.model import Variable
 from lupin_engine.machine.event import Act, Report
 from lupin_engine.plugin.profile import Publish
 from lupin_engine.plugin.types import COUNT
-from tests.machine.charts import PAUSE, PLACE, Bench, chart, said, value
+from tests.machine.charts import PAUSE, PLACE, Bench, chart, fails, said, value
 
 BROKEN = ("arm.preset", {"name": lambda env: env["absent"]})
 
@@ -350,3 +350,49 @@ def test_an_error_in_an_if_ends_the_whole_list() -> None:
     step = bench.send("go")
     assert (bench.leaves, step.commands) == (["FAULT"], ())
     assert bench.machine.view.detail == "test.yaml:1:1: arm.preset: there is no 'absent'"
+
+
+# -- what events and results carry ------------------------------------------------------------------------
+
+
+def test_a_raised_event_carries_fields() -> None:
+    """They are worked out where it is raised; guard and actions of who hears it see them."""
+    here = ("raise", {"event": "tag.seen", "with": {"tag": lambda env: env["context"]["next"]}})
+    heard = {
+        "target": "C",
+        "guard": lambda env: env["event"]["tag"] == "7",
+        "do": ("set", {"next": lambda env: env["event"]["tag"] + "!"}),
+    }
+    bench = Bench(
+        chart(
+            {"A": {"on": {"go": {"target": "B", "do": [here]}}}, "B": {"on": {"tag.seen": heard}}, "C": {}},
+            context={"next": "7"},
+        )
+    )
+    step = bench.send("go")
+    assert (bench.leaves, bench.context["next"]) == (["C"], "7!")
+    assert step.notes == ("tag.seen carries tag 7",)
+
+
+def test_the_end_of_a_state_gives_the_result_of_its_final_state() -> None:
+    """It is computed after the entry actions of that, and read as the event of `done`."""
+    final = {
+        "kind": "final",
+        "entry": ("set", {"n": 3}),
+        "result": {"n": value(lambda env: env["context"]["n"] + env["event"]["more"])},
+    }
+    outer = {"states": {"B": {"on": {"go": "end"}}, "end": final}, "initial": "B"}
+    ended = {"target": "C", "do": ("set", {"n": lambda env: env["event"]["n"]})}
+    bench = Bench(chart({"A": {**outer, "on_done": ended}, "C": {}}, context={"n": 0}))
+    step = bench.send("go", more=1)
+    assert (bench.leaves, bench.context["n"], step.notes) == (["C"], 4, ("end gives n 4",))
+
+
+def test_a_result_that_cannot_be_computed_leads_to_fault() -> None:
+    """And not to where the end would have led."""
+    final = {"kind": "final", "result": {"n": value(fails)}}
+    tree = {"A": {"states": {"B": {"on": {"go": "end"}}, "end": final}, "initial": "B", "on_done": "C"}}
+    bench = Bench(chart({**tree, "C": {}, "FAULT": {}}))
+    bench.send("go")
+    assert bench.leaves == ["FAULT"]
+    assert bench.machine.view.detail == "test.yaml:1:1: result: division by zero"

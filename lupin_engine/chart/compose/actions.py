@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from typing import Any
 
+from lupin_engine.chart.compose.carried import Carried
 from lupin_engine.chart.compose.declare import NAME, check_code
-from lupin_engine.chart.documents import ActionNode, IfNode
+from lupin_engine.chart.documents import ActionNode, IfNode, RaiseNode
 from lupin_engine.chart.expressions.evaluation import Constant, Value
 from lupin_engine.chart.expressions.scope import Scope
 from lupin_engine.chart.expressions.values import Signature, read_arguments, read_guard, read_under
 from lupin_engine.chart.findings import Findings
 from lupin_engine.chart.model import ActionCall, Variable
-from lupin_engine.chart.source import Map, Text
+from lupin_engine.chart.source import Map
 from lupin_engine.errors import Place, declared_as, nearest, or_else
 from lupin_engine.plugin.contract import Argument
 from lupin_engine.plugin.profile import Profile
@@ -45,7 +45,12 @@ class ActionReader:
     """Reads actions of one chart."""
 
     def __init__(
-        self, catalog: Catalog, variables: Mapping[str, Variable], codes: Iterable[str], findings: Findings
+        self,
+        catalog: Catalog,
+        variables: Mapping[str, Variable],
+        codes: Iterable[str],
+        carried: Carried,
+        findings: Findings,
     ) -> None:
         self._catalog = catalog
         self._builtin = builtin_actions(catalog.profile)
@@ -53,6 +58,7 @@ class ActionReader:
         self.engine_actions = (*self._builtin, *STRUCTURED)
         self._variables = variables
         self._codes = set(codes)
+        self._carried = carried
         self._findings = findings
         #: Names of all actions that were read.
         self.used: set[str] = set()
@@ -67,7 +73,7 @@ class ActionReader:
         if node.name == "set":
             return self._set(node, given, scope, path)
         if node.name == "raise":
-            return self._raise(node, given, path)
+            return self._raise(node.raise_, node.place, scope, path)
         if node.name == "if":
             return self._if(node.if_, node.place, scope, path)
         action = self._catalog.actions.get(node.name)
@@ -97,7 +103,7 @@ class ActionReader:
         guard = read_guard(node.guard, node.at("guard"), scope, self._findings, f"{path}.guard")
         then = self.read(node.then, scope, f"{path}.then")
         otherwise = self.read(node.else_, scope, f"{path}.else")
-        return ActionCall("if", {}, place, False, guard, then, otherwise) if guard is not None else None
+        return ActionCall("if", {}, place, False, {}, guard, then, otherwise) if guard is not None else None
 
     def _unknown(self, node: ActionNode, path: str) -> None:
         if node.name in self._catalog.operations:
@@ -126,25 +132,24 @@ class ActionReader:
                 found[str(name)] = value
         return ActionCall("set", found, node.place)
 
-    def _raise(self, node: ActionNode, given: Map | None, path: str) -> ActionCall | None:
-        name = given.get("event") if given else None
-        hint = "write 'raise: {event: NAME}'"
-        if given is None or not isinstance(name, Text) or len(given) != 1:
-            self._findings.add(
-                node.place, "missing-argument", path, "raise takes one argument, the event", hint
-            )
+    def _raise(self, node: RaiseNode | None, place: Place, scope: Scope, path: str) -> ActionCall | None:
+        if node is None:
+            hint = "write 'raise: {event: NAME}'"
+            self._findings.add(place, "missing-argument", path, "raise names no event", hint)
             return None
+        name, at = node.event, node.at("event")
         words = name.split(".")
         if not all(map(NAME.fullmatch, words)):
             hint = "use words of letters, digits and underscores, with dots between"
-            self._findings.add(name.place, "bad-name", path, f"{str(name)!r} cannot be an event", hint)
+            self._findings.add(at, "bad-name", path, f"{str(name)!r} cannot be an event", hint)
             return None
         if words[0] in RESERVED_EVENTS or name in self._catalog.events:
             whose = "the engine itself" if words[0] in RESERVED_EVENTS else "the plugin itself"
             problem = f"{str(name)!r} cannot be raised: events of {words[0]!r} come from {whose}"
-            self._findings.add(name.place, "bad-name", path, problem, "begin it with another word")
+            self._findings.add(at, "bad-name", path, problem, "begin it with another word")
             return None
-        return ActionCall("raise", {"event": Constant(str(name), name.place, TEXT)}, node.place)
+        data = self._carried.read(str(name), node.mapping("with"), at, scope, f"{path}.with")
+        return ActionCall("raise", {"event": Constant(str(name), at, TEXT)}, place, False, data)
 
     def _check_close(self, arguments: Mapping[str, Value], path: str) -> None:
         status, code = arguments.get("status"), arguments.get("code")
@@ -158,8 +163,4 @@ class ActionReader:
 
 def raised_events(nodes: Iterable[ActionNode]) -> Iterator[str]:
     """Yield the names that these actions raise."""
-    for node in nodes:
-        if node.name == "raise" and isinstance(node.arguments, Map):
-            name: Any = node.arguments.get("event")
-            if isinstance(name, str):
-                yield str(name)
+    return (str(node.raise_.event) for node in nodes if node.raise_ is not None)

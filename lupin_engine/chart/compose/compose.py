@@ -15,6 +15,7 @@ from itertools import chain
 from typing import Any
 
 from lupin_engine.chart.compose.actions import ActionReader, raised_events
+from lupin_engine.chart.compose.carried import Carried, carries_something, end_of
 from lupin_engine.chart.compose.declare import Declared, Declarer, level_events
 from lupin_engine.chart.compose.invoke import InvokeReader
 from lupin_engine.chart.compose.transitions import CompositionContext, TransitionReader, any_event, path_of
@@ -32,7 +33,7 @@ from lupin_engine.chart.documents import (
     written_in,
 )
 from lupin_engine.chart.expressions.checker import check_expression
-from lupin_engine.chart.expressions.evaluation import Expression
+from lupin_engine.chart.expressions.evaluation import Expression, Value
 from lupin_engine.chart.expressions.scope import Scope, Typed, Usage, fragment_of, literal
 from lupin_engine.chart.expressions.texts import check_text
 from lupin_engine.chart.expressions.units import with_article
@@ -71,6 +72,8 @@ ITINERARY = Type(
     "itinerary",
     fields={"open": BOOL, "remaining": COUNT, "total": COUNT, "closed": COUNT, "sweep": COUNT},
 )
+#: How often a chart is looked at for what its events carry, if one follows from another.
+MAX_LEARNED = 4
 #: What an invariant does not see, because it is told of every moment.
 _MOMENTARY = ("event", "error", "request", "target", "itinerary")
 _AT_ALL_TIMES = "an invariant holds at every moment, with and without a mission"
@@ -84,6 +87,7 @@ class Composed:
     drafts: Mapping[str, Draft]
     usage: Usage
     declared: Declared
+    carried: Carried
 
 
 def compose(
@@ -124,6 +128,7 @@ class _Composer:
         parts: Mapping[str, PartNode],
         catalog: Catalog,
         findings: Findings,
+        carried: Carried | None = None,
     ) -> None:
         self._lifecycle = lifecycle
         self._missions = list(missions)
@@ -138,6 +143,7 @@ class _Composer:
         self._bound: dict[str, list[set[str]]] = {}
         self._codes: dict[str, Code] = {}
         self._events: dict[str, None] = {}
+        self._carried = carried
 
     @property
     def _declared(self) -> Declared:
@@ -151,7 +157,10 @@ class _Composer:
         self._forest.grow(self._lifecycle, self._missions)
         self._codes = self._all_codes()
         self._events = self._all_events()
-        self._actions = ActionReader(self._catalog, self._declared.context, self._codes, self._findings)
+        carried = self._carried = self._carried or self._learn()
+        self._actions = ActionReader(
+            self._catalog, self._declared.context, self._codes, carried, self._findings
+        )
         self._invokes = InvokeReader(
             self._catalog, self._declarer, self._codes, self._actions, self._findings
         )
@@ -161,6 +170,7 @@ class _Composer:
             self._forest,
             self._codes,
             self._events,
+            carried,
             self._outer,
             self._findings,
         )
@@ -185,7 +195,21 @@ class _Composer:
         )
         plugins = self._plugins()
         chart = replace(chart, plugins=plugins, parameters=self._parameters(plugins))
-        return Composed(chart, self._forest.drafts, self._usage, self._declared)
+        return Composed(chart, self._forest.drafts, self._usage, self._declared, carried)
+
+    def _learn(self) -> Carried:
+        """Return what events and results carry: composed before, as often as one follows from another."""
+        drafts = self._forest.drafts.values()
+        if not any(map(carries_something, drafts)):
+            return Carried(self._findings)
+        carried = Carried(Findings(), {}, ANY)
+        for _ in range(MAX_LEARNED):
+            files = (self._lifecycle, self._missions, self._parts)
+            _Composer(*files, self._catalog, Findings(), carried).compose()
+            if carried.found == carried.known:
+                break
+            carried = Carried(Findings(), carried.found, ANY)
+        return Carried(self._findings, carried.found)
 
     # -- what the whole chart knows ------------------------------------------------------------------------
 
@@ -407,6 +431,8 @@ class _Composer:
             found["budget"] = self._budget(draft, node.budget)
         if node.entry:
             found["entry"] = self._read_actions(node.entry, scope, draft, "entry")
+        if draft.kind is Kind.FINAL:
+            found["result"] = self._result(draft, node, scope)
         if node.exit:
             found["exit"] = self._read_actions(node.exit, scope, draft, "exit")
         found["transitions"] = self._transitions.read(draft, node, invoke, scope)
@@ -414,6 +440,15 @@ class _Composer:
             found["timers"] = tuple(self._timers(draft, node, scope))
         found["resume_at"] = self._transitions.resume_at(draft, node)
         return found
+
+    def _result(self, draft: Draft, node: StateNode, scope: Scope) -> Mapping[str, Value]:
+        """Read what the end of a state gives; one without a result counts as well."""
+        path = path_of(draft.name, "result")
+        assert self._carried is not None
+        assert draft.parent is not None
+        given = node.mapping("result")
+        place = node.key_at("result") if given is not None else draft.place
+        return self._carried.read(end_of(draft.parent.name), given, place, scope, path)
 
     def _read_actions(
         self, nodes: Sequence[ActionNode], scope: Scope, draft: Draft, key: str

@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 from lupin_engine.chart.compose.actions import ActionReader
+from lupin_engine.chart.compose.carried import Carried, end_of
 from lupin_engine.chart.compose.declare import Declared, check_code
 from lupin_engine.chart.compose.invoke import names_when_done, names_when_failed
 from lupin_engine.chart.compose.tree import Draft, Forest
@@ -50,6 +51,7 @@ class CompositionContext:
     forest: Forest
     codes: Mapping[str, Code]
     events: Mapping[str, None]
+    carried: Carried
     outer: Callable[[Draft], Scope]
     findings: Findings
 
@@ -63,6 +65,7 @@ class TransitionReader:
         self._forest = context.forest
         self._codes = context.codes
         self._events = context.events
+        self._carried = context.carried
         self._outer = context.outer
         self._findings = context.findings
         self._actions = actions
@@ -80,6 +83,8 @@ class TransitionReader:
         found: list[Transition] = []
         if node.on_done:
             ended = self._after(scope, names_when_done, invoke)
+            if node.invoke is None and node.for_each is None:
+                ended = scope.with_event(self._carried.fields_of(end_of(draft.name)))
             found += self._list(node.on_done, TransitionSite(draft, draft, "on_done", "done", ended))
         if node.on_error:
             failed = self._after(scope, names_when_failed, invoke)
@@ -184,7 +189,8 @@ class TransitionReader:
     def _event_scope(self, draft: Draft, event: str) -> Scope:
         assert draft.scope is not None
         if event not in self._event_types:  # a scope remembers what it derived by the type's identity
-            self._event_types[event] = event_type(event, self._catalog)
+            known = event in self._events or event.startswith("operator.")
+            self._event_types[event] = event_type(event, self._catalog, self._carried) if known else ANY
         return draft.scope.with_event(self._event_types[event])
 
     def _list(self, nodes: Sequence[TransitionNode], site: TransitionSite) -> list[Transition]:
@@ -293,13 +299,15 @@ class TransitionReader:
         return tuple(found)
 
 
-def event_type(event: str, catalog: Catalog) -> Type:
+def event_type(event: str, catalog: Catalog, carried: Carried) -> Type:
     """Return the type of what comes with an event."""
     if event == "mission.start":
         return _START
     if event in catalog.events:
         return Type("record", "event", fields=catalog.events[event].fields)
-    return _NOTHING if event.startswith("operator.") else ANY
+    if event.startswith("operator."):
+        return _NOTHING
+    return ANY if event.endswith("*") else carried.fields_of(event)
 
 
 def any_event(draft: Draft) -> Scope:

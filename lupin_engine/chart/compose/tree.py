@@ -216,7 +216,7 @@ class Forest:
     def _check_shape(self, draft: Draft, node: StateNode) -> None:
         """Refuse words that say nothing in a state of this kind."""
         if draft.kind is Kind.FINAL:
-            allowed = {"type", "summary", "entry", "phase"}
+            allowed = {"type", "summary", "entry", "phase", "result"}
         elif draft.kind is Kind.HISTORY:
             allowed, draft.depth = {"type", "summary", "depth", "initial"}, _DEPTHS[node.depth]
         else:
@@ -237,6 +237,10 @@ class Forest:
                 self._findings.add(node.key_at(key), "wrong-shape", draft.name, problem, f"drop {key!r}")
 
     def _check_ordinary(self, draft: Draft, node: StateNode) -> None:
+        if node.result:
+            problem = "only a final state has a result"
+            at = node.key_at("result")
+            self._findings.add(at, "wrong-shape", draft.name, problem, "add 'type: final'")
         if node.depth is not None:
             hint = "write 'type: history' beside it, or 'history: deep'"
             self._findings.add(

@@ -73,6 +73,13 @@ def read_under(
     return read_value(raw, holder.value_place(key), wanted, scope, findings, path)
 
 
+def read_literal(holder: Map, key: str, scope: Scope, findings: Findings, path: str) -> Value | None:
+    """Read the value under a key where no type is asked for: a literal has the one that it looks like."""
+    raw = holder[key]
+    is_text = is_expression(raw) and fragment_of(raw) is None  # with expressions in it
+    return read_under(holder, key, TEXT if is_text else literal_type(raw), scope, findings, path)
+
+
 def read_key(node: Node, key: str, wanted: Type, scope: Scope, findings: Findings, path: str) -> Value | None:
     """Read what a mapping says under `key`; None when it says nothing, or after findings."""
     raw = getattr(node, key)
