@@ -47,7 +47,8 @@ class RequestCommand(click.Command):
 
     def invoke(self, ctx: click.Context) -> Any:
         """Carry out the verb."""
-        ctx.params["request"] = {name: ctx.params.pop(name) for name in _request_fields()}
+        names = [option.name for option in ctx.meta[__name__]]
+        ctx.params["request"] = {name: ctx.params.pop(name) for name in names}
         return super().invoke(ctx)
 
 

@@ -31,23 +31,34 @@ def ran(folder: Path, *arguments: str, **files: str) -> subprocess.CompletedProc
     return subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=100)
 
 
-def test_scenarios_are_tests(tmp_path: Path) -> None:
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a folder with a scenario that holds, one that fails, one that is mistaken, and a mission."""
+    found = tmp_path_factory.mktemp("scenarios")
+    (found / "mission.yaml").write_text("mission: X\n", encoding="utf-8")
+    return found
+
+
+@pytest.fixture(scope="module")
+def done(folder: Path) -> subprocess.CompletedProcess[str]:
+    """Return what pytest says of that folder."""
+    return ran(folder, "-v", "--junit-xml", "junit.xml", good=HOLDS, bad=FAILS, broken=HEAD)
+
+
+def test_scenarios_are_tests(folder: Path, done: subprocess.CompletedProcess[str]) -> None:
     """Each is one, with its file and name as its id; other YAML files are left alone."""
-    (tmp_path / "mission.yaml").write_text("mission: X\n")
-    done = ran(tmp_path, "-v", "--junit-xml", "junit.xml", good=HOLDS, bad=FAILS, broken=HEAD)
     lines = done.stdout.splitlines()
     assert done.returncode == 1, done.stdout
     assert any(line.startswith("good.scenario.yaml::good PASSED") for line in lines)
     assert any(line.startswith("bad.scenario.yaml::bad FAILED") for line in lines)
     assert "1 passed" in lines[-1]
     assert "2 failed" in lines[-1]
-    root = ElementTree.parse(tmp_path / "junit.xml").getroot()
+    root = ElementTree.parse(folder / "junit.xml").getroot()
     assert {case.get("name") for case in root.iter("testcase")} == {"good", "bad", "broken"}
 
 
-def test_a_failure_is_the_report_and_no_traceback(tmp_path: Path) -> None:
+def test_a_failure_is_the_report_and_no_traceback(done: subprocess.CompletedProcess[str]) -> None:
     """Expected against actual, the lines of both files, the story."""
-    done = ran(tmp_path, bad=FAILS, broken=HEAD)
     assert "final\n    expected: FAULT\n    actual:   DONE\n" in done.stdout
     assert "      4 | expect: {final: FAULT}\n        |                 ^\n" in done.stdout
     assert "nav.dock done   -> DONE" in done.stdout
