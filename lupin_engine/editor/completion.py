@@ -175,7 +175,7 @@ class _Completion:
             Meaning.CODE: partial(self._codes, spot),
             Meaning.HOLD: self._holds,
             Meaning.TYPE: self._types,
-            Meaning.UNIT: self._units,
+            Meaning.UNIT: lambda: (Offer(name, ItemKind.Unit, docs.unit(name)) for name in UNITS),
             Meaning.LIVE_VALUE: self._live_values,
         }
         yield from offers.get(meaning, partial(self._plain, spot))()
@@ -191,9 +191,6 @@ class _Completion:
     def _engaging(self) -> Iterator[Offer]:
         yield from self._requests()
         yield from self._levels()
-
-    def _units(self) -> Iterator[Offer]:
-        yield from (Offer(name, ItemKind.Unit, docs.unit(name)) for name in UNITS)
 
     def _live_values(self) -> Iterator[Offer]:
         for name, value in self._catalog.for_missions.values.items():

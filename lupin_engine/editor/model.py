@@ -130,14 +130,12 @@ class Model:
         local = states_of(path)
         drafts, own = self.nearest(file, local)
         draft = drafts[0] if drafts else self.composed.drafts[""]
-        scope = (draft.scope if own and not self._is_part_itself(file, local) else draft.inner) or Scope({})
+        is_part = not local and isinstance(self.documents.get(file), PartNode)
+        scope = (draft.scope if own and not is_part else draft.inner) or Scope({})
         rest = path[2 * len(local) :]
         if not rest:
             return scope
         return self._with_event(draft, scope, file, path, rest, scan)
-
-    def _is_part_itself(self, file: Path, local: tuple[str, ...]) -> bool:
-        return not local and isinstance(self.documents.get(file), PartNode)
 
     def _with_event(
         self, draft: Draft, scope: Scope, file: Path, path: Steps, rest: Steps, scan: Scan

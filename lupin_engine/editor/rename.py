@@ -120,11 +120,10 @@ def _verify(folder: Folder, edits: Mapping[Path, list[Edit]], renamed: set[str],
         raise Refused("a file of this folder cannot be read; mend that first")
     if list(_meanings(before.composed, renamed, name)) != list(_meanings(after.composed, set(), name)):
         raise Refused(f"with the name {name!r} something else would be meant somewhere")
-    if not all(
-        _asks_the_same(before.composed, after.composed, renamed, name, *pair)
-        for pair in _asked(folder, changed)
-    ):
-        raise Refused(f"with the name {name!r} an in_state would ask for another state")
+    for old, new in _asked(folder, changed):
+        asked = {_renamed(full, renamed, name) for full in _ending(before.composed, old)}
+        if asked != _ending(after.composed, new):
+            raise Refused(f"with the name {name!r} an in_state would ask for another state")
 
 
 def _meanings(composed: Composed, renamed: set[str], name: str) -> Iterator[tuple[str | None, ...]]:
@@ -148,12 +147,6 @@ def _asked(folder: Folder, changed: Mapping[Path, str]) -> Iterator[tuple[str, s
 def _names(found: Scan, root: type[Node]) -> list[str]:
     mentions = mentions_in(found, root)
     return [each.whole for each in mentions if each.meaning is Meaning.ANYWHERE and each.index == 0]
-
-
-def _asks_the_same(
-    before: Composed, after: Composed, renamed: set[str], name: str, old: str, new: str
-) -> bool:
-    return {_renamed(full, renamed, name) for full in _ending(before, old)} == _ending(after, new)
 
 
 def _ending(composed: Composed, name: str) -> set[str | None]:

@@ -264,7 +264,8 @@ class Orchestrator:
         view = self._machine.view
         for command in step.commands:
             if isinstance(command, Publish):
-                self._observe(command)
+                value = partial(self._value, now=self._clock.now())
+                self._outcomes.publish(self._wire.outcome_fields(command, value, self._stamp()))
             elif isinstance(command, Report):
                 self._report(command, view)
         for moment in step.trail[:-1]:
@@ -281,10 +282,6 @@ class Orchestrator:
         known = self._noted.get(name, ())
         self._noted[name] = notes
         return notes not in ((), known)
-
-    def _observe(self, published: Publish) -> None:
-        value = partial(self._value, now=self._clock.now())
-        self._outcomes.publish(self._wire.outcome_fields(published, value, self._stamp()))
 
     def _log(self, step: Step, view: View) -> None:
         if step.taken:

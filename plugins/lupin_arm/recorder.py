@@ -56,11 +56,8 @@ class PoseRecording:
         if time > MAX_SECONDS:
             self.full = f"cut at {MAX_SECONDS:g} s"
             return
-        self._look_at(self._waypoint(time, pose, jaw), pose)
-
-    def _waypoint(self, time: float, pose: Pose, jaw: float | None) -> Waypoint:
         gripper = None if jaw is None or not self.include_gripper else clamp_jaw(jaw)
-        return Waypoint(t=time, arm=list(clamp_pose(pose)), gripper=gripper)
+        self._look_at(Waypoint(t=time, arm=list(clamp_pose(pose)), gripper=gripper), pose)
 
     def _look_at(self, seen: Waypoint, pose: Pose) -> None:
         self._last = seen

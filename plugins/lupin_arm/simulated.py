@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-from lupin_arm.joints import ARM, JAW, Joint, Pose
+from lupin_arm.joints import ARM, JAW, Pose
 from lupin_arm.trajectory import Point, Trajectory
 
 #: How fast a servo turns at best, in rad/s, and how fast a person moves a limp arm.
@@ -95,14 +95,10 @@ class SimulatedArm:
         """Return what the controller asks of the servos; what one cannot reach it does not even try."""
         asked = self._trajectory.at(now - self._began, self._start)
         pan, lift, elbow, wrist = (
-            angle if _reaches(joint, angle) else at
+            angle if joint.servo_deg[0] - NEAR <= math.degrees(angle) <= joint.servo_deg[1] + NEAR else at
             for joint, angle, at in zip(ARM, asked, self.pose, strict=True)
         )
         return pan, lift, elbow, wrist
-
-
-def _reaches(joint: Joint, angle: float) -> bool:
-    return joint.servo_deg[0] - NEAR <= math.degrees(angle) <= joint.servo_deg[1] + NEAR
 
 
 def _toward(pose: Pose, target: Pose, most: float) -> Pose:

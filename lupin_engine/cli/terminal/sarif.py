@@ -66,9 +66,6 @@ def _location(place: Place, here: Path, sources: Sources) -> dict[str, Any]:
     if line is not None:
         region["endColumn"] = place.column + token_length(line, place.column)
         region["snippet"] = {"text": line}
-    return {"artifactLocation": {"uri": _uri(Path(place.file), here)}, "region": region}
-
-
-def _uri(file: Path, here: Path) -> str:
-    whole = here / file
-    return quote(whole.relative_to(here).as_posix()) if whole.is_relative_to(here) else whole.as_uri()
+    file = here / place.file
+    uri = quote(file.relative_to(here).as_posix()) if file.is_relative_to(here) else file.as_uri()
+    return {"artifactLocation": {"uri": uri}, "region": region}

@@ -166,15 +166,13 @@ class SimNode:
         self._estop_parameter = values.get("estop", self._estop_parameter)
         self._fault_count = values.get("fault_count", self._fault_count)
         if "fault" in values:
-            self._set_fault(InjectedFault(values["fault"]))
+            fault = InjectedFault(values["fault"])
+            self._faults.set(fault, self._fault_count, goal_running=self._goal is not None)
+            self._show_used_up_fault(fault)
         self._settle()
         if "battery" in values:
             self._publish_battery()
         return None
-
-    def _set_fault(self, fault: InjectedFault) -> None:
-        self._faults.set(fault, self._fault_count, goal_running=self._goal is not None)
-        self._show_used_up_fault(fault)
 
     def _show_used_up_fault(self, before: InjectedFault) -> None:
         """Let the parameter say `none` once the fault has hit its last goal."""
@@ -311,15 +309,12 @@ class SimNode:
         if not self._moving.running:
             self._senses.look(self._robot.pose)
         if self._ros.elapsed() >= self._next_pose:
-            self._lose_or_find_the_way()
+            if self._faults.now(InjectedFault.LOSE_LOCALIZATION):
+                self._variance = min(LOST_VARIANCE, self._variance * LOSING)
             self._publish_pose()
         if self._beats % BEATS_PER_BATTERY == 0:
             self._publish_battery()
         self._beats += 1
-
-    def _lose_or_find_the_way(self) -> None:
-        if self._faults.now(InjectedFault.LOSE_LOCALIZATION):
-            self._variance = min(LOST_VARIANCE, self._variance * LOSING)
 
     def _publish_pose(self) -> None:
         # From here on, so that a pose that was sent on arrival is not repeated at once.
