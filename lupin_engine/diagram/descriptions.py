@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Any
 
 from lupin_engine.chart.expressions.evaluation import Constant, UnknownInput, Value
 from lupin_engine.chart.model import ActionCall, Chart, ForEach, Hold, Invoke, Itinerary, State, Transition
 from lupin_engine.diagram.picture import Label, LineRole, TextLine, TransitionCause
+from lupin_engine.plugin.types import in_unit
 
 #: Longest guard, value or list of actions, in characters.
 WIDTH = 44
 #: What an action is about -> the argument that says it.
 _ABOUT = {"raise": "event", "itinerary.close": "status", "itinerary.close_rest": "status"}
+#: Units of long durations, and the shortest one, in seconds, that is told in each.
+_LONG = {"h": 3600.0, "min": 120.0}
 _PREFIXES = ("operator.", "mission.")
 _CANNOT = (KeyError, TypeError, ValueError, ArithmeticError, UnknownInput)
 
@@ -43,12 +47,15 @@ class ElementTexts:
             given = ", ".join(_set(name, value) for name, value in state.result.items())
             yield TextLine(f"result / {_cut(given)}", LineRole.ACTION)
 
-    def seconds(self, value: Value) -> str:
+    def duration(self, value: Value) -> str:
         """Return a duration as the parameters' defaults make it, else as it is written."""
         try:
-            return f"{float(value.evaluate(self._defaults)):g} s"
+            seconds = float(value.evaluate(self._defaults))
         except _CANNOT:
             return self._short(value)
+        fits = (unit for unit, least in _LONG.items() if seconds >= least)
+        unit = next((unit for unit in fits if in_unit(seconds, unit).is_integer()), "s")
+        return f"{in_unit(seconds, unit):g} {unit}"
 
     def _event(self, rule: Transition) -> str:
         state = self._states[rule.source]
@@ -56,9 +63,9 @@ class ElementTexts:
             return "resume"
         if rule.event.startswith("after."):
             delay = next(timer.after for timer in state.timers if timer.event == rule.event)
-            return f"after {self.seconds(delay)}"
+            return f"after {self.duration(delay)}"
         if rule.event == "budget" and state.budget is not None:
-            return f"budget {self.seconds(state.budget.after)}"
+            return f"budget {self.duration(state.budget.after)}"
         return plain_event(rule.event)
 
     def _itinerary(self, itinerary: Itinerary) -> Iterator[str]:
@@ -78,19 +85,19 @@ class ElementTexts:
         yield from _doings(("done", found.on_done), ("error", found.on_error))
 
     def _invoke(self, invoke: Invoke) -> Iterator[TextLine]:
-        limit = f" ≤ {self.seconds(invoke.timeout)}" if invoke.timeout else ""
+        limit = f" ≤ {self.duration(invoke.timeout)}" if invoke.timeout else ""
         yield TextLine(f"do / {invoke.name}{limit}", LineRole.WORK)
         if invoke.retry is not None:
             yield TextLine(f"tries: {self._short(invoke.retry.attempts)}", LineRole.NOTE)
 
     def _short(self, value: Value) -> str:
         if isinstance(value, Constant):
-            return _cut(str(value.value))
+            return _cut(_told(value.value))
         try:
             found = value.evaluate(self._defaults)
         except _CANNOT:
             return _cut(value.source)
-        return _cut(f"{found:g}" if isinstance(found, float) else str(found))
+        return _cut(_told(found))
 
 
 def plain_event(event: str) -> str:
@@ -141,7 +148,21 @@ def _action(action: ActionCall) -> str:
 
 
 def _set(name: str, value: Value) -> str:
-    return f"{name} = {value.value!r}" if isinstance(value, Constant) else f"set {name}"
+    if not isinstance(value, Constant):
+        return f"set {name}"
+    written = value.value
+    return f"{name} = {written!r}" if isinstance(written, str) else f"{name} = {_told(written)}"
+
+
+def _told(value: Any) -> str:
+    """Return a value as missions write it, without its quotes and units."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, float):
+        return f"{value:g}"
+    if isinstance(value, Mapping):
+        return "{" + ", ".join(f"{name}: {_told(inner)}" for name, inner in value.items()) + "}"
+    return f"[{', '.join(map(_told, value))}]" if isinstance(value, (list, tuple)) else str(value)
 
 
 def _cut(text: str) -> str:

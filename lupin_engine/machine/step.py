@@ -41,8 +41,13 @@ class Considered:
             return f"{self.transition} ({self.place}) waits: {self.held} is engaged"
         if self.holds:
             return f"{self.transition} ({self.place}) can be taken"
-        values = ", ".join(f"{text} is {_shown(value)}" for text, value in self.parts)
-        return f"{self.transition} ({self.place}): {self.guard} is false: {values}"
+        values = ", ".join(f"{text} is {_shown(value)}" for text, value in self.telling)
+        return f"{self.transition} ({self.place}): {self.guard} is false" + (f": {values}" if values else "")
+
+    @property
+    def telling(self) -> tuple[tuple[str, object], ...]:
+        """The parts that tell more than that the guard is false."""
+        return tuple(part for part in self.parts if part[0] != self.guard or part[1] is not False)
 
 
 def _shown(value: object) -> str:

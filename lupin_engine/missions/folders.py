@@ -58,6 +58,14 @@ def default_missions_folder() -> Path:
     raise UsageError("this installation ships no missions; name a mission file")
 
 
+def is_shipped(file: Path) -> bool:
+    """Tell whether a mission or lifecycle is a shipped one, or an unchanged copy of it."""
+    try:
+        return file.read_bytes() == (default_missions_folder() / file.name).read_bytes()
+    except (OSError, UsageError):
+        return False
+
+
 def find_mission(name: str, folders: Iterable[Path]) -> Path:
     """Return the file of a mission, named by path, by file (`inspection`) or by itself (`InspectionMission`).
 

@@ -4,7 +4,8 @@ States, transitions and ends are read off the steps of a run. What guards came t
 run that is to be counted uses a copy of the chart whose guards count (`CoverageObserver.prepare`).
 
 A mission answers for its own states; those of the lifecycle around it are shared, and one mission that
-reaches them is enough.
+reaches them is enough. The shipped lifecycle is left out around missions of one's own: it has been reached by
+the shipped ones.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from lupin_engine.chart.expressions.evaluation import Environment, Expression
 from lupin_engine.chart.model import Chart, Hold, Invoke, Kind, State, Transition
 from lupin_engine.errors import Place
 from lupin_engine.machine.step import Step
+from lupin_engine.missions.folders import is_shipped
 from lupin_engine.runtime.history import DONE, FAILED, AttemptHistory
 from lupin_engine.sim.failure import near, shown
 from lupin_engine.sim.narration import short_name
@@ -274,12 +276,14 @@ class Coverage:
 
     def add(self, mission: Path, chart: Chart, counts: Mapping[Key, int]) -> None:
         """Add what one run of a mission reached."""
+        told = [*chart.missions] if _is_around_own(chart) else ["", *chart.missions]
         if mission not in self.charts:
             self.charts[mission] = (chart, Counter())
             for item in items(chart):
-                self._part(chart, item.mission).items.setdefault(item.key, item)
+                if item.mission in told:
+                    self._part(chart, item.mission).items.setdefault(item.key, item)
         self.charts[mission][1].update(counts)
-        for name in {"", *chart.missions}:
+        for name in told:
             self._part(chart, name).counts.update(counts)
 
     def _part(self, chart: Chart, mission: str) -> FileCoverage:
@@ -308,6 +312,13 @@ class Coverage:
                 for part in self.parts
             ],
         }
+
+
+@lru_cache(maxsize=32)
+def _is_around_own(chart: Chart) -> bool:
+    """Tell whether a chart is the shipped lifecycle around missions that are not shipped."""
+    missions = (Path(mission.file) for mission in chart.missions.values())
+    return is_shipped(Path(chart.states[""].place.file)) and not any(map(is_shipped, missions))
 
 
 def add_up(results: Iterable[ScenarioResult], missions: Missions) -> Coverage:

@@ -421,6 +421,10 @@ class Debugger:
     def _inputs(self, words: list[str]) -> list[TonedLine]:
         return panels.inputs(self._chart, self.simulation)
 
+    @_command("variables", "the variables of the chart")
+    def _variables(self, words: list[str]) -> list[TonedLine]:
+        return panels.variables(self.simulation)
+
     @_command("timers", "what will happen by itself, and when")
     def _timers(self, words: list[str]) -> list[TonedLine]:
         return panels.timers(self._chart, self.simulation)

@@ -34,8 +34,13 @@ def possibilities(chart: Chart, found: Iterable[Possibility]) -> list[TonedLine]
 
 def possibility(chart: Chart, found: Possibility) -> list[TonedLine]:
     """Tell what one event would do now, with every transition that listens to it."""
-    first = _what(chart, found) if found.possible else labelled(found.event, _why_not(found), "", _EVENT)
-    each = (f"    {_leads_to(chart, one.transition)}: {_reason(one)}" for one in found.considered)
+    others = [one for one in found.considered if not found.possible or one.transition not in found.taken]
+    if found.possible:
+        first = _what(chart, found)
+    else:  # the reasons stand behind the transitions
+        told = found.refusal.text if found.refusal else "not possible now" if others else _why_not(found)
+        first = labelled(found.event, told, "", _EVENT)
+    each = (f"    {_leads_to(chart, one.transition)}: {_reason(found, one)}" for one in others)
     return [first, *([(text, "dim")] for text in each)]
 
 
@@ -49,17 +54,18 @@ def _what(chart: Chart, found: Possibility) -> TonedLine:
 def _why_not(found: Possibility) -> str:
     if found.refusal is not None:
         return found.refusal.text
-    reasons = dict.fromkeys(_reason(one) for one in found.considered)
+    reasons = dict.fromkeys(_reason(found, one) for one in found.considered)
     return "; ".join(reasons) or "nobody listens to it here"
 
 
-def _reason(one: Considered) -> str:
+def _reason(found: Possibility, one: Considered) -> str:
     """Return what keeps a transition from being taken."""
     if one.held:
         return f"{one.held} is engaged"
     if one.holds:
-        return "can be taken"
-    return f"{one.guard} is false: {', '.join(f'{text} is {shorten(value)}' for text, value in one.parts)}"
+        return f"{found.event} is false" if found.event.startswith("input.") else "can be taken"
+    values = ", ".join(f"{text} is {shorten(value)}" for text, value in one.telling)
+    return f"{one.guard} is false" + (f": {values}" if values else "")
 
 
 def _leads_to(chart: Chart, rule: str) -> str:
@@ -118,6 +124,13 @@ def inputs(chart: Chart, simulation: Simulation) -> list[TonedLine]:
         since = f", {now - kept.stamp:.1f} s ago" if kept is not None and kept.reported else ""
         rows.append(labelled(name, f"{text}  ({spec.value}{since})"))
     return rows or [[("this chart reads no live value", "dim")]]
+
+
+def variables(simulation: Simulation) -> list[TonedLine]:
+    """Tell the variables of the chart, each with its value."""
+    context = simulation.machine.memory.context
+    rows = [labelled(name, shorten(value)) for name, value in context.items()]
+    return rows or [[("this chart has no variable", "dim")]]
 
 
 def timers(chart: Chart, simulation: Simulation) -> list[TonedLine]:

@@ -104,7 +104,7 @@ def test_left_overs_are_told_with_the_way_to_remove_them(
     segment = tmp_path / "fastrtps_1"
     segment.write_bytes(b"x" * 500_000)
     monkeypatch.setattr(health, "stale_segments", lambda: [segment])
-    monkeypatch.setattr(health, "running_nodes", lambda: iter([(7, "lupin_sim")]))
+    monkeypatch.setattr(health, "running_nodes", lambda domain: iter([(7, "lupin_sim")]))
     memory, nodes = health.look_at_left_overs()
     assert (memory.state, memory.found) == ("note", "1 stale files, 0.5 MB")
     assert "shm clean" in memory.advice

@@ -9,7 +9,9 @@ from rich.console import Console
 
 from lupin_engine.chart.model import Chart
 from lupin_engine.cli.terminal import view
+from lupin_engine.cli.terminal.tables import print_network
 from lupin_engine.plugin.profile import TargetResult
+from lupin_engine.ros.adapter.network import Interface
 from lupin_engine.ros.launch.monitor import RunMonitor
 from lupin_greenhouse.messages import read_state
 from lupin_greenhouse.profile import PROFILE
@@ -183,3 +185,54 @@ def test_durations() -> None:
         "60:00.0",
         "00:00.0",
     ]
+
+
+def test_the_strip_of_targets_keeps_the_current_one_in_sight(monitor: RunMonitor, chart: Chart) -> None:
+    """Also after many of them, and where it is visited a second time."""
+    for number in range(100, 130):
+        monitor.take(*observation(str(number)), at=110.0)
+    last = drawn(view.picture(monitor, chart, 117.0), width=72).splitlines()[-1]
+    assert last == "╰─ … 120✔  121✔  122✔  123✔  124✔  125✔  126✔  127✔  128✔  129✔  5…  ──╯"
+    monitor.take(*state(current_target="110"), at=111.0)
+    again = drawn(view.picture(monitor, chart, 117.0), width=72).splitlines()[-1]
+    assert " 110✔ " in again
+    monitor.take(*state(current_target="1"), at=112.0)
+    assert drawn(view.picture(monitor, chart, 117.0), width=72).splitlines()[-1].startswith("╰─  1✔  100✔ ")
+
+
+LONG = "/perception/front_camera/detections/confirmed_by_the_second_look"
+NETWORK = [
+    Interface("topic", LONG, "perception_msgs/msg/ConfirmedDetections", ("/perception_aggregator",), ()),
+    Interface("service", "/go", "std_srvs/srv/Trigger", ("/base",), ("/mission_orchestrator", "/operator")),
+]
+
+
+@pytest.mark.parametrize("width", [20, 40, 80, 200])
+def test_no_name_of_the_map_is_ever_broken(
+    width: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A table where there is room for it, else everything below each other."""
+    monkeypatch.setenv("COLUMNS", str(width))
+    print_network(NETWORK)
+    told = capsys.readouterr().out
+    words = told.replace(",", " ").split()
+    for interface in NETWORK:
+        ends = (name.removeprefix("/") for name in (*interface.producers, *interface.consumers))
+        for name in (interface.name, interface.type, *ends):
+            assert name in words
+    if width == 80:
+        assert [line.rstrip() for line in told.splitlines()] == [
+            "topics",
+            f"  {LONG}  perception_msgs/msg/ConfirmedDetections",
+            "    published by perception_aggregator",
+            "    read by nobody",
+            "",
+            "services",
+            "",
+            " name and type          served by   called by",
+            " " + "─" * 55,
+            " /go                    base        mission_orchestrator",
+            " std_srvs/srv/Trigger               operator",
+            "",
+            "everybody understands everybody",
+        ]

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import pytest
 
+from lupin_engine.chart.expressions.evaluation import Constant
 from lupin_engine.chart.model import Kind
+from lupin_engine.diagram.descriptions import ElementTexts
 from lupin_engine.diagram.outline import find_state, outline, readable_depth
 from lupin_engine.diagram.picture import Arrow, Picture, StateBox, Tone, TransitionCause
-from lupin_engine.errors import UsageError
+from lupin_engine.errors import Place, UsageError
+from lupin_engine.plugin.types import DURATION
 from tests.diagram import pictured
 from tests.machine.charts import chart
 
@@ -221,3 +224,35 @@ def test_a_state_that_is_not_found_is_answered(given: str, name: str, said: str)
     with pytest.raises(UsageError) as caught:
         find_state(pictured.chart(given), name)
     assert str(caught.value) == said
+
+
+@pytest.mark.parametrize(
+    ("seconds", "told"),
+    [
+        (0.5, "0.5 s"),
+        (60.0, "60 s"),
+        (90.0, "90 s"),
+        (120.0, "2 min"),
+        (1800.0, "30 min"),
+        (3600.0, "1 h"),
+        (5400.0, "90 min"),
+        (0.0, "0 s"),
+    ],
+)
+def test_long_durations_are_told_in_minutes_and_hours(seconds: float, told: str) -> None:
+    """As far as they are whole ones; 30 min are not 1800 s to anybody."""
+    given = Constant(seconds, Place("m.yaml", 1, 1), DURATION)
+    assert ElementTexts(pictured.chart("inspection")).duration(given) == told
+
+
+def test_values_are_told_as_missions_write_them() -> None:
+    """A yes or no is `true`, whatever Python calls it; a text keeps its quotes."""
+    given = {"due": True, "why": "late", "far": 2.0, "spot": {"x": 1.0, "ok": False}, "all": [True, 3]}
+    found = outline(chart({name.upper(): {"entry": ("set", {name: value})} for name, value in given.items()}))
+    assert [b.text[0] for b in found.every() if b.text] == [
+        "entry / due = true",
+        "entry / why = 'late'",
+        "entry / far = 2",
+        "entry / spot = {x: 1, ok: false}",
+        "entry / all = [true, 3]",
+    ]

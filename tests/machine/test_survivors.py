@@ -366,7 +366,7 @@ def test_an_explanation_names_all_that_is_considered_or_taken() -> None:
         for name in ("L", "R")
     }
     bench = Bench(chart({"P": {"kind": "parallel", "states": regions}}, context={"free": False}))
-    reason = "(test.yaml:1:1): guard is false: guard is false"
+    reason = "(test.yaml:1:1): guard is false"
     assert str(possibility(bench, "go")) == f"go: L {reason}; R {reason}"
     assert str(possibility(bench, "step")) == "step: L.step, R.step"
     assert possibility(bench, "step").considered[0] == Considered("L.step", PLACE, "", holds=True)

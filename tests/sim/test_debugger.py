@@ -162,3 +162,25 @@ def test_the_terminal_may_be_narrow() -> None:
     """Nothing is wider than it."""
     lines = list(answered(debugger(width=64), ["start tag_sequence=1,2", "run"]))
     assert max(map(len, lines)) <= 64
+
+
+def test_a_sentence_is_told_once() -> None:
+    """That a guard is false says it all where it has no parts; what can be taken stands in one line."""
+    one = debugger()
+    rows = plain(one.do("why"))
+    assert "  always                  len(input.missing) > 0 is false" in rows
+    assert "  input.battery.low       nobody listens to it here" in rows
+    one.do("start tag_sequence=1")
+    one.do("run SCANNING")
+    rows = plain(one.do("why skip_current"))
+    assert len(rows) == 1
+    assert rows[0].startswith("  operator.skip_current   -> INSPECTING.PUBLISHING (visit_targets.yaml:")
+    assert "  input.battery.low       input.battery.low is false" in plain(one.do("why"))
+
+
+def test_variables_are_shown_with_their_values() -> None:
+    """As they are now."""
+    one = debugger()
+    one.do("start tag_sequence=1")
+    one.do("run RETURNING")
+    assert plain(one.do("variables")) == ["  reason          done", "  home            {x 0, y 0, yaw 0}"]

@@ -14,7 +14,7 @@ from lupin_engine.cli.main import main
 from lupin_engine.cli.verbs.simulate import simulate
 from lupin_engine.cli.verbs.test import _default
 from lupin_engine.cli.verbs.test import test as run_scenarios
-from lupin_engine.missions.folders import default_missions_folder
+from lupin_engine.missions.folders import LIFECYCLE, default_missions_folder
 
 SCENARIOS = Path(__file__).parents[1] / "scenarios" / "inspection"
 HEAD = 'scenario: a promise\nmission: inspection\nrequest: {tag_sequence: ["1"]}\n'
@@ -78,6 +78,24 @@ def test_coverage_is_told_and_can_be_asked_for(tmp_path: Path) -> None:
     less = typed(tmp_path, "--min-coverage", 100)
     assert (less.return_value, less.output.splitlines()[-1]) == (1, "less than 100 % was reached")
     assert typed(tmp_path, "--min-coverage", 10).return_value == 0
+
+
+WAIT = "mission: Wait\nstates:\n  WAITING: {after: {1 s: done}}\n  done: {type: final}\n"
+
+
+def test_coverage_of_a_mission_of_ones_own_leaves_the_shipped_lifecycle_out(tmp_path: Path) -> None:
+    """Also a copy of it, as `lupin new` makes one; a lifecycle of one's own is counted."""
+    file = tmp_path / "missions" / "wait.yaml"
+    file.parent.mkdir()
+    file.write_text(WAIT)
+    (tmp_path / "x.scenario.yaml").write_text("scenario: x\nmission: wait\nexpect: {final: DONE}\n")
+    assert "100.0 % of all" in typed(tmp_path, "--min-coverage", 100, "--coverage").output
+    lifecycle = (default_missions_folder() / LIFECYCLE).read_text(encoding="utf-8")
+    (file.parent / LIFECYCLE).write_text(lifecycle)
+    assert typed(tmp_path, "--min-coverage", 100).return_value == 0
+    (file.parent / LIFECYCLE).write_text(lifecycle + "# and a word of our own\n")
+    told = typed(tmp_path, "--coverage").output
+    assert "lifecycle: transitions that were not reached" in told.splitlines()
 
 
 def test_coverage_can_be_looked_at(tmp_path: Path) -> None:

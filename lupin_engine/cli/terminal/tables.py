@@ -20,6 +20,8 @@ from lupin_engine.ros.launch.health import Finding
 if TYPE_CHECKING:
     from lupin_engine.ros.adapter.network import Interface, Kind
 
+#: Cells that no name of the map fills.
+_ANY_WIDTH = 10_000
 _STATE_STYLES: Mapping[str, str] = MappingProxyType({"ok": "green", "note": "yellow", "problem": "bold red"})
 #: Kind of interface -> title of its table, what its two ends are called.
 _INTERFACES: Mapping[Kind, tuple[str, str, str]] = MappingProxyType(
@@ -66,12 +68,16 @@ def _health_verdict(findings: Iterable[Finding]) -> Text:
 
 
 def print_network(interfaces: Sequence[Interface]) -> None:
-    """Print a table for each kind of interface, and what is wrong with any of them."""
+    """Print the interfaces of each kind, and what is wrong with any of them; no name is ever broken."""
     console = Console(highlight=False)
-    for kind, (title, producers, consumers) in _INTERFACES.items():
+    for kind, (title, *ends) in _INTERFACES.items():
         of_kind = [interface for interface in interfaces if interface.kind == kind]
-        if of_kind:
-            console.print(_network_table(title, producers, consumers, of_kind))
+        table = _network_table(title, ends, of_kind)
+        wanted = console.measure(table, options=console.options.update(max_width=_ANY_WIDTH)).maximum
+        if of_kind and wanted <= console.width:
+            console.print(table)
+        elif of_kind:
+            console.print(_network_list(title, ends, of_kind), soft_wrap=True)
     problems = [f"{i.name}: {problem}" for i in interfaces for problem in i.problems]
     for problem in problems:
         console.print(Text(problem, "bold red"), soft_wrap=True)
@@ -79,19 +85,34 @@ def print_network(interfaces: Sequence[Interface]) -> None:
         console.print(Text("everybody understands everybody", "bold green"))
 
 
-def _network_table(title: str, producers: str, consumers: str, interfaces: Iterable[Interface]) -> Table:
+def _network_table(title: str, ends: Sequence[str], interfaces: Iterable[Interface]) -> Table:
     table = Table(box=SIMPLE_HEAD, pad_edge=False, title=title, title_justify="left", title_style="bold")
-    table.add_column("name and type", overflow="fold")
-    for heading in (producers, consumers):
-        table.add_column(heading, overflow="fold", min_width=20)
+    for heading in ("name and type", *ends):
+        table.add_column(heading, no_wrap=True)
     for one in interfaces:
-        what = Text(one.name, "bold red" if one.problems else "bold").append(f"\n{one.type}", "not bold dim")
-        table.add_row(what, _nodes(one.producers), _nodes(one.consumers))
+        table.add_row(_what(one, "\n"), _nodes(one.producers, "\n"), _nodes(one.consumers, "\n"))
     return table
 
 
-def _nodes(nodes: Iterable[str]) -> Text:
-    return Text("\n".join(node.removeprefix("/") for node in nodes) or "nobody", "" if nodes else "dim")
+def _network_list(title: str, ends: Sequence[str], interfaces: Iterable[Interface]) -> Text:
+    """Return what the table has, below each other, for a terminal that is too narrow for it."""
+    text = Text(f"{title}\n", "bold")
+    for one in interfaces:
+        text.append("  ").append_text(_what(one, "  "))
+        for end, nodes in zip(ends, (one.producers, one.consumers), strict=True):
+            text.append(f"\n    {end} ", "not bold dim").append_text(_nodes(nodes, ", "))
+        text.append("\n")
+    return text
+
+
+def _what(interface: Interface, between: str) -> Text:
+    name = Text(interface.name, "bold red" if interface.problems else "bold")
+    return name.append(f"{between}{interface.type}", "not bold dim")
+
+
+def _nodes(nodes: Iterable[str], between: str) -> Text:
+    text = between.join(node.removeprefix("/") for node in nodes)
+    return Text(text or "nobody", "not bold" if text else "not bold dim")
 
 
 # -- plugin -----------------------------------------------------------------------------------------------

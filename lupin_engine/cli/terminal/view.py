@@ -44,6 +44,8 @@ RATING_STYLES: Mapping[Rating, str] = {Rating.GOOD: "green", Rating.BAD: "red", 
 SHOWN_EVENTS = 6
 #: Width of the state tree, and of bars, in cells.
 TREE_WIDTH, BAR_WIDTH = 28, 24
+#: Cells of a line of the picture's frame that belong to the frame itself.
+FRAME = 6
 
 
 @dataclass(frozen=True)
@@ -125,7 +127,7 @@ class _Fitting:
             Group(body, Text(), *_events(monitor.happenings)),
             title=_title(monitor, self._now, symbols),
             title_align="left",
-            subtitle=_strip(monitor, symbols),
+            subtitle=_strip(monitor, symbols, options.max_width - FRAME),
             subtitle_align="left",
             border_style=_border(monitor),
             box=ROUNDED,
@@ -280,15 +282,26 @@ def event_line(happening: RunEvent) -> Text:
     return line.append(happening.text, STYLES[happening.severity])
 
 
-def _strip(monitor: RunMonitor, symbols: Symbols) -> Text:
-    """Return the targets so far in one line, each with the mark of its outcome."""
-    strip = Text(no_wrap=True, overflow="crop")
-    for result in monitor.results.values():
-        outcome = monitor.profile.outcome(result.status)
-        strip.append(f" {result.target}{_mark(outcome, symbols)} ", _style(outcome))
-    target = monitor.progress.target
-    if target and target not in monitor.results:
-        strip.append(f" {target}{symbols.more} ", "bold")
+def _strip(monitor: RunMonitor, symbols: Symbols, width: int) -> Text:
+    """Return the targets so far in one line, each with the mark of its outcome.
+
+    The current one stands out and is always in sight: what there is no room for is left out before it.
+    """
+    current = monitor.progress.target
+    pieces, last = [], 0
+    for target in dict.fromkeys([*monitor.results, *filter(None, [current])]):
+        result = monitor.results.get(target)
+        outcome = monitor.profile.outcome(result.status) if result else None
+        mark = _mark(outcome, symbols) if result else symbols.more
+        style = _style(outcome) if result else ""
+        pieces.append(Text(f" {target}{mark} ", f"bold {style}" if target == current else style))
+        last = len(pieces) if target == current or not current else last
+    first, room = 0, width - len(symbols.more)
+    while first < last - 1 and sum(piece.cell_len for piece in pieces[first:last]) > room:
+        first += 1
+    left_out = Text(symbols.more, "dim") if first else Text()
+    strip = Text.assemble(left_out, *pieces[first:])
+    strip.no_wrap, strip.overflow = True, "crop"
     return strip
 
 

@@ -21,10 +21,11 @@ from lupin_engine.missions.folders import lifecycle_in, mission_files
 from lupin_engine.missions.load import check_chart
 from lupin_engine.missions.selection import folders
 from lupin_engine.plugin.discovery import entry_points
+from lupin_engine.plugin.files import ros_domain
 from lupin_engine.plugin.registry import load_catalog, load_profiles, verified_plugin
 from lupin_engine.ros.adapter import environment
 from lupin_engine.ros.bindings.type_hashes import local_hash
-from lupin_engine.ros.launch.environment import DOMAIN, RANGE, domain_advice, range_advice
+from lupin_engine.ros.launch.environment import DOMAIN, RANGE, current_domain, domain_advice, range_advice
 from lupin_engine.ros.launch.requirements import INSTALL_ROS, SOURCE_ROS
 from lupin_engine.ros.launch.shared_memory import stale_segments
 
@@ -166,7 +167,7 @@ def look_at_left_overs() -> Iterator[Finding]:
         yield Finding("shared memory", f"{len(stale)} stale files, {size:.1f} MB", "note", advice)
     else:
         yield Finding("shared memory", "nothing stale")
-    nodes = list(running_nodes())
+    nodes = list(running_nodes(current_domain()))
     if nodes:
         told = ", ".join(f"{name} ({pid})" for pid, name in nodes)
         advice = "a run uses them, or they were started by hand; `kill PID` stops one"
@@ -187,16 +188,21 @@ def _size(file: Path) -> int:
         return 0
 
 
-def running_nodes(processes: Path = Path("/proc")) -> Iterator[tuple[int, str]]:
-    """Yield process id and name of every `lupin node` of this machine."""
+def running_nodes(domain: int, processes: Path = Path("/proc")) -> Iterator[tuple[int, str]]:
+    """Yield process id and name of every `lupin node` of this machine that is in a ROS domain."""
     for entry in sorted(processes.glob("[0-9]*"), key=lambda e: int(e.name)):
         try:
-            words = (entry / "cmdline").read_bytes().decode(errors="replace").split("\0")
+            name = _node_in(_words(entry / "cmdline"))
+            variables = dict(word.partition("=")[::2] for word in _words(entry / "environ")) if name else {}
         except OSError:
-            continue
-        name = _node_in(words)
-        if name:
+            continue  # it has ended, or is somebody else's
+        if name and ros_domain(variables) == domain:
             yield int(entry.name), name
+
+
+def _words(file: Path) -> list[str]:
+    """Return the words of a process, as the kernel tells them."""
+    return file.read_bytes().decode(errors="replace").split("\0")
 
 
 def _node_in(words: Sequence[str]) -> str:

@@ -71,18 +71,23 @@ def test_participants_are_counted_by_their_ports(tmp_path: Path) -> None:
 
 
 def test_running_nodes_are_known_by_their_command(tmp_path: Path) -> None:
-    """However they were started; `lupin` with another verb is none."""
+    """However they were started; `lupin` with another verb is none, nor one of another domain."""
     commands = {
         "12": "/v/bin/python\0-m\0lupin_engine.cli.main\0node\0lupin_sim\0--ros-args\0",
         "13": "/v/bin/python\0/v/bin/lupin\0node\0greenhouse_bridge\0",
         "14": "/v/bin/python\0/v/bin/lupin\0run\0inspection\0",
         "15": "node\0server.js\0now\0",
+        "17": "/v/bin/python\0/v/bin/lupin\0node\0elsewhere\0",
     }
+    domains = {"12": "LANG=C\0ROS_DOMAIN_ID=5\0", "13": "ROS_DOMAIN_ID=5\0", "17": "ROS_DOMAIN_ID=6\0"}
     for pid, line in commands.items():
         (tmp_path / pid).mkdir()
         (tmp_path / pid / "cmdline").write_text(line)
+        (tmp_path / pid / "environ").write_text(domains.get(pid, ""))
     (tmp_path / "16").mkdir()
-    assert list(running_nodes(tmp_path)) == [(12, "lupin_sim"), (13, "greenhouse_bridge")]
+    assert list(running_nodes(5, tmp_path)) == [(12, "lupin_sim"), (13, "greenhouse_bridge")]
+    assert list(running_nodes(6, tmp_path)) == [(17, "elsewhere")]
+    assert list(running_nodes(0, tmp_path)) == []
 
 
 def test_the_network_is_closed_unless_it_was_opened(monkeypatch: pytest.MonkeyPatch) -> None:
