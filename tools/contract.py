@@ -115,7 +115,7 @@ PARTS: Sequence[Part] = (
 GIVEN = frozenset({"RosTimer", "ServiceCaller", "ActionHost", "ServedGoal"})
 #: Methods that are between the engine's own modules.
 INSIDE = frozenset(
-    {"forget", "starting_values", "declare_anew", "channels", "guarded", "leave", "work_until"}
+    {"forget", "values_with", "declare_anew", "channels", "guarded", "leave", "work_until"}
 )
 
 

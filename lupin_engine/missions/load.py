@@ -81,10 +81,10 @@ class LoadedMissions:
 
     def parameters(self) -> dict[str, Any]:
         """Return what the orchestrator needs to load the same."""
-        return {
-            "missions": [str(file.resolve()) for file in self.files],
-            "missions_path": str(self.lifecycle.resolve().parent),
-        }
+        folder = self.lifecycle.resolve().parent
+        files = [file.resolve() for file in self.files]
+        named = {} if files == mission_files(folder) else {"missions": [str(file) for file in files]}
+        return {**named, "missions_path": str(folder)}
 
 
 @dataclass(frozen=True, eq=False)

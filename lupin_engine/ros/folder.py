@@ -23,13 +23,15 @@ LOOK_PERIOD_S = 1.0
 
 
 class MissionsFolder:
-    """The missions that the node's parameters name: some, or all of a folder."""
+    """The missions that the parameters name, some or all of a folder, and those that are added later."""
 
     def __init__(self, given: Mapping[str, Any], catalog: Catalog) -> None:
         """`given` are the node's parameters `missions` and `missions_path`."""
         self._path = Path(given.get("missions_path") or default_missions_folder())
         self._names = list(given.get("missions") or [])
         self._catalog = catalog
+        #: What stood beside the named missions from the beginning; None before that was looked at.
+        self._others: set[Path] | None = None
         self._refused: LoadedMissions | None = None
         #: What is wrong with the files as they are now; empty when they can be used.
         self.problem = ""
@@ -40,7 +42,7 @@ class MissionsFolder:
         Raises:
             LupinError: a mission does not exist or has errors, or a binding does not fit an interface.
         """
-        files = [find_mission(name, [self._path]) for name in self._names] or mission_files(self._path)
+        files = self._files()
         if not files:
             where = "say where they are with -p missions_path:=FOLDER"
             raise LupinError(f"no missions in {self._path}; {where}")
@@ -51,6 +53,16 @@ class MissionsFolder:
         if findings.errors:
             raise ChartError(findings.errors)
         return loaded
+
+    def _files(self) -> list[Path]:
+        """Return the named missions and those that were put beside them since; without names, all."""
+        named = [find_mission(name, [self._path]) for name in self._names]
+        if not named:
+            return mission_files(self._path)
+        folders = dict.fromkeys(file.parent for file in named)
+        beside = [file for folder in folders for file in mission_files(folder) if file not in named]
+        self._others = set(beside) if self._others is None else self._others & set(beside)
+        return [*named, *(file for file in beside if file not in self._others)]
 
     def changed(self, current: LoadedMissions) -> LoadedMissions | None:
         """Return the chart of files that were changed; None when nothing has, or what has cannot be used."""

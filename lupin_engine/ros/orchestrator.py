@@ -20,6 +20,7 @@ from std_srvs.srv import Trigger
 
 from lupin_engine.errors import LupinError
 from lupin_engine.machine.event import Event, Report
+from lupin_engine.machine.machine import Machine
 from lupin_engine.machine.reload import is_idle, successor
 from lupin_engine.machine.step import Moment, Step, View
 from lupin_engine.missions.load import LoadedMissions
@@ -46,7 +47,9 @@ STALE_AFTER_S = 5.0
 
 #: Parameters of the node itself, beside those of the missions.
 OWN_PARAMETERS: Mapping[str, Parameter] = {
-    "missions": Parameter(list_of(TEXT), [], "missions to offer, by name or file; none: all that are found"),
+    "missions": Parameter(
+        list_of(TEXT), [], "missions to offer, beside those added later; none: all there are"
+    ),
     "missions_path": Parameter(TEXT, "", "folder of the missions; empty: the ones that come with the engine"),
     "state_publish_rate_hz": Parameter(NUMBER, 5.0, "how often the state is repeated, in Hz", minimum=0.1),
     "mission_id_prefix": Parameter(TEXT, "lupin", "what mission ids begin with"),
@@ -121,6 +124,7 @@ class Orchestrator:
         drivers[BUILTIN] = Readiness(drivers, self._outlet, ros.steady_timer, ros.now)
         self._drivers = drivers
         ros.on_stop(self._close)
+        ros.on_parameter(self._set)
         self._serve()
         # Real time: the state is told five times a second also while simulated time stands still.
         ros.steady_timer(1.0 / float(given["state_publish_rate_hz"]), self._publish_state)
@@ -202,7 +206,7 @@ class Orchestrator:
         declared = {**OWN_PARAMETERS, **chart.parameters}
         if chart.profile is not self._chart.profile:
             raise LupinError("another profile needs a new start")
-        values = self._ros.starting_values(declared)
+        values = self._ros.values_with(declared)
         world = make_world(chart, {name: values[name] for name in chart.parameters})
         machine = successor(self._machine, world)
         before, now = self._loaded.bindings, {*chart.plugins, BUILTIN}
@@ -213,11 +217,33 @@ class Orchestrator:
             self._drivers.pop(name).close()
         self._drivers.update(clients)
         self._ros.declare_anew(declared)
-        self._loaded, self._chart, self._machine = loaded, chart, machine
+        self._loaded, self._chart = loaded, chart
+        self._take_over(machine)
+
+    def _take_over(self, machine: Machine) -> None:
+        """Go on with another machine of the chart."""
+        self._machine = machine
         self._engine.go_on_with(machine)
         heard = {name for name, found in machine.memory.inputs.items() if found.reported}
-        self._outlet.tell_again(spec.value for spec in chart.inputs.values() if spec.name not in heard)
+        self._outlet.tell_again(spec.value for spec in self._chart.inputs.values() if spec.name not in heard)
         self._work()
+
+    def _set(self, values: Mapping[str, Any]) -> str | None:
+        """Take new values of the missions' parameters, or say why not."""
+        chart = self._chart
+        of_plugins = {name for plugin in chart.plugins for name in chart.catalog.plugins[plugin].parameters}
+        fixed = [name for name in values if name not in chart.parameters or name in of_plugins]
+        if fixed:
+            return f"{', '.join(fixed)}: read at the start of the node only; restart it with -p"
+        if not is_idle(self._machine):
+            return f"{', '.join(values)}: a mission is under way; set parameters when it has ended"
+        try:
+            world = make_world(chart, {**self._machine.world.parameters, **values})
+            self._take_over(successor(self._machine, world))
+        except LupinError as problem:
+            return str(problem)
+        self._offer()
+        return None
 
     def _offer(self) -> None:
         """Tell which missions there are and what they ask for, and what is wrong with the files."""

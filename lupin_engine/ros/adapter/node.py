@@ -174,13 +174,13 @@ class RosNode:
         """Correct a declared parameter from inside the node; the `on_parameter` callbacks hear of it."""
         self._declared.set(name, value)
 
-    def starting_values(self, specs: Declared) -> dict[str, Any]:
-        """Return what parameters would be if the node was started with them; nothing changes.
+    def values_with(self, specs: Declared) -> dict[str, Any]:
+        """Return what parameters would be after `declare_anew`; nothing changes.
 
         Raises:
             LupinError: a value was given that one of them may not have, or ROS has no such type.
         """
-        return self._declared.starting_values(specs)
+        return self._declared.values_with(specs)
 
     def declare_anew(self, specs: Declared) -> None:
         """Have exactly these parameters: new and changed ones as at a start, the others as they are."""

@@ -190,7 +190,7 @@ class DeclaredParameters:
         self._specs = dict(declared(self._given()) if callable(declared) else declared)
         self._on_change: list[OnChange] = []
         self._refuse_unknown(_names_said(arguments))
-        values = self.starting_values(self._specs)
+        values = starting_values(self._specs, self._given())
         for name, spec in self._specs.items():
             self._declare(name, spec, values[name])
         node.add_pre_set_parameters_callback(lambda changes: [self._retyped(one) for one in changes])
@@ -211,15 +211,16 @@ class DeclaredParameters:
         """Correct a parameter from inside the node."""
         self._node.set_parameters([to_ros(name, self._specs[name], value)])
 
-    def starting_values(self, specs: Declared) -> dict[str, Any]:
-        """Return what parameters would be if the node was started with them; nothing changes."""
+    def values_with(self, specs: Declared) -> dict[str, Any]:
+        """Return what parameters would be after `declare_anew`; nothing changes."""
         for name, spec in specs.items():
             ros_type(name, spec.type)
-        return starting_values(specs, self._given())
+        kept = {name: value for name, value in self.values().items() if specs.get(name) == self._specs[name]}
+        return starting_values(specs, self._given()) | kept
 
     def declare_anew(self, specs: Declared) -> None:
         """Have exactly these parameters: new and changed ones as at a start, the others as they are."""
-        values = self.starting_values(specs)
+        values = self.values_with(specs)
         kept = {name for name, spec in self._specs.items() if specs.get(name) == spec}
         for name in set(self._specs) - kept:
             self._node.undeclare_parameter(name)

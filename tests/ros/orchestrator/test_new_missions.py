@@ -9,7 +9,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from rcl_interfaces.srv import GetParameters
+from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
+from rcl_interfaces.srv import GetParameters, SetParameters
 from std_msgs.msg import String
 
 from lupin_engine.missions.folders import default_missions_folder
@@ -243,3 +244,53 @@ def test_a_running_mission_is_not_touched(world: World, desk: Desk, missions: Pa
     assert ended.mission_type == "InspectionMission"
     log = world.log("mission_orchestrator").read_text(encoding="utf-8")
     assert log.index("mission ended") < log.index("missions loaded anew")
+
+
+def test_a_file_that_is_put_beside_the_named_missions_is_offered_too(
+    world: World, desk: Desk, missions: Path
+) -> None:
+    """As `lupin up inspection` starts it; what was there and is not named stays left out."""
+    shutil.copy(default_missions_folder() / "exploration.yaml", missions)
+    world.start_all(missions_path=default_missions_folder(), missions=[str(missions / "inspection.yaml")])
+    desk.offered("InspectionMission")
+    drop_patrol(missions)
+    desk.offered("PatrolMission")
+    assert [m["mission"] for m in desk.offers[-1]["missions"]] == ["InspectionMission", "PatrolMission"]
+
+
+def refusal(desk: Desk, name: str, value: float) -> str:
+    """Set a number of the orchestrator, as `ros2 param set` does, and return why not."""
+    wanted = Parameter(
+        name=name, value=ParameterValue(type=ParameterType.PARAMETER_DOUBLE, double_value=value)
+    )
+    request = SetParameters.Request(parameters=[wanted])
+    answer = desk.call(SetParameters, "/mission_orchestrator/set_parameters", request)
+    return str(answer.results[0].reason)
+
+
+def test_parameters_of_missions_can_be_set_while_none_runs(world: World, desk: Desk, missions: Path) -> None:
+    start_all(world, missions)
+    desk.in_state("READY")
+    desk.set_parameter("lupin_sim", "battery", 0.5)
+    desk.until(lambda: desk.state.battery_percentage == pytest.approx(0.5), "half full")
+    assert not desk.state.battery_low
+    desk.set_parameter("mission_orchestrator", "battery_low_threshold", 0.6)
+    desk.until(lambda: desk.state.battery_low, "half full is low now")
+    assert desk.start("1").error_message == "start refused: battery low"
+    drop_patrol(missions)
+    desk.offered("PatrolMission")
+    assert desk.state.battery_low, "what was set stays when missions come"
+    assert refusal(desk, "battery_low_threshold", 2.0).startswith(
+        "Parameter battery_low_threshold out of range"
+    )
+    assert refusal(desk, "approach_standoff_m", 0.4) == (
+        "approach_standoff_m: read at the start of the node only; restart it with -p"
+    )
+    desk.set_parameter("mission_orchestrator", "battery_low_threshold", 0.2)
+    desk.hit(1, "stall")
+    assert desk.start("1").accepted
+    desk.in_state("INSPECTING")
+    assert refusal(desk, "battery_low_threshold", 0.6) == (
+        "battery_low_threshold: a mission is under way; set parameters when it has ended"
+    )
+    assert not desk.state.battery_low
