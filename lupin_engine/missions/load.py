@@ -69,15 +69,25 @@ class LoadedMissions:
 
     @property
     def plugins(self) -> tuple[str, ...]:
-        """The plugins that the missions use, and those whose nodes serve what their bindings call."""
+        """The plugins that the missions use, and those whose nodes have what their bindings call or read."""
         bound = [each for binding in self.bindings.values() for each in binding.calls.values()]
-        called = {call.endpoint.name.strip("/") for call in bound}
+        wanted = {name.strip("/") for name in (*(call.endpoint.name for call in bound), *self.heard)}
         serving = (
             name
             for name, plugin in self.chart.catalog.plugins.items()
-            if any(served.strip("/") in called for served in plugin.serves)
+            if any(served.strip("/") in wanted for served in plugin.serves)
         )
         return tuple(dict.fromkeys((*self.chart.plugins, *serving)))
+
+    @property
+    def heard(self) -> Mapping[str, str]:
+        """The topics that bindings read, each with the values and events that come from it."""
+        found: dict[str, list[str]] = {}
+        for binding in self.bindings.values():
+            events = {f"{binding.name}.{name}": event for name, event in binding.events.items()}
+            for name, one in {**binding.values, **events}.items():
+                found.setdefault(one.endpoint.name, []).append(name)
+        return {topic: ", ".join(names) for topic, names in found.items()}
 
     def parameters(self) -> dict[str, Any]:
         """Return what the orchestrator needs to load the same."""

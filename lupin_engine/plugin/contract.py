@@ -176,8 +176,8 @@ class Plugin:
     simulates something to the actions and services of the real thing: it is not started where those are.
     `companions` names nodes that only listen, and run beside every mission, whether it uses the plugin or
     not. `simulated_defaults` are values, in base units, that parameters of missions take by default where
-    the plugin's simulations are started. `serves` are the services and actions that its nodes have for
-    whoever calls them by name, as a binding does. `readers` are by the name of the type that they read. What
+    the plugin's simulations are started. `serves` are the services, actions and topics that its nodes
+    have for whoever names them, as a binding does. `readers` are by the name of the type that they read. What
     is `internal` is for a chart of the plugin's own, and no author of missions is offered it. Companions and
     simulations run beside missions of `profile` only; without one, beside all.
     """

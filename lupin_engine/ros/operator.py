@@ -94,6 +94,10 @@ class Operator:
         """Return how many nodes have that name, namespaces aside."""
         return sum(1 for found, _ in self._ros.node.get_node_names_and_namespaces() if found == name)
 
+    def is_published(self, topic: str) -> bool:
+        """Say whether somebody publishes a topic."""
+        return bool(self._ros.node.count_publishers(topic))
+
     def services(self) -> frozenset[str]:
         """Return the full names of all services that somebody serves."""
         return self._served("service")

@@ -23,6 +23,6 @@ PLUGIN = Plugin(
     },
     client="lupin_arm.client:ArmClient",
     nodes={"lupin_arm": "lupin_arm.node:main", "lupin_arm_sim": "lupin_arm.node.sim:main"},
-    serves=("/lupin/arm/preset",),
+    serves=("/lupin/arm/preset", "/lupin/arm/library/state", "/joint_states"),
     stands_in={"lupin_arm_sim": ("mirte_master_gripper_controller/gripper_cmd",)},
 )

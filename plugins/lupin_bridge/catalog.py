@@ -144,5 +144,6 @@ PLUGIN = Plugin(
         ),
     },
     client="lupin_bridge.client:BridgeClient",
+    serves=("/greenhouse_bridge/get_tag_reading",),
     nodes={"greenhouse_bridge": "lupin_bridge.node:main"},
 )

@@ -66,5 +66,6 @@ PLUGIN = Plugin(
         ),
     },
     client="lupin_perception.client:PerceptionClient",
+    serves=("/perception/confirm_tag", "/perception/discovered_tags"),
     nodes={"perception_aggregator": "lupin_perception.node:main"},
 )

@@ -93,7 +93,7 @@ def _carry_out(
     from lupin_engine.ros.launch.monitor import INTERRUPTED, NOT_DONE
 
     try:
-        bringup.bring_up(loaded.plugins, catalog)
+        bringup.bring_up(loaded.plugins, catalog, loaded.heard)
         monitor = bringup.start(loaded.names[0], request)
         bringup.follow(monitor)
         return monitor.verdict

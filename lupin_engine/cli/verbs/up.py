@@ -54,7 +54,7 @@ def _serve(bringup: Bringup, observer: Observer, loaded: LoadedMissions, catalog
     from lupin_engine.ros.launch.monitor import NOT_DONE
 
     try:
-        bringup.bring_up(loaded.plugins, catalog)
+        bringup.bring_up(loaded.plugins, catalog, loaded.heard)
         observer.note("\n".join(served(loaded, str(current_domain()))))
         bringup.watch(_StateLines(observer, loaded.chart.profile))
     except Interrupted:

@@ -11,6 +11,7 @@ from collections import Counter
 from collections.abc import Callable, Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, Protocol
 
 from lupin_engine.errors import LupinError, Severity
@@ -57,6 +58,8 @@ SILENCE_S = 6.0
 ABORT_LIMIT_S = 5.0
 #: How long the robot may take to come home after an abort, in seconds; the missions' own limits are shorter.
 HOME_LIMIT_S = 300.0
+#: How long the publishers of topics that bindings read may take to be seen, in seconds.
+PUBLISHERS_LIMIT_S = 2.0
 #: How long the last observations may come after the last state, in seconds.
 STRAGGLER_S = 2.0
 
@@ -125,8 +128,13 @@ class Bringup:
 
     # -- bringing up ------------------------------------------------------------------------------------
 
-    def bring_up(self, plugins: Iterable[str], catalog: Catalog) -> None:
+    def bring_up(
+        self, plugins: Iterable[str], catalog: Catalog, heard: Mapping[str, str] = MappingProxyType({})
+    ) -> None:
         """Start what is missing for missions that use `plugins`, and wait until the orchestrator is ready.
+
+        `heard` are the topics that they read beside those of their plugins, with what comes from each: one
+        that nobody publishes is told.
 
         Raises:
             RunFailed: a process died, or something is still missing after its time.
@@ -151,7 +159,16 @@ class Bringup:
                 SETTLE_LIMIT_S,
                 checked=True,
             )
+        self._tell_silent(heard)
         self._is_up = True
+
+    def _tell_silent(self, heard: Mapping[str, str]) -> None:
+        def silent() -> list[str]:
+            return [topic for topic in heard if not self._operator.is_published(topic)]
+
+        self._wait_until(lambda: not silent(), PUBLISHERS_LIMIT_S, checked=True)
+        for topic in silent():
+            self._observer.note(f"nobody publishes {topic}: no {heard[topic]} until then", Severity.WARN)
 
     def _start(self, launch: NodeLaunch) -> None:
         folder = self._settings.folder

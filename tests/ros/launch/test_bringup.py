@@ -73,6 +73,9 @@ class Ready(Nobody):
     def ready(self) -> bool:
         return True
 
+    def is_published(self, topic: str) -> bool:
+        return topic == "/told"
+
     def take(self) -> list[Any]:
         self.told += 1
         return [Arrival("state", {"lifecycle_state": "READY"}, 0.0)]
@@ -149,6 +152,17 @@ def test_what_the_simulated_robot_was_given_is_heard_before_the_mission_is_start
         monkeypatch.setattr(bringup, "_operator", ready)
         bringup.bring_up([], CATALOG)
     assert (ready.told > bringup_module.SETTLE_STATES) is settle
+
+
+def test_a_topic_that_nobody_publishes_is_told(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """A binding that reads it would stay silent, and nobody would know why."""
+    monkeypatch.setattr(bringup_module, "PUBLISHERS_LIMIT_S", 0.0)
+    with begin(monkeypatch, tmp_path) as bringup:
+        monkeypatch.setattr(bringup, "_operator", Ready())
+        bringup.bring_up([], CATALOG, {"/told": "wrist.touched", "/silent": "tank.level, tank.leak"})
+        assert isinstance(bringup._observer, Notes)
+        silent = [text for text in bringup._observer.told if "nobody" in text]
+    assert silent == ["nobody publishes /silent: no tank.level, tank.leak until then"]
 
 
 def test_every_option_for_a_node_that_runs_already_is_told(

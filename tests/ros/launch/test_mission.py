@@ -46,6 +46,29 @@ def test_what_a_binding_calls_brings_the_plugin_that_serves_it() -> None:
     assert "perception" not in patrol.plugins
 
 
+@pytest.mark.parametrize(("kind", "what"), [("values", "seen.tags"), ("events", "seen.tags")])
+def test_what_a_binding_reads_brings_the_plugin_that_publishes_it(
+    tmp_path: Path, kind: str, what: str
+) -> None:
+    """The list of discovered tags comes from the aggregator, which no word of this mission names."""
+    folder = tmp_path / "missions"
+    (folder / "bindings").mkdir(parents=True)
+    read = ", type: count, from: '${ len(message.tags) }'" if kind == "values" else ""
+    name = what if kind == "values" else what.partition(".")[2]
+    topic = "topic: {name: /perception/discovered_tags, type: lupin_msgs/msg/DiscoveredTags}"
+    text = f"binding: seen\nsummary: tags\n{kind}:\n  {name}: {{summary: tags, {topic}{read}}}\n"
+    (folder / "bindings" / "seen.yaml").write_text(text)
+    shutil.copy(SHIPPED / "lifecycle.yaml", folder)
+    listens = "on: {seen.tags: done}" if kind == "events" else "always: {target: done, guard: input.seen > 0}"
+    inputs = "inputs: {seen: {value: seen.tags, initial: 0}}\n" if kind == "values" else ""
+    states = f"initial: A\nstates:\n  A: {{{listens}}}\n  done: {{type: final}}\n"
+    (folder / "look.yaml").write_text(f"mission: Look\nsummary: look\n{inputs}{states}")
+    loaded = load_missions([str(folder / "look.yaml")], CATALOG)
+    assert "perception" not in loaded.chart.plugins
+    assert "perception" in loaded.plugins
+    assert loaded.heard == {"/perception/discovered_tags": what}
+
+
 def test_every_error_of_a_mission_is_told(tmp_path: Path) -> None:
     """Two mistakes, two findings, each with its place."""
     folder = tmp_path / "m"
