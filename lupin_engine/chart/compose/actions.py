@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from lupin_engine.chart.compose.carried import Carried
 from lupin_engine.chart.compose.declare import NAME, check_code
 from lupin_engine.chart.documents import ActionNode, IfNode, RaiseNode
-from lupin_engine.chart.expressions.evaluation import Constant, Value
+from lupin_engine.chart.expressions.evaluation import Constant, Expression, Value, never
 from lupin_engine.chart.expressions.scope import Scope
 from lupin_engine.chart.expressions.values import Signature, read_arguments, read_guard, read_under
 from lupin_engine.chart.findings import Findings
@@ -17,7 +17,7 @@ from lupin_engine.errors import Place, declared_as, nearest, or_else
 from lupin_engine.plugin.contract import Argument
 from lupin_engine.plugin.profile import Profile
 from lupin_engine.plugin.registry import RESERVED_EVENTS, Catalog
-from lupin_engine.plugin.types import ANY, TEXT
+from lupin_engine.plugin.types import ANY, BOOL, TEXT
 
 #: The engine's own actions whose arguments are no fixed list.
 STRUCTURED = ("set", "raise", "if")
@@ -100,10 +100,12 @@ class ActionReader:
             hint = "write 'if: {guard: CONDITION, then: ACTIONS}'"
             self._findings.add(place, "missing-argument", path, "if has no guard and no actions", hint)
             return None
-        guard = read_guard(node.guard, node.at("guard"), scope, self._findings, f"{path}.guard")
+        at = node.at("guard")
+        guard = read_guard(node.guard, at, scope, self._findings, f"{path}.guard")
+        guard = guard or Expression(str(node.guard), at, BOOL, never)
         then = self.read(node.then, scope, f"{path}.then")
         otherwise = self.read(node.else_, scope, f"{path}.else")
-        return ActionCall("if", {}, place, False, {}, guard, then, otherwise) if guard is not None else None
+        return ActionCall("if", {}, place, False, {}, guard, then, otherwise)
 
     def _unknown(self, node: ActionNode, path: str) -> None:
         if node.name in self._catalog.operations:

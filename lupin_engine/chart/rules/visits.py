@@ -217,6 +217,9 @@ class _VisitAnalysis:
                 found.append((call, visit))
                 visit = self._called(call, visit)
                 continue
+            if not understood(guard):
+                visit = _EITHER
+                continue
             asked = condition_of(guard.source) if "itinerary.open" in guard.source else None
             then, after_then = self._along(
                 _walking(call.path, call.action.then), _those(visit, (asked,) if asked else ())

@@ -70,6 +70,28 @@ AROUND = {
   C: {{always: B}}
   done: {{type: final}}
 """,
+    "an 'if' among actions": f"""\
+  A:
+    itinerary: {{items: "${{ tags.numeric_order() }}"}}
+    on_done: done
+    initial: GOING
+    states:
+      GOING:
+        exit:
+          if:
+            guard: GUARD
+            then: {{itinerary.close: {{status: OK}}}}
+            else: {{itinerary.close: {{status: SKIPPED}}}}
+        invoke: {DRIVE}
+        on_done: NEXT
+        on_error: NEXT
+      NEXT:
+        always:
+          - {{target: GOING, guard: itinerary.remaining > 0, do: itinerary.advance}}
+          - target: over
+      over: {{type: final}}
+  done: {{type: final}}
+""",
     "a visit that is closed": f"""\
   A:
     itinerary: {{items: "${{ tags.numeric_order() }}"}}
