@@ -110,7 +110,11 @@ class Operations:
         for state in active.working:
             if state.for_each is not None:
                 begun = self._take_up(state.name, state.for_each, step) or begun
-        waiting = [found for found in scope.memory.invocations.values() if self._may_begin(found)]
+        waiting = [
+            found
+            for found in scope.memory.invocations.values()
+            if not found.begun and not is_held_back(scope.memory, self._invoke(found).operation)
+        ]
         # Before anything is begun: what an attempt that cannot be made changes is looked at again.
         self._watch.settle(active.work, scope, step.now)
         if len(waiting) > 1:
@@ -120,11 +124,6 @@ class Operations:
             invocation.begun = True
             self._issue(invocation, step)
         return begun or bool(waiting)
-
-    def _may_begin(self, invocation: Invocation) -> bool:
-        return not invocation.begun and not is_held_back(
-            self._scope.memory, self._invoke(invocation).operation
-        )
 
     def _name(self) -> str:
         return f"i{self._scope.memory.fresh_id()}"
@@ -248,11 +247,12 @@ class Operations:
     def _count(self, invocation: Invocation, by: int) -> None:
         """Count a try, or take it back, for the visit that it serves: the open one of a state around it."""
         traversal = self._scope.memory.traversal
-        if traversal is None or traversal.visit is None or traversal.visit.closed:
+        visit = traversal.visit if traversal is not None else None
+        if traversal is None or visit is None or visit.closed:
             return
         if traversal.state in self._scope.chart.lineage[invocation.state]:
-            name, tries = self._invoke(invocation).name, traversal.visit.tries
-            tries[name] = tries.get(name, 0) + by
+            name = self._invoke(invocation).name
+            visit.tries[name] = visit.tries.get(name, 0) + by
 
     def _move(self, attempt: Attempt, word: str, step: Macrostep) -> None:
         """Lead an attempt on in its life; one that has ended or is lost leaves its resources free."""

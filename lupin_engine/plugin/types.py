@@ -267,11 +267,11 @@ def problems(value: Any, wanted: Type, notation: Notation = Notation.SETTING) ->
 def _plainly_fits(value: Any, wanted: Type) -> bool:
     """Say whether data is of a type at first sight, as nearly all is; else `_collect` says what is wrong."""
     made, kind, item = type(value), wanted.kind, wanted.item
-    if made is float:
+    if made is float or made is int:
         low, high = wanted.minimum, wanted.maximum
         in_range = (low is None or value >= low) and (high is None or value <= high)
-        return kind == "number" and in_range and math.isfinite(value)
-    if made is str:
+        return in_range and (kind == "integer" if made is int else kind == "number" and math.isfinite(value))
+    if isinstance(value, str):
         return kind == "text" and not wanted.values and not wanted.pattern
     if made is dict and kind == "record":
         for name, inner in wanted.fields.items():
