@@ -64,8 +64,6 @@ class Template:
         self.text = text
         #: What to subscribe to.
         self.filter = "/".join("+" if _PLACEHOLDER.search(level) else level for level in levels)
-        #: Whether each sensor of a tag has a topic of its own.
-        self.one_sensor = "sensor" in names
         # Split keeps the names of the placeholders at the odd places.
         parts = _PLACEHOLDER.split(text)
         self._topic = re.compile(

@@ -261,8 +261,8 @@ def _deadline(running: RunningOperation | None) -> RenderableType:
 def _measure(value: float, total: float, style: str, text: str) -> RenderableType:
     """Return a bar with its figures beside it."""
     row = Table.grid(padding=(0, 1))
-    bar = ProgressBar(total=total or 1.0, completed=min(value, total), width=BAR_WIDTH)
-    bar.complete_style = bar.finished_style = style
+    end = total or 1.0
+    bar = ProgressBar(end, min(value, total), BAR_WIDTH, complete_style=style, finished_style=style)
     row.add_row(bar, Text(text))
     return row
 
