@@ -42,6 +42,7 @@ MEANT_OTHERWISE: Mapping[str, frozenset[str]] = {
     "diagram/": frozenset({"layout", "tags"}),  # of a graph; of XML
     "editor/server.py": frozenset({"tag", "tags"}),  # of the language server protocol
     "machine/": frozenset({"arm"}),  # a timer is armed
+    "plugin/types.py": frozenset({"°C"}),  # a unit as others are
     "replay/timeline_svg.py": frozenset({"tag"}),  # of XML
     "runtime/record.py": frozenset({"tag"}),  # pydantic's Tag
 }

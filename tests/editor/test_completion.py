@@ -13,7 +13,8 @@ from lupin_engine.editor.folder import Folder
 Typed = Callable[[str, str, str], tuple[Path, int]]
 
 INSPECTION, LIFECYCLE, PART = "inspection.yaml", "lifecycle.yaml", "parts/visit_targets.yaml"
-TRANSITION = ["target", "guard", "do", "refuse", "during", "releases", "code", "internal", "use"]
+TRANSITION = ["target", "guard", "do", "refuse", "during", "releases", "code", "detail"]
+TRANSITION += ["internal", "use"]
 ROOT_STATES = ["BOOT", "READY", "MISSION", "RETURNING", "DONE", "FAULT"]
 MISSION_STATES = ["PREPARE", "INSPECTING", "done"]
 PARAMETERS = ["localization_covariance_threshold", "localization_timeout_s", "dependency_timeout_s"]
@@ -50,10 +51,10 @@ CASES = {
         ["NAVIGATING", "SCANNING", "PUBLISHING", "visited"], 4,
     ),
     "whose answers": (LIFECYCLE, "{use: READY}", "{use: |}", ROOT_STATES, 6),
-    "keys of a transition": (INSPECTION, "on_error: FAULT", "on_error: {|}", TRANSITION, 9),
-    "further keys": (LIFECYCLE, "{refuse: not_ready}", "{refuse: not_ready, |}", TRANSITION[:3], 8),
+    "keys of a transition": (INSPECTION, "on_error: FAULT", "on_error: {|}", TRANSITION, 10),
+    "further keys": (LIFECYCLE, "{refuse: not_ready}", "{refuse: not_ready, |}", TRANSITION[:3], 9),
     "keys or a target": (
-        INSPECTION, "on_error: FAULT", "on_error:\n          - |", [*TRANSITION, "LOCALIZING"], 20,
+        INSPECTION, "on_error: FAULT", "on_error:\n          - |", [*TRANSITION, "LOCALIZING"], 21,
     ),
     "keys of a state": (
         INSPECTION, "        on_error: FAULT", "        |",

@@ -1,4 +1,4 @@
-"""Texts with expressions in them: `tag ${ target.id }: ${ event.depth:.1f cm }`.
+"""Texts with expressions in them: `shelf ${ target.id }: ${ event.depth:.1f cm }`.
 
 Each expression may be a text, a number, a yes or no, or a list of those, which is joined with commas. A
 number is told with its unit. Behind a colon stands how many digits it gets (`.1f`), in which unit of its
