@@ -199,8 +199,10 @@ EXPRESSIONS_HEAD = """\
 
 A safe piece of Python, checked when the file is read: `and`, `or`, `not`, comparisons and `in`,
 `+ - * / // %`, `x if c else y`, fields of records, elements of lists, texts, numbers, `true`, `false`. A
-number with a unit is written as a text where it meets another (`param.patience > '5 s'`). There are no
-methods and no loops.
+number with a unit is written as a text where it meets another (`param.patience > '5 s'`). A list is gone
+through by `[tag.id for tag in request.tags if tag.x > '1 m']`, with one loop and none inside it; in `find`
+and `sorted` the element is called `t`. There are no methods. An expression that could take long is refused: a
+list counts with its `max`, one that has none with 1000 elements, and going through a longer one is an error.
 
 Where a text is wanted, expressions may stand in it: `tag ${ target.id } after ${ param.patience:.1f min }`.
 Each is a text, a number with its unit, a yes or no, or a list of those, which is joined with commas. Behind a
@@ -211,7 +213,8 @@ What can be read, besides variables of the context and the element of a `for_eac
 TYPES_HEAD = """\
 ## Types and units
 
-Types of parameters, variables and request fields; any of them may follow `list of`. Plugins add their own.
+Types of parameters, variables and request fields; any of them may follow `list of` or `set of`. A set holds
+each element once, in the order in which they came. Plugins add their own types.
 """
 UNITS_HEAD = """\
 A number that has a dimension is written with one of its units, and declared as `type: number` with `unit`.
@@ -237,16 +240,23 @@ CALL_TEXTS: Mapping[str, str] = {
     "len": "`len(list or text)`",
     "min": "`min(list)` or `min(a, b, ...)`",
     "max": "`max(list)` or `max(a, b, ...)`",
+    "sum": "`sum(list of numbers)`: what they come to; of none 0",
     "abs": "`abs(number)`",
     "round": "`round(number)`, or `round(number, 2)` for two digits",
     "any": "`any(list of yes or no)`: one of them is true",
     "all": "`all(list of yes or no)`: none of them is false",
-    "known": "`known(input.NAME)`: there is a report, and it is not too old",
+    "first": "`first(list, default)`: the first element, or the default when there is none",
+    "find": "`find(list, t.id == target.id)`: the first element `t` for which that is true; without, unknown",
+    "sorted": "`sorted(list, t.x)`: the elements by a number or a text of each, the smallest first",
+    "known": "`known(input.NAME)`: there is a report, not too old; `known(find(...))`: one is found",
     "held": "`held(HOLD)`: the hold is engaged",
     "in_state": "`in_state('NAME')`: a state of that name is active",
 }
 ACTION_TEXTS: Mapping[str, str] = {
     "set": "write variables of the context: `set: {NAME: VALUE, ...}`",
+    "add": "put something into lists and sets that have a `max`: `add: {NAME: VALUE, ...}`; into one "
+    "that is full is an error, a set that has it already stays as it is",
+    "remove": "take something out of lists and sets, wherever it stands there: `remove: {NAME: VALUE, ...}`",
     "raise": "tell the whole chart of an event: see [Raise](#raise)",
     "if": "carry out `then` where the guard is true, else `else`: see [If](#if)",
     "itinerary.advance": "go on to the next target; refused while the visit is open",

@@ -378,6 +378,10 @@ class VariableNode(Node):
     default: Annotated[Written, Meaning.VALUE] = Field(
         description="value when a mission starts; of a variable of the lifecycle, when the chart starts"
     )
+    max: Bound = Field(
+        None,
+        description="most elements of a list or set, needed where actions `add`; largest value of a number",
+    )
     summary: str = Field("", description="one sentence for people")
 
 
@@ -448,7 +452,11 @@ class RequestFieldNode(Node):
     not_empty: Annotated[str | None, Meaning.CODE] = Field(
         None, description="code that refuses an empty list"
     )
+    distinct: bool = Field(
+        False, description="of a list: what is named twice counts once, which makes it a set"
+    )
     min: Bound = Field(None, description="smallest value")
+    max: Bound = Field(None, description="largest value; of a list, the most elements")
     summary: str = Field("", description="one sentence for people")
 
 

@@ -44,7 +44,8 @@ SUBJECTS: Mapping[str, Mapping[str, str]] = MappingProxyType(
             "unknown-name": "an expression reads what is declared and present there",
             "unknown-parameter": "a parameter is declared in the file, the lifecycle or a plugin",
             "unknown-function": "a function is built in or a plugin's",
-            "unknown-input": "a live value is read only where it is known",
+            "unknown-input": "a live value, and what is looked for, is read only where it is known",
+            "unbounded": "a list grows no further than it says, and an expression takes a few steps",
         },
         "Names of states, events, operations and the rest": {
             "unknown-state": "a target or in_state names a state in scope",

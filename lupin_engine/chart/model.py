@@ -22,13 +22,16 @@ from lupin_engine.plugin.profile import Profile
 from lupin_engine.plugin.registry import Catalog
 from lupin_engine.plugin.types import Type
 
+#: The actions that write variables.
+WRITING = ("set", "add", "remove")
+
 
 @record(frozen=True)
 class ActionCall:
     """One action with its arguments: built-in (`set`, `raise`, `itinerary.close`, ...) or a plugin's.
 
-    For `set` the arguments are the context variables; for `raise` the single argument `event` is the name,
-    and `data` what the event carries.
+    For those in `WRITING` the arguments are the context variables; for `raise` the single argument `event` is
+    the name, and `data` what the event carries.
     An `if` has no arguments, but a `guard` that chooses between the actions `then` and `otherwise`.
     """
 

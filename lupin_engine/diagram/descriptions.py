@@ -5,8 +5,18 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
-from lupin_engine.chart.expressions.evaluation import Constant, UnknownInput, Value
-from lupin_engine.chart.model import ActionCall, Chart, ForEach, Hold, Invoke, Itinerary, State, Transition
+from lupin_engine.chart.expressions.evaluation import Constant, UnknownValue, Value
+from lupin_engine.chart.model import (
+    WRITING,
+    ActionCall,
+    Chart,
+    ForEach,
+    Hold,
+    Invoke,
+    Itinerary,
+    State,
+    Transition,
+)
 from lupin_engine.diagram.picture import Label, LineRole, TextLine, TransitionCause
 from lupin_engine.plugin.types import in_unit
 
@@ -17,7 +27,7 @@ _ABOUT = {"raise": "event", "itinerary.close": "status", "itinerary.close_rest":
 #: Units of long durations, and the shortest one, in seconds, that is told in each.
 _LONG = {"h": 3600.0, "min": 120.0}
 _PREFIXES = ("operator.", "mission.")
-_CANNOT = (KeyError, TypeError, ValueError, ArithmeticError, UnknownInput)
+_CANNOT = (KeyError, TypeError, ValueError, ArithmeticError, UnknownValue)
 
 
 class ElementTexts:
@@ -44,7 +54,7 @@ class ElementTexts:
             yield from self._invoke(state.invoke)
         yield from _doings(("entry", state.entry), ("exit", state.exit))
         if state.result:
-            given = ", ".join(_set(name, value) for name, value in state.result.items())
+            given = ", ".join(_write("set", name, value) for name, value in state.result.items())
             yield TextLine(f"result / {_cut(given)}", LineRole.ACTION)
 
     def duration(self, value: Value) -> str:
@@ -140,18 +150,20 @@ def _action(action: ActionCall) -> str:
     if action.guard is not None:
         other = f", else: {_actions(action.otherwise)}" if action.otherwise else ""
         return f"if {action.guard.source}: {_actions(action.then)}{other}"
-    if action.name == "set":
-        return ", ".join(_set(name, value) for name, value in action.arguments.items())
+    if action.name in WRITING:
+        return ", ".join(_write(action.name, *written) for written in action.arguments.items())
     told = action.arguments.get(_ABOUT.get(action.name, ""))
     name = action.name.removeprefix("itinerary.")
     return f"{name} {told.value}" if isinstance(told, Constant) else name
 
 
-def _set(name: str, value: Value) -> str:
-    if not isinstance(value, Constant):
-        return f"set {name}"
-    written = value.value
-    return f"{name} = {written!r}" if isinstance(written, str) else f"{name} = {_told(written)}"
+def _write(action: str, name: str, value: Value) -> str:
+    known = isinstance(value, Constant)
+    written = value.value if isinstance(value, Constant) else None
+    told = repr(written) if isinstance(written, str) else _told(written)
+    if action == "set":
+        return f"{name} = {told}" if known else f"set {name}"
+    return f"{action}{f' {told}' * known} {'to' if action == 'add' else 'from'} {name}"
 
 
 def _told(value: Any) -> str:

@@ -12,8 +12,8 @@ import re
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
-from lupin_engine.chart.expressions.evaluation import Constant, Expression, UnknownInput, Value
-from lupin_engine.chart.model import ActionCall, Chart, Invoke, Kind, State, Timer, Transition
+from lupin_engine.chart.expressions.evaluation import Constant, Expression, UnknownValue, Value
+from lupin_engine.chart.model import WRITING, ActionCall, Chart, Invoke, Kind, State, Timer, Transition
 from lupin_engine.chart.records import Role, parts_of, walk
 from lupin_engine.diagram.outline import find_state
 from lupin_engine.diagram.picture import LineRole, Picture, StateBox
@@ -141,7 +141,7 @@ class _ScxmlWriter:
         """Return a duration as the parameters' defaults make it; else its expression."""
         try:
             return f"{float(value.evaluate(self._defaults)):g}s", None
-        except (KeyError, TypeError, ValueError, ArithmeticError, UnknownInput):
+        except (KeyError, TypeError, ValueError, ArithmeticError, UnknownValue):
             return None, _written(value)
 
     def _invoke(self, state: State, invoke: Invoke) -> Iterator[str]:
@@ -154,9 +154,10 @@ class _ScxmlWriter:
 
     def _actions(self, actions: Iterable[ActionCall]) -> Iterator[str]:
         for action in actions:
-            if action.name == "set":
+            if action.name in WRITING:
                 for name, value in action.arguments.items():
-                    yield f"<assign{_attributes(location=name, expr=_written(value))}/>"
+                    expression = self._assigned(action.name, name, _written(value))
+                    yield f"<assign{_attributes(location=name, expr=expression)}/>"
             elif action.name == "raise":
                 event = action.arguments["event"]
                 name = str(event.value) if isinstance(event, Constant) else ""
@@ -172,6 +173,14 @@ class _ScxmlWriter:
             else:
                 attributes = {"type": _TYPE, "event": action.name}
                 yield from _element("send", attributes, _params(action.arguments), always=True)
+
+    def _assigned(self, action: str, name: str, value: str) -> str:
+        """Return what a variable is after an action that writes it."""
+        if action == "remove":
+            return f"[each for each in {name} if each != {value}]"
+        if action == "add" and self._chart.context[name].type.distinct:
+            return f"{name} if {value} in {name} else {name} + [{value}]"
+        return f"{name} + [{value}]" if action == "add" else value
 
 
 #: What an operation says in attributes of ours.

@@ -17,19 +17,20 @@ from lupin_engine.chart.compose.actions import STRUCTURED, builtin_actions
 from lupin_engine.chart.compose.declare import level_events
 from lupin_engine.chart.documents import ActionNode, InvokeNode, PartNode, RetryNode, StateNode
 from lupin_engine.chart.expressions.scope import BUILTIN_CALLS, Scope
+from lupin_engine.chart.model import WRITING
 from lupin_engine.chart.nodes import Meaning, Node
 from lupin_engine.editor import docs
 from lupin_engine.editor.folder import Folder
 from lupin_engine.editor.grammar import FILES, Shape, Spot, fields_of, shapes_of, spot_at
 from lupin_engine.editor.mentions import ExpressionPiece, expressions_in, owner_of, pieces, value_meaning
-from lupin_engine.editor.model import Model, descend, states_of, type_of
+from lupin_engine.editor.model import Model, descend, states_of, type_of, with_elements
 from lupin_engine.editor.scan import Cursor, Scan, Steps, TokenRole
 from lupin_engine.missions.folders import PARTS
 from lupin_engine.plugin.contract import Argument
 from lupin_engine.plugin.registry import Catalog
 from lupin_engine.plugin.types import UNITS
 
-_OPERATORS = ("and", "or", "not", "in", "if", "else", "true", "false")
+_OPERATORS = ("and", "or", "not", "in", "if", "else", "for", "true", "false")
 
 
 @dataclass(frozen=True)
@@ -90,6 +91,8 @@ class _Completion:
         self._offset = offset
         self._catalog: Catalog = folder.catalog
         self._model: Model | None = folder.model
+        #: The expression that the cursor is in.
+        self._written = ""
 
     def offers(self) -> Offers:
         """Return what can be written."""
@@ -144,8 +147,8 @@ class _Completion:
         owner = owner_of(self._scan, spot)
         if spot.holder is StateNode:
             yield from self._bindings(owner)
-        elif spot.holder is ActionNode and owner == "set":
-            yield from self._variables()
+        elif spot.holder is ActionNode and owner in WRITING:
+            yield from self._variables(owner)
         else:
             for name, argument in _arguments_of(owner, spot.holder, self._catalog).items():
                 can_miss = argument.optional or argument.default is not None
@@ -304,8 +307,8 @@ class _Completion:
         known = self._catalog.for_missions.known_types
         for name, kind in known.items():
             yield Offer(name, ItemKind.TypeParameter, docs.type_text(kind))
-        for name in known:
-            yield Offer(f"list of {name}", ItemKind.TypeParameter)
+        for gathered in ("list", "set"):
+            yield from (Offer(f"{gathered} of {name}", ItemKind.TypeParameter) for name in known)
 
     def _typed(self) -> str:
         """Return what is typed of the word at the cursor."""
@@ -327,6 +330,7 @@ class _Completion:
         return None
 
     def _in_expression(self, expression: str, start: int) -> Offers:
+        self._written = expression
         here = next(
             (piece for piece in pieces(expression, start) if piece.start < self._offset <= piece.end), None
         )
@@ -357,7 +361,7 @@ class _Completion:
     def _scope(self) -> Scope:
         if self._model is None:
             return Scope({})
-        return self._model.scope(self._path, self._cursor.path, self._scan)
+        return with_elements(self._model.scope(self._path, self._cursor.path, self._scan), self._written)
 
     def _beginnings(self) -> Iterator[Offer]:
         scope = self._scope()
@@ -419,9 +423,11 @@ class _Completion:
         }
         return Offers(begin, end, tuple(reversed(unique.values())))
 
-    def _variables(self) -> Iterator[Offer]:
-        if self._model is not None:
-            for name, found in self._model.composed.declared.context.items():
+    def _variables(self, action: str) -> Iterator[Offer]:
+        """Offer what an action can write: all but `set` change lists."""
+        known = self._model.composed.declared.context if self._model is not None else {}
+        for name, found in known.items():
+            if action == "set" or found.type.item is not None:
                 yield Offer(name, ItemKind.Field, str(found.type), docs.variable(found, ""))
 
 

@@ -43,7 +43,20 @@ CALLS: Mapping[str, tuple[str, str]] = MappingProxyType(
         ),
         "any": ("any(list of bool) -> bool", "Whether one of them is true."),
         "all": ("all(list of bool) -> bool", "Whether all of them are true."),
-        "known": ("known(input.NAME) -> bool", "Whether that live value was reported and is still fresh."),
+        "sum": ("sum(list of number) -> number", "What they come to; of none 0."),
+        "first": ("first(list, default) -> element", "The first element, or the default when there is none."),
+        "find": (
+            "find(list, condition of t) -> element",
+            "The first element `t` for which the condition holds; unknown when there is none.",
+        ),
+        "sorted": (
+            "sorted(list, number or text of t) -> list",
+            "The elements by what is said of each, `t`; the smallest first.",
+        ),
+        "known": (
+            "known(input.NAME) -> bool",
+            "Whether that live value was reported and is still fresh; of `find(...)`, whether there is one.",
+        ),
         "held": ("held(HOLD) -> bool", "Whether that hold is engaged."),
         "in_state": ("in_state('STATE') -> bool", "Whether a state is active whose full name ends so."),
     }
@@ -64,6 +77,8 @@ ROOTS: Mapping[str, str] = MappingProxyType(
 ACTIONS: Mapping[str, str] = MappingProxyType(
     {
         "set": "Write variables: `set: {NAME: VALUE}`.",
+        "add": "Put something into a list or set that has a `max`: `add: {NAME: VALUE}`.",
+        "remove": "Take something out of a list or set, wherever it stands: `remove: {NAME: VALUE}`.",
         "raise": "Let an event happen: `raise: {event: NAME, with: {FIELD: VALUE}}`.",
         "if": "Choose: `if: {guard: CONDITION, then: ACTIONS, else: ACTIONS}`.",
         "itinerary.advance": "Go on to the next target of the itinerary.",

@@ -12,7 +12,7 @@ from lupin_engine.editor import docs
 from lupin_engine.editor.folder import Folder
 from lupin_engine.editor.grammar import shapes_of, spot_at
 from lupin_engine.editor.mentions import STATES, Mention, mention_at
-from lupin_engine.editor.model import Model, type_of
+from lupin_engine.editor.model import Model, type_of, with_elements
 from lupin_engine.editor.places import meant
 
 
@@ -172,7 +172,8 @@ def _field(folder: Folder, model: Model, path: Path, mention: Mention) -> str:
 
 def _typed(folder: Folder, model: Model, path: Path, mention: Mention) -> str:
     """Return the type of a name in an expression."""
-    scope = model.scope(path, mention.path, folder.scan(path))
+    scan = folder.scan(path)
+    scope = with_elements(model.scope(path, mention.path, scan), scan.value(*mention.path) or "")
     kind = type_of(scope, mention.so_far.split("."))
     if kind is None:
         return ""

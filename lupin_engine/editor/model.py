@@ -5,6 +5,7 @@ The text in the editor may be newer, so names and paths are looked up here, neve
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -14,18 +15,25 @@ from lupin_engine.chart.compose.invoke import names_when_done, names_when_failed
 from lupin_engine.chart.compose.transitions import event_type
 from lupin_engine.chart.compose.tree import Draft, Forest
 from lupin_engine.chart.documents import FileNode, PartNode
-from lupin_engine.chart.expressions.scope import Scope
+from lupin_engine.chart.expressions.checker import check_expression
+from lupin_engine.chart.expressions.scope import ELEMENT, Fragment, Scope
 from lupin_engine.chart.findings import Findings
 from lupin_engine.chart.model import Kind
 from lupin_engine.chart.nodes import Meaning
+from lupin_engine.chart.source import text_at
 from lupin_engine.editor.mentions import Mention
 from lupin_engine.editor.scan import Scan, Steps
+from lupin_engine.errors import Place
 from lupin_engine.missions.load import Inspection
 from lupin_engine.plugin.registry import Catalog
 from lupin_engine.plugin.types import ANY, Type
 
 #: The text of a state: its file, and the names from the top of that file.
 Written = tuple[Path, tuple[str, ...]]
+#: A list that a loop goes through, where it is a name or a call; with the name of its element, and without.
+_LIST = r"([\w.]+(?:\([^()]*\))?)"
+_LOOP = re.compile(rf"\bfor\s+(\w+)\s+in\s+{_LIST}")
+_OF_ELEMENT = re.compile(rf"\b(?:find|sorted)\(\s*{_LIST}\s*,")
 
 
 class Model:
@@ -192,6 +200,19 @@ def descend(draft: Draft, names: Iterable[str]) -> list[Draft]:
     for word in names:
         found = found.children.get(word) if found is not None else None
     return [found] if found is not None else []
+
+
+def with_elements(scope: Scope, expression: str) -> Scope:
+    """Return a scope with the elements of the loops of an expression, also of one that is being written."""
+    named = dict(_LOOP.findall(expression))
+    named.update((ELEMENT, source) for source in _OF_ELEMENT.findall(expression))
+    found: dict[str, Type] = {}
+    for name, source in named.items():
+        fragment = Fragment(source, text_at(source, Place("", 1, 1)))
+        typed = check_expression(fragment, scope, ANY, Findings(), "")
+        if typed is not None and typed.type.item is not None:
+            found[name] = typed.type.item
+    return scope.with_names(found) if found else scope
 
 
 def type_of(scope: Scope, words: Iterable[str]) -> Type | None:

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from lupin_engine.bindings.catalog import binding_files
 from lupin_engine.chart.compose.tree import Draft
-from lupin_engine.chart.model import Kind
+from lupin_engine.chart.model import WRITING, Kind
 from lupin_engine.chart.nodes import Meaning
 from lupin_engine.editor.folder import Folder
 from lupin_engine.editor.mentions import STATES, Mention
@@ -73,8 +73,8 @@ def definition(folder: Folder, path: Path, mention: Mention) -> list[Spanned]:
 
 
 def meant(mention: Mention) -> Meaning:
-    """Return what a mention is of; an argument of `set` is a variable."""
-    if mention.meaning is Meaning.ARGUMENT and mention.of == "set":
+    """Return what a mention is of; an argument of `set` and the like is a variable."""
+    if mention.meaning is Meaning.ARGUMENT and mention.of in WRITING:
         return Meaning.VARIABLE
     return mention.meaning
 

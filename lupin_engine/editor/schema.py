@@ -18,6 +18,7 @@ from pydantic import BaseModel
 
 from lupin_engine.chart.compose.actions import builtin_actions
 from lupin_engine.chart.documents import IfNode, RaiseNode
+from lupin_engine.chart.model import WRITING
 from lupin_engine.editor import docs
 from lupin_engine.editor.grammar import FILES
 from lupin_engine.editor.snippets import EXAMPLES, SNIPPETS, Snippet
@@ -172,7 +173,9 @@ def _action(profile: Profile) -> Schema:
         "properties": {name: _arguments(wanted, told[name]) for name, wanted in takes.items()},
         "additionalProperties": {"type": ["object", "null"]},
     }
-    mapping["properties"]["set"] = {"type": "object", "minProperties": 1, "description": docs.ACTIONS["set"]}
+    for name in WRITING:
+        about = docs.ACTIONS[name]
+        mapping["properties"][name] = {"type": "object", "minProperties": 1, "description": about}
     for name, model in _STRUCTURED.items():
         node = {"$ref": f"#/definitions/{model.__name__}"}
         mapping["properties"][name] = {"description": docs.ACTIONS[name], "allOf": [node]}
@@ -252,8 +255,9 @@ def _named(found: Mapping[str, str]) -> Schema:
 def _types(catalog: Catalog) -> Schema:
     known = catalog.known_types
     shown = {name: docs.type_text(kind) for name, kind in known.items()}
-    lists = {f"list of {name}": "" for name in known}
-    return {"anyOf": [_named({**shown, **lists}), {"type": "string", "pattern": "^list of list of "}]}
+    lists = {f"{gathered} of {name}": "" for gathered in ("list", "set") for name in known}
+    deep = {"type": "string", "pattern": "^(list|set) of (list|set) of "}
+    return {"anyOf": [_named({**shown, **lists}), deep]}
 
 
 def _add_operations(invoke: Schema, catalog: Catalog) -> None:

@@ -17,6 +17,7 @@ from lupin_engine.machine.memory import Visit
 from lupin_engine.machine.scope import CONTEXT, Arguments, EvaluationScope
 from lupin_engine.machine.step import Macrostep, fields_told
 from lupin_engine.plugin.profile import Publication
+from lupin_engine.plugin.types import fitted
 
 
 class CompiledAction:
@@ -91,21 +92,33 @@ class ExecutableContent:
 
     def set(self, arguments: Mapping[str, Any], _: str, __: Macrostep) -> None:
         """`set`: write context variables."""
-        for name, value in arguments.items():
-            self._check_minimum(name, value)
-        self._scope.memory.context.update(arguments)
-        self._scope.touch(CONTEXT)
+        self._write(arguments)
 
-    def _check_minimum(self, name: str, value: Any) -> None:
-        """Hold what is to be written to a variable against its range; its kind was checked at load.
+    def add(self, arguments: Mapping[str, Any], _: str, __: Macrostep) -> None:
+        """`add`: put something into lists and sets; where one is full that is an error, nothing is lost."""
+        context = self._scope.memory.context
+        self._write({name: [*context[name], value] for name, value in arguments.items()})
+
+    def remove(self, arguments: Mapping[str, Any], _: str, __: Macrostep) -> None:
+        """`remove`: take something out of lists and sets, wherever it stands there."""
+        context = self._scope.memory.context
+        self._write({n: [old for old in context[n] if old != value] for n, value in arguments.items()})
+
+    def _write(self, values: Mapping[str, Any]) -> None:
+        """Write variables, all or none.
 
         Raises:
-            ValueError: the variable's type has a minimum, and the value is below.
+            ValueError: a value does not fit its variable, of which the text has the name.
         """
-        variable = self._scope.chart.context.get(name)
-        least = variable.type.minimum if variable is not None else None
-        if variable is not None and least is not None and value < least:
-            raise ValueError(f"{name} is a {variable.type} of at least {least:g}, got {value!r}")
+        kept = {}
+        for name, value in values.items():
+            variable = self._scope.chart.context.get(name)
+            try:
+                kept[name] = fitted(value, variable.type) if variable is not None else value
+            except ValueError as problem:
+                raise ValueError(f"{name} is {problem}") from None
+        self._scope.memory.context.update(kept)
+        self._scope.touch(CONTEXT)
 
     def raise_event(self, arguments: Mapping[str, Any], _: str, step: Macrostep) -> None:
         """`raise`: queue an internal event."""
@@ -152,6 +165,8 @@ class ExecutableContent:
 _Builtin = Callable[[ExecutableContent, Mapping[str, Any], str, Macrostep], None]
 _BUILTINS: Mapping[str, _Builtin] = {
     "set": ExecutableContent.set,
+    "add": ExecutableContent.add,
+    "remove": ExecutableContent.remove,
     "raise": ExecutableContent.raise_event,
     "itinerary.advance": ExecutableContent.advance,
     "itinerary.close": ExecutableContent.close,

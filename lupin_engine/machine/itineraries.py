@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from lupin_engine.chart.expressions.evaluation import UnknownInput
+from lupin_engine.chart.expressions.evaluation import UnknownValue
 from lupin_engine.chart.model import Itinerary, State
 from lupin_engine.errors import reason, shortened
 from lupin_engine.machine.event import Trigger
@@ -151,7 +151,7 @@ class Itineraries:
             return
         try:
             ranks = [self._rank(rule, traversal, item, step) for item in traversal.items[index:]]
-        except UnknownInput as unknown:
+        except UnknownValue as unknown:
             step.note(f"{rule.order.place}: order: {unknown}; the list's own order counts")
             return
         except Exception as problem:

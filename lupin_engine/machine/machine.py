@@ -56,6 +56,7 @@ from lupin_engine.machine.structure import (
 )
 from lupin_engine.machine.timers import seconds
 from lupin_engine.plugin.contract import EXECUTION_CODE, INVARIANT_CODE
+from lupin_engine.plugin.types import fitted
 
 #: More microsteps than this in one step is a cycle of the chart, not work.
 MICROSTEP_LIMIT = 1000
@@ -133,7 +134,7 @@ class Machine:
         for name, variable in self.chart.context.items():
             try:
                 if name not in context:
-                    context[name] = variable.default.evaluate(self.scope.see("", step))
+                    context[name] = fitted(variable.default.evaluate(self.scope.see("", step)), variable.type)
             except Exception as problem:
                 step.fail("", f"{variable.place}: context {name}: {reason(problem)}")
 

@@ -22,7 +22,7 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any
 
-from lupin_engine.chart.expressions.evaluation import UnknownInput
+from lupin_engine.chart.expressions.evaluation import UnknownValue
 from lupin_engine.chart.model import ForEach, Invoke, Retry, State
 from lupin_engine.errors import reason
 from lupin_engine.machine.actions import ExecutableContent
@@ -157,7 +157,7 @@ class Operations:
         try:
             items = list(rule.items.evaluate(self._scope.see(state, step)))
             limit = int(rule.limit.evaluate(self._scope.see(state, step))) if rule.limit else None
-        except UnknownInput:
+        except UnknownValue:
             return False  # nothing is known of the collection yet
         except Exception as problem:
             self._scope.doubtful = True
@@ -181,7 +181,7 @@ class Operations:
         try:
             wanted = rule.when is None or rule.when.evaluate(env)
             return str(rule.key.evaluate(env)) if wanted else None
-        except UnknownInput:
+        except UnknownValue:
             return None
         except Exception as problem:
             self._scope.doubtful = True

@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from lupin_engine.chart.expressions.evaluation import Environment, UnknownInput
+from lupin_engine.chart.expressions.evaluation import Environment, UnknownValue
 from lupin_engine.chart.expressions.names import names_read
 from lupin_engine.chart.model import Field, Invariant, Transition
 from lupin_engine.chart.semantics import ENGINE_EVENTS
@@ -21,7 +21,7 @@ from lupin_engine.machine.scope import EvaluationScope, World
 from lupin_engine.machine.step import Considered, Macrostep, Refusal, moment_of
 from lupin_engine.machine.structure import Configuration, Structure
 from lupin_engine.plugin.contract import INVARIANT_CODE
-from lupin_engine.plugin.types import Type, convert
+from lupin_engine.plugin.types import Type, convert, fitted
 
 #: The code of a request that nothing answers here.
 NOT_POSSIBLE = "not_possible"
@@ -150,7 +150,7 @@ def _value(
     """Return what a part of a guard is, and what keeps it from being evaluated."""
     try:
         return part(scope.see(rule.source, step, trigger)), ""
-    except UnknownInput as unknown:
+    except UnknownValue as unknown:
         return None, str(unknown)
     except Exception as problem:
         return None, f"an error: {reason(problem)}"
@@ -192,6 +192,10 @@ def _read_field(world: World, field: Field, given: Any, env: Environment) -> tup
     except Exception as problem:
         # A default that cannot be computed, or data of a shape no reader expects: nothing has changed yet.
         return None, Refusal(BAD_REQUEST, f"{field.place}: {field.name}: {reason(problem)}")
+    try:
+        value = fitted(value, field.type)
+    except ValueError as problem:
+        return None, Refusal(BAD_REQUEST, f"{field.name} is {problem}")
     if field.not_empty is not None and not value:
         return None, Refusal(field.not_empty, world.chart.codes[field.not_empty].label)
     if field.minimum is not None and value < field.minimum:

@@ -11,7 +11,14 @@ from functools import lru_cache
 from types import MappingProxyType
 from typing import Any
 
-from lupin_engine.chart.expressions.evaluation import Compiled, Environment, Expression, UnknownInput, Value
+from lupin_engine.chart.expressions.evaluation import (
+    Compiled,
+    Environment,
+    Expression,
+    UnknownInput,
+    UnknownValue,
+    Value,
+)
 from lupin_engine.chart.model import Chart
 from lupin_engine.errors import Severity, reason
 from lupin_engine.machine.event import NO_TRIGGER, NOTHING, Trigger
@@ -256,7 +263,7 @@ class EvaluationScope(dict[str, Any]):
         """Evaluate a condition; with an unknown input it is false, any other failure is an error as well."""
         try:
             return bool(guard.evaluate(self.at(state, step.now, trigger)))
-        except UnknownInput as unknown:
+        except UnknownValue as unknown:
             self.doubtful = True
             step.note(f"{guard.place}: {guard.source}: {unknown}")
         except Exception as problem:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import enum
 import math
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from types import MappingProxyType
@@ -57,6 +57,8 @@ UNITS: Mapping[str, tuple[str, float]] = MappingProxyType(
 
 #: How many lists may be in each other.
 MAX_LISTS = 8
+#: The longest text that a variable keeps, in characters.
+MAX_TEXT = 10_000
 #: Letters that are told of what is wrong with something that a plugin told.
 MAX_TOLD = 120
 
@@ -70,7 +72,9 @@ class Type:
     """A type of the language: a scalar kind, a list of `item`, or a record with `fields`.
 
     `kind` is one of bool, integer, number, text, list, record, any. `name` is what messages and files call
-    it (`duration` is the number with unit s). `unit` is the base unit of a number. `values` are all that a
+    it (`duration` is the number with unit s). `unit` is the base unit of a number. A list holds at most
+    `maximum` elements, where that is declared; one that is `distinct` is a set: it holds each element once,
+    in the order in which they came. `values` are all that a
     text can be, where that is known: a comparison with another one is a slip of the pen. `pattern` is the
     regular expression that a text matches as a whole, and `example` one that does.
     """
@@ -85,6 +89,7 @@ class Type:
     values: tuple[str, ...] = ()
     pattern: str = ""
     example: str = ""
+    distinct: bool = False
 
     def __str__(self) -> str:
         return self.name
@@ -123,6 +128,11 @@ BUILTIN_TYPES: Mapping[str, Type] = MappingProxyType(
 def list_of(item: Type) -> Type:
     """Return the type of a list whose elements are all `item`."""
     return Type("list", f"list of {item.name}", item=item)
+
+
+def set_of(item: Type) -> Type:
+    """Return the type of a set whose elements are all `item`: a list that holds each of them once."""
+    return Type("list", f"set of {item.name}", item=item, distinct=True)
 
 
 def one_of(*values: str) -> Type:
@@ -175,24 +185,28 @@ def in_base(value: Any, unit: str) -> Any:
 
 
 def parse_type(text: str, known: Mapping[str, Type]) -> Type:
-    """Read a type as missions write it: a name, or `list of NAME`.
+    """Read a type as missions write it: a name, or `list of NAME` or `set of NAME`.
 
     Raises:
         ValueError: the name is not known; the text says what is.
     """
     words = text.split()
-    lists = 0
-    while words[2 * lists : 2 * lists + 2] == ["list", "of"] and len(words) > 2 * lists + 2:
-        lists += 1
-    if lists > MAX_LISTS:
+    made: list[Callable[[Type], Type]] = []
+    while len(words) > 2 and words[0] in _GATHERED and words[1] == "of":
+        made.append(_GATHERED[words[0]])
+        words = words[2:]
+    if len(made) > MAX_LISTS:
         raise ValueError(f"more than {MAX_LISTS} lists in each other; use fewer")
-    name = " ".join(words[2 * lists :]) if lists else text
+    name = " ".join(words) if made else text
     if name not in known:
         raise ValueError(f"unknown type {name!r}; {nearest(name, known)}")
     kind = known[name]
-    for _ in range(lists):
-        kind = list_of(kind)
+    for gather in reversed(made):
+        kind = gather(kind)
     return kind
+
+
+_GATHERED: Mapping[str, Callable[[Type], Type]] = {"list": list_of, "set": set_of}
 
 
 def parse_quantity(text: str) -> tuple[float, str] | None:
@@ -279,7 +293,7 @@ def _plainly_fits(value: Any, wanted: Type) -> bool:
                 return False
         return True
     if made is list and kind == "list" and item is not None:
-        return all(_plainly_fits(element, item) for element in value)
+        return wanted.maximum is None and all(_plainly_fits(element, item) for element in value)
     return made is bool and kind == "bool"
 
 
@@ -301,10 +315,40 @@ def converted(value: Any, wanted: Type) -> Any:
         quantity = parse_quantity(value) if isinstance(value, str) else None
         return float(value if quantity is None else quantity[0])
     if wanted.kind == "list" and wanted.item is not None:
-        return [converted(element, wanted.item) for element in value]
+        found = [converted(element, wanted.item) for element in value]
+        return unique(found) if wanted.distinct else found
     if wanted.kind == "record":
         return {name: converted(value[name], kind) for name, kind in wanted.fields.items()}
     return value
+
+
+def unique(values: Sequence[Any]) -> list[Any]:
+    """Return the elements of a set: each once, in the order in which they came."""
+    try:
+        return list(dict.fromkeys(values))
+    except TypeError:  # records
+        return [value for index, value in enumerate(values) if value not in values[:index]]
+
+
+def fitted(value: Any, kind: Type) -> Any:
+    """Return a computed value as it is kept under a type that it has: of a set, each element once.
+
+    Raises:
+        ValueError: it is out of range, a text is too long, or a list has too many elements.
+    """
+    if isinstance(value, str) and len(value) > MAX_TEXT:
+        raise ValueError(f"a text of {len(value)} characters; at most {MAX_TEXT} are kept")
+    if kind.kind != "list" or kind.item is None:
+        low, high = kind.minimum, kind.maximum
+        if low is not None and value < low:
+            raise ValueError(f"a {kind} of at least {low:g}, got {value!r}")
+        if high is not None and value > high:
+            raise ValueError(f"a {kind} of at most {high:g}, got {value!r}")
+        return value
+    kept = unique(value) if kind.distinct else list(value)
+    if kind.maximum is not None and len(kept) > kind.maximum:
+        raise ValueError(f"a {kind} of at most {kind.maximum:g} elements, got {len(kept)}")
+    return [fitted(element, kind.item) for element in kept]
 
 
 def _collect(
@@ -313,6 +357,9 @@ def _collect(
     """Add the problems of a value, whose place is `path`, to those found."""
     kind = wanted.kind
     if kind == "list" and wanted.item is not None and isinstance(value, (list, tuple)):
+        if wanted.maximum is not None and len(value) > wanted.maximum:
+            text = f"expected at most {wanted.maximum:g} elements, got {len(value)}"
+            found.append(ValueProblem(path, text, Fault.RANGE, wanted, value))
         for index, element in enumerate(value):
             _collect(element, wanted.item, notation, (*path, index), found)
     elif kind == "record" and isinstance(value, Mapping):

@@ -51,6 +51,8 @@ BECOMES: dict[type[Node], type] = {
     d.RaiseNode: m.ActionCall,
     d.IfNode: m.ActionCall,
 }
+#: Words that make a type narrower.
+IN_TYPES = ("unit", "max", "distinct")
 #: Words that become something else than a field of that name.
 ELSEWHERE = {
     (d.TransitionNode, "use"): "the other state's transitions are composed again",
@@ -63,7 +65,7 @@ ELSEWHERE = {
     **{(node, "summary"): "for the editor" for node in BECOMES if node not in (d.StateNode, d.InvariantNode)},
     (d.RaiseNode, "event"): "one of the arguments",
     (d.InputNode, "unit"): "for the reader",
-    **{(node, "unit"): "is in the type" for node in (d.VariableNode, d.RequestFieldNode)},
+    **{(node, key): "is in the type" for node in (d.VariableNode, d.RequestFieldNode) for key in IN_TYPES},
 }
 #: Which role a meaning asks for.
 ROLES = {

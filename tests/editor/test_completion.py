@@ -93,8 +93,9 @@ CASES = {
     ),
     "actions": (
         LIFECYCLE, "- report.summary", "- |",
-        ["set", "raise", "if", "itinerary.close", "itinerary.close_rest", "report.note", "publish.reading",
-         "arm.preset", "itinerary.advance", "report.clear", "report.summary"], 11,
+        ["set", "add", "remove", "raise", "if", "itinerary.close", "itinerary.close_rest", "report.note",
+         "publish.reading",
+         "arm.preset", "itinerary.advance", "report.clear", "report.summary"], 13,
     ),
     "arguments of an action": (
         LIFECYCLE, "- report.summary", "- itinerary.close: {|}", ["status", "code", "detail", "reading"], 4,
@@ -136,6 +137,15 @@ CASES = {
     "fields of the request": (
         INSPECTION, "${ request.tag_sequence }", "${ request.| }", ["request.tag_sequence"], 1,
     ),
+    "fields of what is found": (
+        PART, "guard: itinerary.open              #",
+        "guard: find(request.tag_sequence, t.|) #", ["t.id", "t.x", "t.y"], 3,
+    ),
+    "fields of the element of a loop": (
+        PART, "guard: itinerary.open              #",
+        "guard: any([tag.| for tag in tags.numeric_order()]) #", ["tag.id", "tag.x", "tag.y"], 3,
+    ),
+    "lists to add to, of which there are none": (LIFECYCLE, "- report.summary", "- add: {|}", [], 0),
     "levels of an input": (
         LIFECYCLE, "guard: input.battery.low}", "guard: input.battery.|}",
         ["input.battery.value", "input.battery.low"], 2,

@@ -10,7 +10,7 @@ import pytest
 from lupin_engine.chart.model import Variable
 from lupin_engine.machine.event import Act, Report
 from lupin_engine.plugin.profile import Publish
-from lupin_engine.plugin.types import COUNT
+from lupin_engine.plugin.types import ANY, COUNT, TEXT, Type, list_of, set_of, within
 from tests.machine.charts import PAUSE, PLACE, Bench, chart, fails, said, value
 
 BROKEN = ("arm.preset", {"name": lambda env: env["absent"]})
@@ -278,6 +278,60 @@ def test_a_variable_keeps_within_its_type() -> None:
     assert bench.context == {"n": 0}
     told = "test.yaml:1:1: set: n is a count of at least 0, got -1"
     assert [step.notes for step in steps[2:]] == [(), *[(told, f"nobody handles the error {told}")] * 2]
+
+
+def collecting(kind: Type, *before: Any) -> Bench:
+    """Return a bench that puts what comes into a variable, and takes it out again."""
+    came = {"seen": lambda env: env["event"]["id"]}
+    state = {"on": {"came": {"do": ("add", came)}, "went": {"do": ("remove", came)}}}
+    given = chart({"A": state, "FAULT": {}})
+    return Bench(replace(given, context={"seen": Variable("seen", kind, value(list(before)), PLACE)}))
+
+
+@pytest.mark.parametrize(
+    ("kind", "kept"), [(list_of(TEXT), ["a", "b", "a"]), (set_of(TEXT), ["a", "b"])], ids=str
+)
+def test_what_is_added_is_kept_in_the_order_in_which_it_came(kind: Type, kept: list[str]) -> None:
+    """A set has each once; what is removed is removed everywhere, and what is not there may be removed."""
+    bench = collecting(within(kind, None, 3))
+    for name in ("a", "b", "a"):
+        before = bench.context["seen"]
+        bench.send("came", id=name)
+        assert bench.context["seen"] is not before, "earlier steps keep what they saw"
+    assert bench.context["seen"] == kept
+    bench.restart()
+    bench.send("went", id="a")
+    bench.send("went", id="z")
+    assert (bench.context["seen"], bench.leaves) == (["b"], ["A"])
+
+
+@pytest.mark.parametrize("kind", [list_of(TEXT), set_of(TEXT)], ids=str)
+def test_a_list_that_is_full_takes_nothing_more(kind: Type) -> None:
+    """It is an error, for what is forgotten without a word is done twice; a set may be told what it has."""
+    bench = collecting(within(kind, None, 2), "a", "b")
+    if kind.distinct:
+        assert bench.send("came", id="a").notes == ()
+    bench.send("came", id="c")
+    detail = f"test.yaml:1:1: add: seen is a {kind} of at most 2 elements, got 3"
+    assert (bench.leaves, bench.machine.view.detail) == (["FAULT"], detail)
+    assert bench.context["seen"] == ["a", "b"]
+
+
+def test_records_are_told_apart_by_all_that_they_say() -> None:
+    """In a set as elsewhere, two that are equal are one."""
+    bench = collecting(within(set_of(ANY), None, 2), {"id": "a"}, {"id": "a"})
+    assert bench.context["seen"] == [{"id": "a"}]
+    bench.send("came", id={"id": "a"})
+    bench.send("came", id={"id": "a", "x": 1.0})
+    assert bench.context["seen"] == [{"id": "a"}, {"id": "a", "x": 1.0}]
+
+
+def test_a_variable_keeps_no_text_of_any_length() -> None:
+    """What grows at every event would fill the memory."""
+    bench = collecting(within(list_of(TEXT), None, 2))
+    bench.send("came", id="x" * 10_001)
+    told = "test.yaml:1:1: add: seen is a text of 10001 characters; at most 10000 are kept"
+    assert (bench.leaves, bench.machine.view.detail, bench.context) == (["FAULT"], told, {"seen": []})
 
 
 def test_a_choice_that_fails_is_told_and_writes_nothing() -> None:

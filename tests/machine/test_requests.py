@@ -11,7 +11,7 @@ import pytest
 from lupin_engine.machine.requests import _together
 from lupin_engine.machine.step import Refusal, Step
 from lupin_engine.plugin.contract import Code
-from lupin_engine.plugin.types import COUNT, TEXT, Type, list_of
+from lupin_engine.plugin.types import COUNT, TEXT, Type, list_of, set_of, within
 from tests.machine.charts import Bench, chart, value
 
 TAG = Type("record", "tag", fields={"id": TEXT})
@@ -137,6 +137,19 @@ def test_an_empty_list_is_refused_where_it_may_not_be() -> None:
     missions = {"Inspection": {"state": "MISSION.Inspection", "request": {"tags": field}}}
     bench = Bench(chart(STATES, missions=missions, codes=CODES))
     assert start(bench).refusal == Refusal("no_tags", "no tags to visit")
+
+
+def test_what_a_request_names_twice_counts_once_where_it_must_be_distinct() -> None:
+    """In the order in which it came; the most that a list may have counts after that."""
+    field = {"type": within(set_of(TEXT), None, 2), "default": value(["7", "7"])}
+    missions = {"Inspection": {"state": "MISSION.Inspection", "request": {"tags": field}}}
+    for given, kept in ((["2", "1", "2"], ["2", "1"]), ([], ["7"])):
+        bench = Bench(chart(STATES, missions=missions, codes=CODES))
+        assert start(bench, tags=given).accepted
+        assert bench.machine.memory.request == {"tags": kept}
+    bench = Bench(chart(STATES, missions=missions, codes=CODES))
+    told = "tags is a set of text of at most 2 elements, got 3"
+    assert start(bench, tags=["1", "2", "1", "3"]).refusal == Refusal("bad_request", told)
 
 
 def test_a_default_that_cannot_be_computed_refuses() -> None:

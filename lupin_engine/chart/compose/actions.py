@@ -9,18 +9,25 @@ from lupin_engine.chart.compose.declare import NAME, check_code
 from lupin_engine.chart.documents import ActionNode, IfNode, RaiseNode
 from lupin_engine.chart.expressions.evaluation import Constant, Expression, Value, never
 from lupin_engine.chart.expressions.scope import Scope
-from lupin_engine.chart.expressions.values import Signature, read_arguments, read_guard, read_under
+from lupin_engine.chart.expressions.units import with_article
+from lupin_engine.chart.expressions.values import (
+    Signature,
+    check_bound,
+    read_arguments,
+    read_guard,
+    read_under,
+)
 from lupin_engine.chart.findings import Findings
-from lupin_engine.chart.model import ActionCall, Variable
+from lupin_engine.chart.model import WRITING, ActionCall, Variable
 from lupin_engine.chart.source import Map
 from lupin_engine.errors import Place, declared_as, nearest, or_else
 from lupin_engine.plugin.contract import Argument
 from lupin_engine.plugin.profile import Profile
 from lupin_engine.plugin.registry import RESERVED_EVENTS, Catalog
-from lupin_engine.plugin.types import ANY, BOOL, TEXT
+from lupin_engine.plugin.types import ANY, BOOL, TEXT, Type
 
 #: The engine's own actions whose arguments are no fixed list.
-STRUCTURED = ("set", "raise", "if")
+STRUCTURED = (*WRITING, "raise", "if")
 
 _CODE = Argument(TEXT, "the reason, a declared code", optional=True)
 _DETAIL = Argument(TEXT, "free text for people", optional=True)
@@ -70,8 +77,8 @@ class ActionReader:
 
     def _action(self, node: ActionNode, scope: Scope, path: str) -> ActionCall | None:
         given = node.arguments if isinstance(node.arguments, Map) else None
-        if node.name == "set":
-            return self._set(node, given, scope, path)
+        if node.name in WRITING:
+            return self._write(node, given, scope, path)
         if node.name == "raise":
             return self._raise(node.raise_, node.place, scope, path)
         if node.name == "if":
@@ -116,10 +123,12 @@ class ActionReader:
         known = [*self.engine_actions, *self._catalog.actions]
         self._findings.unknown(node.place, "unknown-action", path, "action", node.name, known)
 
-    def _set(self, node: ActionNode, given: Map | None, scope: Scope, path: str) -> ActionCall | None:
+    def _write(self, node: ActionNode, given: Map | None, scope: Scope, path: str) -> ActionCall | None:
+        """Read `set`, which writes variables, and `add` and `remove`, which change what a list holds."""
         if not given:
-            hint = "write 'set: {NAME: VALUE}'"
-            self._findings.add(node.place, "missing-argument", path, "set names no variable", hint)
+            hint = f"write '{node.name}: {{NAME: VALUE}}'"
+            problem = f"{node.name} names no variable"
+            self._findings.add(node.place, "missing-argument", path, problem, hint)
             return None
         found: dict[str, Value] = {}
         for name in given:
@@ -128,11 +137,28 @@ class ActionReader:
                 hint, problem = or_else(hint, declared_as("context", name)), f"unknown variable {str(name)!r}"
                 self._findings.add(given.key_place(name), "unknown-argument", path, problem, hint)
                 continue
-            wanted = self._variables[name].type
+            kind = self._variables[name].type
+            wanted = kind if node.name == "set" else self._element(node, given.key_place(name), name, path)
+            if wanted is None:
+                continue
             value = read_under(given, name, wanted, scope, self._findings, f"{path}.{name}")
             if value is not None:
+                check_bound(value, wanted, str(name), self._findings, f"{path}.{name}")
                 found[str(name)] = value
-        return ActionCall("set", found, node.place)
+        return ActionCall(node.name, found, node.place)
+
+    def _element(self, node: ActionNode, place: Place, name: str, path: str) -> Type | None:
+        """Return the type of what a list holds that actions change; None after findings."""
+        kind = self._variables[name].type
+        if kind.item is None:
+            problem, hint = f"{name!r} is {with_article(kind)}", f"{node.name} needs a list or a set"
+            self._findings.add(place, "wrong-type", path, problem, hint)
+        elif kind.maximum is None and node.name == "add":
+            problem = f"nothing says how many elements {name!r} holds at most, so it could grow without end"
+            self._findings.add(place, "unbounded", path, problem, "declare it with 'max: NUMBER'")
+        else:
+            return kind.item
+        return None
 
     def _raise(self, node: RaiseNode | None, place: Place, scope: Scope, path: str) -> ActionCall | None:
         if node is None:

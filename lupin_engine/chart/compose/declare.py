@@ -19,11 +19,12 @@ from lupin_engine.chart.documents import (
     LifecycleNode,
     ParameterNode,
     RequestFieldNode,
+    VariableNode,
 )
 from lupin_engine.chart.expressions.evaluation import Constant
 from lupin_engine.chart.expressions.scope import BUILTIN_CALLS, ROOTS, WORDS, Scope, Usage
 from lupin_engine.chart.expressions.units import describe, in_lists, is_number, one, with_article
-from lupin_engine.chart.expressions.values import read_constant, read_guard, read_key, read_value
+from lupin_engine.chart.expressions.values import check_bound, read_constant, read_guard, read_key, read_value
 from lupin_engine.chart.findings import Findings
 from lupin_engine.chart.model import Field, Hold, Input, Level, Variable
 from lupin_engine.chart.nodes import Node
@@ -33,6 +34,7 @@ from lupin_engine.plugin.contract import Code, Parameter
 from lupin_engine.plugin.registry import Catalog
 from lupin_engine.plugin.types import (
     BOOL,
+    COUNT,
     DURATION,
     NUMBER,
     UNITS,
@@ -40,7 +42,9 @@ from lupin_engine.plugin.types import (
     innermost,
     number_in,
     parse_type,
+    set_of,
     units_of,
+    within,
 )
 
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
@@ -214,6 +218,13 @@ class Declarer:
             self._findings.add(node.at("unit"), "wrong-unit", path, problem, hint)
         return kind
 
+    def _bounded(self, node: VariableNode | RequestFieldNode, path: str) -> Type | None:
+        """Read a type with its `max`, which of a list is the number of its elements."""
+        kind = self.measured(node, node.type, node.unit, path)
+        if kind is None:
+            return None
+        return within(kind, None, self.limit(node, "max", kind if kind.item is None else COUNT, path))
+
     def limit(self, node: Node, key: str, kind: Type, path: str) -> float | None:
         """Read the `min` or `max` of a number; None when there is none, or after findings."""
         raw = getattr(node, key)
@@ -346,11 +357,13 @@ class Declarer:
             place, path = file.key_at("context", name), f"context.{name}"
             if not self.good_name("variable", name, place, path):
                 continue
-            kind = self.measured(node, node.type, node.unit, path)
+            kind = self._bounded(node, path)
             if kind is None:
                 continue
             at = node.at("default")
             default = read_value(node.default, at, kind, scope, self._findings, f"{path}.default")
+            if default is not None:
+                check_bound(default, kind, name, self._findings, f"{path}.default")
             # One with a mistaken default is declared all the same, or each use would be told as well.
             of_mission = not isinstance(file, LifecycleNode)
             variable = Variable(name, kind, default or Constant(None, at, kind), place, of_mission)
@@ -415,9 +428,14 @@ class Declarer:
         path, findings = f"request.{name}", self._findings
         if not self.good_name("field", name, place, path):
             return None
-        kind = self.measured(node, node.type, node.unit, path)
+        kind = self._bounded(node, path)
         if kind is None:
             return None
+        if node.distinct and kind.item is not None:
+            kind = within(set_of(kind.item), None, kind.maximum)
+        elif node.distinct:
+            problem = f"only what a list holds can be distinct, this is {with_article(kind)}"
+            findings.add(node.at("distinct"), "wrong-type", path, problem, "leave 'distinct' out")
         default = None
         if node.default is not None:
             default = read_value(node.default, node.at("default"), kind, scope, findings, f"{path}.default")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 from collections.abc import Callable, Mapping
 
+from lupin_engine.chart.expressions import loops
 from lupin_engine.chart.expressions import units as q
 from lupin_engine.chart.expressions.reader import (
     UNTYPED,
@@ -48,7 +49,7 @@ def _extreme(checker: ExpressionReader, node: ast.Call) -> Typed:
         if joined is None:
             problem = f"cannot compare {q.describe(kinds[0])} with {q.describe(kind)}"
             return checker.wrong(argument, "wrong-unit", problem, q.unit_hint(kinds[0], kind))
-    return Typed(joined or ANY, f"{name}({listed(found)})")
+    return Typed(joined or ANY, f"{name}({listed(map(checker.looked_at, found))})")
 
 
 def _abs(checker: ExpressionReader, node: ast.Call) -> Typed:
@@ -82,18 +83,21 @@ def _quantifier(checker: ExpressionReader, node: ast.Call) -> Typed:
     name = dotted(node.func) or ""
     if not checker.arity(node, name, 1):
         return UNTYPED
-    argument = checker.wanted(node.args[0], list_of(BOOL))
+    argument = checker.looked_at(checker.wanted(node.args[0], list_of(BOOL)))
     return Typed(BOOL, f"{name}({argument.code})")
 
 
 def _known(checker: ExpressionReader, node: ast.Call) -> Typed:
     if not checker.arity(node, "known", 1):
         return UNTYPED
-    argument = node.args[0]
-    if not isinstance(argument, ast.Attribute) or dotted(argument.value) != "input":
-        return checker.wrong(argument, "wrong-type", "known asks about an input", "write known(input.NAME)")
-    checker.visit(argument)
-    return Typed(BOOL, f"{environment_code('known')}({argument.attr!r})")
+    argument, before = node.args[0], checker.unknowns
+    typed = checker.visit(argument)
+    if isinstance(argument, ast.Attribute) and dotted(argument.value) == "input":
+        return Typed(BOOL, f"{environment_code('known')}({argument.attr!r})")
+    if checker.unknowns == before and not checker.failed:
+        hint = "write known(input.NAME) or known(find(...))"
+        return checker.wrong(argument, "wrong-type", "known asks about what may be missing", hint)
+    return Typed(BOOL, f"_known(lambda: {typed.code})")
 
 
 def _held(checker: ExpressionReader, node: ast.Call) -> Typed:
@@ -151,10 +155,14 @@ BUILTINS: Mapping[str, Callable[[ExpressionReader, ast.Call], Typed]] = {
     "len": _len,
     "min": _extreme,
     "max": _extreme,
+    "sum": loops.total,
     "abs": _abs,
     "round": _round,
     "any": _quantifier,
     "all": _quantifier,
+    "first": loops.first,
+    "find": loops.find,
+    "sorted": loops.in_order,
     "known": _known,
     "held": _held,
     "in_state": _in_state,

@@ -1,11 +1,12 @@
 """Expressions: a typed, side-effect-free subset of Python, checked at load and compiled once.
 
 What is allowed: and/or/not, comparisons (also `in`), + - * / // %, unary minus, `x if c else y`, indexing of
-lists, fields of declared records, lists and tuples, numbers and texts, and calls of `len min max abs round
-any all known held in_state` and of the catalog's functions. Everything else is refused: above all method
-calls, names with a leading underscore, `**`, shifts, comprehensions, lambdas and formatted texts. Arithmetic
-takes numbers only, so no text or list can be multiplied; a product of integers is bounded when it is
-computed. There is thus no way to reach an object's attributes, to loop, or to use much memory.
+lists, fields of declared records, lists and tuples, `[... for NAME in LIST if ...]`, numbers and texts, and
+calls of the functions in `builtins` and in the catalog. Everything else is refused: above all method calls,
+names with a leading underscore, `**`, shifts, loops in loops, lambdas and formatted texts. Arithmetic takes
+numbers only, so no text or list can be multiplied; a product of integers is bounded when it is computed. What
+an expression costs is counted, with the most elements that each list can have: one that may take too many
+steps is refused. There is thus no way to reach an object's attributes, or to use much time or memory.
 
 Units are part of a number's type. A text that is a quantity ('5 s') counts as a number where it meets one
 with a unit, and a written 0 has any unit. The environment has every number in its base unit; a name whose
@@ -28,7 +29,9 @@ from typing import Any
 from lupin_engine.chart.expressions import units as q
 from lupin_engine.chart.expressions.builtins import BUILTINS
 from lupin_engine.chart.expressions.evaluation import MAX_INTEGER, Compiled, Expression, to_function
+from lupin_engine.chart.expressions.loops import comprehension, holding
 from lupin_engine.chart.expressions.reader import (
+    MAX_STEPS,
     UNTYPED,
     ExpressionReader,
     as_quantity,
@@ -145,6 +148,9 @@ class _Checker(ExpressionReader):
             self.mismatch(root, wanted, found.type)
         if self._grown and not self.failed and not _can_be_compiled(found.code):
             self.stop(0, "the expression is too large with the values that stand for its parameters")
+        if self.steps > MAX_STEPS and not self.failed:
+            problem = f"the expression may take {self.steps} steps, at most {MAX_STEPS} are allowed"
+            self.wrong(root, "unbounded", problem, "go through fewer lists, or say the 'max' of one")
         if self.failed:
             self._note_parameters()
             return None
@@ -167,6 +173,7 @@ class _Checker(ExpressionReader):
         visit = _VISITORS.get(type(node))
         if visit is None:
             return self.refuse(node, type(node).__name__)
+        self.steps += self.times
         return visit(self, node)
 
     def _constant(self, node: ast.Constant) -> Typed:
@@ -188,6 +195,8 @@ class _Checker(ExpressionReader):
         name, scope = node.id, self.scope
         if name in TRUTHS:
             return Typed(BOOL, repr(TRUTHS[name]))
+        if name in self.element:
+            return self.element[name]
         if name.startswith("_"):
             return self.wrong(
                 node, "unknown-name", f"unknown name {name!r}: no name begins with an underscore"
@@ -214,7 +223,7 @@ class _Checker(ExpressionReader):
         return or_else(hint, declared_as("context", name)) if self.scope.has_context else hint
 
     def _attribute(self, node: ast.Attribute) -> Typed:
-        if not isinstance(node.value, ast.Name):
+        if not isinstance(node.value, ast.Name) or node.value.id in self.element:
             return self._field(node)
         key = (node.value.id, node.attr)
         known = self.scope.read_names.get(key)
@@ -295,7 +304,7 @@ class _Checker(ExpressionReader):
                 problem = f"a list holds one type: {kinds}"
                 return self.wrong(element, "wrong-type", problem)
             item = joined
-        return Typed(list_of(item), f"[{listed(found)}]")
+        return Typed(holding(list_of(item), len(found)), f"[{listed(found)}]")
 
     def _bool_operation(self, node: ast.BoolOp) -> Typed:
         operands = [(operand, self.wanted(operand, BOOL)) for operand in node.values]
@@ -350,6 +359,7 @@ class _Checker(ExpressionReader):
                 return self.refuse(left, type(operator).__name__)
             first, second = self._pair(left, right)
             self._check_comparison(operator, left, right, first.type, second.type)
+            second = self.looked_at(second)
             self._check_values(operator, left, right, first.type, second.type)
             code = f"{code or first.code} {_COMPARISONS[type(operator)]} {second.code}"
             left = right
@@ -442,6 +452,9 @@ class _Checker(ExpressionReader):
             self._wanted_value(argument, wanted.type)
             for argument, (_, wanted) in zip(node.args, arguments, strict=False)
         ]
+        for typed in (Typed(function.returns, ""), *given):
+            if typed.type.kind == "list":
+                self.looked_at(typed)
         return Typed(function.returns, f"{environment_code('functions')}[{name!r}]({listed(given)})")
 
     def _wanted_value(self, node: ast.expr, wanted: Type) -> Typed:
@@ -493,4 +506,6 @@ _VISITORS: Mapping[type[ast.expr], Callable[[_Checker, Any], Typed]] = {
     ast.Compare: _Checker._compare,
     ast.IfExp: _Checker._conditional,
     ast.Call: _Checker._call,
+    ast.ListComp: comprehension,
+    ast.GeneratorExp: comprehension,
 }

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 from lupin_engine.chart.records import record
 from lupin_engine.errors import Place
-from lupin_engine.plugin.types import UNITS, Type, in_base, in_unit
+from lupin_engine.plugin.types import MAX_TEXT, UNITS, Type, in_base, in_unit
 
 #: Integers up to this size are told apart by a float.
 MAX_INTEGER = 2**53
@@ -19,7 +19,15 @@ MAX_INTEGER = 2**53
 Environment = Mapping[str, Any]
 
 
-class UnknownInput(Exception):
+#: So many elements of a list that does not say how many it holds can be gone through.
+MAX_ELEMENTS = 1000
+
+
+class UnknownValue(Exception):
+    """An expression asked for something that is not there, which `known` would have told."""
+
+
+class UnknownInput(UnknownValue):
     """An expression read a live value that is not known: never reported, or older than its freshness."""
 
     def __init__(self, name: str) -> None:
@@ -55,6 +63,44 @@ def _text(value: Any, unit: str, digits: int | None) -> str:
     return f"{shown} {unit}" if unit else shown
 
 
+def _bounded(values: Any) -> Any:
+    """Refuse to go through what is no list, or one that is longer than any should be."""
+    if not isinstance(values, (list, tuple)):
+        raise TypeError(f"expected a list, got {values!r}")
+    if len(values) > MAX_ELEMENTS:
+        raise ValueError(f"a list of {len(values)} elements; at most {MAX_ELEMENTS} can be gone through")
+    return values
+
+
+def _short(values: Any) -> Any:
+    """Refuse what is too long to be looked at again for each element of a list."""
+    limit = MAX_TEXT if isinstance(values, str) else MAX_ELEMENTS
+    if len(values) > limit:
+        raise ValueError(f"something of length {len(values)}; in a loop at most {limit} can be looked at")
+    return values
+
+
+def _first(values: Sequence[Any], otherwise: Callable[[], Any]) -> Any:
+    """Return the first element of a list, of an empty one something else."""
+    return values[0] if values else otherwise()
+
+
+def _found(values: Iterator[Any], sought: str) -> Any:
+    """Return the first of the elements that were sought."""
+    for value in values:
+        return value
+    raise UnknownValue(f"{sought} is unknown: there is no such element")
+
+
+def _known(read: Callable[[], Any]) -> bool:
+    """Say whether what is read is there."""
+    try:
+        read()
+    except UnknownValue:
+        return False
+    return True
+
+
 def _same(value: Any) -> Any:
     return value
 
@@ -69,6 +115,13 @@ _GLOBALS: dict[str, Any] = {
     "round": round,
     "any": any,
     "all": all,
+    "sum": sum,
+    "sorted": sorted,
+    "_bounded": _bounded,
+    "_first": _first,
+    "_found": _found,
+    "_known": _known,
+    "_short": _short,
     "_number": _number,
     "_times": _times,
     "_same": _same,

@@ -40,26 +40,28 @@ def names_read(source: str) -> frozenset[str]:
 
 
 @lru_cache(_CACHED)
-def inputs_read(source: str, known: frozenset[str] = frozenset()) -> tuple[str, ...]:
-    """Return the inputs that an expression reads where nobody has asked whether they are known."""
+def unknowns_read(source: str, known: frozenset[str] = frozenset()) -> tuple[str, ...]:
+    """Return what an expression reads that may be unknown, where nobody has asked whether it is known.
+
+    That is an input, as `input.NAME`, or a call of `find` as it is written.
+    """
     tree = tree_of(source)
     return tuple(dict.fromkeys(_unasked(tree, known))) if tree is not None else ()
 
 
 @lru_cache(_CACHED)
-def inputs_asked(source: str, outcome: bool) -> frozenset[str]:
-    """Return the inputs that are known where a condition came out as `outcome`."""
+def unknowns_asked(source: str, outcome: bool) -> frozenset[str]:
+    """Return what is known where a condition came out as `outcome`."""
     tree = tree_of(source)
     return _asked(tree, outcome) if tree is not None else frozenset()
 
 
 def _unasked(node: ast.AST, known: frozenset[str]) -> Iterator[str]:
-    """Yield the inputs that are read below a node, given those that are known there."""
-    name = _input(node)
-    if name is not None:
-        if name not in known:
-            yield name
-    elif isinstance(node, ast.BoolOp):
+    """Yield what may be unknown and is read below a node, given what is known there."""
+    name = _unknown(node)
+    if name and name not in known:
+        yield name
+    if isinstance(node, ast.BoolOp):
         for value in node.values:
             yield from _unasked(value, known)
             known |= _asked(value, isinstance(node.op, ast.And))
@@ -67,16 +69,23 @@ def _unasked(node: ast.AST, known: frozenset[str]) -> Iterator[str]:
         yield from _unasked(node.test, known)
         yield from _unasked(node.body, known | _asked(node.test, True))
         yield from _unasked(node.orelse, known | _asked(node.test, False))
+    elif isinstance(node, (ast.ListComp, ast.GeneratorExp)):
+        for loop in node.generators:
+            yield from _unasked(loop.iter, known)
+            for test in loop.ifs:
+                yield from _unasked(test, known)
+                known |= _asked(test, True)
+        yield from _unasked(node.elt, known)
     elif _question(node) is None:
         for child in ast.iter_child_nodes(node):
             yield from _unasked(child, known)
 
 
 def _asked(node: ast.expr, outcome: bool) -> frozenset[str]:
-    """Return the inputs that are known where a condition came out as `outcome`."""
-    name = _question(node)
-    if name is not None:
-        return frozenset([name]) if outcome else frozenset()
+    """Return what is known where a condition came out as `outcome`."""
+    asked = _question(node)
+    if asked is not None:
+        return frozenset(_unasked(asked, frozenset())) if outcome else frozenset()
     if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.Not):
         return _asked(node.operand, not outcome)
     if isinstance(node, ast.BoolOp):
@@ -87,19 +96,19 @@ def _asked(node: ast.expr, outcome: bool) -> frozenset[str]:
     return frozenset()
 
 
-def _question(node: ast.AST) -> str | None:
-    """Return the input that `known(input.NAME)` asks about."""
-    if (
-        isinstance(node, ast.Call)
-        and isinstance(node.func, ast.Name)
-        and node.func.id == "known"
-        and node.args
-    ):
-        return _input(node.args[0])
+def _question(node: ast.AST) -> ast.expr | None:
+    """Return what `known(...)` asks about."""
+    if isinstance(node, ast.Call) and _is_called(node, "known") and node.args:
+        return node.args[0]
     return None
 
 
-def _input(node: ast.AST) -> str | None:
+def _is_called(node: ast.Call, name: str) -> bool:
+    return isinstance(node.func, ast.Name) and node.func.id == name
+
+
+def _unknown(node: ast.AST) -> str:
+    """Return what a node reads that may be unknown; '' when it cannot be."""
     if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and node.value.id == "input":
-        return node.attr
-    return None
+        return f"input.{node.attr}"
+    return ast.unparse(node) if isinstance(node, ast.Call) and _is_called(node, "find") else ""

@@ -10,12 +10,17 @@ from collections.abc import Iterable, Mapping
 from functools import cache
 
 from lupin_engine.chart.expressions import units as q
+from lupin_engine.chart.expressions.evaluation import MAX_ELEMENTS
 from lupin_engine.chart.expressions.scope import Choice, Fragment, Scope, Typed
 from lupin_engine.chart.findings import Findings
 from lupin_engine.plugin.types import ANY, UNITS, Type, in_unit, parse_quantity
 
 MAX_CHARACTERS = 2000
 MAX_NODES = 200
+#: How many steps it counts to look through a text.
+TEXT_STEPS = 100
+#: So many steps an expression may take: what it says, times the elements of the lists that it goes through.
+MAX_STEPS = 2_000_000
 
 _BLANK = re.compile(r"\s")
 #: Python warns of a number that runs into a word (`1if`), which is no diagnostic of ours.
@@ -25,10 +30,8 @@ _RUN_TOGETHER = re.compile(r"[0-9][A-Za-z_]")
 UNTYPED = Typed(ANY, "None")
 _REFUSED: Mapping[str, str] = {
     "Lambda": "a lambda",
-    "ListComp": "a comprehension",
     "SetComp": "a comprehension",
     "DictComp": "a comprehension",
-    "GeneratorExp": "a comprehension",
     "NamedExpr": "':='",
     "JoinedStr": "a formatted text",
     "Dict": "a mapping",
@@ -82,6 +85,13 @@ class ExpressionReader(ABC):
         source = fragment.source.strip()
         self._source = source if source.isprintable() else _BLANK.sub(" ", source)
         self.warned = False
+        #: The element of the loop that is being read, by its name; how often that is evaluated.
+        self.element: dict[str, Typed] = {}
+        self.times = 1
+        #: How many steps the expression takes at most.
+        self.steps = 0
+        #: How much of what was read may be unknown.
+        self.unknowns = 0
 
     @abstractmethod
     def visit(self, node: ast.expr) -> Typed:
@@ -189,6 +199,20 @@ class ExpressionReader(ABC):
             self.mismatch(node, wanted, typed.type)
         return typed
 
+    def looked_at(self, typed: Typed, times: int = 1) -> Typed:
+        """Count the steps of looking at all of a value; in a loop, that is done only while it is short."""
+        kind = typed.type
+        if kind.kind not in ("list", "text", "any"):
+            return typed
+        self.steps += self.times * times * capacity(kind)
+        if (
+            not self.element
+            or typed.written is not None
+            or (kind.kind == "list" and kind.maximum is not None)
+        ):
+            return typed
+        return Typed(kind, f"_short({typed.code})")
+
     def no_number(self, node: ast.expr, got: Type) -> Typed:
         """Report a value that is no number."""
         if self.failed and got.kind == "any":
@@ -214,6 +238,19 @@ def _syntax(error: SyntaxError, length: int) -> tuple[int, str]:
         return length, "not an expression: it ends too early"
     closed = "never closed" in error.msg
     return offset, f"not an expression: {error.msg}" if closed else "not an expression from here on"
+
+
+def capacity(kind: Type) -> int:
+    """Return how many elements a list has at most; how many steps a look at a text is worth."""
+    if kind.kind == "text":
+        return TEXT_STEPS
+    return MAX_ELEMENTS if kind.maximum is None or kind.kind != "list" else int(kind.maximum)
+
+
+def gone_through(typed: Typed) -> Typed:
+    """Return a list of which every element is looked at; how many there are is looked at, if nothing says."""
+    is_bounded = typed.type.kind == "list" and typed.type.maximum is not None
+    return typed if is_bounded else Typed(typed.type, f"_bounded({typed.code})")
 
 
 def calculable(typed: Typed) -> Typed:

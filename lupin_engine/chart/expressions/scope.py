@@ -16,7 +16,12 @@ from lupin_engine.plugin.types import Type
 #: Roots of the environment that are records of their own; every other name is a context variable.
 ROOTS = frozenset({"param", "request", "input", "event", "error", "target", "itinerary"})
 #: Names that an expression may call besides the catalog's functions.
-BUILTIN_CALLS = ("len", "min", "max", "abs", "round", "any", "all", "known", "held", "in_state")
+BUILTIN_CALLS = (
+    *("len", "min", "max", "sum", "abs", "round", "any", "all"),
+    *("first", "find", "sorted", "known", "held", "in_state"),
+)
+#: What `find` and `sorted` call the element that they look at.
+ELEMENT = "t"
 TRUTHS: Mapping[str, bool] = {"true": True, "false": False}
 #: Words that no expression could read as a name.
 WORDS = frozenset({*keyword.kwlist, *TRUTHS})

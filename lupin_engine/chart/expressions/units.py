@@ -21,6 +21,7 @@ from lupin_engine.plugin.types import (
     innermost,
     list_of,
     number_in,
+    within,
 )
 
 #: A written 0: a whole number of any unit.
@@ -143,7 +144,9 @@ def join(first: Type, second: Type) -> Type | None:
         return None
     if first.kind == "list":
         item = join(first.item or ANY, second.item or ANY)
-        return None if item is None else list_of(item)
+        limits = (first.maximum, second.maximum)
+        most = None if None in limits else max(limit for limit in limits if limit is not None)
+        return None if item is None else within(list_of(item), None, most)
     if first.kind == "record":
         return first if accepts(first, second) else second if accepts(second, first) else None
     if first.kind == "text":

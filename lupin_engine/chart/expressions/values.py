@@ -15,6 +15,7 @@ from typing import Any
 
 from lupin_engine.chart.expressions.checker import compile_expression
 from lupin_engine.chart.expressions.evaluation import Constant, Expression, Value
+from lupin_engine.chart.expressions.reader import capacity
 from lupin_engine.chart.expressions.scope import Fragment, Scope, fragment_of
 from lupin_engine.chart.expressions.texts import read_text
 from lupin_engine.chart.expressions.units import describe, is_number, join, one
@@ -143,6 +144,16 @@ def _difference(first: Type, this: Type) -> str:
         known, got = describe(first.fields[name]), describe(this.fields[name])
         return f"{name!r} of the first is {known}, here it is {got}"
     return f"the first is {describe(first)}, this is {describe(this)}"
+
+
+def check_bound(value: Value, wanted: Type, name: str, findings: Findings, path: str) -> None:
+    """Refuse a list that may have more elements than the variable holds."""
+    may = capacity(value.type)
+    if wanted.item is None or wanted.maximum is None or isinstance(value, Constant) or may <= wanted.maximum:
+        return
+    problem = f"{value.source!r} may have {may} elements, but {name!r} holds {wanted.maximum:g}"
+    hint = f"raise the 'max' of {name!r}, or say that of the list it is made of"
+    findings.add(value.place, "unbounded", path, problem, hint)
 
 
 @dataclass(frozen=True)

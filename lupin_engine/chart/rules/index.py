@@ -13,7 +13,7 @@ from functools import cached_property
 from lupin_engine.chart.compose.compose import Composed
 from lupin_engine.chart.expressions.evaluation import Expression, never
 from lupin_engine.chart.expressions.guards import TRUE, Condition, Every, condition_of, constant, fact
-from lupin_engine.chart.expressions.names import inputs_read
+from lupin_engine.chart.expressions.names import unknowns_read
 from lupin_engine.chart.model import Invoke, Kind, State, Transition
 from lupin_engine.chart.rules.written import (
     Read,
@@ -190,9 +190,13 @@ class Index:
         """Tell whether a guard says all: it is not also false because of a mistake or an unknown input."""
         if not understood(guard):
             return False
-        if not self.unsure or "input." not in guard.source:
+        if not ("input." in guard.source or "find(" in guard.source):
             return True
-        return self.unsure.isdisjoint(inputs_read(guard.source))
+        return not any(self.may_be_unknown(name) for name in unknowns_read(guard.source))
+
+    def may_be_unknown(self, name: str) -> bool:
+        """Tell whether something that an expression reads (see `unknowns_read`) may be unknown."""
+        return not name.startswith("input.") or name.removeprefix("input.") in self.unsure
 
     # -- everything that is written ------------------------------------------------------------------------
 

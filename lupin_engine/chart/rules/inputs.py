@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 
-from lupin_engine.chart.expressions.names import inputs_asked, inputs_read
+from lupin_engine.chart.expressions.names import unknowns_asked, unknowns_read
 from lupin_engine.chart.findings import warning
 from lupin_engine.chart.model import ActionCall, Input
 from lupin_engine.chart.rules.index import Index, understood
@@ -21,27 +21,26 @@ def unknown_input_read(index: Index) -> Iterator[Diagnostic]:
     A guard is then false, whatever it says; where a value is computed it is an error at run time. What
     the guard of a transition or an `if` has asked counts for its actions, which see the same moment.
     """
-    if not index.unsure:
-        return
     asked = dict(_asked(index))
     for read in index.reads:
-        if "input." not in read.expression.source or not understood(read.expression):
+        source = read.expression.source
+        if not ("input." in source or "find(" in source) or not understood(read.expression):
             continue
         if read.words[-2:] in _MAY_WAIT:
             continue
-        for name in inputs_read(read.expression.source, asked.get(id(read.expression), frozenset())):
-            if name in index.unsure:
-                yield _told(read, index.chart.inputs[name])
+        for name in unknowns_read(source, asked.get(id(read.expression), frozenset())):
+            if index.may_be_unknown(name):
+                yield _told(read, name, _why(index.chart.inputs.get(name.removeprefix("input."))))
 
 
 def _asked(index: Index) -> Iterator[tuple[int, frozenset[str]]]:
-    """Yield the expressions in actions, by their ids, with the inputs that guards before have asked for."""
+    """Yield the expressions in actions, by their ids, with what guards before have asked for."""
     for state in index.states:
         each = state.for_each
         yield from _given((*state.entry, *state.exit, *((*each.on_done, *each.on_error) if each else ())))
         for transition in state.transitions:
             guard = transition.guard.source if transition.guard is not None else "true"
-            yield from _given(transition.actions, inputs_asked(guard, True))
+            yield from _given(transition.actions, unknowns_asked(guard, True))
 
 
 def _given(
@@ -52,12 +51,11 @@ def _given(
         if call.guard is not None:
             source = call.guard.source
             yield id(call.guard), known
-            yield from _given(call.then, known | inputs_asked(source, True))
-            yield from _given(call.otherwise, known | inputs_asked(source, False))
+            yield from _given(call.then, known | unknowns_asked(source, True))
+            yield from _given(call.otherwise, known | unknowns_asked(source, False))
 
 
-def _told(read: Read, found: Input) -> Diagnostic:
-    name, why = f"input.{found.name}", _why(found)
+def _told(read: Read, name: str, why: str) -> Diagnostic:
     if read.condition:
         problem = f"{name} may be unknown ({why}), and then this guard is false"
         hint = f"write 'known({name}) and ...', or 'not known({name}) or ...'"
@@ -67,7 +65,9 @@ def _told(read: Read, found: Input) -> Diagnostic:
     return Diagnostic(read.expression.place, "unknown-input", read.path, problem, hint)
 
 
-def _why(found: Input) -> str:
+def _why(found: Input | None) -> str:
+    if found is None:
+        return "where no element is such"
     if found.freshness is not None:
         return f"no report for {found.freshness:g} s"
     return "before the first report"

@@ -12,7 +12,7 @@ from itertools import pairwise
 
 from lupin_engine.chart.expressions.guards import TRUE, Condition, constant, negate, possible
 from lupin_engine.chart.expressions.names import names_read
-from lupin_engine.chart.model import ActionCall, Kind, Transition, every_call
+from lupin_engine.chart.model import WRITING, ActionCall, Kind, Transition, every_call
 from lupin_engine.chart.rules.graph import components, cycles
 from lupin_engine.chart.rules.index import Index, always_taken, condition, local, understood
 from lupin_engine.errors import Diagnostic
@@ -142,6 +142,6 @@ class _Loops:
 
 def _written(call: ActionCall) -> set[str]:
     """Return the first words of what an action changes for expressions."""
-    if call.name == "set":
+    if call.name in WRITING:
         return set(call.arguments)
     return {"itinerary", "target"} if call.name.startswith("itinerary.") else set()

@@ -20,7 +20,7 @@ from lupin_engine.chart.expressions.guards import (
     possible,
     total,
 )
-from lupin_engine.chart.expressions.names import inputs_read, names_read, tree_of
+from lupin_engine.chart.expressions.names import names_read, tree_of, unknowns_read
 
 # -- which exclude each other, which follow ------------------------------------------------------------
 
@@ -117,23 +117,30 @@ def test_too_many_alternatives_are_taken_to_be_possible() -> None:
 @pytest.mark.parametrize(
     ("source", "read"),
     [
-        ("input.a > 1 and input.b.low", ("a", "b")),
+        ("input.a > 1 and input.b.low", ("input.a", "input.b")),
         ("known(input.a) and input.a > 1", ()),
-        ("input.a > 1 and known(input.a)", ("a",)),
+        ("input.a > 1 and known(input.a)", ("input.a",)),
         ("not known(input.a) or input.a > 1", ()),
-        ("known(input.a) or input.a > 1", ("a",)),
-        ("input.a if known(input.a) else input.b", ("b",)),
+        ("known(input.a) or input.a > 1", ("input.a",)),
+        ("input.a if known(input.a) else input.b", ("input.b",)),
         ("0 if not known(input.a) else input.a", ()),
-        ("input.a if input.b else input.c", ("b", "a", "c")),
-        ("input.a if known(input.b) else input.b", ("a", "b")),
-        ("input.a + (1 if known(input.a) else input.b)", ("a", "b")),
-        ("(known(input.a) or known(input.b)) and input.a", ("a",)),
-        ("known(input.a) and x and max(input.a, input.b) > 1", ("b",)),
+        ("input.a if input.b else input.c", ("input.b", "input.a", "input.c")),
+        ("input.a if known(input.b) else input.b", ("input.a", "input.b")),
+        ("input.a + (1 if known(input.a) else input.b)", ("input.a", "input.b")),
+        ("(known(input.a) or known(input.b)) and input.a", ("input.a",)),
+        ("known(input.a) and x and max(input.a, input.b) > 1", ("input.b",)),
+        ("find(xs, t.id == 'a').x > 1", ("find(xs, t.id == 'a')",)),
+        ("known(find(xs, t.id == 'a')) and find(xs, t.id=='a').x > 1", ()),
+        ("known(find(input.a, t.x > 1)) and len(input.a) > 1", ()),
+        ("find(input.a, t.x > 1)", ("find(input.a, t.x > 1)", "input.a")),
+        ("[t.x for t in input.a if known(input.b) and input.b > t.x]", ("input.a",)),
+        ("[input.b for t in xs if known(input.b)]", ()),
+        ("[input.b for t in xs]", ("input.b",)),
     ],
 )
 def test_inputs_that_are_read_without_asking(source: str, read: tuple[str, ...]) -> None:
     """Asking counts from where it is asked on, on the branch where the answer is yes."""
-    assert inputs_read(source) == read
+    assert unknowns_read(source) == read
 
 
 def test_names_that_are_read() -> None:
@@ -300,5 +307,5 @@ def test_what_was_refused_as_too_large_is_not_followed() -> None:
     assert tree_of(small) is not None
     assert tree_of(large) is None
     assert names_read(large) == frozenset()
-    assert inputs_read("not an expression") == ()
+    assert unknowns_read("not an expression") == ()
     assert tree_of("a\n and\tb") is not None
