@@ -60,8 +60,8 @@ NARROW = """\
                                   nav.localize(max_variance: ...
      0.5 s  INSPECTING.           nav.localize done
             NAVIGATING.FOLDING    do arm.preset(name: home)
-            -> INSPECTING.        start nav.go_to(pose: {x
-            NAVIGATING.DRIVING    1.107, y 1.382, yaw ...
+            -> INSPECTING.        start nav.go_to(pose: {x 1.1,
+            NAVIGATING.DRIVING    y 1.3, yaw 0}, ...
      3.5 s  INSPECTING.SCANNING.  nav.go_to done
             READING               do arm.preset(name: inspect)
                                   start bridge.read_tag(tag_id:

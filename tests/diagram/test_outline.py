@@ -178,7 +178,7 @@ def test_depth_collapses_what_is_deeper() -> None:
     assert [str(label) for label in arrow(picture, "PREPARE", "FAULT").labels] == ["error"]
     assert all(b.name.count(".") <= 2 for b in picture.every())
     flat = outline(pictured.chart("inspection"), depth=1)
-    assert [b.hidden for b in flat.boxes] == [0, 0, 13, 2, 0, 2]
+    assert [b.hidden for b in flat.boxes] == [0, 0, 13, 2, 0, 3]
     assert not any(b.children for b in flat.every())
 
 
