@@ -160,6 +160,10 @@ explained in [rules.md](rules.md).
 - Taking a transition leaves states (`exit`), runs its actions (`do`) and enters states (`entry`). Then
   whatever is enabled without an event follows (`always`, levels), then what was raised, until nothing more
   happens. Only then operations begin. No time passes meanwhile.
+- `event` has the fields of the event that is dealt with. It stays visible in what follows at once without
+  an event: in the `entry` and the operation of what is entered, and in an `always` that is taken in the
+  same step. A field that one of the ways to an expression does not bring is an error of the checker; keep
+  it in a variable where it is seen.
 - An operation lives as long as its state: leaving the state cancels it. Its end is `on_done` or `on_error`.
   An error that nobody handles, and an expression or action that fails, leads to the lifecycle's FAULT
   (`lupin simulate` shows that as `error.execution`).

@@ -289,7 +289,7 @@ class Machine:
         if watch.is_due(levels.reads, step.now):
             rules = self._enabled_levels(levels)
             if rules:
-                self._take(rules, NO_TRIGGER)
+                self._take(rules, step.bound)
                 return True
         scope = self.scope
         scope.calm_until = min(self._holds.calm_until, watch.calm_until)
@@ -306,6 +306,7 @@ class Machine:
     def _offer(self, internal: InternalEvent) -> None:
         """Offer an internal event to its state, or to all active ones."""
         trigger = internal.trigger
+        self._step.bound = trigger if trigger.error is NOTHING else Trigger(trigger.event)
         rules = self._listeners(internal)
         raised = trigger.error is not NOTHING and trigger.error.get("code") == EXECUTION_CODE
         if raised and internal.name == "error":
@@ -366,7 +367,7 @@ class Machine:
             for rule in offered:
                 if (rule.event and not inputs.holds(rule.event)) or (held and not passes(rule, held)):
                     continue
-                if rule.guard is None or scope.check(rule.guard, rule.source, step):
+                if rule.guard is None or scope.check(rule.guard, rule.source, step, step.bound):
                     chosen.append(rule)
                     break
         if chosen:
@@ -388,7 +389,8 @@ class Machine:
         if found.starts:
             self._begin_mission(event, found.values)
         if found.rules:
-            self._take(found.rules, Trigger(event=event.data))
+            step.bound = Trigger(event=event.data)
+            self._take(found.rules, step.bound)
         for name in found.holds.releases:
             self._holds.release(name, step)
         for name in found.holds.engages:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from lupin_engine.chart.model import Chart
 from lupin_engine.chart.records import record
 from lupin_engine.errors import Place, Severity
-from lupin_engine.machine.event import Command, Event, InternalEvent, Trigger
+from lupin_engine.machine.event import NO_TRIGGER, Command, Event, InternalEvent, Trigger
 from lupin_engine.machine.memory import Memory, Phase
 from lupin_engine.plugin.contract import EXECUTION_CODE
 
@@ -119,6 +119,7 @@ class Macrostep:
 
     __slots__ = (
         "accepted",
+        "bound",
         "codes",
         "commands",
         "entered",
@@ -138,6 +139,8 @@ class Macrostep:
         self.event = event
         self.now = now
         self.queue: list[InternalEvent] = []
+        #: What eventless transitions see: SCXML's `_event`, the event that was dealt with last.
+        self.bound = NO_TRIGGER
         self.taken: tuple[str, ...] = ()
         self.exited: tuple[str, ...] = ()
         self.entered: tuple[str, ...] = ()

@@ -450,3 +450,27 @@ def test_a_result_that_cannot_be_computed_leads_to_fault() -> None:
     bench.send("go")
     assert bench.leaves == ["FAULT"]
     assert bench.machine.view.detail == "test.yaml:1:1: result: division by zero"
+
+
+def test_the_event_is_seen_through_eventless_transitions_of_its_step() -> None:
+    """As SCXML's `_event`: in guards, actions and what is entered, until the next event is dealt with."""
+    seen = ("set", {"seen": lambda env: env["event"]["where"]})
+    states = {
+        "A": {"on": {"blocked": "HOP"}, "on_done": "A"},
+        "HOP": {"always": [{"target": "B", "guard": lambda env: env["event"]["where"] > 3}, {"target": "A"}]},
+        "B": {"entry": seen, "always": {"target": "C", "do": ("raise", {"event": "next"})}},
+        "C": {
+            "invoke": {"do": "nav.go", "with": {"to": lambda env: env["event"]["where"]}},
+            "on": {"next": "D"},
+        },
+        "D": {"entry": seen},
+        "FAULT": {},
+    }
+    bench = Bench(chart(states, context={"seen": 0}))
+    bench.send("blocked", where=7)
+    assert bench.context["seen"] == 7
+    assert bench.leaves == ["FAULT"]  # what was raised is the event now, and has no such field
+    other = Bench(chart({**states, "C": {**states["C"], "on": {}}}, context={"seen": 0}))
+    other.send("blocked", where=7)
+    assert other.started[0].arguments == {"to": 7}
+    assert other.leaves == ["C"]

@@ -11,6 +11,7 @@ from __future__ import annotations
 from lupin_engine.chart.compose.compose import Composed
 from lupin_engine.chart.findings import Findings
 from lupin_engine.chart.rules.choices import both_can_win, never_wins, regions_clash, unhandled_outcome
+from lupin_engine.chart.rules.events import event_field
 from lupin_engine.chart.rules.index import Index, Rule
 from lupin_engine.chart.rules.inputs import unknown_input_read
 from lupin_engine.chart.rules.loops import always_loop
@@ -78,6 +79,7 @@ GLOBAL: tuple[Rule, ...] = (
     regions_clash,
     region_leak,
     visits,
+    event_field,
 )
 #: Rules about what is declared and not used.
 UNUSED: tuple[Rule, ...] = (unheard_event, unused_code, unused_input, unused_variable, unused_field)

@@ -1,0 +1,168 @@
+"""The rule about fields of the event that led to where an expression stands.
+
+The event stays visible through eventless transitions of the same macrostep (SCXML's `_event`). So what a
+state may read of it follows from all ways into the state, through those without an event too. Where one of
+them has no event, or one without the field, the expression would be an error at run time.
+"""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterator
+from functools import lru_cache
+
+from lupin_engine.chart.compose.carried import end_of
+from lupin_engine.chart.expressions.evaluation import Constant, Expression
+from lupin_engine.chart.expressions.names import tree_of
+from lupin_engine.chart.model import Kind, State, Transition
+from lupin_engine.chart.records import Role, walk
+from lupin_engine.chart.rules.index import Index, always_taken, local, told, understood
+from lupin_engine.chart.semantics import EXECUTION_ERROR
+from lupin_engine.errors import Diagnostic
+from lupin_engine.plugin.profile import START
+
+_FAILURE = frozenset({"code", "detail"})
+_READ = frozenset({Role.VALUE, Role.CONDITION})
+
+#: The transitions whose event may be the one that led somewhere, by their ids.
+Causes = dict[str, Transition]
+
+
+def event_field(index: Index) -> Iterator[Diagnostic]:
+    """Find an expression that reads what the event which led there does not have."""
+    reading = [state for state in index.states if any(True for _ in _expressions(state))]
+    if not reading:
+        return
+    causes = _causes(index)
+    for state in reading:
+        for expression, by in _expressions(state):
+            possible = causes[state.name] if by is None else _behind(index, by, causes[state.name])
+            for name in sorted(_fields_read(expression.source)):
+                lacking = next((t for t in possible.values() if _lacks(index, t, name)), None)
+                if lacking is not None and understood(expression):
+                    yield _told(expression, state, name, lacking)
+
+
+def _told(expression: Expression, state: State, name: str, lacking: Transition) -> Diagnostic:
+    way = f"{told(lacking.event)!r} of {local(lacking.source) or 'the chart'!r}"
+    problem = f"there may be no event.{name} here: {way} comes without"
+    if not lacking.event:
+        problem = f"there may be no event.{name} here: {way} is also taken later, when no event is seen"
+    hint = f"where the event is seen, keep it: 'do: [set: {{NAME: \"${{ event.{name} }}\"}}]'"
+    return Diagnostic(expression.place, "unknown-name", state.name, problem, hint)
+
+
+# -- what reads an event ------------------------------------------------------------------------------------
+
+
+def _expressions(state: State) -> Iterator[tuple[Expression, Transition | None]]:
+    """Yield what reads fields of an event in a state, with the transition that it belongs to."""
+    for part in (*state.entry, *((state.invoke,) if state.invoke else ())):
+        yield from ((found, None) for found in _reading(part))
+    for transition in state.transitions:
+        yield from ((found, transition) for found in _reading(transition))
+
+
+def _reading(part: object) -> Iterator[Expression]:
+    for said in walk(part, _READ):
+        value = said.value
+        if not isinstance(value, Constant) and "event." in value.source and _fields_read(value.source):
+            yield value
+
+
+@lru_cache(4096)
+def _fields_read(source: str) -> frozenset[str]:
+    tree = tree_of(source)
+    return frozenset(
+        node.attr
+        for node in (ast.walk(tree) if tree is not None else ())
+        if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and node.value.id == "event"
+    )
+
+
+# -- which events lead to a state ---------------------------------------------------------------------------
+
+
+def _causes(index: Index) -> dict[str, Causes]:
+    """Return for every state the transitions whose event may have led there."""
+    causes: dict[str, Causes] = {state.name: {} for state in index.states}
+    ways = [t for state in index.states for t in state.transitions if t.target is not None]
+    entered = {t.id: _entered(index, t) for t in ways}
+    waiting = ways
+    while waiting:
+        changed = set()
+        for transition in waiting:
+            new = _behind(index, transition, causes[transition.source])
+            for name in entered[transition.id]:
+                if not new.keys() <= causes[name].keys():
+                    causes[name].update(new)
+                    changed.add(name)
+        waiting = [t for t in ways if not t.event and t.source in changed]
+    return causes
+
+
+def _behind(index: Index, transition: Transition, causes: Causes) -> Causes:
+    """Return what may be the event when a transition is taken: its own, or for none what led to its state."""
+    if transition.event:
+        return {transition.id: transition}
+    around = [index.chart.states[name] for name in index.lineage[transition.source]]
+    moves_on = any(not t.event and always_taken(t) for state in around for t in state.transitions)
+    passes = transition.during | transition.releases
+    if moves_on and all(cause.during <= passes for cause in causes.values()):
+        return causes
+    return {**causes, transition.id: transition}
+
+
+def _entered(index: Index, transition: Transition) -> set[str]:
+    """Return the states that a transition may enter."""
+    states, target = index.chart.states, index.chart.states[transition.target or ""]
+    domain = index.semantics.domain(transition, target.name)
+    targets = [target.name] if target.kind is not Kind.HISTORY else list(_remembered(index, target))
+    found: set[str] = set()
+    for name in targets:
+        found.update(index.entered(name))
+        for around in index.lineage[name][1:]:
+            if around == domain:
+                break
+            found.add(around)
+            if states[around].kind is Kind.PARALLEL:
+                for region in index.regions(states[around]):
+                    found.update(() if index.inside(name, region.name) else index.entered(region.name))
+    return found
+
+
+def _remembered(index: Index, history: State) -> Iterator[str]:
+    """Yield what a history state may stand for, and where `resume_at` goes on instead."""
+    parent = history.parent or ""
+    base = len(index.lineage[parent])
+    for name, lineage in index.lineage.items():
+        state, depth = index.chart.states[name], len(lineage) - base
+        if state.kind is Kind.HISTORY or parent not in lineage:
+            continue
+        above = history.depth is None or depth < history.depth
+        if depth and (depth == history.depth or (above and not state.children)):
+            yield name
+        if history.depth is None or depth <= history.depth:
+            yield from (t.target for t in state.resume_at if t.target is not None)
+
+
+def _lacks(index: Index, transition: Transition, name: str) -> bool:
+    """Tell whether the event of a transition has no field of a name; False when that is not known."""
+    fields = _fields(index, transition)
+    return fields is not None and name not in fields
+
+
+def _fields(index: Index, transition: Transition) -> frozenset[str] | None:
+    event, chart = transition.event, index.chart
+    if event.endswith("*"):
+        return None
+    if event in ("error", EXECUTION_ERROR):
+        return _FAILURE
+    if event == "done":
+        invoke = chart.states[transition.source].invoke
+        ended = index.composed.carried.fields_of(end_of(transition.source)).fields
+        return frozenset(invoke.operation.result if invoke is not None else ended)
+    if event == START:
+        return frozenset({"mission_type", "mission_id"})
+    known = chart.catalog.events.get(event)
+    return frozenset(known.fields if known is not None else index.composed.carried.fields_of(event).fields)
