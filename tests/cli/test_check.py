@@ -487,3 +487,34 @@ def test_severities_are_counted() -> None:
 def test_the_shipped_missions_are_right_for_the_strict() -> None:
     """They are what authors learn from."""
     assert check_paths([default_missions_folder()], strict=True) == 0
+
+
+READING = """\
+mission: M
+codes: {slow: {label: reading took too long}}
+states:
+  A:
+    invoke: {do: bridge.read_tag, with: {tag_id: "1"}, timeout: {after: 5 s, code: slow}}
+    on_done:
+      - {target: done, guard: "event.reading['temperature'] > 30"}
+      - {target: done, guard: "event.reading.readings['temperature'].value > 30"}
+      - {target: done, guard: "readings['temperature'] > 30"}
+      - {target: done, guard: "known(find(event.reading.readings, t.name == 'temperature')) and
+            find(event.reading.readings, t.name == 'temperature').value > 30"}
+      - target: done
+    on_error: done
+  done: {type: final}
+"""
+
+
+def test_a_reading_by_its_name_leads_to_what_works(tmp_path: Path) -> None:
+    """However it is tried; the last guard is what is said to write."""
+    (tmp_path / "m.yaml").write_text(READING)
+    _, found = check_chart(default_missions_folder() / LIFECYCLE_FILE, [tmp_path / "m.yaml"], load_catalog())
+    write = "write \"find(event.reading.readings, t.name == 'temperature')\""
+    declare = "Or declare it under context: 'readings: {type: ..., default: ...}'"
+    assert [(d.place.line, d.problem, d.hint) for d in found] == [
+        (7, "'event.reading' is reading, only a list can be indexed", write),
+        (8, "'event.reading.readings' is list of sensor, which is indexed by a number", write),
+        (9, "unknown name 'readings'", f"did you mean 'event.reading.readings'? {declare}"),
+    ]

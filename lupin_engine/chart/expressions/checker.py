@@ -29,7 +29,7 @@ from typing import Any
 from lupin_engine.chart.expressions import units as q
 from lupin_engine.chart.expressions.builtins import BUILTINS
 from lupin_engine.chart.expressions.evaluation import MAX_INTEGER, Compiled, Expression, to_function
-from lupin_engine.chart.expressions.loops import comprehension, holding
+from lupin_engine.chart.expressions.loops import by_name, called, comprehension, holding
 from lupin_engine.chart.expressions.reader import (
     MAX_STEPS,
     UNTYPED,
@@ -218,8 +218,9 @@ class _Checker(ExpressionReader):
     def _instead_of(self, name: str) -> str:
         """Say what was probably meant by an unknown name: a name, a field of a record, a variable to come."""
         names = self.scope.names
-        fields = [f"{root}.{name}" for root, kind in names.items() if root in ROOTS and name in kind.fields]
-        hint = f"did you mean {fields[0]!r}?" if fields else nearest(name, names)
+        roots = {root: kind for root, kind in names.items() if root in ROOTS}
+        field = next(called(name, roots), None)
+        hint = f"did you mean {field!r}?" if field else nearest(name, names)
         return or_else(hint, declared_as("context", name)) if self.scope.has_context else hint
 
     def _attribute(self, node: ast.Attribute) -> Typed:
@@ -285,11 +286,17 @@ class _Checker(ExpressionReader):
         if isinstance(node.slice, ast.Slice):
             return self.refuse(node, "Slice")
         value, index = self.visit(node.value), self.visit(node.slice)
+        if self.failed and value.type.kind == "any":
+            return UNTYPED  # what is indexed has been told to be wrong already
+        shown = self.text_of(node.value)
         if value.type.kind not in ("list", "any"):
-            shown = self.text_of(node.value)
             problem = f"{shown!r} is {q.describe(value.type)}, only a list can be indexed"
-            return self.wrong(node.value, "wrong-type", problem, _fields_of(shown, value.type, index))
+            return self.wrong(node.value, "wrong-type", problem, by_name(shown, value.type, index))
         if not q.accepts(INTEGER, index.type):
+            hint = by_name(shown, value.type, index)
+            if hint:
+                problem = f"{shown!r} is {q.describe(value.type)}, which is indexed by a number"
+                return self.wrong(node.slice, "wrong-type", problem, hint)
             self.mismatch(node.slice, INTEGER, index.type)
         item = value.type if value.type.kind == "any" else value.type.item
         return Typed(item or ANY, f"{value.code}[{index.code}]")
@@ -468,14 +475,6 @@ def _in_its_unit(kind: Type, code: str) -> Typed:
     """Return what is looked up in the environment, which has base units, in the unit of its type."""
     unit = innermost(kind).unit
     return Typed(kind, f"_in_unit({code}, {unit!r})" if unit in UNITS and UNITS[unit][0] != unit else code)
-
-
-def _fields_of(shown: str, kind: Type, index: Typed) -> str:
-    """Say how the fields of a record are read that somebody wanted to index."""
-    if index.written in kind.fields:
-        return f"write '{shown}.{index.written}'"
-    fields = ", ".join(repr(f"{shown}.{name}") for name in kind.fields)
-    return f"its fields are {fields}" if fields else ""
 
 
 def _can_be_compiled(code: str) -> bool:

@@ -7,7 +7,7 @@ loop inside a loop is refused, so that what an expression costs is hardly more t
 from __future__ import annotations
 
 import ast
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 
 from lupin_engine.chart.expressions import units as q
@@ -30,6 +30,27 @@ _COMPARISONS = 10
 def holding(kind: Type, most: float) -> Type:
     """Return the type of a list that has so many elements at most."""
     return within(kind, None, most)
+
+
+def by_name(shown: str, kind: Type, index: Typed) -> str:
+    """Say how to read what somebody wrote as `shown[index]`: a field, or the element that a text names."""
+    if index.written in kind.fields:
+        return f"write '{shown}.{index.written}'"
+    inner = {f"{shown}.{name}": field for name, field in kind.fields.items()}
+    for name, values in {shown: kind, **inner}.items():
+        item = values.item if values.kind == "list" else None
+        text = next((field for field, of in item.fields.items() if of.kind == "text"), None) if item else None
+        if text and isinstance(index.written, str):
+            return f"write \"find({name}, {ELEMENT}.{text} == '{index.written}')\""
+    return f"its fields are {', '.join(map(repr, inner))}" if inner else ""
+
+
+def called(name: str, kinds: Mapping[str, Type]) -> Iterator[str]:
+    """Yield the fields of that name, with the records around them; the outer ones first."""
+    records = {where: kind for where, kind in kinds.items() if kind.kind == "record"}
+    yield from (f"{where}.{name}" for where, kind in records.items() if name in kind.fields)
+    for where, kind in records.items():
+        yield from called(name, {f"{where}.{inner}": field for inner, field in kind.fields.items()})
 
 
 def comprehension(checker: ExpressionReader, node: ast.ListComp | ast.GeneratorExp) -> Typed:
