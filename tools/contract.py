@@ -114,9 +114,7 @@ PARTS: Sequence[Part] = (
 #: Classes that the node makes, not the author of a plugin.
 GIVEN = frozenset({"RosTimer", "ServiceCaller", "ActionHost", "ServedGoal"})
 #: Methods that are between the engine's own modules.
-INSIDE = frozenset(
-    {"forget", "values_with", "declare_anew", "channels", "guarded", "leave", "work_until"}
-)
+INSIDE = frozenset({"forget", "values_with", "declare_anew", "channels", "guarded", "leave", "work_until"})
 
 
 def page() -> str:

@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -28,6 +29,8 @@ pytestmark = [
 Start = Callable[..., Lupin]
 Ends = tuple[set[str], set[str]]
 
+PAGE = Path(__file__).parents[3] / "docs" / "interfaces.md"
+KINDS = {"topic": "msg", "service": "srv", "action": "action"}
 ORCHESTRATOR, BRIDGE, AGGREGATOR = "/mission_orchestrator", "/greenhouse_bridge", "/perception_aggregator"
 TWIN, ARM, ROBOT, HMI = "/lupin_twin", "/lupin_arm", "/lupin_sim", "HMI"
 
@@ -77,6 +80,17 @@ def lupin_json(run: Lupin, *arguments: str) -> Any:
     return json.loads(done.stdout)
 
 
+def told_on_the_page() -> dict[str, tuple[str, Ends]]:
+    """Return the rows of docs/interfaces.md: type, producers and consumers by name."""
+    rows = {}
+    for line in PAGE.read_text(encoding="utf-8").splitlines():
+        cells = [cell.strip() for cell in line.strip("|").split("|")]
+        if line.startswith("| `/"):
+            ends = [{f"/{node}" for node in cell.split(", ") if node != "outside"} for cell in cells[-2:]]
+            rows[cells[0].strip("`")] = cells[1].partition("]")[0].lstrip("["), (ends[0], ends[1])
+    return rows
+
+
 def named(nodes: list[str]) -> set[str]:
     """Return node names, whoever runs a mission from a terminal under the operator's."""
     return {HMI if node.startswith("/lupin_operator_") else node for node in nodes}
@@ -98,6 +112,20 @@ def test_the_live_map_is_the_documents_and_the_twin_ends_with_all_that_was_seen(
     assert named(seen["/navigate_to_pose"]["consumers"]) == {ORCHESTRATOR, ROBOT}
     assert named(seen["/mirte_master_arm_controller/joint_trajectory"]["producers"]) == {ARM}
     assert {name: i["problems"] for name, i in seen.items() if i["problems"]} == {}
+    running = {ORCHESTRATOR, BRIDGE, AGGREGATOR, TWIN, ARM, ROBOT, "/lupin_arm_sim"}
+    page = {
+        name: (kind, (fill & running, read & running))
+        for name, (kind, (fill, read)) in told_on_the_page().items()
+    }
+    found_now = {
+        name: (
+            i["type"].rpartition("/")[2] if name in ours else i["type"].replace(f"/{KINDS[i['kind']]}/", "/"),
+            (set(i["producers"]) & running, set(i["consumers"]) & running),
+        )
+        for name, i in seen.items()
+    }
+    assert found_now == {name: row for name, row in page.items() if name in found_now}
+    assert {name for name, (_, ends) in page.items() if ends != (set(), set())} == set(found_now)
 
     (result,) = run.records("result")
     visited = {observation["tag"] for observation in run.records("observation")}
