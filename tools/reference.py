@@ -313,6 +313,10 @@ EVENTS: tuple[tuple[str, str], ...] = (
         "requests; who asks is answered, with a reason when refused",
     ),
     (
+        "`answer.CHOICE`",
+        "an answer to the question of an `ask`, a request as well; `event.by` is `operator` or `default`",
+    ),
+    (
         "`input.NAME`, `input.NAME.LEVEL`",
         "a yes or no that is true: taken as long as it is, also on entering",
     ),

@@ -279,6 +279,37 @@ class BudgetNode(Node):
     do: Actions = _many("actions, in order")
 
 
+class ChoiceNode(Node):
+    """An answer that a person may give."""
+
+    label: str = Field(description="text for people")
+    severity: Literal["info", "warn", "error"] = Field("info", description="how grave the answer is")
+
+    @classmethod
+    def _long_form(cls, data: Any) -> Any:
+        if isinstance(data, str):
+            return {"label": data}
+        if not isinstance(data, Map):
+            raise wrong_shape(
+                f"expected a text for people, or {{label: ..., severity: warn}}, got {show(data)}"
+            )
+        return data
+
+
+_OR_LABEL = BeforeValidator(lambda data: data, json_schema_input_type=str | ChoiceNode)
+
+
+class AskNode(Node):
+    """A question to the operator, asked while the state is active; each choice is the event answer.CHOICE."""
+
+    question: Annotated[Written, Meaning.VALUE] = Field(description="what is asked, a text")
+    choices: dict[str, Annotated[ChoiceNode, _OR_LABEL]] = Field(description="what can be answered, by name")
+    default: str = Field(description="choice that counts when nobody has answered in time")
+    after: Annotated[Written, Meaning.VALUE] = Field(
+        description="time to answer, a duration; it stands still during a hold"
+    )
+
+
 class ItineraryNode(Node):
     """The list that a state walks."""
 
@@ -328,6 +359,7 @@ class StateNode(Node):
     budget: BudgetNode | None = Field(None, description="time that this state has in one mission")
     for_each: ForEachNode | None = Field(None, description="one operation for every element of a list")
     itinerary: ItineraryNode | None = Field(None, description="the list that this state walks")
+    ask: AskNode | None = Field(None, description="question to the operator")
     use: Annotated[str | None, Meaning.PART] = Field(None, description="part whose states stand here")
     with_: dict[str, Written] = _by_name("by parameter: its value for this use of the part", alias="with")
     resume_at: Transitions = _many(

@@ -18,7 +18,7 @@ from lupin_engine.chart.expressions.evaluation import Expression, Value
 from lupin_engine.chart.records import Role, record, said
 from lupin_engine.errors import Place
 from lupin_engine.plugin.contract import Code, Operation, Parameter
-from lupin_engine.plugin.profile import Profile
+from lupin_engine.plugin.profile import ANSWER, Profile
 from lupin_engine.plugin.registry import Catalog
 from lupin_engine.plugin.types import Type
 
@@ -160,6 +160,25 @@ class Itinerary:
     source: str = field(default="", metadata=said(Role.PLAIN, "source"))
 
 
+@record(frozen=True)
+class Prompt:
+    """A question to the operator; when nobody has answered `after` so many seconds, `default` counts.
+
+    An answer is the event `answer.CHOICE`, for the states around as well.
+    """
+
+    question: Value = field(metadata=said(Role.VALUE, "question"))
+    choices: Mapping[str, Code] = field(metadata=said(Role.PLAIN, "choices"))
+    default: str = field(metadata=said(Role.PLAIN, "default"))
+    after: Value = field(metadata=said(Role.VALUE, "after"))
+    place: Place
+
+    @property
+    def timer(self) -> Timer:
+        """The deadline: it makes the event of the default."""
+        return Timer(f"{ANSWER}{self.default}", self.after, self.place)
+
+
 class Kind(enum.Enum):
     """The kinds of states, as in SCXML."""
 
@@ -200,6 +219,7 @@ class State:
     invoke: Invoke | None = field(default=None, metadata=said(Role.INSIDE, "invoke"))
     for_each: ForEach | None = field(default=None, metadata=said(Role.INSIDE, "for_each"))
     itinerary: Itinerary | None = field(default=None, metadata=said(Role.INSIDE, "itinerary"))
+    ask: Prompt | None = field(default=None, metadata=said(Role.INSIDE, "ask"))
     resume_at: tuple[Transition, ...] = field(default=(), metadata=said(Role.INSIDE, "resume_at"))
     depth: int | None = field(default=None, metadata=said(Role.PLAIN, "depth"))
     result: Mapping[str, Value] = field(default_factory=dict, metadata=said(Role.VALUE, "result"))
@@ -343,6 +363,12 @@ class Chart:
     def profile(self) -> Profile:
         """What these missions visit, and how visits can end."""
         return self.catalog.profile
+
+    @cached_property
+    def answers(self) -> tuple[str, ...]:
+        """The events that answer a question, each once."""
+        asks = (state.ask for state in self.states.values() if state.ask is not None)
+        return tuple(dict.fromkeys(f"{ANSWER}{name}" for ask in asks for name in ask.choices))
 
     @cached_property
     def lineage(self) -> Mapping[str, tuple[str, ...]]:

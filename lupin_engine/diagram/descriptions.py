@@ -26,7 +26,7 @@ WIDTH = 44
 _ABOUT = {"raise": "event", "itinerary.close": "status", "itinerary.close_rest": "status"}
 #: Units of long durations, and the shortest one, in seconds, that is told in each.
 _LONG = {"h": 3600.0, "min": 120.0}
-_PREFIXES = ("operator.", "mission.")
+_PREFIXES = ("operator.", "mission.", "answer.")
 _CANNOT = (KeyError, TypeError, ValueError, ArithmeticError, UnknownValue)
 
 
@@ -50,6 +50,9 @@ class ElementTexts:
             yield from (TextLine(text, LineRole.NOTE) for text in self._itinerary(state.itinerary))
         if state.for_each is not None:
             yield from self._for_each(state.for_each)
+        if state.ask is not None:
+            yield TextLine(f"ask / {self._short(state.ask.question)}", LineRole.WORK)
+            yield TextLine(f"{state.ask.default} after {self.duration(state.ask.after)}", LineRole.NOTE)
         if state.invoke is not None:
             yield from self._invoke(state.invoke)
         yield from _doings(("entry", state.entry), ("exit", state.exit))

@@ -13,7 +13,17 @@ from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 from lupin_engine.chart.expressions.evaluation import Constant, Expression, UnknownValue, Value
-from lupin_engine.chart.model import WRITING, ActionCall, Chart, Invoke, Kind, State, Timer, Transition
+from lupin_engine.chart.model import (
+    WRITING,
+    ActionCall,
+    Chart,
+    Invoke,
+    Kind,
+    Prompt,
+    State,
+    Timer,
+    Transition,
+)
 from lupin_engine.chart.records import Role, parts_of, walk
 from lupin_engine.diagram.outline import find_state
 from lupin_engine.diagram.picture import LineRole, Picture, StateBox
@@ -64,6 +74,8 @@ class _ScxmlWriter:
             return
         inside = [f"<!-- {_comment(str(line))} -->" for line in box.lines if line.role is LineRole.NOTE]
         inside += [f"<!-- {_comment(str(line))} -->" for line in box.lines if str(line).startswith("resume")]
+        if state.ask is not None:
+            inside += self._ask(state.ask)
         inside += _element("onentry", {}, [*self._timers(state), *self._actions(state.entry)])
         cancels = [f"<cancel{_attributes(sendid=self._timer(state, timer))}/>" for timer in _clocks(state)]
         inside += _element("onexit", {}, [*cancels, *self._actions(state.exit)])
@@ -144,6 +156,15 @@ class _ScxmlWriter:
         except (KeyError, TypeError, ValueError, ArithmeticError, UnknownValue):
             return None, _written(value)
 
+    def _ask(self, ask: Prompt) -> Iterator[str]:
+        """Yield a question; its deadline is an event like any other."""
+        choices = [
+            f"<lupin:choice{_attributes(name=c.name, label=c.label, severity=c.severity.name.lower())}/>"
+            for c in ask.choices.values()
+        ]
+        attributes = {"question": _written(ask.question), "default": ask.default}
+        yield from _element("lupin:ask", attributes, choices)
+
     def _invoke(self, state: State, invoke: Invoke) -> Iterator[str]:
         attributes = {"type": _TYPE, "id": f"{_id(state.name)}-operation"}
         for words, _, value in walk(invoke, _SAID):
@@ -210,7 +231,8 @@ def _id(name: str | None) -> str:
 
 
 def _clocks(state: State) -> tuple[Timer, ...]:
-    return (*state.timers, state.budget) if state.budget else state.timers
+    asked = (state.ask.timer,) if state.ask is not None else ()
+    return (*state.timers, *((state.budget,) if state.budget else ()), *asked)
 
 
 def _params(arguments: Mapping[str, Value]) -> list[str]:

@@ -9,7 +9,7 @@ from types import MappingProxyType
 from typing import Any
 
 from lupin_engine.chart.records import record
-from lupin_engine.plugin.profile import START, Publish
+from lupin_engine.plugin.profile import ANSWER, START, Publish
 
 #: The data of an event that has none.
 NOTHING: Mapping[str, Any] = MappingProxyType({})
@@ -25,7 +25,7 @@ class Event:
     @property
     def is_request(self) -> bool:
         """Requests come from a person and are answered: accepted, or refused with a reason."""
-        return self.name == START or self.name.startswith("operator.")
+        return self.name == START or self.name.startswith(("operator.", ANSWER))
 
     @property
     def is_attempt_event(self) -> bool:

@@ -24,7 +24,15 @@ from lupin_engine.machine.holds import Holds, defer, passes
 from lupin_engine.machine.inputs import Inputs
 from lupin_engine.machine.memory import Memory, Timer
 from lupin_engine.machine.operations import Operations
-from lupin_engine.machine.requests import BAD_REQUEST, Explainer, Possibility, Requests, consider
+from lupin_engine.machine.requests import (
+    BAD_REQUEST,
+    BY_DEFAULT,
+    BY_OPERATOR,
+    Explainer,
+    Possibility,
+    Requests,
+    consider,
+)
 from lupin_engine.machine.scope import (
     CONFIGURATION,
     CONTEXT,
@@ -56,6 +64,7 @@ from lupin_engine.machine.structure import (
 )
 from lupin_engine.machine.timers import seconds
 from lupin_engine.plugin.contract import EXECUTION_CODE, INVARIANT_CODE
+from lupin_engine.plugin.profile import ANSWER
 from lupin_engine.plugin.types import fitted
 
 #: More microsteps than this in one step is a cycle of the chart, not work.
@@ -220,6 +229,9 @@ class Machine:
         step = self._open(Event(f"timer.{kind}", {"owner": owner}), now)
         if kind in ("after", "budget"):
             step.queue.append(InternalEvent(name, owner))
+        elif kind == "ask":
+            self._requests.questions.close(owner)
+            step.queue.append(InternalEvent(name, None, Trigger(event=BY_DEFAULT)))
         elif kind == "timeout":
             self._operations.timed_out(owner, step)
         elif kind == "retry":
@@ -388,8 +400,11 @@ class Machine:
             return
         if found.starts:
             self._begin_mission(event, found.values)
+        is_answer = event.name.startswith(ANSWER)
+        if is_answer:
+            self._requests.questions.answered(event)
         if found.rules:
-            step.bound = Trigger(event=event.data)
+            step.bound = Trigger(event=BY_OPERATOR if is_answer else event.data)
             self._take(found.rules, step.bound)
         for name in found.holds.releases:
             self._holds.release(name, step)
@@ -527,6 +542,8 @@ class Machine:
             self.scope.timers.disarm("after", state.name)
         if state.budget is not None:
             self._keep_budget(state.name)
+        if state.ask is not None:
+            self._requests.questions.close(state.name)
 
     def _keep_budget(self, state: str) -> None:
         """Remember what a state has left, unless it was entered before the mission began."""
@@ -547,6 +564,8 @@ class Machine:
             self._operations.enter(state.name, trigger.event)
         if state.timers or state.budget is not None:
             self._arm_timers(state, trigger)
+        if state.ask is not None:
+            self._requests.questions.ask(state.name, state.ask, trigger, self._step)
         if state.kind is Kind.FINAL:
             self._completed(state, self._result(state, trigger))
 

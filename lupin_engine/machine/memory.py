@@ -150,8 +150,9 @@ class Memory:
 
     `timers` are in the order in which they fire. `budgets` is the time that each state with a budget had left
     when it was last entered or left, `handled` the keys that each `for_each` has dealt with, both in this
-    mission. `levels` is by `input.NAME.LEVEL`. For inputs that are lists about the mission, `heard` is the
-    last report as a whole, `before` that from before it. `broken` names the invariants that do not hold.
+    mission. `asked` are the open questions by their states. `levels` is by `input.NAME.LEVEL`. For inputs
+    that are lists about the mission, `heard` is the last report as a whole, `before` that from before it.
+    `broken` names the invariants that do not hold.
     """
 
     configuration: tuple[str, ...] = ()
@@ -169,6 +170,7 @@ class Memory:
     invocations: dict[str, Invocation] = field(default_factory=dict)
     attempts: dict[str, Attempt] = field(default_factory=dict)
     handled: dict[str, list[str]] = field(default_factory=dict)
+    asked: dict[str, str] = field(default_factory=dict)
     held: list[str] = field(default_factory=list)
     deferred: list[Event] = field(default_factory=list)
     waiting_actions: list[tuple[str, str, Mapping[str, Any]]] = field(default_factory=list)

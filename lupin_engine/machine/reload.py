@@ -58,6 +58,7 @@ def _forget(memory: Memory, before: Chart, chart: Chart) -> None:
         memory.mission = memory.mission_id = ""
     memory.history.clear()
     memory.budgets.clear()
+    memory.asked.clear()
     memory.handled.clear()
     walking = {name for name, state in chart.states.items() if state.itinerary}
     memory.itineraries = _kept(memory.itineraries, dict.fromkeys(walking))
@@ -84,5 +85,5 @@ def _is_timer_of(chart: Chart, timer: Timer) -> bool:
     """Tell whether a deadline goes on; those of live values are set anew."""
     _, _, kind, (owner, event) = timer
     if kind != "after":
-        return kind != "fresh"
+        return kind not in ("fresh", "ask")
     return owner in chart.states and any(event == own.event for own in chart.states[owner].timers)

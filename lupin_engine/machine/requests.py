@@ -12,7 +12,7 @@ from typing import Any
 
 from lupin_engine.chart.expressions.evaluation import Environment, UnknownValue
 from lupin_engine.chart.expressions.names import names_read
-from lupin_engine.chart.model import Field, Invariant, Transition
+from lupin_engine.chart.model import Field, Invariant, Prompt, Transition
 from lupin_engine.chart.semantics import ENGINE_EVENTS
 from lupin_engine.errors import nearest, reason, shortened
 from lupin_engine.machine.event import NO_TRIGGER, Event, Trigger
@@ -20,7 +20,9 @@ from lupin_engine.machine.holds import HoldChanges, Holds, blocking_hold
 from lupin_engine.machine.scope import EvaluationScope, World
 from lupin_engine.machine.step import Considered, Macrostep, Refusal, moment_of
 from lupin_engine.machine.structure import Configuration, Structure
+from lupin_engine.machine.timers import seconds
 from lupin_engine.plugin.contract import INVARIANT_CODE
+from lupin_engine.plugin.profile import ANSWER
 from lupin_engine.plugin.types import Type, convert, fitted
 
 #: The code of a request that nothing answers here.
@@ -31,6 +33,8 @@ BAD_REQUEST = "bad_request"
 MAX_PROBLEMS = 5
 #: How eventless transitions are called where an event's name is expected.
 ALWAYS = "always"
+#: What transitions on an answer see as the event.
+BY_OPERATOR, BY_DEFAULT = {"by": "operator"}, {"by": "default"}
 
 
 @dataclass(slots=True)
@@ -47,15 +51,21 @@ class Resolution:
 class Requests:
     """Resolves the requests of one machine without changing anything."""
 
-    __slots__ = ("_holds", "_scope", "_structure")
+    __slots__ = ("_holds", "_scope", "_structure", "questions")
 
     def __init__(self, scope: EvaluationScope, holds: Holds, structure: Structure) -> None:
         self._scope = scope
         self._holds = holds
         self._structure = structure
+        self.questions = Questions(scope)
 
     def resolve(self, event: Event, active: Configuration, step: Macrostep, dry: bool = False) -> Resolution:
         """Return what a request does here. With `dry` the fields of a mission's request are not looked at."""
+        if event.name.startswith(ANSWER):
+            refusal = self.questions.refusal(event)
+            if refusal is not None:
+                return Resolution(refusal=refusal)
+            event = Event(event.name, BY_OPERATOR)
         holds = self._holds.asked(event, step)
         found = Resolution(holds=holds)
         found.rules, code = self._transitions(event, active, holds.releases, step)
@@ -122,6 +132,54 @@ class Requests:
         elif where:
             text += "; it is possible in " + ", ".join(sorted(where))
         return Refusal(NOT_POSSIBLE, text)
+
+
+class Questions:
+    """The questions to the operator: each is open until it is answered or its state is left."""
+
+    __slots__ = ("_scope",)
+
+    def __init__(self, scope: EvaluationScope) -> None:
+        self._scope = scope
+
+    def ask(self, state: str, ask: Prompt, trigger: Trigger, step: Macrostep) -> None:
+        """Ask the question of a state that is entered."""
+        env = self._scope.see(state, step, trigger)
+        try:
+            question, delay = str(ask.question.evaluate(env)), seconds(ask.after.evaluate(env))
+        except Exception as problem:
+            step.fail(state, f"{ask.place}: ask: {reason(problem)}")
+            return
+        step.note(f"asks: {question}")
+        self._scope.memory.asked[state] = question
+        self._scope.timers.arm("ask", state, step.now, delay, ask.timer.event)
+
+    def close(self, state: str) -> None:
+        """Forget the question of a state that is left, or that was answered."""
+        self._scope.memory.asked.pop(state, None)
+        self._scope.timers.disarm("ask", state)
+
+    def answered(self, event: Event) -> None:
+        """Close the questions that an answer is for."""
+        for state in self._open(event):
+            self.close(state)
+
+    def refusal(self, event: Event) -> Refusal | None:
+        """Say why a request is no answer to an open question; None where it is."""
+        if self._open(event):
+            return None
+        asks = [self._scope.chart.states[state].ask for state in self._scope.memory.asked]
+        allowed = [name for ask in asks if ask is not None for name in ask.choices]
+        if not allowed:
+            return Refusal(NOT_POSSIBLE, f"the answer {_verb(event)!r} is refused: nothing is asked")
+        hint = nearest(_verb(event), allowed)
+        return Refusal(NOT_POSSIBLE, f"the answer {_verb(event)!r} is refused: it is no choice; {hint}")
+
+    def _open(self, event: Event) -> list[str]:
+        """Return the states whose questions an event answers."""
+        name, states = event.name.removeprefix(ANSWER), self._scope.chart.states
+        asks = [(state, states[state].ask) for state in self._scope.memory.asked]
+        return [state for state, ask in asks if ask is not None and name in ask.choices]
 
 
 def _verb(event: Event) -> str:
@@ -296,7 +354,7 @@ class Explainer:
         operations end and time passes is not asked for. What a mission's request must carry is
         looked at only when it comes, and a guard that reads the event's data sees none.
         """
-        requests = self._scope.chart.profile.events
+        requests = (*self._scope.chart.profile.events, *self._scope.chart.answers)
         others = [n for n in (*self._structure.events, "") if n not in requests and not _is_internal(n)]
         found = [self._request(name, now) for name in requests] + [self._event(name, now) for name in others]
         return tuple(one for one in found if one.considered or one.event != ALWAYS)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 from lupin_engine.chart.model import Chart
@@ -10,7 +10,7 @@ from lupin_engine.chart.records import record
 from lupin_engine.errors import Place, Severity
 from lupin_engine.machine.event import NO_TRIGGER, Command, Event, InternalEvent, Trigger
 from lupin_engine.machine.memory import Memory, Phase
-from lupin_engine.plugin.contract import EXECUTION_CODE
+from lupin_engine.plugin.contract import EXECUTION_CODE, Code
 
 
 @record(frozen=True)
@@ -204,6 +204,21 @@ class Attempting:
 
 
 @dataclass(frozen=True)
+class Question:
+    """An open question: what can be answered, and what counts when nobody does before `deadline`.
+
+    While a hold is engaged the clock stands still: there is no deadline, and `left` seconds remain after it.
+    """
+
+    state: str
+    question: str
+    choices: tuple[Code, ...]
+    default: str
+    deadline: float | None
+    left: float | None
+
+
+@dataclass(frozen=True)
 class View:
     """The machine at one moment. `lifecycle` is the published top state, `phase` the innermost phase.
 
@@ -225,6 +240,7 @@ class View:
     code: str
     detail: str
     codes: int
+    asking: tuple[Question, ...]
     held: tuple[str, ...]
     paused: bool
     attempts: tuple[Attempting, ...]
@@ -264,6 +280,7 @@ def view_of(chart: Chart, memory: Memory) -> View:
         code=memory.code,
         detail=memory.detail,
         codes=memory.codes,
+        asking=tuple(_asking(chart, memory)),
         held=tuple(memory.held),
         paused=bool(memory.held) or any(chart.states[name].paused for name in memory.configuration),
         attempts=tuple(_attempting(memory)),
@@ -279,6 +296,16 @@ def target_of(memory: Memory) -> str:
     if traversal is None or visit is None or traversal.state not in memory.configuration:
         return ""
     return visit.target
+
+
+def _asking(chart: Chart, memory: Memory) -> Iterator[Question]:
+    due = {owner: due for due, _, kind, (owner, _) in memory.timers if kind == "ask"}
+    left = {owner: left for left, _, kind, (owner, _) in memory.frozen if kind == "ask"}
+    for state, question in memory.asked.items():
+        ask = chart.states[state].ask
+        if ask is not None:
+            choices = tuple(ask.choices.values())
+            yield Question(state, question, choices, ask.default, due.get(state), left.get(state))
 
 
 def _attempting(memory: Memory) -> list[Attempting]:

@@ -342,11 +342,11 @@ class Microstep:
 
 
 def _has_work_at_exit(state: State) -> bool:
-    return bool(state.exit or state.invoke or state.for_each or state.timers or state.budget)
+    return bool(state.exit or state.invoke or state.for_each or state.timers or state.budget or state.ask)
 
 
 def _has_work_at_entry(state: State) -> bool:
-    lasting = state.itinerary or state.invoke or state.timers or state.budget
+    lasting = state.itinerary or state.invoke or state.timers or state.budget or state.ask
     return bool(state.entry or lasting or state.kind is Kind.FINAL)
 
 

@@ -340,7 +340,8 @@ class Profile:
         return {START: "Somebody asks to start a mission.", **asked}
 
 
-#: The request that starts a mission.
+#: The request that starts a mission, and what those begin with that answer a question.
 START = "mission.start"
+ANSWER = "answer."
 #: Where no profile is installed: missions have states and operations, but nothing to visit.
 NO_PROFILE = Profile("", "No profile.")

@@ -49,7 +49,19 @@ _TARGET = re.compile(r"[A-Za-z_][\w.]*:[A-Za-z_]\w*")
 
 #: First words of events that the engine itself makes; nobody else may.
 RESERVED_EVENTS = frozenset(
-    {"mission", "operator", "input", "after", "budget", "done", "error", "attempt", "timer", "driver"}
+    {
+        "mission",
+        "operator",
+        "answer",
+        "input",
+        "after",
+        "budget",
+        "done",
+        "error",
+        "attempt",
+        "timer",
+        "driver",
+    }
 )
 #: First words of names that mean something else where a plugin's name could stand.
 _RESERVED = RESERVED_EVENTS | {"param", "request", "event", "itinerary"}

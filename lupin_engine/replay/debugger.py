@@ -202,7 +202,8 @@ class Debugger:
 
     def event_names(self) -> list[str]:
         """Return what can be sent: requests, also without their first word, and the plugins' events."""
-        return [*self._chart.profile.events, *self._chart.profile.requests, *self._catalog.events]
+        requests = [*self._chart.profile.events, *self._chart.profile.requests, *self._chart.answers]
+        return [*requests, *self._catalog.events]
 
     def value_names(self) -> dict[str, str]:
         """Return what can be set: the chart's names and the plugins' names, each with the plugin's name."""
@@ -314,7 +315,7 @@ class Debugger:
             return self._start(words[1:])
         if name in self._chart.profile.requests:
             name = f"operator.{name}"
-        if name in self._chart.profile.events:
+        if name in self._chart.profile.events or name in self._chart.answers:
             return Ask(name, self._fields(words[1:], {}))
         if name not in self._catalog.events:
             raise Wrong(f"unknown event {name!r}; {nearest(name, self.event_names())}")

@@ -100,6 +100,9 @@ def where(chart: Chart, view: View) -> list[TonedLine]:
         "last error": " ".join(filter(None, (view.code, view.detail))),
     }
     rows += [labelled(name, text) for name, text in facts.items() if text]
+    for asked in view.asking:
+        rows.append(labelled("asked", asked.question))
+        rows += [labelled(f"  {choice.name}", choice.label) for choice in asked.choices]
     for attempt in view.attempts:
         tried = f", try {attempt.tries}" if attempt.tries > 1 else ""
         rows.append(labelled("under way", f"{attempt.operation} ({attempt.phase}{tried})", "command"))
@@ -159,4 +162,9 @@ def timers(chart: Chart, simulation: Simulation) -> list[TonedLine]:
     return [*rows, [(f"now is {now:.1f} s, the next thing happens at {due:.1f} s", "dim")]]
 
 
-_TIMERS = {"after": "time is up", "budget": "the budget is up", "retry": "next try"}
+_TIMERS = {
+    "after": "time is up",
+    "budget": "the budget is up",
+    "retry": "next try",
+    "ask": "the default counts",
+}

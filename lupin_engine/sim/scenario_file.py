@@ -141,7 +141,7 @@ class MockNode(Node):
 class RequestNode(ShortNode):
     """A request, with what it carries. Short: its name, or its name with the fields: `{NAME: {...}}`."""
 
-    name: str = Field(description="mission.start or operator.NAME")
+    name: str = Field(description="mission.start, operator.NAME or answer.CHOICE")
     data: dict[str, Any] = Field(default_factory=dict, description="what it carries")
 
     @classmethod
@@ -186,6 +186,7 @@ class MomentNode(Node):
     )
     target: str | None = Field(None, description="the itinerary's current target; empty: none")
     paused: bool | None = Field(None, description="whether the mission waits for the operator")
+    asked: str | None = Field(None, description="question that is asked; empty: none")
     held: Annotated[list[str] | None, NameOf("hold", "expect.held")] = Field(
         None, description="holds that are engaged, all of them, in their order"
     )

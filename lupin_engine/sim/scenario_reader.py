@@ -356,7 +356,7 @@ class ScriptReader:
     def _effects(self, node: WhenNode) -> Iterator[Effect]:
         words = self._words
         if node.request is not None:
-            allowed = tuple(words.chart.profile.events)
+            allowed = (*words.chart.profile.events, *words.chart.answers)
             words.known(node.at("request"), "request", node.request.name, allowed, "when")
             yield Ask(node.request.name, node.request.data)
         for name, value in (node.value or {}).items():

@@ -41,6 +41,7 @@ BECOMES: dict[type[Node], type] = {
     d.InvokeNode: m.Invoke,
     d.ForEachNode: m.ForEach,
     d.ItineraryNode: m.Itinerary,
+    d.AskNode: m.Prompt,
     d.StateNode: m.State,
     d.HoldNode: m.Hold,
     d.RequestFieldNode: m.Field,

@@ -26,6 +26,7 @@ from lupin_engine.chart.model import (
     Kind,
     Level,
     Mission,
+    Prompt,
     Retry,
     State,
     Timer,
@@ -153,6 +154,7 @@ class Builder:
             invoke=_invoke(described["invoke"]) if "invoke" in described else None,
             for_each=_for_each(described["for_each"]) if "for_each" in described else None,
             itinerary=_itinerary(described["itinerary"]) if "itinerary" in described else None,
+            ask=_ask(described["ask"]) if "ask" in described else None,
             resume_at=self._rules_of(name, "", described.get("resume_at", ())),
             **{key: described[key] for key in plain if key in described},
         )
@@ -317,6 +319,18 @@ def chart(
         invariants={
             name: Invariant(name, expression(that, name), PLACE) for name, that in (invariants or {}).items()
         },
+    )
+
+
+def _ask(described: Mapping[str, Any]) -> Prompt:
+    """Return a question; `choices` are names, `default` the first of them."""
+    choices = {name: Code(name, name.upper(), Severity.INFO) for name in described["choices"]}
+    return Prompt(
+        value(described["question"]),
+        choices,
+        described["choices"][0],
+        value(described.get("after", 10.0)),
+        PLACE,
     )
 
 

@@ -63,6 +63,7 @@ from lupin_engine.chart.source import Text
 from lupin_engine.errors import Place
 from lupin_engine.plugin.builtin import BUILTIN
 from lupin_engine.plugin.contract import Code, Parameter
+from lupin_engine.plugin.profile import ANSWER
 from lupin_engine.plugin.registry import Catalog
 from lupin_engine.plugin.types import ANY, BOOL, COUNT, DURATION, Type
 
@@ -231,7 +232,12 @@ class _Composer:
         """Return the events that can arrive, as the keys of a mapping: they are looked up for every `on`."""
         raised = set(raised_events(a for draft in self._forest.drafts.values() for a in _actions(draft)))
         levels = level_events(self._declared.inputs)
-        return dict.fromkeys([*self._catalog.profile.events, *levels, *self._catalog.events, *sorted(raised)])
+        drafts = self._forest.drafts.values()
+        asks = [draft.node.ask for draft in drafts if draft.node is not None and draft.node.ask is not None]
+        answers = [f"{ANSWER}{name}" for ask in asks for name in ask.choices]
+        return dict.fromkeys(
+            [*self._catalog.profile.events, *answers, *levels, *self._catalog.events, *sorted(raised)]
+        )
 
     def _plugins(self) -> tuple[str, ...]:
         """Return the plugins that anything of theirs is used from, sorted, without the built-in one."""
@@ -427,6 +433,8 @@ class _Composer:
         if node.for_each and works:
             path = path_of(draft.name, "for_each")
             found["for_each"] = self._invokes.for_each(node.for_each, draft.scope, path)
+        if node.ask and works:
+            found["ask"] = self._transitions.ask(draft, node.ask)
         if node.budget and works:
             found["budget"] = self._budget(draft, node.budget)
         if node.entry:

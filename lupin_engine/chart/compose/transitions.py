@@ -7,21 +7,23 @@ from dataclasses import dataclass
 
 from lupin_engine.chart.compose.actions import ActionReader
 from lupin_engine.chart.compose.carried import Carried, end_of
-from lupin_engine.chart.compose.declare import Declared, check_code
+from lupin_engine.chart.compose.declare import NAME, Declared, check_code
 from lupin_engine.chart.compose.invoke import names_when_done, names_when_failed
 from lupin_engine.chart.compose.tree import Draft, Forest
-from lupin_engine.chart.documents import BudgetNode, FileNode, StateNode, TransitionNode
+from lupin_engine.chart.documents import AskNode, BudgetNode, FileNode, StateNode, TransitionNode
 from lupin_engine.chart.expressions.evaluation import Expression, never
 from lupin_engine.chart.expressions.scope import Scope
 from lupin_engine.chart.expressions.values import read_guard, read_key
 from lupin_engine.chart.findings import Findings
-from lupin_engine.chart.model import Invoke, Transition
-from lupin_engine.errors import Place, nearest
+from lupin_engine.chart.model import Invoke, Prompt, Transition
+from lupin_engine.errors import Place, Severity, nearest
 from lupin_engine.plugin.contract import Code
+from lupin_engine.plugin.profile import ANSWER
 from lupin_engine.plugin.registry import Catalog
-from lupin_engine.plugin.types import ANY, BOOL, TEXT, Type
+from lupin_engine.plugin.types import ANY, BOOL, DURATION, TEXT, Type
 
 _START = Type("record", "event", fields={"mission_type": TEXT, "mission_id": TEXT})
+_ANSWER = Type("record", "event", fields={"by": Type("text", "text", values=("default", "operator"))})
 _NOTHING = Type("record", "event")
 _NO_HOLDS: frozenset[str] = frozenset()
 
@@ -162,6 +164,34 @@ class TransitionReader:
             detail=read_key(node, "detail", TEXT, any_event(draft), self._findings, path),
         )
 
+    def ask(self, draft: Draft, node: AskNode) -> Prompt | None:
+        """Compose the question of a state."""
+        path, findings = path_of(draft.name, "ask"), self._findings
+        scope = any_event(draft)
+        question = read_key(node, "question", TEXT, scope, findings, path)
+        after = read_key(node, "after", DURATION, scope, findings, path)
+        for name in node.choices:
+            if not NAME.fullmatch(name):
+                hint = "use letters, digits and underscores"
+                place, problem = node.key_at("choices", name), f"{name!r} cannot be a choice"
+                findings.add(place, "bad-name", f"{path}.choices", problem, hint)
+        if node.default not in node.choices:
+            findings.unknown(
+                node.at("default"),
+                "unknown-argument",
+                f"{path}.default",
+                "choice",
+                node.default,
+                node.choices,
+            )
+        if question is None or after is None:
+            return None
+        choices = {
+            name: Code(name, choice.label, Severity[choice.severity.upper()])
+            for name, choice in node.choices.items()
+        }
+        return Prompt(question, choices, node.default, after, node.place)
+
     def _is_event(self, event: str, holder: StateNode | FileNode, draft: Draft) -> bool:
         """Tell whether an event that `holder` listens to can arrive."""
         if event in self._events or event == "*":
@@ -247,7 +277,7 @@ class TransitionReader:
 
     def _check_sense(self, node: TransitionNode, event: str, path: str) -> None:
         """Refuse combinations that contradict themselves."""
-        is_request = event in self._catalog.profile.events or event.startswith("operator.")
+        is_request = event in self._catalog.profile.events or event.startswith(("operator.", ANSWER))
         if node.refuse is not None and not is_request:
             problem = "only a request can be refused"
             self._findings.add(node.key_at("refuse"), "wrong-shape", path, problem, "leave 'refuse' out")
@@ -307,6 +337,8 @@ def event_type(event: str, catalog: Catalog, carried: Carried) -> Type:
         return Type("record", "event", fields=catalog.events[event].fields)
     if event.startswith("operator."):
         return _NOTHING
+    if event.startswith(ANSWER):
+        return _ANSWER
     return ANY if event.endswith("*") else carried.fields_of(event)
 
 

@@ -31,6 +31,7 @@ from lupin_engine.chart.rules.index import (
 )
 from lupin_engine.chart.semantics import FAULT, matches
 from lupin_engine.errors import Diagnostic
+from lupin_engine.plugin.profile import ANSWER
 
 _NEVER = "this can never be taken"
 
@@ -274,6 +275,7 @@ def unhandled_outcome(index: Index) -> Iterator[Diagnostic]:
             if group and not any(map(always_taken, group)) and understood(*(t.guard for t in group)):
                 yield from _without_rest(index, state, event, group)
     yield from _unheard_finals(index)
+    yield from _unheard_answers(index)
 
 
 def _without_answer(index: Index, state: State) -> Iterator[Diagnostic]:
@@ -309,6 +311,21 @@ def _without_rest(
         with_ = f" with {_or(left)}" if left and len(left) < len(codes) else ""
         problem = f"nothing says what follows when {what} has {how}{with_} and no guard is true"
         yield warning(group[0].place, "unhandled-outcome", state.name, problem, hint)
+
+
+def _unheard_answers(index: Index) -> Iterator[Diagnostic]:
+    """Find a choice of a question that nobody listens to: neither the state that asks nor one around it."""
+    for state in index.states:
+        if state.ask is None:
+            continue
+        around = [index.chart.states[name] for name in index.lineage[state.name]]
+        heard = [rule.event for one in around for rule in one.transitions]
+        for name in state.ask.choices:
+            event = f"{ANSWER}{name}"
+            if not any(matches(pattern, event) for pattern in heard):
+                problem = f"nothing says what follows when the answer is {name!r}"
+                hint = f"add 'on: {{{event}: STATE}}'"
+                yield Diagnostic(state.ask.place, "unhandled-outcome", state.name, problem, hint)
 
 
 def _codes(invoke: Invoke) -> list[str]:

@@ -19,7 +19,7 @@ from lupin_engine.chart.records import Role, walk
 from lupin_engine.chart.rules.index import Index, always_taken, local, told, understood
 from lupin_engine.chart.semantics import EXECUTION_ERROR
 from lupin_engine.errors import Diagnostic
-from lupin_engine.plugin.profile import START
+from lupin_engine.plugin.profile import ANSWER, START
 
 _FAILURE = frozenset({"code", "detail"})
 _READ = frozenset({Role.VALUE, Role.CONDITION})
@@ -164,5 +164,7 @@ def _fields(index: Index, transition: Transition) -> frozenset[str] | None:
         return frozenset(invoke.operation.result if invoke is not None else ended)
     if event == START:
         return frozenset({"mission_type", "mission_id"})
+    if event.startswith(ANSWER):
+        return frozenset({"by"})
     known = chart.catalog.events.get(event)
     return frozenset(known.fields if known is not None else index.composed.carried.fields_of(event).fields)

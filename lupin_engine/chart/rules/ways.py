@@ -63,7 +63,7 @@ def waits_for_the_world(index: Index) -> Iterator[Diagnostic]:
     events = [call.action.arguments["event"] for call in index.calls if call.action.name == "raise"]
     raised = {str(event.value) for event in events if isinstance(event, Constant)}
     for state in index.states:
-        if not state.mission or state.kind is not Kind.ATOMIC or state.timers or state.invoke is not None:
+        if not state.mission or state.kind is not Kind.ATOMIC or _does_something(index, state):
             continue
         if any(
             t.target is not None and not _comes_from_the_world(t.event, raised) for t in state.transitions
@@ -88,7 +88,7 @@ def _does_something(index: Index, state: State) -> bool:
     if state.timers or state.invoke is not None or state.kind is Kind.PARALLEL:
         return True
     node = index.composed.drafts[state.name].node
-    return node is not None and bool(node.invoke or node.for_each or node.after or node.budget)
+    return node is not None and bool(node.invoke or node.for_each or node.after or node.budget or node.ask)
 
 
 def _comes_from_the_world(event: str, raised: set[str]) -> bool:

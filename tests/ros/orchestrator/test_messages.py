@@ -45,6 +45,7 @@ VIEW = View(
     code="localization_failed",
     detail="no pose",
     codes=1,
+    asking=(),
     held=("pause",),
     paused=True,
     attempts=(),
