@@ -208,6 +208,10 @@ through by `[tag.id for tag in request.tags if tag.x > '1 m']`, with one loop an
 and `sorted` the element is called `t`. There are no methods. An expression that could take long is refused: a
 list counts with its `max`, one that has none with 1000 elements, and going through a longer one is an error.
 
+What a plugin tells by names is read by them, in the unit that its catalog says, such as
+`event.reading['temperature']`. A name that was not told is unknown, as a live value is before its first
+report: a guard that reads it is false, and an action is an error, so ask with `known(...)`.
+
 Where a text is wanted, expressions may stand in it: `tag ${ target.id } after ${ param.patience:.1f min }`.
 Each is a text, a number with its unit, a yes or no, or a list of those, which is joined with commas. Behind a
 colon stand the digits of a number (`.1f`), another unit of its dimension (`min`), or both.
@@ -252,7 +256,7 @@ CALL_TEXTS: Mapping[str, str] = {
     "first": "`first(list, default)`: the first element, or the default when there is none",
     "find": "`find(list, t.id == target.id)`: the first element `t` for which that is true; without, unknown",
     "sorted": "`sorted(list, t.x)`: the elements by a number or a text of each, the smallest first",
-    "known": "`known(input.NAME)`: there is a report, not too old; `known(find(...))`: one is found",
+    "known": "`known(input.NAME)`: there is a report, not too old; also of `find(...)` and a value by name",
     "held": "`held(HOLD)`: the hold is engaged",
     "in_state": "`in_state('NAME')`: a state of that name is active",
 }

@@ -17,6 +17,7 @@ from lupin_engine.chart.compose.actions import STRUCTURED, builtin_actions
 from lupin_engine.chart.compose.declare import level_events
 from lupin_engine.chart.documents import ActionNode, InvokeNode, PartNode, RetryNode, StateNode
 from lupin_engine.chart.expressions.scope import BUILTIN_CALLS, Scope
+from lupin_engine.chart.expressions.units import named_in
 from lupin_engine.chart.model import WRITING
 from lupin_engine.chart.nodes import Meaning, Node
 from lupin_engine.editor import docs
@@ -355,6 +356,10 @@ class _Completion:
         scope = self._scope()
         kinds = (type_of(scope, piece.text.split(".")) for piece in reversed(before) if piece is not here)
         values = next((kind.values for kind in kinds if kind is not None and kind.values), ())
+        if len(before) > 2 and before[-2].text == "[":
+            owner = type_of(scope, before[-3].text.split("."))
+            named = named_in(owner) if owner is not None else None
+            values = tuple(named[1].named) if named is not None else ()
         end = here.end - (len(here.text) > 1 and here.text[-1] == here.text[0])
         return Offers(here.start + 1, end, tuple(Offer(value, ItemKind.Constant) for value in values))
 

@@ -13,6 +13,7 @@ from typing import Any
 from pydantic.fields import FieldInfo
 
 from lupin_engine.chart.compose.actions import builtin_actions
+from lupin_engine.chart.expressions.units import named_in
 from lupin_engine.chart.model import Hold, Input, Kind, State, Variable
 from lupin_engine.errors import Severity
 from lupin_engine.plugin.contract import (
@@ -119,6 +120,10 @@ def type_text(kind: Type) -> str:
         shown += f" in {kind.unit}"
     if kind.fields:
         shown += " {" + ", ".join(f"{name}: {inner}" for name, inner in kind.fields.items()) + "}"
+    named = named_in(kind)
+    if named is not None:
+        told = (f"{name} ({inner.unit})" if inner.unit else name for name, inner in named[1].named.items())
+        shown += f", by name: {', '.join(told)}"
     return shown
 
 

@@ -140,7 +140,8 @@ def type_text(kind: Type) -> str:
     """Return a type with its unit, its limits and its values."""
     unit = f" in {kind.unit}" if kind.unit and kind.unit not in kind.name.split() else ""
     values = f", one of {', '.join(kind.values)}" if kind.values else ""
-    return f"{kind.name}{unit}{_limits(kind)}{values}"
+    named = f", by name: {_fields(kind.named)}" if kind.named else ""
+    return f"{kind.name}{unit}{_limits(kind)}{values}{named}"
 
 
 def number_text(value: float, unit: str) -> tuple[str, str]:

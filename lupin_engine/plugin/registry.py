@@ -434,6 +434,9 @@ def _type_problems(where: str, kind: object) -> Iterator[str]:
     if kind.item is not None:
         yield from _type_problems(where, kind.item)
     yield from _field_problems(where, "field", kind.fields)
+    for name, told in kind.named.items():
+        if told.unit not in ("", *UNITS):
+            yield f"{where}: {name!r} is told in {told.unit!r}, an unknown unit; {nearest(told.unit, UNITS)}"
 
 
 def _range_problems(where: str, kind: Type, lowest: float | None, highest: float | None) -> Iterator[str]:

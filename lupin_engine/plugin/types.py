@@ -74,7 +74,8 @@ class Type:
     `kind` is one of bool, integer, number, text, list, record, any. `name` is what messages and files call
     it (`duration` is the number with unit s). `unit` is the base unit of a number. A list holds at most
     `maximum` elements, where that is declared; one that is `distinct` is a set: it holds each element once,
-    in the order in which they came. `values` are all that a
+    in the order in which they came. `named` are the types of what a list of records of `name` and `value`
+    tells, by those names; their unit is the one that it is told in. `values` are all that a
     text can be, where that is known: a comparison with another one is a slip of the pen. `pattern` is the
     regular expression that a text matches as a whole, and `example` one that does.
     """
@@ -90,6 +91,7 @@ class Type:
     pattern: str = ""
     example: str = ""
     distinct: bool = False
+    named: Mapping[str, Type] = field(default_factory=dict, hash=False)
 
     def __str__(self) -> str:
         return self.name
@@ -133,6 +135,11 @@ def list_of(item: Type) -> Type:
 def set_of(item: Type) -> Type:
     """Return the type of a set whose elements are all `item`: a list that holds each of them once."""
     return Type("list", f"set of {item.name}", item=item, distinct=True)
+
+
+def named_values(item: Type, named: Mapping[str, Type]) -> Type:
+    """Return the type of a list of records of a `name` and a `value`, of which each name has its type."""
+    return replace(list_of(item), named=named)
 
 
 def one_of(*values: str) -> Type:

@@ -24,14 +24,21 @@ from lupin_engine.plugin.types import (
     ROS_NAME,
     TEXT,
     Type,
-    list_of,
+    named_values,
     number_in,
     one_of,
 )
 
-#: One measured value; the unit belongs to the name (temperature °C, humidity %, co2 ppm, light lx,
-#: soil_moisture 0-1).
+#: One measured value; its unit belongs to the name.
 SENSOR = Type("record", "sensor", fields={"name": TEXT, "value": NUMBER})
+#: What is measured, each in the unit that the bridge tells it in; soil moisture from 0 to 1.
+MEASURED = {
+    "temperature": number_in("°C"),
+    "humidity": number_in("%"),
+    "co2": number_in("ppm"),
+    "light": number_in("lx"),
+    "soil_moisture": NUMBER,
+}
 
 #: What the sensors at one tag measured in one poll; `stamp` is seconds of the bridge's clock.
 READING = Type(
@@ -41,7 +48,7 @@ READING = Type(
         "tag_id": TEXT,
         "stamp": number_in("s"),
         "sim_time_of_day_seconds": number_in("s"),
-        "readings": list_of(SENSOR),
+        "readings": named_values(SENSOR, MEASURED),
     },
 )
 

@@ -499,8 +499,8 @@ states:
       - {target: done, guard: "event.reading['temperature'] > 30"}
       - {target: done, guard: "event.reading.readings['temperature'].value > 30"}
       - {target: done, guard: "readings['temperature'] > 30"}
-      - {target: done, guard: "known(find(event.reading.readings, t.name == 'temperature')) and
-            find(event.reading.readings, t.name == 'temperature').value > 30"}
+      - {target: done, guard: "known(event.reading['temperature']) and
+            event.reading['temperature'] > '30 °C'"}
       - target: done
     on_error: done
   done: {type: final}
@@ -511,10 +511,10 @@ def test_a_reading_by_its_name_leads_to_what_works(tmp_path: Path) -> None:
     """However it is tried; the last guard is what is said to write."""
     (tmp_path / "m.yaml").write_text(READING)
     _, found = check_chart(default_missions_folder() / LIFECYCLE_FILE, [tmp_path / "m.yaml"], load_catalog())
-    write = "write \"find(event.reading.readings, t.name == 'temperature')\""
+    write = "write the number with its unit as a text, such as '5 °C'"
     declare = "Or declare it under context: 'readings: {type: ..., default: ...}'"
     assert [(d.place.line, d.problem, d.hint) for d in found] == [
-        (7, "'event.reading' is reading, only a list can be indexed", write),
-        (8, "'event.reading.readings' is list of sensor, which is indexed by a number", write),
+        (7, "cannot compare number in °C with a plain number", write),
+        (8, "\"event.reading.readings['temperature']\" is number in °C, no record", ""),
         (9, "unknown name 'readings'", f"did you mean 'event.reading.readings'? {declare}"),
     ]

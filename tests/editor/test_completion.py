@@ -152,6 +152,9 @@ CASES = {
     ),
     "the result of the operation": (PART, "${ event.reading }", "${ event.| }", ["event.reading"], 1),
     "why it failed": (PART, "${ error.code }", "${ error.| }", ["error.code", "error.detail"], 2),
+    "names of what was read": (
+        PART, "${ event.reading }", "${ event.reading['|'] }", ["temperature", "humidity", "co2"], 5,
+    ),
     "codes to compare with": (
         PART, "target: PUBLISHING\n      do:\n        - itinerary.close: {status: UNREACHABLE",
         "target: PUBLISHING\n      guard: error.code == '|'\n      do:\n        - itinerary.close: {x: y",

@@ -288,6 +288,9 @@ class _Checker(ExpressionReader):
         value, index = self.visit(node.value), self.visit(node.slice)
         if self.failed and value.type.kind == "any":
             return UNTYPED  # what is indexed has been told to be wrong already
+        named = q.named_in(value.type)
+        if named is not None and index.type.kind == "text":
+            return self._by_name(node, value, index, *named)
         shown = self.text_of(node.value)
         if value.type.kind not in ("list", "any"):
             problem = f"{shown!r} is {q.describe(value.type)}, only a list can be indexed"
@@ -300,6 +303,21 @@ class _Checker(ExpressionReader):
             self.mismatch(node.slice, INTEGER, index.type)
         item = value.type if value.type.kind == "any" else value.type.item
         return Typed(item or ANY, f"{value.code}[{index.code}]")
+
+    def _by_name(self, node: ast.Subscript, value: Typed, index: Typed, field: str, kind: Type) -> Typed:
+        """`values['NAME']`: what is told under a name, unknown when nothing is."""
+        name = index.written
+        if not isinstance(name, str):
+            return self.wrong(node.slice, "wrong-type", "a name must be written out, in quotes")
+        if name not in kind.named:
+            problem = f"{self.text_of(node.value)!r} tells no {name!r}"
+            return self.wrong(node.slice, "unknown-name", problem, nearest(name, kind.named))
+        self.unknowns += 1
+        told, within = kind.named[name], f"[{field!r}]" if field else ""
+        code = f"_named({value.code}{within}, {name!r}, {self.text_of(node)!r})"
+        if told.unit in UNITS and UNITS[told.unit][0] != told.unit:
+            return Typed(q.number(UNITS[told.unit][0]), f"_in_base({code}, {told.unit!r})")
+        return Typed(told, code)
 
     def _sequence(self, node: ast.List | ast.Tuple) -> Typed:
         found = [self.visit(element) for element in node.elts]

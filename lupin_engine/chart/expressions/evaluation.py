@@ -92,6 +92,14 @@ def _found(values: Iterator[Any], sought: str) -> Any:
     raise UnknownValue(f"{sought} is unknown: there is no such element")
 
 
+def _named(values: Sequence[Mapping[str, Any]], name: str, sought: str) -> Any:
+    """Return the value that is told under a name."""
+    for value in values:
+        if value["name"] == name:
+            return value["value"]
+    raise UnknownValue(f"{sought} is unknown: it was not told")
+
+
 def _known(read: Callable[[], Any]) -> bool:
     """Say whether what is read is there."""
     try:
@@ -122,6 +130,7 @@ _GLOBALS: dict[str, Any] = {
     "_found": _found,
     "_known": _known,
     "_short": _short,
+    "_named": _named,
     "_number": _number,
     "_times": _times,
     "_same": _same,

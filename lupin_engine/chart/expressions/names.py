@@ -43,7 +43,7 @@ def names_read(source: str) -> frozenset[str]:
 def unknowns_read(source: str, known: frozenset[str] = frozenset()) -> tuple[str, ...]:
     """Return what an expression reads that may be unknown, where nobody has asked whether it is known.
 
-    That is an input, as `input.NAME`, or a call of `find` as it is written.
+    That is an input, as `input.NAME`, a call of `find` or a value by its name, both as they are written.
     """
     tree = tree_of(source)
     return tuple(dict.fromkeys(_unasked(tree, known))) if tree is not None else ()
@@ -111,4 +111,11 @@ def _unknown(node: ast.AST) -> str:
     """Return what a node reads that may be unknown; '' when it cannot be."""
     if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and node.value.id == "input":
         return f"input.{node.attr}"
+    if isinstance(node, ast.Subscript) and isinstance(node.slice, ast.Constant):
+        return ast.unparse(node) if isinstance(node.slice.value, str) else ""
     return ast.unparse(node) if isinstance(node, ast.Call) and _is_called(node, "find") else ""
+
+
+def may_ask(source: str) -> bool:
+    """Tell at a glance whether an expression may read something that can be unknown."""
+    return any(mark in source for mark in ("input.", "find(", "['", '["'))

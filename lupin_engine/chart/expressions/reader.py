@@ -264,10 +264,11 @@ def orderable(kind: Type) -> bool:
 
 
 def as_quantity(typed: Typed, other: Type) -> Typed:
-    """Read a text such as '5 s' as a number when it meets a number with a unit."""
-    if typed.type.kind != "text" or not q.is_number(other) or not other.unit:
+    """Read a text such as '5 s' as a number when it meets one with a unit; '50 %' meets a plain number."""
+    if typed.type.kind != "text" or not q.is_number(other):
         return typed
-    return _quantity(typed, other.unit) or typed
+    found = _quantity(typed, other.unit)
+    return typed if found is None or (not other.unit and found.type.unit) else found
 
 
 def _quantity(typed: Typed, unit: str) -> Typed | None:

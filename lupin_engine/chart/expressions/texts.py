@@ -17,7 +17,7 @@ from lupin_engine.chart.findings import Findings
 from lupin_engine.chart.source import Text
 from lupin_engine.plugin.types import ANY, TEXT, UNITS, Type, innermost, units_of
 
-_FORMAT = re.compile(r"\s*(?:\.([0-9])f)?\s*([A-Za-z/%]+)?\s*")
+_FORMAT = re.compile(r"\s*(?:\.([0-9])f)?\s*([A-Za-z°%][A-Za-z0-9/]*)?\s*")
 _EXAMPLE = "write digits, a unit or both, such as ':.1f', ':min' or ':.1f cm'"
 
 

@@ -93,6 +93,13 @@ def describe(kind: Type) -> str:
     return f"{kind.name} ({kind.unit})" if kind.unit not in kind.name else kind.name
 
 
+def named_in(kind: Type) -> tuple[str, Type] | None:
+    """Return the values by name that a type has: its own, else those of the field of a record with some."""
+    if kind.named:
+        return "", kind
+    return next(((name, inner) for name, inner in kind.fields.items() if inner.named), None)
+
+
 def with_article(kind: Type) -> str:
     """Return a type as messages call it, with an article."""
     return one(describe(kind).removeprefix("a "))

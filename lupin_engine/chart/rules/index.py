@@ -13,7 +13,7 @@ from functools import cached_property
 from lupin_engine.chart.compose.compose import Composed
 from lupin_engine.chart.expressions.evaluation import Expression, never
 from lupin_engine.chart.expressions.guards import TRUE, Condition, Every, condition_of, constant, fact
-from lupin_engine.chart.expressions.names import unknowns_read
+from lupin_engine.chart.expressions.names import may_ask, unknowns_read
 from lupin_engine.chart.model import Invoke, Kind, State, Transition
 from lupin_engine.chart.rules.written import (
     Read,
@@ -190,7 +190,7 @@ class Index:
         """Tell whether a guard says all: it is not also false because of a mistake or an unknown input."""
         if not understood(guard):
             return False
-        if not ("input." in guard.source or "find(" in guard.source):
+        if not may_ask(guard.source):
             return True
         return not any(self.may_be_unknown(name) for name in unknowns_read(guard.source))
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 
-from lupin_engine.chart.expressions.names import unknowns_asked, unknowns_read
+from lupin_engine.chart.expressions.names import may_ask, unknowns_asked, unknowns_read
 from lupin_engine.chart.findings import warning
-from lupin_engine.chart.model import ActionCall, Input
+from lupin_engine.chart.model import ActionCall
 from lupin_engine.chart.rules.index import Index, understood
 from lupin_engine.chart.rules.written import Read
 from lupin_engine.errors import Diagnostic
@@ -24,13 +24,13 @@ def unknown_input_read(index: Index) -> Iterator[Diagnostic]:
     asked = dict(_asked(index))
     for read in index.reads:
         source = read.expression.source
-        if not ("input." in source or "find(" in source) or not understood(read.expression):
+        if not may_ask(source) or not understood(read.expression):
             continue
         if read.words[-2:] in _MAY_WAIT:
             continue
         for name in unknowns_read(source, asked.get(id(read.expression), frozenset())):
             if index.may_be_unknown(name):
-                yield _told(read, name, _why(index.chart.inputs.get(name.removeprefix("input."))))
+                yield _told(read, name, _why(index, name))
 
 
 def _asked(index: Index) -> Iterator[tuple[int, frozenset[str]]]:
@@ -41,6 +41,7 @@ def _asked(index: Index) -> Iterator[tuple[int, frozenset[str]]]:
         for transition in state.transitions:
             guard = transition.guard.source if transition.guard is not None else "true"
             yield from _given(transition.actions, unknowns_asked(guard, True))
+            yield id(transition.detail), unknowns_asked(guard, True)
 
 
 def _given(
@@ -65,9 +66,10 @@ def _told(read: Read, name: str, why: str) -> Diagnostic:
     return Diagnostic(read.expression.place, "unknown-input", read.path, problem, hint)
 
 
-def _why(found: Input | None) -> str:
+def _why(index: Index, name: str) -> str:
+    found = index.chart.inputs.get(name.removeprefix("input."))
     if found is None:
-        return "where no element is such"
+        return "where no element is such" if name.startswith("find(") else "where it was not told"
     if found.freshness is not None:
         return f"no report for {found.freshness:g} s"
     return "before the first report"

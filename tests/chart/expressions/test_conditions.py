@@ -135,6 +135,8 @@ def test_too_many_alternatives_are_taken_to_be_possible() -> None:
         ("find(input.a, t.x > 1)", ("find(input.a, t.x > 1)", "input.a")),
         ("[t.x for t in input.a if known(input.b) and input.b > t.x]", ("input.a",)),
         ("[input.b for t in xs if known(input.b)]", ()),
+        ("event.reading['heat'] > 1 and error.code in ['a']", ("event.reading['heat']",)),
+        ("known(event.reading['heat']) and event.reading['heat'] > 1", ()),
         ("[input.b for t in xs]", ("input.b",)),
     ],
 )

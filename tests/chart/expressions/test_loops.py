@@ -26,6 +26,8 @@ from lupin_engine.plugin.types import (
     TEXT,
     Type,
     list_of,
+    named_values,
+    number_in,
     set_of,
     within,
 )
@@ -224,6 +226,71 @@ def test_what_is_not_found_is_unknown_by_its_own_words() -> None:
         UnknownValue, match=r"^find\(plants, t.id == 'z'\) is unknown: there is no such element$"
     ):
         value("find(plants, t.id == 'z').x")
+
+
+# -- values by name ---------------------------------------------------------------------------------------
+
+MEASURE = Type("record", "measure", fields={"name": TEXT, "value": NUMBER})
+TOLD = named_values(
+    MEASURE, {"heat": number_in("°C"), "share": number_in("%"), "turned": number_in("deg"), "level": NUMBER}
+)
+READING = Type("record", "reading", fields={"id": TEXT, "measures": TOLD})
+EVENT = Scope({"event": Type("record", "event", fields={"reading": READING, "at": list_of(READING)})})
+READ = {"id": "a", "measures": [{"name": "heat", "value": 21.5}, {"name": "share", "value": 55.0}]}
+
+
+def read(source: str) -> Any:
+    """Return type and value of an expression about a reading, or what is said against it."""
+    findings, text = Findings(), text_at(source, PLACE)
+    found = compile_expression(Fragment(source, text), EVENT, ANY, findings, "here")
+    if found is None:
+        return [f"{d.place.column - PLACE.column}: {d} ".partition("here: ")[2] for d in findings.all]
+    return found.evaluate({"event": {"reading": READ, "at": [READ]}})
+
+
+@pytest.mark.parametrize(
+    ("source", "expected"),
+    [
+        ("event.reading['heat'] > '20 °C'", True),
+        ("event.reading.measures['heat']", 21.5),
+        ("event.reading['share'] > '50 %'", True),
+        ("event.reading['share']", 0.55),
+        ("known(event.reading['turned'])", False),
+        ("known(event.reading['heat'])", True),
+        ("event.reading['level'] if known(event.reading['level']) else 1.5", 1.5),
+        ("find(event.at, t['heat'] > '20 °C').id", "a"),
+        ("len(event.reading.measures)", 2),
+        ("event.reading.measures[0].value", 21.5),
+    ],
+)
+def test_a_value_is_read_by_its_name_in_its_unit(source: str, expected: Any) -> None:
+    """Of the record that has such values, or of these; as numbers are kept, not as they are told."""
+    assert read(source) == expected
+
+
+@pytest.mark.parametrize(
+    ("source", "told"),
+    [
+        ("event.reading['heta']", "'event.reading' tells no 'heta'; did you mean 'heat'? [unknown-name] "),
+        ("event.reading[event.reading.id]", "a name must be written out, in quotes [wrong-type] "),
+        (
+            "event.reading['heat'] > 20",
+            "cannot compare number in °C with a plain number; "
+            "write the number with its unit as a text, such as '5 °C' [wrong-unit] ",
+        ),
+        ("event.reading['heat'] + event.reading['share']", "cannot compute number in °C + a plain number"),
+    ],
+)
+def test_a_name_that_nobody_declares_is_a_mistake(source: str, told: str) -> None:
+    """The catalog says what can be told, and in what."""
+    (found,) = read(source)
+    assert found.startswith(told)
+
+
+def test_what_is_not_told_is_unknown() -> None:
+    """Not zero."""
+    with pytest.raises(UnknownValue, match=r"^event.reading\['level'\] is unknown: it was not told$"):
+        read("event.reading['level'] > 0")
 
 
 # -- bounded ----------------------------------------------------------------------------------------------
