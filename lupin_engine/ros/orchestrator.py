@@ -236,7 +236,8 @@ class Orchestrator:
         if fixed:
             return f"{', '.join(fixed)}: read at the start of the node only; restart it with -p"
         if not is_idle(self._machine):
-            return f"{', '.join(values)}: a mission is under way; set parameters when it has ended"
+            now = self._machine.view.lifecycle
+            return f"{', '.join(values)}: can be set where a mission can be started, which is not so in {now}"
         try:
             world = make_world(chart, {**self._machine.world.parameters, **values})
             self._take_over(successor(self._machine, world))

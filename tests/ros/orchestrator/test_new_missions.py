@@ -291,6 +291,6 @@ def test_parameters_of_missions_can_be_set_while_none_runs(world: World, desk: D
     assert desk.start("1").accepted
     desk.in_state("INSPECTING")
     assert refusal(desk, "battery_low_threshold", 0.6) == (
-        "battery_low_threshold: a mission is under way; set parameters when it has ended"
+        "battery_low_threshold: can be set where a mission can be started, which is not so in INSPECTING"
     )
     assert not desk.state.battery_low
