@@ -14,7 +14,7 @@ from lupin_engine.chart.rules.choices import both_can_win, never_wins, regions_c
 from lupin_engine.chart.rules.events import event_field
 from lupin_engine.chart.rules.index import Index, Rule
 from lupin_engine.chart.rules.inputs import unknown_input_read
-from lupin_engine.chart.rules.loops import always_loop
+from lupin_engine.chart.rules.loops import always_loop, no_time
 from lupin_engine.chart.rules.regions import region_leak, shared_resource
 from lupin_engine.chart.rules.unused import (
     unheard_event,
@@ -76,6 +76,7 @@ GLOBAL: tuple[Rule, ...] = (
     unreachable_state,
     dead_end,
     always_loop,
+    no_time,
     regions_clash,
     region_leak,
     visits,

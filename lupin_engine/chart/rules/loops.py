@@ -1,8 +1,9 @@
-"""The rule about eventless transitions that lead back to each other for ever.
+"""The rules about transitions that lead back to each other for ever, or in no time.
 
 Eventless transitions, and those on a level, are taken one after the other within one moment: inputs do not
 change meanwhile, and operations have not begun. So a circle of them never comes to rest unless something
-that its own actions do makes a guard false.
+that its own actions do makes a guard false. A circle that goes through operations as well takes no time when
+each of them fails at once.
 """
 
 from __future__ import annotations
@@ -10,9 +11,11 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
 
+from lupin_engine.chart.expressions.evaluation import Constant
 from lupin_engine.chart.expressions.guards import TRUE, Condition, constant, negate, possible
 from lupin_engine.chart.expressions.names import names_read
-from lupin_engine.chart.model import WRITING, ActionCall, Kind, Transition, every_call
+from lupin_engine.chart.findings import warning
+from lupin_engine.chart.model import WRITING, ActionCall, Kind, State, Transition, every_call
 from lupin_engine.chart.rules.graph import components, cycles
 from lupin_engine.chart.rules.index import Index, always_taken, condition, local, understood
 from lupin_engine.errors import Diagnostic
@@ -33,6 +36,38 @@ def always_loop(index: Index) -> Iterator[Diagnostic]:
             yield _told(loops, [loops.by_id[name] for name in found])
 
 
+def no_time(index: Index) -> Iterator[Diagnostic]:
+    """Find circles in which nothing but operations that may fail at once takes time."""
+    failing = [t for s in index.states if _fails_at_once(s) for t in s.transitions if t.event == "error"]
+    if not failing:
+        return
+    loops = _Loops(index, failing)
+    failures = {t.id for t in failing}
+    for part in components(loops.following):
+        if failures.isdisjoint(part):
+            continue
+        circles = cycles(loops.following, sorted(part, key=loops.place_of), MAX_STEPS)
+        found = next(
+            (c for c in circles if not failures.isdisjoint(c) and loops.never_ends(c, walks=True)), None
+        )
+        if found is not None:
+            circle = [loops.by_id[name] for name in found]
+            first = next(t for t in circle if t.id in failures)
+            way = " -> ".join(loops.name_of(t.source) for t in (*circle, circle[0]))
+            problem = f"where every operation fails at once, this goes round for ever in no time: {way}"
+            hint = "wait in between with 'after', or add a guard that going round makes false"
+            yield warning(first.place, "always-loop", first.id, problem, hint)
+
+
+def _fails_at_once(state: State) -> bool:
+    """Tell whether the operation of a state may end in an error without any time passing."""
+    retry = state.invoke.retry if state.invoke is not None else None
+    if retry is None or retry.backoff is None or retry.unless:
+        return state.invoke is not None
+    never = ((retry.backoff, 0), (retry.attempts, 1))
+    return any(isinstance(value, Constant) and value.value == limit for value, limit in never)
+
+
 def _told(loops: _Loops, circle: Sequence[Transition]) -> Diagnostic:
     first = circle[0]
     if first.target is None:
@@ -49,15 +84,17 @@ def _told(loops: _Loops, circle: Sequence[Transition]) -> Diagnostic:
 class _Loops:
     """Which eventless transition may follow which within one moment."""
 
-    def __init__(self, index: Index) -> None:
+    def __init__(self, index: Index, failing: Sequence[Transition] = ()) -> None:
+        """Look at the eventless transitions, and at those that answer the failure of an operation."""
+        looked_at = [*index.eventless, *failing]
         self._index = index
         self._of: dict[str, list[Transition]] = {}
-        for transition in index.eventless:
+        for transition in looked_at:
             self._of.setdefault(transition.source, []).append(transition)
-        self.by_id = {t.id: t for t in index.eventless}
+        self.by_id = {t.id: t for t in looked_at}
         #: What is asked before each of those that may follow a transition.
         self._before: dict[tuple[str, str], list[Transition]] = {}
-        self.following = {t.id: self._follow(t) for t in index.eventless if self._can_be_taken(t)}
+        self.following = {t.id: self._follow(t) for t in looked_at if self._can_be_taken(t)}
 
     def name_of(self, state: str) -> str:
         """Return what a state is called in a message."""
@@ -78,6 +115,8 @@ class _Loops:
 
     def _follow(self, transition: Transition) -> list[str]:
         """Return what may be taken right after a transition."""
+        if transition.target is None and transition.event == "error":
+            return []  # what failed is not begun again
         if transition.target is None:
             self._before[transition.id, transition.id] = []
             return [transition.id]
@@ -91,6 +130,8 @@ class _Loops:
                 if candidates is None:
                     continue
                 for candidate in candidates:
+                    if candidate.event == "error" and not self._begins(candidate, transition):
+                        continue
                     found[candidate.id] = None
                     self._before[transition.id, candidate.id] = list(asked)
                     asked.append(candidate)
@@ -98,13 +139,24 @@ class _Loops:
                     break
         return list(found)
 
+    def _begins(self, failing: Transition, entering: Transition) -> bool:
+        """Tell whether a transition enters the state of an operation, and the chart rests there."""
+        domain = self._index.semantics.domain(entering, entering.target or "")
+        around = (t for name in self._index.lineage[failing.source] for t in self._of.get(name, ()))
+        return self._below(failing.source, domain) and not any(
+            always_taken(t) and not t.event for t in around
+        )
+
     def _leaves(self, target: str) -> list[str]:
         """Return the innermost states that entering a state leads to."""
         states = self._index.chart.states
         return [name for name in self._index.entered(target) if not self._index.begun(states[name])]
 
-    def never_ends(self, circle: Sequence[str]) -> bool:
-        """Tell whether nothing ends a circle once it is entered: its guards go together and stay true."""
+    def never_ends(self, circle: Sequence[str], walks: bool = False) -> bool:
+        """Tell whether nothing ends a circle once it is entered: its guards go together and stay true.
+
+        With `walks`, going on in an itinerary without end is nothing that ends one.
+        """
         changed: set[str] = set()
         conditions: list[Condition] = []
         read: set[str] = set()
@@ -117,7 +169,16 @@ class _Loops:
             if not understood(*guards):
                 return False
             read.update(*(names_read(guard.source) for guard in guards))
+        if walks and not self._walks_end(circle):
+            changed.discard("itinerary")
         return changed.isdisjoint(read) and possible(TRUE, *conditions)
+
+    def _walks_end(self, circle: Sequence[str]) -> bool:
+        """Tell whether the itineraries around a circle come to an end, however often they are advanced."""
+        states = self._index.chart.states
+        around = {name for one in circle for name in self._index.lineage[self.by_id[one].source]}
+        sweeps = [walk.sweeps for name in around if (walk := states[name].itinerary) is not None]
+        return all(n is None or (isinstance(n, Constant) and bool(n.value)) for n in sweeps)
 
     def _changed(self, transition: Transition) -> set[str]:
         """Return the first words of what is different after a transition."""
