@@ -33,6 +33,7 @@ VERBS: Mapping[str, str] = MappingProxyType(
         "up": "Start the nodes of missions; an operator starts the missions.",
         "new": "Begin a mission: its file, the lifecycle around it, a scenario.",
         "check": "Check missions and tell everything that is wrong with them.",
+        "answer": "Show what a mission asks the operator, and answer it.",
         "simulate": "Run a mission in virtual time, without ROS.",
         "test": "Run scenarios against missions, without ROS.",
         "diagram": "Draw a mission.",

@@ -7,3 +7,6 @@ NODE = "mission_orchestrator"
 
 #: Every step as JSON.
 STEPS_TOPIC = f"/{NODE}/steps"
+
+#: The service that answers a question with a choice (std_srvs/srv/Trigger).
+ANSWER_SERVICE = f"/{NODE}/answer/{{}}"

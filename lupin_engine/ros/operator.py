@@ -22,9 +22,12 @@ from lupin_engine.ros.adapter.network import Kind, interfaces
 from lupin_engine.ros.adapter.node import CallFailure, Qos, RosNode, ServiceCaller
 from lupin_engine.ros.bindings.definitions import interface_class
 from lupin_engine.ros.messages import read, wire_of, write
-from lupin_engine.ros.names import STEPS_TOPIC
+from lupin_engine.ros.names import ANSWER_SERVICE, STEPS_TOPIC
+from lupin_engine.runtime.record import OpenQuestion, open_questions
 
 _START = "start"
+#: How long more of the last steps are waited for, in seconds.
+SETTLE_S = 0.3
 
 
 @dataclass(frozen=True)
@@ -44,6 +47,48 @@ class Answer:
     text: str
     mission_id: str = ""
     reached: bool = True
+
+
+class Respondent:
+    """A node that sees what is asked and answers it, whatever the profile; closed with `close`."""
+
+    def __init__(self) -> None:
+        self._ros = RosNode(f"lupin_answer_{os.getpid()}")
+        self._newest: dict[str, Any] = {}
+        self._ros.subscribe(String, STEPS_TOPIC, Qos.BACKLOG, self._take)
+
+    def _take(self, message: Any) -> None:
+        self._newest = json.loads(message.data)
+
+    def asked(self, timeout: float) -> list[OpenQuestion] | None:
+        """Return what is asked now; None when no orchestrator has said anything in time."""
+        until = time.monotonic() + timeout
+        while not self._newest and (left := until - time.monotonic()) > 0:
+            self._ros.spin_once(left)
+        settled = time.monotonic() + SETTLE_S  # the last steps come in one burst, the oldest first
+        while self._newest and (left := settled - time.monotonic()) > 0:
+            self._ros.spin_once(left)
+        if not self._newest:
+            return None
+        age = self._ros.now() - float(self._newest["stamp"])
+        return open_questions(self._newest["view"], float(self._newest["time"]) + age)
+
+    def answer(self, choice: str, timeout: float) -> Answer:
+        """Answer with a choice."""
+        answers: list[Any] = []
+        caller = self._ros.service(Trigger, ANSWER_SERVICE.format(choice))
+        call = caller.call(Trigger.Request(), timeout, answers.append)
+        until = time.monotonic() + timeout + 0.5
+        while not answers and time.monotonic() < until and self._ros.spin_once(0.1):
+            pass
+        call.cancel()
+        if not answers or isinstance(answers[0], CallFailure):
+            return Answer(False, answers[0].detail if answers else f"{caller.name}: no answer", reached=False)
+        return Answer(answers[0].success, answers[0].message)
+
+    def close(self) -> None:
+        """Leave the network."""
+        self._ros.leave()
 
 
 class Operator:

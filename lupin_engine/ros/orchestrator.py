@@ -27,7 +27,7 @@ from lupin_engine.missions.load import LoadedMissions
 from lupin_engine.plugin.builtin import BUILTIN
 from lupin_engine.plugin.clients import make_client
 from lupin_engine.plugin.contract import Driver, Parameter
-from lupin_engine.plugin.profile import START, Channel, Fields, Publish, StartAnswer
+from lupin_engine.plugin.profile import ANSWER, START, Channel, Fields, Publish, StartAnswer
 from lupin_engine.plugin.registry import load_catalog
 from lupin_engine.plugin.types import NUMBER, TEXT, list_of
 from lupin_engine.ros import messages
@@ -35,7 +35,7 @@ from lupin_engine.ros.adapter.node import Qos, RosNode, RosTimer
 from lupin_engine.ros.bindings.client import BoundClient
 from lupin_engine.ros.bindings.definitions import interface_class
 from lupin_engine.ros.folder import LOOK_PERIOD_S, MissionsFolder
-from lupin_engine.ros.names import NODE
+from lupin_engine.ros.names import ANSWER_SERVICE, NODE
 from lupin_engine.ros.readiness import Readiness
 from lupin_engine.runtime.engine import Engine, EngineOutlet
 from lupin_engine.runtime.offer import offered
@@ -125,7 +125,9 @@ class Orchestrator:
         self._drivers = drivers
         ros.on_stop(self._close)
         ros.on_parameter(self._set)
+        self._answers: set[str] = set()
         self._serve()
+        self._serve_answers()
         # Real time: the state is told five times a second also while simulated time stands still.
         ros.steady_timer(1.0 / float(given["state_publish_rate_hz"]), self._publish_state)
         self._engine.start()
@@ -155,6 +157,19 @@ class Orchestrator:
             self._ros.serve(
                 Trigger, self._wire.requests.format(name), answer, stale_after=limit, refuse=refuse
             )
+
+    def _serve_answers(self) -> None:
+        """Serve the answers that the missions know; those of missions that went away are refused."""
+        for event in self._chart.answers:
+            if event not in self._answers:
+                self._answers.add(event)
+                self._ros.serve(
+                    Trigger,
+                    ANSWER_SERVICE.format(event.removeprefix(ANSWER)),
+                    _answering(self._ask, event),
+                    stale_after=STALE_AFTER_S,
+                    refuse=partial(_refuse, field="message"),
+                )
 
     def _start(self, request: Any, response: Any) -> Any:
         asked = self._wire.start.read_request(messages.read(request))
@@ -218,6 +233,7 @@ class Orchestrator:
         self._drivers.update(clients)
         self._ros.declare_anew(declared)
         self._loaded, self._chart = loaded, chart
+        self._serve_answers()
         self._take_over(machine)
 
     def _take_over(self, machine: Machine) -> None:
@@ -300,7 +316,8 @@ class Orchestrator:
         self._publish_if_changed(view)
         self._log(step, view)
         shown = view_record(view, self._chart.profile)
-        record = {"time": self._clock.now(), "step": step_record(step), "view": shown}
+        now = {"time": self._clock.now(), "stamp": self._ros.now()}
+        record = {**now, "step": step_record(step), "view": shown}
         self._steps.publish(String(data=json.dumps(record, default=str)))
 
     def _is_news(self, step: Step) -> bool:

@@ -89,6 +89,20 @@ def test_the_picture_tells_where_the_mission_stands(monitor: RunMonitor, chart: 
     assert "PAUSED" not in text
 
 
+def test_a_question_is_in_the_picture(chart: Chart) -> None:
+    """With what can be answered, how, and what counts when nobody does."""
+    choices = [{"name": name, "label": label} for name, label in (("go_on", "Go on"), ("stay", "Stay here"))]
+    asking = {"state": "S", "question": "On to tag 5?", "choices": choices, "default": "stay"}
+    monitor = RunMonitor(PROFILE, MISSION_ID, 100.0)
+    monitor.take(*step([], time=5.0, asking=[{**asking, "deadline": 95.0, "left": None}]), 110.0)
+    text = drawn(view.picture(monitor, chart, 120.0))
+    for line in ("On to tag 5?", "lupin answer go_on: Go on", "lupin answer stay: Stay here"):
+        assert line in text
+    assert "else stay in 01:20" in text
+    monitor.take(*step([], time=6.0, asking=[{**asking, "deadline": None, "left": 30.0}]), 111.0)
+    assert "else stay with 00:30.0 left; the clock stands still" in drawn(view.picture(monitor, chart, 120.0))
+
+
 def test_flags_are_in_the_title(monitor: RunMonitor, chart: Chart) -> None:
     """They are what an operator must not miss."""
     monitor.take(*state(paused=True, estop_engaged=True, battery_low=True), at=118.0)

@@ -27,6 +27,7 @@ from lupin_engine.ros.launch.monitor import (
     RunMonitor,
     RunningOperation,
 )
+from lupin_engine.runtime.record import OpenQuestion
 
 STYLES: Mapping[Severity, str] = {
     Severity.INFO: "cyan",
@@ -182,6 +183,11 @@ def _details(monitor: RunMonitor, now: float, symbols: Symbols) -> RenderableTyp
     # This row is there even when it is empty, so that the picture does not jump.
     waits = f"for {_resume_service(monitor.profile)}, or Ctrl-C" if monitor.waits else ""
     grid.add_row("waits" if waits else "", Text(waits, "yellow"))
+    for asked in monitor.asking(now):
+        grid.add_row("asks", Text(asked.question, "bold yellow"))
+        for name, label in asked.choices:
+            grid.add_row("", Text(f"lupin answer {name}: {label}"))
+        grid.add_row("", Text(default_text(asked), "dim"))
     under_way: list[RunningOperation | None] = [*monitor.running(now)]
     for running in under_way or [None]:
         grid.add_row("operation", _operation(running))
@@ -192,6 +198,16 @@ def _details(monitor: RunMonitor, now: float, symbols: Symbols) -> RenderableTyp
         style = "red" if monitor.progress.flags.get(low) else "green"
         grid.add_row(name, _measure(share, 1.0, style, f"{share:.0%}"))
     return grid
+
+
+def default_text(asked: OpenQuestion) -> str:
+    """Return what counts when nobody answers, and when."""
+    rest = (
+        f"with {clock(asked.left)} left; the clock stands still"
+        if asked.stopped
+        else f"in {clock(asked.left)}"
+    )
+    return f"else {asked.default} {rest}"
 
 
 def _resume_service(profile: Profile) -> str:

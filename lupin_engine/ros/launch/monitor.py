@@ -14,7 +14,7 @@ from lupin_engine.errors import Severity
 from lupin_engine.plugin.profile import Profile, Progress, Remark, TargetResult
 from lupin_engine.ros.messages import wire_of
 from lupin_engine.runtime.history import History
-from lupin_engine.runtime.record import read_step
+from lupin_engine.runtime.record import OpenQuestion, open_questions, read_step
 
 #: Exit codes of a run.
 ALL_VISITED, SOME_MISSED, NOT_DONE, INTERRUPTED = 0, 1, 2, 130
@@ -152,6 +152,10 @@ class RunMonitor:
         """Return the operations under way at `now`."""
         return [self._running(attempt, now) for attempt in self.view.get("attempts", ())]
 
+    def asking(self, now: float) -> list[OpenQuestion]:
+        """Return the questions that are open at `now`."""
+        return open_questions(self.view, now - self._offset)
+
     # -- taking in --------------------------------------------------------------------------------------
 
     def _take_state(self, data: Mapping[str, Any], at: float) -> bool:
@@ -202,8 +206,13 @@ class RunMonitor:
         view = dict(data.get("view", {}))
         if view.get("mission_id") != self.mission_id:
             return False
+        before = {asked.state for asked in self.asking(at)}
         self.view = view
         self._offset = at - float(data.get("time", 0.0))
+        for asked in self.asking(at):
+            if asked.state not in before:
+                answers = " or ".join(f"lupin answer {name}" for name, _ in asked.choices)
+                self.note(at, Severity.WARN, f"{asked.question} ({answers})")
         self._follow(data.get("step"), at)
         current = {_key(attempt) for attempt in view.get("attempts", ())}
         self._begun = {key: begun for key, begun in self._begun.items() if key in current}

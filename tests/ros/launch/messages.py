@@ -75,6 +75,7 @@ def step(
     attempt: str = "",
     commands: Sequence[dict[str, Any]] = (),
     codes: Sequence[CodeEvent] = (),
+    asking: Sequence[dict[str, Any]] = (),
 ) -> tuple[str, dict[str, Any]]:
     """A step with its view; `attempts` are operation, tries, deadline."""
     shown = [
@@ -82,6 +83,7 @@ def step(
         for o, n, d in attempts
     ]
     view = {"mission_id": mission_id, "configuration": list(configuration), "attempts": shown}
+    view["asking"] = list(asking)
     record = {"time": time, "event": event, "data": {"attempt": attempt}, "commands": list(commands)}
     record["codes"] = [asdict(code) for code in codes]
     return "step", {"time": time, "step": record, "view": view}

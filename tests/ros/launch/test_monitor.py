@@ -203,3 +203,25 @@ def test_the_clock_stops_at_the_end() -> None:
     """The summary tells how long the mission took, not how long stopping took."""
     monitor = told(state(), state(lifecycle_state="DONE"))
     assert monitor.elapsed(200.0) == 1.0
+
+
+def asked(deadline: float | None, left: float | None = None) -> dict[str, Any]:
+    """A question as a view tells it."""
+    choices = [{"name": name, "label": name.upper(), "severity": 0} for name in ("go_on", "stay")]
+    told = {"state": "S", "question": "Go on?", "choices": choices, "default": "stay"}
+    return {**told, "deadline": deadline, "left": left}
+
+
+def test_a_question_is_told_once_and_runs_against_its_deadline() -> None:
+    """Also a hold that stops its clock is seen."""
+    monitor = told(step([], time=5.0, asking=[asked(20.0)]), step([], time=6.0, asking=[asked(20.0)]))
+    assert texts(monitor) == [(0.0, "Go on? (lupin answer go_on or lupin answer stay)")]
+    (question,) = monitor.asking(103.0)
+    assert (question.choices, question.default) == ((("go_on", "GO_ON"), ("stay", "STAY")), "stay")
+    assert (question.left, question.stopped) == (12.0, False)
+    monitor.take(*step([], time=8.0, asking=[asked(None, 12.0)]), 103.0)
+    (question,) = monitor.asking(150.0)
+    assert (question.left, question.stopped) == (12.0, True)
+    monitor.take(*step([], time=9.0), 151.0)
+    assert monitor.asking(151.0) == []
+    assert len(monitor.happenings) == 1
