@@ -124,7 +124,8 @@ def test_a_label_says_event_guard_and_actions_and_has_a_cause(words: Picture, in
         "skip_current / close SKIPPED",
         TransitionCause.OPERATOR,
     )
-    assert (str(advance), advance.cause) == ("[itinerary.remaining > 0] / advance", TransitionCause.ALWAYS)
+    said = "[itinerary.remaining > 0 and unreachable < i…] / set unreachable, advance"
+    assert (str(advance), advance.cause) == (said, TransitionCause.ALWAYS)
     assert arrow(words, "STARTING", "BOTH").cause is None
     assert arrow(inspection, "READING", "DWELLING").cause is TransitionCause.DONE
 

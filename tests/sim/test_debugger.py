@@ -183,4 +183,8 @@ def test_variables_are_shown_with_their_values() -> None:
     one = debugger()
     one.do("start tag_sequence=1")
     one.do("run RETURNING")
-    assert plain(one.do("variables")) == ["  reason          done", "  home            {x 0, y 0, yaw 0}"]
+    assert plain(one.do("variables")) == [
+        "  reason          done",
+        "  home            {x 0, y 0, yaw 0}",
+        "  unreachable     0",
+    ]
