@@ -365,10 +365,10 @@ class Chart:
         return self.catalog.profile
 
     @cached_property
-    def answers(self) -> tuple[str, ...]:
-        """The events that answer a question, each once."""
+    def answers(self) -> Mapping[str, Code]:
+        """The events that answer a question, each with its choice."""
         asks = (state.ask for state in self.states.values() if state.ask is not None)
-        return tuple(dict.fromkeys(f"{ANSWER}{name}" for ask in asks for name in ask.choices))
+        return {f"{ANSWER}{name}": choice for ask in asks for name, choice in ask.choices.items()}
 
     @cached_property
     def lineage(self) -> Mapping[str, tuple[str, ...]]:

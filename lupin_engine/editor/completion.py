@@ -261,6 +261,8 @@ class _Completion:
     def _events(self) -> Iterator[Offer]:
         yield from self._requests()
         yield from self._levels()
+        for name, choice in (self._model.composed.chart.answers if self._model is not None else {}).items():
+            yield Offer(name, ItemKind.Event, choice.label)
         for name, event in self._catalog.events.items():
             yield Offer(name, ItemKind.Event, event.doc, docs.event(name, event))
         for name in self._raised():

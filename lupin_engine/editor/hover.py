@@ -121,6 +121,9 @@ def _of_chart(folder: Folder, model: Model, path: Path, meaning: Meaning, mentio
             return _parameter(folder, model, path, mention)
         case Meaning.CODE if name in model.composed.chart.codes:
             return docs.reason(model.composed.chart.codes[name])
+        case Meaning.EVENT if name in model.composed.chart.answers:
+            label = model.composed.chart.answers[name].label
+            return docs.paragraphs(docs.code(f"request {name}"), label)
         case Meaning.HOLD if name in declared.holds:
             return docs.hold(declared.holds[name], _summary(folder, "holds", name))
         case Meaning.INPUT if name in declared.inputs:

@@ -212,3 +212,18 @@ def test_what_events_and_ends_carry_is_in_the_document() -> None:
     assert [(param.get("name"), param.get("expr")) for param in given] == [
         ("walked", "param.dwell * itinerary.total")
     ]
+
+
+def test_a_question_and_its_default_are_in_the_document() -> None:
+    """The question by a word of our own, its deadline as the event of the default."""
+    document = tree("words")
+    lupin = next(found.tag for found in document.iter() if found.tag.endswith("}ask")).removesuffix("ask")
+    (asked,) = document.iter(f"{lupin}ask")
+    assert (asked.get("question"), asked.get("default")) == (
+        "'Again for ${ param.patience } or not?'",
+        "enough",
+    )
+    choices = [(found.get("name"), found.get("label"), found.get("severity")) for found in asked]
+    assert choices == [("again", "Once more", "warn"), ("enough", "That will do", "info")]
+    (sent,) = (found for found in document.iter(f"{SCXML}send") if "answer.enough" in found.get("event", ""))
+    assert sent.get("delay") == "5s"

@@ -6,10 +6,12 @@ from pathlib import Path
 
 import pytest
 
+from lupin_engine.editor.completion import complete
 from lupin_engine.editor.folder import Folder
 from lupin_engine.editor.hover import hover
 from lupin_engine.editor.navigation import mention_under, references
 from lupin_engine.editor.places import definition
+from lupin_engine.plugin.registry import Catalog
 
 INSPECTION, LIFECYCLE, PART = "inspection.yaml", "lifecycle.yaml", "parts/visit_targets.yaml"
 NAV = "lupin_nav/catalog.py"
@@ -257,3 +259,20 @@ def offset_of(folder: Folder, path: Path, marked: str) -> int:
 def line_of(folder: Folder, path: Path, text: str) -> tuple[int, int]:
     """Return line and column of a piece of a file."""
     return folder.scan(path).lines.position(folder.text(path).index(text))
+
+
+def test_a_question_and_its_answers_are_known(missions: Path, catalog: Catalog) -> None:
+    """As events, with the text that people see; names in the question as anywhere else."""
+    text = (Path(__file__).parents[2] / "docs" / "examples" / "choice.yaml").read_text(encoding="utf-8")
+    inside = "".join(
+        f"    {line}\n" for line in text.replace("Is the", "${ request.tags } is the").splitlines()
+    )
+    asking = "mission: Asking\nrequest:\n  tags: {type: count, default: 1}\nstates:\n  A:\n"
+    path = missions / "asking.yaml"
+    path.write_text(f"{asking}{inside}  done: {{type: final}}\ninitial: A\n", encoding="utf-8")
+    folder = Folder(missions, catalog)
+    assert [str(found) for found in folder.survey().get(path, ())] == []
+    said = [hover(folder, path, offset_of(folder, path, name)) for name in ("answer.op|en", "request.ta|gs")]
+    assert ["It is open" in found.text for found in said if found is not None] == [True, False]
+    offers = complete(folder, path, offset_of(folder, path, "answer.shut: do|ne") - len("t: do"))
+    assert "answer.shut" in [offer.label for offer in offers.found]
