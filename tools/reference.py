@@ -171,8 +171,8 @@ explained in [rules.md](rules.md).
   from a seed, the mission and the attempt: the same inputs give the same pauses.
 - A *hold* (a pause, an emergency stop) suspends the whole chart: what moves the robot is cancelled, clocks
   stand still, answers wait. After the release the chart first comes to rest; then what was cancelled begins
-  again in the states that are still active. A request is answered at once all the same: a transition that
-  says `during` or `releases` is taken, anything else refused.
+  again in the states that are still active, or ends as its `on_hold` says. A request is answered at once all
+  the same: a transition that says `during` or `releases` is taken, anything else refused.
 - A mission begins when its request is accepted: its variables and those of its parts have their defaults,
   its `entry` runs, its itineraries, budgets and history are new. The targets of an itinerary that depends
   on the request alone are known from then on: `itinerary.close_rest` closes them however early the mission
@@ -239,7 +239,7 @@ ROOT_TEXTS: Mapping[str, str] = {
     "request": "fields of the request that started the mission, as `request.NAME`",
     "input": "live values, as `input.NAME`; with levels `input.NAME.value` and `input.NAME.LEVEL`",
     "event": "what the event carries, as `event.FIELD`; in `on_done` the result",
-    "error": "in `on_error`: `error.code` and `error.detail`",
+    "error": "in `on_error`: `error.code`, `error.detail`; `error.result` of an operation that was cut short",
     "target": "the element of the itinerary that is being visited",
     "itinerary": "`itinerary.open` (the visit has no outcome yet), `.remaining` (targets after this one), "
     "`.total`, `.closed`, `.sweep` (1 in the first)",
@@ -256,7 +256,7 @@ CALL_TEXTS: Mapping[str, str] = {
     "first": "`first(list, default)`: the first element, or the default when there is none",
     "find": "`find(list, t.id == target.id)`: the first element `t` for which that is true; without, unknown",
     "sorted": "`sorted(list, t.x)`: the elements by a number or a text of each, the smallest first",
-    "known": "`known(input.NAME)`: there is a report, not too old; also of `find(...)` and a value by name",
+    "known": "`known(input.NAME)`: a report, not too old; also of `find(...)`, `error.result`, names",
     "held": "`held(HOLD)`: the hold is engaged",
     "in_state": "`in_state('NAME')`: a state of that name is active",
 }

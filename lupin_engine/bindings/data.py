@@ -91,6 +91,11 @@ class OperationCall:
     detail: Value | None
     told: Mapping[str, Value]
     moves: bool
+    cut_short: bool
+
+    def given(self, answer: Mapping[str, Any], around: Around) -> Mapping[str, Any] | None:
+        """Return what a goal that was cancelled comes to, if it is said that it comes to anything."""
+        return _taken(self.result, _seeing(answer, around)) if self.cut_short else None
 
     def outcome(self, answer: Mapping[str, Any], around: Around) -> Outcome:
         """Return what `response`, or `status` and `result`, mean; raises what the expressions raise."""

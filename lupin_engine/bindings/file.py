@@ -181,6 +181,10 @@ class BoundOperationNode(Node):
         description="what an action tells meanwhile, from `feedback`: a value, or several by their names",
     )
     uses: Names = Field(default_factory=list, description="what it needs for itself, such as base or lift")
+    cut_short: bool = Field(
+        False,
+        description="of an action: `result` is read of a cancelled goal too; missions get it as error.result",
+    )
     on_hold: Literal["cancel", "finish"] = Field(
         "finish",
         description="`cancel`: it moves the robot, a hold ends it and calls again on release; "

@@ -311,6 +311,7 @@ class _BindingReader:
                 read.detail,
                 read.told,
                 moves=node.on_hold == "cancel",
+                cut_short=node.cut_short,
             )
         if isinstance(node, BoundActionNode):
             return MessageSent(endpoint, read.sending)
@@ -390,8 +391,15 @@ class _BindingReader:
             tuple(codes),
             tuple(node.uses),
             OnHold(node.on_hold),
+            self._cut_short(node, path),
             self._mock(node, path, result, values),
         )
+
+    def _cut_short(self, node: BoundOperationNode, path: str) -> bool:
+        if node.cut_short and (node.action is None or not node.result):
+            problem = "only an action with a result gives one when it is cancelled"
+            self._findings.add(node.key_at("cut_short"), "wrong-shape", path, problem, "leave it out")
+        return node.cut_short
 
     def _one_endpoint(self, node: BoundOperationNode, path: str) -> None:
         if node.service is None and node.action is None:

@@ -212,6 +212,11 @@ class InvokeNode(Node):
         None, description="limit of each attempt; must be written, `never` needs another way out of the state"
     )
     retry: RetryNode | None = Field(None, description="further attempts after an error")
+    on_hold: Literal["again", "continue", "fail"] = Field(
+        "again",
+        description="what the release of a hold does that cancelled it: `again` begins it anew, `continue` "
+        "counts it as done with what it gave so far, `fail` ends it with the code operation_cancelled",
+    )
 
 
 _ENDS_HERE = "an element's end leads nowhere: the state goes on with the others"

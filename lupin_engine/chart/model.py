@@ -110,7 +110,11 @@ class Retry:
 
 @record(frozen=True)
 class Invoke:
-    """An operation that lives exactly as long as its state. `timeout` is None for `never`."""
+    """An operation that lives exactly as long as its state. `timeout` is None for `never`.
+
+    `on_hold` is what the release of a hold does that cancelled it: `continue`, `fail`, or
+    nothing for `again`.
+    """
 
     name: str = field(metadata=said(Role.PLAIN, "do"))
     operation: Operation
@@ -119,6 +123,7 @@ class Invoke:
     timeout: Value | None = field(default=None, metadata=said(Role.VALUE, "timeout.after"))
     timeout_code: str | None = field(default=None, metadata=said(Role.CODE, "timeout.code"))
     retry: Retry | None = field(default=None, metadata=said(Role.INSIDE, "retry"))
+    on_hold: str = field(default="", metadata=said(Role.PLAIN, "on_hold"))
 
 
 @record(frozen=True)

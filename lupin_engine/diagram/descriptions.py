@@ -102,6 +102,8 @@ class ElementTexts:
         yield TextLine(f"do / {invoke.name}{limit}", LineRole.WORK)
         if invoke.retry is not None:
             yield TextLine(f"tries: {self._short(invoke.retry.attempts)}", LineRole.NOTE)
+        if invoke.on_hold:
+            yield TextLine(f"after a hold: {invoke.on_hold}", LineRole.NOTE)
 
     def _short(self, value: Value) -> str:
         if isinstance(value, Constant):

@@ -69,7 +69,7 @@ ROOTS: Mapping[str, str] = MappingProxyType(
         "request": "What the request carried that started the mission.",
         "input": "The live values.",
         "event": "What came with the event, or the result of the operation or state that has ended.",
-        "error": "Why the operation failed: `code` and `detail`.",
+        "error": "Why the operation failed: `code` and `detail`; `result`, if it was cut short.",
         "target": "The element of the itinerary that is visited now.",
         "itinerary": "How far the itinerary is: `open`, `remaining`, `total`, `closed`, `sweep`.",
     }
@@ -179,6 +179,7 @@ def operation(name: str, found: Operation) -> str:
         f"Fails with: {codes}." if codes else "",
         f"Uses: {', '.join(found.uses)}." if found.uses else "",
         _ON_HOLD[found.on_hold],
+        "Cancelled, it gives its result as far as it came." if found.cut_short else "",
     )
 
 

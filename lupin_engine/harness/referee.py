@@ -95,7 +95,7 @@ class Referee:
             said = nearest(code, declared)
             self.problems.append(f"{attempt} fails with {code!r}, which is no code of its operation; {said}")
 
-    def cancelled(self, attempt: str) -> None:
+    def cancelled(self, attempt: str, result: Mapping[str, Any] | None = None) -> None:
         known = self._hears("cancelled", attempt)
         if known is not None and not known.cancelled:
             self.problems.append(f"{attempt} reports that it is cancelled, and nobody asked for it")

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any
 
+from lupin_engine.chart.expressions.evaluation import UnknownValue
 from lupin_engine.chart.records import record
 from lupin_engine.plugin.profile import ANSWER, START, Publish
 
@@ -48,13 +49,20 @@ _FIELDS: Mapping[str, Mapping[str, type | tuple[type, ...]]] = MappingProxyType(
 _END_OF_TIME = 1e12
 
 
+class Failure(dict[str, Any]):
+    """The error of an attempt. What it does not have is not known: the result of one that gave none."""
+
+    def __missing__(self, name: str) -> Any:
+        raise UnknownValue(f"error.{name} is unknown")
+
+
 class Trigger:
     """Why something is evaluated: the event's data, the error of an attempt, a `for_each`'s element."""
 
     __slots__ = ("error", "event", "item")
 
     def __init__(
-        self, event: Mapping[str, Any] = NOTHING, error: Mapping[str, str] = NOTHING, item: Any = None
+        self, event: Mapping[str, Any] = NOTHING, error: Mapping[str, Any] = NOTHING, item: Any = None
     ) -> None:
         self.event = event
         self.error = error
@@ -115,9 +123,10 @@ def failed(attempt: str, code: str, detail: str = "") -> Event:
     return Event("attempt.failed", {"attempt": attempt, "code": code, "detail": detail})
 
 
-def cancelled(attempt: str) -> Event:
-    """The attempt ended because it was asked to."""
-    return Event("attempt.cancelled", {"attempt": attempt})
+def cancelled(attempt: str, result: Mapping[str, Any] | None = None) -> Event:
+    """The attempt ended because it was asked to, with a result as far as it came."""
+    given = {} if result is None else {"result": result}
+    return Event("attempt.cancelled", {"attempt": attempt, **given})
 
 
 def observed(name: str, value: Any, stamp: float) -> Event:

@@ -105,13 +105,28 @@ class Attempt:
 
 
 @dataclass(slots=True)
+class Cut:
+    """What follows when an attempt that was cut short has ended, or does not say so in time.
+
+    `way` is what `on_hold` says, or empty after a timeout.
+    """
+
+    attempt: str
+    code: str
+    detail: str
+    way: str = ""
+    over: bool = False
+    result: Mapping[str, Any] | None = None
+
+
+@dataclass(slots=True)
 class Invocation:
     """One activation of an `invoke`: its tries and its current attempt.
 
     It is made when its state is entered. One that is not `begun`, which is also what a hold makes of it and
     what a back-off ends in, gets its next attempt when a step comes to rest. `event` is what led to the
     state, for arguments that read it, in every try. `item` is the element that a `for_each` started it for,
-    `key` what that is called.
+    `key` what that is called. With `cut` it waits for what its last attempt gives.
     """
 
     id: str
@@ -122,6 +137,7 @@ class Invocation:
     attempt: str | None = None
     key: str | None = None
     item: Any = None
+    cut: Cut | None = None
 
     @property
     def name(self) -> str:

@@ -10,6 +10,8 @@ time. The rules, all kept here:
 * an attempt waits until every earlier one that uses one of its resources has ended, or has been cancelling
   for `CANCEL_DEADLINE` seconds, so that a late cancel can never hit the new goal; it then starts when the
   step has come to rest, if somebody still wants it;
+* an attempt that a timeout, or a hold with `on_hold` other than `again`, cuts short is waited for where its
+  operation gives a result then, as long as a cancel may take; the state hears of both together;
 * a failed attempt is tried again up to the number that `retry` gives; one that a hold ended is refunded;
 * attempts begin when a step has come to rest, after a hold and a back-off too: in a state that the same step
   leaves nothing is begun.
@@ -26,11 +28,11 @@ from lupin_engine.chart.expressions.evaluation import UnknownValue
 from lupin_engine.chart.model import ForEach, Invoke, Retry, State
 from lupin_engine.errors import reason
 from lupin_engine.machine.actions import ExecutableContent
-from lupin_engine.machine.event import Cancel, Event, InternalEvent, Start, Trigger
+from lupin_engine.machine.event import NOTHING, Cancel, Event, Failure, InternalEvent, Start, Trigger
 from lupin_engine.machine.holds import is_held_back, passes
-from lupin_engine.machine.memory import Attempt, Invocation, Phase
+from lupin_engine.machine.memory import Attempt, Cut, Invocation, Phase
 from lupin_engine.machine.scope import OPERATIONS, Arguments, EvaluationScope, Watch
-from lupin_engine.machine.step import Macrostep
+from lupin_engine.machine.step import Macrostep, fields_told
 from lupin_engine.machine.structure import Configuration
 from lupin_engine.machine.timers import seconds
 from lupin_engine.plugin.contract import EXECUTION_CODE, OnHold
@@ -107,6 +109,7 @@ class Operations:
             return False
         scope.doubtful = False
         begun = self._start_waiting(step)
+        begun = self._settle(step) or begun
         for state in active.working:
             if state.for_each is not None:
                 begun = self._take_up(state.name, state.for_each, step) or begun
@@ -142,10 +145,55 @@ class Operations:
         """A hold was engaged: cancel what moves the robot, and refund the try."""
         for invocation in self._scope.memory.invocations.values():
             if self._invoke(invocation).operation.on_hold is OnHold.CANCEL and invocation.attempt:
+                way, attempt = (
+                    self._invoke(invocation).on_hold,
+                    self._scope.memory.attempts[invocation.attempt],
+                )
+                if way and attempt.phase is not Phase.WAITING:
+                    cut = Cut(attempt.id, CANCELLED_CODE, "cut short by a hold", way)
+                    self._cut_short(invocation, cut, step)
+                    continue
                 self._cancel_current(invocation, step)
                 invocation.tries -= 1
                 self._count(invocation, -1)
                 invocation.begun = False
+
+    def _cut_short(self, invocation: Invocation, cut: Cut, step: Macrostep) -> None:
+        """Cancel the attempt, and wait for what it gives where its operation says that it does."""
+        self._cancel_current(invocation, step)
+        gives = self._invoke(invocation).operation.cut_short
+        cut.over = not gives or cut.attempt not in self._scope.memory.attempts
+        invocation.cut = cut
+        self._scope.touch(OPERATIONS)
+
+    def _gave(self, attempt: Attempt, result: Mapping[str, Any] | None, step: Macrostep) -> bool:
+        """Take in what an attempt that was cut short gave; say whether anybody waits for that."""
+        for invocation in self._scope.memory.invocations.values():
+            cut = invocation.cut
+            if cut is not None and cut.attempt == attempt.id and not cut.over:
+                cut.over, cut.result = True, result
+                if result:
+                    step.note(f"{attempt.operation} gave {fields_told(result)}")
+                self._scope.touch(OPERATIONS)
+                return True
+        return False
+
+    def _settle(self, step: Macrostep) -> bool:
+        """Tell what came of operations that were cut short; say whether there were any."""
+        memory = self._scope.memory
+        over = [found for found in memory.invocations.values() if found.cut is not None and found.cut.over]
+        for invocation in () if memory.held else over:
+            cut, invocation.cut = invocation.cut, None
+            assert cut is not None
+            result = cut.result if self._invoke(invocation).operation.result else NOTHING
+            if cut.way == "continue" and result is not None:
+                self._signal("done", invocation, Trigger(event=result), step)
+            elif cut.way:  # no try: nothing was wrong with it
+                self._scope.record_code(cut.code, cut.detail, step)
+                self._signal("error", invocation, _failure(cut.code, cut.detail, cut.result), step)
+            else:
+                self._failed(invocation, cut.code, cut.detail, step, cut.result)
+        return bool(over) and not memory.held
 
     # -- one invocation for each element ------------------------------------------------------------------
 
@@ -327,7 +375,7 @@ class Operations:
         if attempt is None:
             self._drop(kind, event.data["attempt"], step)
         elif attempt.phase in (Phase.CANCELLING, Phase.LOST):
-            self._report_unwanted(kind, attempt, step)
+            self._report_unwanted(kind, attempt, event.data, step)
         elif kind == "progress":
             attempt.detail = event.data["detail"]
         elif (attempt.phase, kind) not in LIFE or self._has_answered(attempt):
@@ -359,13 +407,14 @@ class Operations:
             self._scope.memory.dropped += 1
             step.note(f"dropped: {kind} of attempt {attempt}, which nobody waits for")
 
-    def _report_unwanted(self, kind: str, attempt: Attempt, step: Macrostep) -> None:
+    def _report_unwanted(self, kind: str, attempt: Attempt, data: Mapping[str, Any], step: Macrostep) -> None:
         if kind == "progress":
             return
         if kind == "accepted":
             step.commands.append(Cancel(attempt.id, attempt.operation))
             step.note(f"{attempt.operation} was accepted after its cancel: cancelled again")
-        self._drop(kind, attempt.id, step)
+        elif not self._gave(attempt, data.get("result"), step):
+            self._drop(kind, attempt.id, step)
         self._move(attempt, kind, step)
 
     def _end_current(self, kind: str, attempt: Attempt, data: Mapping[str, Any], step: Macrostep) -> None:
@@ -384,14 +433,19 @@ class Operations:
         attempt = self._scope.memory.attempts[attempt_id]
         invocation = self._scope.memory.invocations[attempt.invocation]
         invoke = self._invoke(invocation)
+        code = invoke.timeout_code or "timeout"
+        if invoke.operation.cut_short:
+            self._cut_short(invocation, Cut(attempt_id, code, attempt.detail), step)
+            return
         self._cancel_current(invocation, step)
-        self._failed(invocation, invoke.timeout_code or "timeout", attempt.detail, step)
+        self._failed(invocation, code, attempt.detail, step)
 
     def abandon(self, attempt_id: str, step: Macrostep) -> None:
         """The cancel was never confirmed: stop waiting for it. A late accept is still cancelled."""
         attempts = self._scope.memory.attempts
         attempt = attempts[attempt_id]
         self._move(attempt, "no answer in time", step)
+        self._gave(attempt, None, step)
         step.note(f"{attempt.operation} did not confirm its cancel in {CANCEL_DEADLINE:g} s")
         lost = [found.id for found in attempts.values() if found.phase is Phase.LOST]
         for oldest in lost[:-MAX_LOST]:
@@ -403,10 +457,17 @@ class Operations:
         next(found for found in invocations if found.id == invocation_id).begun = False
         self._scope.touch(OPERATIONS)
 
-    def _failed(self, invocation: Invocation, code: str, detail: str, step: Macrostep) -> None:
+    def _failed(
+        self,
+        invocation: Invocation,
+        code: str,
+        detail: str,
+        step: Macrostep,
+        result: Mapping[str, Any] | None = None,
+    ) -> None:
         self._scope.record_code(code, detail, step)
         if not self._try_again(invocation, code, step):
-            self._signal("error", invocation, _failure(code, detail), step)
+            self._signal("error", invocation, _failure(code, detail, result), step)
 
     def _try_again(self, invocation: Invocation, code: str, step: Macrostep) -> bool:
         rule = self._invoke(invocation).retry
@@ -456,6 +517,8 @@ def _cause(invocation: Invocation) -> Trigger:
     return Trigger(event=invocation.event, item=invocation.item)
 
 
-def _failure(code: str, detail: str) -> Trigger:
-    error = {"code": code, "detail": detail}
+def _failure(code: str, detail: str, result: Mapping[str, Any] | None = None) -> Trigger:
+    error = Failure({"code": code, "detail": detail})
+    if result is not None:
+        error["result"] = result
     return Trigger(event=error, error=error)

@@ -89,7 +89,8 @@ class Operation:
     """Something that takes time and ends: done with `result`, or in an error with one of `codes`.
 
     `uses` names resources (`base`, `lift`): an attempt waits until the previous attempt that uses one of
-    them has ended. `on_hold` says what a hold does to it.
+    them has ended. `on_hold` says what a hold does to it. With `cut_short` the driver gives the
+    result, as far as it came, of an attempt that was cancelled; after a timeout the mission waits for that.
     """
 
     doc: str
@@ -98,6 +99,7 @@ class Operation:
     codes: tuple[Code, ...] = ()
     uses: tuple[str, ...] = ()
     on_hold: OnHold = OnHold.FINISH
+    cut_short: bool = False
     mock: Mock = field(default_factory=Mock)
 
 
@@ -217,8 +219,8 @@ class Outlet(Protocol):
     def failed(self, attempt: str, code: str, detail: str = "") -> None:
         """The attempt ended in one of its operation's codes."""
 
-    def cancelled(self, attempt: str) -> None:
-        """The attempt ended because it was asked to."""
+    def cancelled(self, attempt: str, result: Mapping[str, Any] | None = None) -> None:
+        """The attempt ended because it was asked to, with its result so far where it is `cut_short`."""
 
     def value(self, name: str, value: Any, stamp: float) -> None:
         """A live value changed; `stamp` is when it was true, in seconds of the node's clock."""

@@ -61,6 +61,8 @@ def _operation_facts(operation: Operation) -> Iterator[tuple[str, str]]:
     if operation.codes:
         yield "fails with", _codes(operation.codes)
     yield "when held", HOLDS[operation.on_hold]
+    if operation.cut_short:
+        yield "when cancelled", "it gives what it gives as far as it came"
     if operation.uses:
         yield "uses", ", ".join(operation.uses)
 

@@ -24,7 +24,8 @@ def as_declared(event: Event, catalog: Catalog, attempts: Mapping[str, Attempt])
     works with what is not a number would drive by it. A wrong event is not taken in. Live values are the
     machine's own matter, which knows their ranges.
     """
-    if event.name == "attempt.done" and isinstance(event.data, Mapping):
+    ends = event.name in ("attempt.done", "attempt.cancelled") and isinstance(event.data, Mapping)
+    if ends and (event.name == "attempt.done" or "result" in event.data):
         return _answer(event, catalog, attempts)
     happening = catalog.events.get(event.name)
     wrong = next(_misfits(event.data, happening.fields), "") if happening is not None else ""

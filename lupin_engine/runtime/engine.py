@@ -165,9 +165,9 @@ class EngineOutlet:
         """The attempt failed."""
         self._post(events.failed(attempt, code, detail))
 
-    def cancelled(self, attempt: str) -> None:
+    def cancelled(self, attempt: str, result: Mapping[str, Any] | None = None) -> None:
         """The attempt ended as asked."""
-        self._post(events.cancelled(attempt))
+        self._post(events.cancelled(attempt, result))
 
     def value(self, name: str, value: Any, stamp: float) -> None:
         """A live value changed."""

@@ -103,6 +103,9 @@ class OutcomeNode(ShortNode):
     cancel: Latency = Field(
         "ends", description="what a cancel does: `ends`, `ignored`, `unconfirmed`, or a duration to the end"
     )
+    cut_short: dict[str, Any] | None = Field(
+        None, description="fields of the result that a cancel gives, over the mock's; else it gives none"
+    )
     progress: str = Field("", description="what the server says when it has accepted")
     any_of: list[OutcomeNode] | None = Field(None, description="one of these, by chance")
     weight: Annotated[Any, WithJsonSchema({"type": ["number", "string"]})] = Field(

@@ -287,8 +287,17 @@ class ScriptReader:
             accepted_after=None if node.accepted == "never" else self._latency(node, "accepted") or 0.0,
             on_cancel=on_cancel,
             cancel_after=cancel_after,
+            cut_short=self._cut_short(node, name, operation),
             progress=node.progress,
         )
+
+    def _cut_short(self, node: OutcomeNode, name: str, operation: Operation) -> Mapping[str, Any] | None:
+        if node.cut_short is None:
+            return None
+        if not operation.cut_short:
+            self._words.wrong(node.key_at("cut_short"), name, "it gives no result when it is cancelled")
+            return None
+        return self._words.fields(node, "cut_short", node.cut_short, operation.result, name)
 
     def _any_of(self, node: OutcomeNode, name: str, operation: Operation) -> AnyOf:
         nodes = node.any_of or []

@@ -46,6 +46,7 @@ class MockOutcome:
     Args:
         after: seconds from acceptance to the end; None: as long as the plugin's mock takes.
         accepted_after: seconds from the request to its acceptance; None: it is never accepted.
+        cut_short: fields of the result that a cancel gives, over the mock's; None: it gives none.
         progress: what the server says after it has accepted.
     """
 
@@ -57,6 +58,7 @@ class MockOutcome:
     accepted_after: float | Between | None = 0.0
     on_cancel: OnCancel = OnCancel.END
     cancel_after: float | Between = 0.0
+    cut_short: Mapping[str, Any] | None = None
     progress: str = ""
 
     @property
@@ -242,11 +244,14 @@ class Stage:
         del self._running[attempt]
         if running.outcome.on_cancel is OnCancel.SILENT:
             return
-        wait = running.outcome.cancel_after
+        wait, given = running.outcome.cancel_after, running.outcome.cut_short
+        result = None
+        if given is not None:
+            result = {**self._mocked(self._operation(running).mock.result, running), **given}
         if wait == 0.0:
-            self.outlet.cancelled(attempt)
+            self.outlet.cancelled(attempt, result)
         else:
-            self._later(wait, lambda: self.outlet.cancelled(attempt))
+            self._later(wait, lambda: self.outlet.cancelled(attempt, result))
 
     # -- what the world does ------------------------------------------------------------------------------
 

@@ -49,6 +49,8 @@ NAV = Plugin(
             uses=("base",),
             on_hold=OnHold.CANCEL,
         ),
+        "measure": Operation("Drive along.", result={"m": LENGTH}, on_hold=OnHold.CANCEL, cut_short=True),
+        "seek": Operation("Look for a place.", result={"place": POSE}, on_hold=OnHold.CANCEL),
     },
     functions={
         "approach": Function("Where to stand.", POSE, lambda _: dict, {"target": Argument(TAG, "tag")}),

@@ -56,7 +56,9 @@ LOOK = Operation("look", uses=("arm",), on_hold=OnHold.FINISH)
 TURN = Argument(within(NUMBER, 0.0, 2.0), "how far")
 BEND = Operation("bend", {"by": TURN}, uses=("arm",), on_hold=OnHold.FINISH)
 CARRY = Operation("carry", uses=("base", "arm"), on_hold=OnHold.CANCEL)
+GIVE = Operation("give", result={"flowed": NUMBER}, on_hold=OnHold.CANCEL, cut_short=True)
 OPERATIONS = {
+    "valve.give": GIVE,
     "nav.go": DRIVE,
     "nav.dock": DOCK,
     "bridge.read": READ,
@@ -240,6 +242,7 @@ def _invoke(described: str | Mapping[str, Any]) -> Invoke:
         timeout=optional(fields, "timeout"),
         timeout_code=fields.get("timeout_code"),
         retry=retry,
+        on_hold=fields.get("on_hold", ""),
     )
 
 

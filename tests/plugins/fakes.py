@@ -34,8 +34,8 @@ class FakeOutlet:
     def failed(self, attempt: str, code: str, detail: str = "") -> None:
         self.reports.append(("failed", attempt, code, detail))
 
-    def cancelled(self, attempt: str) -> None:
-        self.reports.append(("cancelled", attempt))
+    def cancelled(self, attempt: str, result: Mapping[str, Any] | None = None) -> None:
+        self.reports.append(("cancelled", attempt) if result is None else ("cancelled", attempt, result))
 
     def value(self, name: str, value: Any, stamp: float) -> None:
         self.values.append((name, value, stamp))

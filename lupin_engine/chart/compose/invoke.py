@@ -20,7 +20,7 @@ from lupin_engine.chart.expressions.values import (
 )
 from lupin_engine.chart.findings import Findings
 from lupin_engine.chart.model import ActionCall, ForEach, Invoke, Retry
-from lupin_engine.plugin.contract import OPERATION_CODES, Operation
+from lupin_engine.plugin.contract import OPERATION_CODES, OnHold, Operation
 from lupin_engine.plugin.registry import Catalog
 from lupin_engine.plugin.types import ANY, COUNT, DURATION, TEXT, Type
 
@@ -66,7 +66,19 @@ class InvokeReader:
         )
         timeout, code = self._timeout(node, scope, path)
         retry = self._retry(node.retry, operation, code, scope, f"{path}.retry") if node.retry else None
-        return Invoke(node.do, operation, arguments, node.place, timeout, code, retry)
+        self._check_on_hold(node, operation, path)
+        on_hold = "" if node.on_hold == "again" else node.on_hold
+        return Invoke(node.do, operation, arguments, node.place, timeout, code, retry, on_hold)
+
+    def _check_on_hold(self, node: InvokeNode, operation: Operation, path: str) -> None:
+        """Refuse what no release of a hold could do with the operation."""
+        at, path = node.at("on_hold"), f"{path}.on_hold"
+        if node.on_hold != "again" and operation.on_hold is not OnHold.CANCEL:
+            problem = f"a hold does not cancel {node.do}: it goes on, and its answer waits for the release"
+            self._findings.add(at, "never-happens", path, problem, "leave 'on_hold' out")
+        elif node.on_hold == "continue" and operation.result and not operation.cut_short:
+            problem = f"{node.do} gives no result when it is cancelled, so it cannot count as done"
+            self._findings.add(at, "never-happens", path, problem, "write 'on_hold: fail'")
 
     def _unknown(self, node: InvokeNode, path: str) -> None:
         if node.do in self._catalog.actions or node.do in self._actions.engine_actions:
@@ -161,4 +173,7 @@ def names_when_failed(invoke: Invoke | None) -> Mapping[str, Type]:
         known = {code.name for code in invoke.operation.codes} | {*OPERATION_CODES}
         known |= {invoke.timeout_code} if invoke.timeout_code else set()
         code = Type("text", "text", values=tuple(sorted(known)))
-    return {"error": Type("record", "error", fields={"code": code, "detail": TEXT}), "event": ANY}
+    fields = {"code": code, "detail": TEXT}
+    if invoke is not None and invoke.operation.cut_short:
+        fields["result"] = Type("record", "result", fields=invoke.operation.result)
+    return {"error": Type("record", "error", fields=fields), "event": ANY}

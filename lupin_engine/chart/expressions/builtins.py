@@ -16,7 +16,7 @@ from lupin_engine.chart.expressions.reader import (
     listed,
     orderable,
 )
-from lupin_engine.chart.expressions.scope import Typed
+from lupin_engine.chart.expressions.scope import ERROR_RESULT, Typed
 from lupin_engine.errors import meant, nearest
 from lupin_engine.plugin.types import ANY, BOOL, COUNT, Type, list_of
 
@@ -94,7 +94,7 @@ def _known(checker: ExpressionReader, node: ast.Call) -> Typed:
     typed = checker.visit(argument)
     if isinstance(argument, ast.Attribute) and dotted(argument.value) == "input":
         return Typed(BOOL, f"{environment_code('known')}({argument.attr!r})")
-    if checker.unknowns == before and not checker.failed:
+    if checker.unknowns == before and not checker.failed and dotted(argument) != ERROR_RESULT:
         hint = "write known(input.NAME) or known(find(...))"
         return checker.wrong(argument, "wrong-type", "known asks about what may be missing", hint)
     return Typed(BOOL, f"_known(lambda: {typed.code})")

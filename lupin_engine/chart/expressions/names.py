@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from functools import lru_cache
 
 from lupin_engine.chart.expressions.reader import MAX_NODES
-from lupin_engine.chart.expressions.scope import insets
+from lupin_engine.chart.expressions.scope import ERROR_RESULT, insets
 
 _CACHED = 4096
 
@@ -113,9 +113,11 @@ def _unknown(node: ast.AST) -> str:
         return f"input.{node.attr}"
     if isinstance(node, ast.Subscript) and isinstance(node.slice, ast.Constant):
         return ast.unparse(node) if isinstance(node.slice.value, str) else ""
+    if isinstance(node, ast.Attribute) and ast.unparse(node) == ERROR_RESULT:
+        return ERROR_RESULT
     return ast.unparse(node) if isinstance(node, ast.Call) and _is_called(node, "find") else ""
 
 
 def may_ask(source: str) -> bool:
     """Tell at a glance whether an expression may read something that can be unknown."""
-    return any(mark in source for mark in ("input.", "find(", "['", '["'))
+    return any(mark in source for mark in ("input.", "find(", ERROR_RESULT, "['", '["'))

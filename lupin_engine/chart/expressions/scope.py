@@ -22,6 +22,8 @@ BUILTIN_CALLS = (
 )
 #: What `find` and `sorted` call the element that they look at.
 ELEMENT = "t"
+#: What an operation gave that was cut short; it may be unknown.
+ERROR_RESULT = "error.result"
 TRUTHS: Mapping[str, bool] = {"true": True, "false": False}
 #: Words that no expression could read as a name.
 WORDS = frozenset({*keyword.kwlist, *TRUTHS})

@@ -48,7 +48,7 @@ def _given(
     actions: Iterable[ActionCall], known: frozenset[str] = frozenset()
 ) -> Iterator[tuple[int, frozenset[str]]]:
     for call in actions:
-        yield from ((id(value), known) for value in call.arguments.values())
+        yield from ((id(value), known) for value in (*call.arguments.values(), *call.data.values()))
         if call.guard is not None:
             source = call.guard.source
             yield id(call.guard), known

@@ -6,8 +6,8 @@ and tolerates servers that disappear from discovery for a moment.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
 
@@ -83,7 +83,8 @@ class ActionOperation:
     """How an operation reads the answers of its server.
 
     `outcome` says what the end of a goal means (an `action_msgs/GoalStatus` and the result; also 0, of a
-    server that no longer knows it), `told` what its feedback tells people.
+    server that no longer knows it), `told` what its feedback tells people, `cut_short` what the result of
+    a goal that was cancelled as asked comes to, where it comes to anything.
     """
 
     server: ActionServer
@@ -91,6 +92,7 @@ class ActionOperation:
     told: Callable[[Any], str]
     rejected: str
     unavailable: str
+    cut_short: Callable[[Any], Mapping[str, Any] | None] = field(default=lambda _: None)
 
     def failed(self, code: str, state: str) -> Failed:
         """Return that the server is in some state."""
@@ -178,7 +180,7 @@ class ActionAttempts:
         if running is None:
             return
         if status == GoalStatus.STATUS_CANCELED and running.cancelling:
-            self._outlet.cancelled(attempt)
+            self._outlet.cancelled(attempt, running.operation.cut_short(result))
             return
         outcome = running.operation.outcome(status, result)
         if isinstance(outcome, Done):

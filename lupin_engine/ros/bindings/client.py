@@ -107,7 +107,8 @@ class BoundClient:
             self._servers[endpoint.name] = server
         outcome = partial(_ended, self._world, call)
         told = partial(_told, self._world, call)
-        return ActionOperation(server, outcome, told, call.rejected, call.unavailable)
+        cut_short = partial(_cut_short, self._world, call)
+        return ActionOperation(server, outcome, told, call.rejected, call.unavailable, cut_short)
 
     def missing(self) -> list[str]:
         """Name the services and action servers that cannot be reached."""
@@ -271,6 +272,15 @@ def _ended(world: _BindingContext, call: OperationCall, status: int, result: Any
     if word is None:
         return Failed(call.unavailable, f"action server {call.endpoint.name} no longer knows the goal")
     return _outcome(world, call, {"status": word, "result": plain(result)})
+
+
+def _cut_short(world: _BindingContext, call: OperationCall, result: Any) -> Mapping[str, Any] | None:
+    """Return what a goal that was cancelled gave; nothing where the file says that it gives nothing."""
+    try:
+        return call.given({"status": "canceled", "result": plain(result)}, world.around(call.endpoint))
+    except Exception as problem:  # as with any other answer; the end of the attempt is what counts
+        world.ros.log.warning("no result of a cancelled goal", problem=f"{call.endpoint.place}: {problem}")
+        return None
 
 
 def _told(world: _BindingContext, call: OperationCall, feedback: Any) -> str:

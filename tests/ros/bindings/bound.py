@@ -73,7 +73,7 @@ class Cart:
 
     def _cancel(self, served: ServedGoal) -> None:
         self.cancelled.append(served)
-        served.cancel(NavigateToPose.Result())
+        served.cancel(NavigateToPose.Result(error_msg="half of it"))
 
     def _rinse(self, _: Any, response: Any) -> Any:
         self.rinsed += 1

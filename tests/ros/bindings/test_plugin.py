@@ -27,7 +27,7 @@ from lupin_engine.ros.bindings.definitions import (
 )
 from tests.plugins.fakes import FakeOutlet
 from tests.ros.bindings import bound
-from tests.ros.bindings.bound import Cart, abort, binding_of, sprayer, succeed
+from tests.ros.bindings.bound import SPRAYER, Cart, abort, binding_of, sprayer, succeed
 from tests.ros.helpers import spin_for, spin_until
 from tests.ros.world import World
 
@@ -149,7 +149,31 @@ def test_an_order_that_the_cart_takes_back_itself(bench: Bench) -> None:
     bench.spray()
     bench.reported("accepted")
     bench.client._attempts._running["a1"].goal.cancel()  # somebody else's request
-    assert bench.reported("accepted", "failed") == ("failed", "a1", "spray_failed", "")
+    assert bench.reported("accepted", "failed") == ("failed", "a1", "spray_failed", "half of it")
+
+
+def test_a_cancelled_goal_tells_how_far_it_came(make_node: MakeNode) -> None:
+    """Where its file says that it does; else nothing is given."""
+    text = (SPRAYER / "bindings" / "sprayer.yaml").read_text(encoding="utf-8")
+    gives = 'result: {told: {type: text, from: "${ result.error_msg }"}}'
+    bench = Bench(make_node)
+    for attempt, binding in (
+        ("a1", text),
+        (
+            "a2",
+            text.replace(
+                "    uses: cart\n", f"    uses: cart\n    {gives}\n    cut_short: true\n", 1
+            ).replace("{after: 20 s,", "{after: 20 s, result: {told: x},"),
+        ),
+    ):
+        bench.client = BoundClient(bench.engine, binding_of(binding), bench.outlet, SETTINGS)
+        bench.ready()
+        bench.spray(attempt)
+        bench.reported("accepted", attempt=attempt)
+        bench.client.cancel(attempt)
+        told = bench.reported("accepted", "cancelled", attempt=attempt)
+        assert told[2:] == ((), ({"told": "half of it"},))[attempt == "a2"]
+        bench.client.close()
 
 
 def test_goals_of_a_client_before_are_cancelled(bench: Bench, make_node: MakeNode) -> None:
