@@ -91,6 +91,7 @@ LATCHED = {
     "/floranova/observations",
     "/twin/state",
     "/map",
+    "/plan",
     "/lupin/arm/library/state",
     *READ_BESIDE,
 }
