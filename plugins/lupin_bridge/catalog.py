@@ -28,17 +28,7 @@ from lupin_engine.plugin.types import (
     number_in,
     one_of,
 )
-
-#: One measured value; its unit belongs to the name.
-SENSOR = Type("record", "sensor", fields={"name": TEXT, "value": NUMBER})
-#: What is measured, each in the unit that the bridge tells it in; soil moisture from 0 to 1.
-MEASURED = {
-    "temperature": number_in("°C"),
-    "humidity": number_in("%"),
-    "co2": number_in("ppm"),
-    "light": number_in("lx"),
-    "soil_moisture": NUMBER,
-}
+from lupin_greenhouse.readings import MEASURED, SENSOR
 
 #: What the sensors at one tag measured in one poll; `stamp` is seconds of the bridge's clock.
 READING = Type(

@@ -17,6 +17,7 @@ from lupin_engine.plugin.profile import (
 from lupin_engine.plugin.types import ANY, TEXT, Type, list_of
 from lupin_greenhouse import messages
 from lupin_greenhouse.mission import STAGES
+from lupin_greenhouse.readings import SENSOR_UNITS
 
 #: The types that every run uses, as the rest of the system has them.
 HASHES = {
@@ -86,7 +87,7 @@ PROFILE = Profile(
         target="tag",
         targets="tags",
         read="sensors",
-        columns={"temperature": "°C", "humidity": "%", "co2": "ppm", "light": "lx", "soil_moisture": ""},
+        columns=SENSOR_UNITS,
         flags={
             "estop_engaged": Flag("E-STOP", "e-stop engaged", "e-stop released", alarm=True),
             "paused": Flag("PAUSED", "paused", "resumed"),

@@ -1,12 +1,43 @@
-"""What the digital twin offers: a node that listens, and nothing to missions."""
+"""What the digital twin offers: a node that listens, and to missions what it knows of every tag."""
 
 from __future__ import annotations
 
-from lupin_engine.plugin.contract import Plugin
+from lupin_engine.plugin.contract import LiveValue, Parameter, Plugin
+from lupin_engine.plugin.types import BOOL, DURATION, NUMBER, ROS_NAME, TEXT, Type, list_of, named_values
+from lupin_greenhouse.readings import MEASURED, SENSOR
+
+#: `age` is the time since the tag was observed; of one that never was, years.
+TWIN_TAG = Type(
+    "record",
+    "twin_tag",
+    fields={
+        "id": TEXT,
+        "age": DURATION,
+        "species": TEXT,
+        "species_confidence": NUMBER,
+        "anomaly": BOOL,
+        "readings": named_values(SENSOR, MEASURED),
+    },
+)
+
+#: The twin tells its state every second; older than this, in seconds, it is not known any more.
+FRESH_S = 10.0
 
 PLUGIN = Plugin(
     name="twin",
     doc="The digital twin: the latest of every tag, kept through restarts, and sensor fields between them.",
+    values={
+        "twin.tags": LiveValue(
+            "what the digital twin knows of each tag: its age, flowers and latest readings",
+            list_of(TWIN_TAG),
+            freshness=FRESH_S,
+        )
+    },
+    types={"twin_tag": TWIN_TAG},
+    parameters={
+        "twin_state_topic": Parameter(ROS_NAME, "/twin/state", "topic of the digital twin (TwinState)"),
+    },
+    client="lupin_twin.client:TwinClient",
     nodes={"lupin_twin": "lupin_twin.node:main"},
     companions=("lupin_twin",),
     profile="greenhouse",

@@ -23,8 +23,7 @@ from lupin_twin.place import store_path
 from lupin_twin.records import Bloom
 from lupin_twin.state import Twin, TwinTag
 from lupin_twin.store import StoreContent, read
-from lupin_twin.text import number, printable
-from lupin_twin.units import QUANTITIES
+from lupin_twin.text import QUANTITIES, number, printable
 
 #: What the name of a file may end in, and the format that it says.
 ENDINGS = {".csv": "csv", ".geojson": "geojson"}

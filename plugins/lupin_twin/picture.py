@@ -25,8 +25,7 @@ from lupin_twin.field import (
 from lupin_twin.missions import MissionRecord, Observation
 from lupin_twin.records import Reading
 from lupin_twin.state import TwinTag
-from lupin_twin.text import number, printable
-from lupin_twin.units import QUANTITIES, with_unit
+from lupin_twin.text import QUANTITIES, number, printable, with_unit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -9,7 +9,7 @@ import pytest
 from lupin_bridge.greenhouse import Greenhouse
 from lupin_bridge.units import QUANTITIES as SERVED
 from lupin_twin.state import SENSORS
-from lupin_twin.units import QUANTITIES as KEPT
+from lupin_twin.text import QUANTITIES as KEPT
 
 ROOT = Path(__file__).parents[2]
 

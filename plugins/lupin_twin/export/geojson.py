@@ -16,7 +16,7 @@ from lupin_twin.export.georeference import Georeference, is_near
 from lupin_twin.missions import MissionRecord, Observation
 from lupin_twin.records import Anomaly, Corners, Flowers, Reading
 from lupin_twin.state import TwinTag
-from lupin_twin.units import QUANTITIES
+from lupin_twin.text import QUANTITIES
 
 #: Twice the area of the smallest planter box: of a smaller one the corners are in one place on the earth.
 SMALLEST_M2 = 1e-4

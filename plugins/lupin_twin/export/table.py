@@ -19,7 +19,7 @@ from urllib.parse import quote
 from lupin_twin.export.forms import to_json, utc
 from lupin_twin.missions import ALL, MissionRecord, Observation
 from lupin_twin.records import Anomaly, Flowers, Observed, Pin, Reading
-from lupin_twin.units import QUANTITIES
+from lupin_twin.text import QUANTITIES
 
 #: What the name of a table ends in for that of its description.
 DESCRIPTION = "-metadata.json"

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from lupin_twin.text import number, printable
-from lupin_twin.units import QUANTITIES, with_unit
+from lupin_twin.text import QUANTITIES, number, printable, with_unit
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,20 @@
+"""What sensors in the greenhouse measure: names and units, and the type of what one of them tells."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from lupin_engine.plugin.types import NUMBER, TEXT, Type, number_in
+
+#: What is measured, each with the unit that it is told in; soil moisture from 0 to 1.
+SENSOR_UNITS: Mapping[str, str] = {
+    "temperature": "°C",
+    "humidity": "%",
+    "co2": "ppm",
+    "light": "lx",
+    "soil_moisture": "",
+}
+#: The same as types, for missions that read a value by its name.
+MEASURED: Mapping[str, Type] = {name: number_in(unit) for name, unit in SENSOR_UNITS.items()}
+#: One measured value; its unit belongs to the name.
+SENSOR = Type("record", "sensor", fields={"name": TEXT, "value": NUMBER})

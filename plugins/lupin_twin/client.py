@@ -1,0 +1,54 @@
+"""What the digital twin knows, as a live value: missions order their visits by it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from lupin_engine.plugin.contract import Outlet
+from lupin_engine.plugin.wire import seconds_of
+from lupin_engine.ros.adapter.node import Qos, RosNode
+from lupin_msgs.msg import TwinState, TwinTagState
+
+
+class TwinClient:
+    """The driver of plugin `twin`: it only listens."""
+
+    def __init__(self, ros: RosNode, outlet: Outlet, parameters: Mapping[str, Any]) -> None:
+        self._ros = ros
+        self._outlet = outlet
+        self._closed = False
+        ros.subscribe(TwinState, parameters["twin_state_topic"], Qos.LATCHED, self._on_state)
+
+    def missing(self) -> list[str]:
+        """Name nothing: a mission finds its way without the twin."""
+        return []
+
+    def start(self, attempt: str, operation: str, arguments: Mapping[str, Any]) -> None:
+        """There are no operations."""
+
+    def cancel(self, attempt: str) -> None:
+        """There are no attempts."""
+
+    def act(self, action: str, arguments: Mapping[str, Any]) -> None:
+        """There are no actions."""
+
+    def close(self) -> None:
+        """Report no more."""
+        self._closed = True
+
+    def _on_state(self, message: TwinState) -> None:
+        if not self._closed:
+            stamp = seconds_of(message.header.stamp) or self._ros.now()
+            self._outlet.value("twin.tags", [_record(tag) for tag in message.tags], stamp)
+
+
+def _record(tag: TwinTagState) -> dict[str, Any]:
+    return {
+        "id": tag.tag_id,
+        "age": float(tag.stale_seconds),
+        "species": tag.species,
+        "species_confidence": float(tag.species_confidence),
+        "anomaly": tag.anomaly,
+        "readings": [{"name": told.name, "value": told.value} for told in tag.readings],
+    }
