@@ -113,7 +113,7 @@ def _path(state: str) -> tuple[str, ...]:
 def stale_answers_speak(patch: pytest.MonkeyPatch) -> None:
     """An answer is taken in whoever asked for it."""
 
-    def report(self: Operations, kind: str, attempt: Any, step: Any) -> None:
+    def report(self: Operations, kind: str, attempt: Any, data: Any, step: Any) -> None:
         self._end_current(kind, attempt, {"result": {}}, step)
 
     patch.setattr(Operations, "_report_unwanted", report)
@@ -164,9 +164,9 @@ def late_accepts_are_kept(patch: pytest.MonkeyPatch) -> None:
     """A goal that is accepted after its cancel is driven to."""
     report = Operations._report_unwanted
 
-    def keep(self: Operations, kind: str, attempt: Any, step: Any) -> None:
+    def keep(self: Operations, kind: str, attempt: Any, data: Any, step: Any) -> None:
         before = len(step.commands)
-        report(self, kind, attempt, step)
+        report(self, kind, attempt, data, step)
         del step.commands[before:]
 
     patch.setattr(Operations, "_report_unwanted", keep)
@@ -176,9 +176,9 @@ def confirmed_cancels_free_nothing(patch: pytest.MonkeyPatch) -> None:
     """Only the watchdog lets the next drive begin."""
     report = Operations._report_unwanted
 
-    def wait(self: Operations, kind: str, attempt: Any, step: Any) -> None:
+    def wait(self: Operations, kind: str, attempt: Any, data: Any, step: Any) -> None:
         if kind != "cancelled":
-            report(self, kind, attempt, step)
+            report(self, kind, attempt, data, step)
 
     patch.setattr(Operations, "_report_unwanted", wait)
 
@@ -187,11 +187,11 @@ def results_are_answered_by_a_new_goal(patch: pytest.MonkeyPatch) -> None:
     """A goal that nobody wants any more is sent again when it fails."""
     report = Operations._report_unwanted
 
-    def send_again(self: Operations, kind: str, attempt: Any, step: Any) -> None:
+    def send_again(self: Operations, kind: str, attempt: Any, data: Any, step: Any) -> None:
         if kind == "failed":
             step.commands.append(Start(attempt.id, attempt.operation, attempt.arguments))
         else:
-            report(self, kind, attempt, step)
+            report(self, kind, attempt, data, step)
 
     patch.setattr(Operations, "_report_unwanted", send_again)
 
@@ -200,12 +200,12 @@ def answers_go_to_whoever_waits(patch: pytest.MonkeyPatch) -> None:
     """A late answer is booked on what is asked just then."""
     report = Operations._report_unwanted
 
-    def book(self: Operations, kind: str, attempt: Any, step: Any) -> None:
+    def book(self: Operations, kind: str, attempt: Any, data: Any, step: Any) -> None:
         asked = [found for found in self._scope.memory.attempts.values() if found.phase is Phase.ACCEPTED]
         if kind == "done" and asked:
             self._end_current(kind, asked[0], {"result": {}}, step)
         else:
-            report(self, kind, attempt, step)
+            report(self, kind, attempt, data, step)
 
     patch.setattr(Operations, "_report_unwanted", book)
 
