@@ -308,7 +308,9 @@ class AskNode(Node):
     """A question to the operator, asked while the state is active; each choice is the event answer.CHOICE."""
 
     question: Annotated[Written, Meaning.VALUE] = Field(description="what is asked, a text")
-    choices: dict[str, Annotated[ChoiceNode, _OR_LABEL]] = Field(description="what can be answered, by name")
+    choices: dict[str, Annotated[ChoiceNode, _OR_LABEL]] = Field(
+        description="what can be answered, by name; an answer counts for every open question with that choice"
+    )
     default: str = Field(description="choice that counts when nobody has answered in time")
     after: Annotated[Written, Meaning.VALUE] = Field(
         description="time to answer, a duration; it stands still during a hold"

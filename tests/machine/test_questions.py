@@ -132,3 +132,23 @@ def test_what_can_be_answered_is_explained() -> None:
     bench.send("out")
     told = {found.event: found for found in bench.machine.explain(0.0)}
     assert str(told["answer.yes"]) == "answer.yes: the answer 'yes' is refused: nothing is asked"
+
+
+def test_an_answer_counts_for_every_question_that_has_the_choice() -> None:
+    """Two regions may ask at the same time; what only one of them can be answered leaves the other open."""
+
+    def region(*choices: str) -> dict[str, Any]:
+        states = {
+            "ASK": {
+                "ask": {"question": "so?", "choices": choices},
+                "on": {f"answer.{choice}": "OVER" for choice in choices},
+            },
+            "OVER": {},
+        }
+        return {"states": states}
+
+    both = {"kind": "parallel", "states": {"L": region("yes", "no"), "R": region("yes", "later")}}
+    for answer, still in (("yes", []), ("later", ["P.L.ASK"])):
+        bench = Bench(chart({"P": both}))
+        assert bench.send(f"answer.{answer}").accepted
+        assert [question.state for question in bench.machine.view.asking] == still
