@@ -18,7 +18,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from lupin_engine.chart.expressions.checker import compile_expression
-from lupin_engine.chart.expressions.evaluation import Compiled, UnknownInput
+from lupin_engine.chart.expressions.evaluation import Compiled, UnknownValue
 from lupin_engine.chart.expressions.scope import Fragment, Scope
 from lupin_engine.chart.findings import Findings
 from lupin_engine.chart.source import text_at
@@ -330,6 +330,7 @@ ATOMS = split("""
     input.battery.value input.battery.low event event.x event.pose.x target target.id target.x itinerary.open
     itinerary.remaining known(input.pose) held(pause) in_state('READY') in_state(A.READY) approach(target).yaw
     tags.named(param.names) tags.numeric_order() [] () [1] ['a','b'] ('battery','dock') visits*visits -visits
+    e e.x e.id t t.x t.id t=='a' e!='a' find(param.names,t=='a') known(find(tags.numeric_order(),t.id=='a'))
 """)
 TOKENS = split("""
     and or not in is if else for lambda None yield await async import as with : := , . ; = == != < <= > >= + -
@@ -359,7 +360,7 @@ def _larger(inner: st.SearchStrategy[str]) -> st.SearchStrategy[str]:
     signs = st.sampled_from(
         ["+", "-", "*", "/", "//", "%", "==", "!=", "<", "<=", ">", ">=", "in", "and", "or"]
     )
-    calls = st.sampled_from(["len", "min", "max", "abs", "round", "any", "all"])
+    calls = st.sampled_from(["len", "min", "max", "abs", "round", "any", "all", "sum", "first", "sorted"])
     return st.one_of(
         st.tuples(inner, signs, inner).map(lambda t: f"({t[0]} {t[1]} {t[2]})"),
         st.tuples(inner, signs, inner, signs, inner).map(" ".join),
@@ -370,6 +371,11 @@ def _larger(inner: st.SearchStrategy[str]) -> st.SearchStrategy[str]:
         st.tuples(inner, inner).map(lambda t: f"{t[0]}[{t[1]}]"),
         st.tuples(inner, st.sampled_from(["x", "id", "value", "_x", "__class__"])).map(".".join),
         inner.map(lambda text: f"round({text}, 2)"),
+        st.tuples(inner, inner).map(lambda t: f"[{t[0]} for e in {t[1]}]"),
+        st.tuples(inner, inner, inner).map(lambda t: f"[{t[0]} for e in {t[1]} if {t[2]}]"),
+        st.tuples(st.sampled_from(["find", "sorted", "first"]), inner, inner).map(
+            lambda t: f"{t[0]}({t[1]}, {t[2]})"
+        ),
     )
 
 
@@ -400,9 +406,10 @@ def codes(code: CodeType) -> Iterator[CodeType]:
 
 
 #: All that compiled code may name besides its environment.
-NAMES = {"len", "min", "max", "abs", "round", "any", "all", "_times", "_same"}
+NAMES = {"len", "min", "max", "abs", "round", "any", "all", "_times", "_same", "sum", "sorted"}
+NAMES |= {"_bounded", "_short", "_first", "_found", "_known", "_number"}
 #: What an expression may raise, and what more when it has read something of which nothing is known.
-RAISED = (UnknownInput, ZeroDivisionError, IndexError, OverflowError, ValueError)
+RAISED = (UnknownValue, ZeroDivisionError, IndexError, OverflowError, ValueError)
 RAISED_BY_ANY = (*RAISED, KeyError, TypeError)
 FUNCTIONS = {
     "approach": lambda target: {"x": target["x"], "y": 0.0, "yaw": 0.0},

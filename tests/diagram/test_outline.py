@@ -62,6 +62,11 @@ def test_every_transition_is_seen_once(name: str) -> None:
     assert {id for label in labels for id in label.ids} == wanted
 
 
+def test_what_is_added_and_removed_is_drawn(words: Picture) -> None:
+    """With what it is, where that is written out."""
+    assert "entry / add 'T1' to done, add to lately, remove 'no…" in box(words, "RESTING").text
+
+
 def test_a_for_each_shows_its_list_limit_operation_and_ends(words: Picture) -> None:
     """What is begun, for what, how much of it at a time."""
     assert box(words, "READING").text == (

@@ -193,6 +193,13 @@ def test_a_comment_cannot_end_itself() -> None:
     assert _comment("a -- b --> c") == "a - - b - -&gt; c"
 
 
+def test_what_is_added_and_removed_is_assigned() -> None:
+    """SCXML knows no lists, the expression language of the document does."""
+    found = {each.get("location"): each.get("expr") for each in tree("words").iter(f"{SCXML}assign")}
+    assert found["done"] == "done if 'T1' in done else done + ['T1']"
+    assert found["lately"] == "[each for each in lately if each != 'none']"
+
+
 def test_an_if_is_that_of_scxml() -> None:
     """With its `else` in the middle, and one inside the other."""
     (outer,) = (found for found in tree("words").iter(f"{SCXML}if") if found.get("cond") == "reason == ''")

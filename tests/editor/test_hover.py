@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -206,6 +207,23 @@ def test_says_what_a_name_means(case: str, folder: Folder) -> None:
     found = hover(folder, path, offset_of(folder, path, marked))
     assert found is not None
     assert [piece for piece in said if piece not in found.text] == []
+
+
+@pytest.mark.parametrize(
+    ("guard", "said"),
+    [
+        ("find(request.tag_sequence, t.|x > '1 m').id == 'a'", "t.x: length"),
+        ("any([each.|id == 'a' for each in tags.numeric_order()])", "each.id: text"),
+    ],
+)
+def test_the_element_of_a_loop_has_the_type_of_what_its_list_holds(
+    guard: str, said: str, typed: Callable[[str, str, str], tuple[Path, int]], folder: Folder
+) -> None:
+    """Though no file declares it."""
+    path, offset = typed(PART, "guard: itinerary.open              #", f"guard: {guard} #")
+    found = hover(folder, path, offset)
+    assert found is not None
+    assert said in found.text
 
 
 @pytest.mark.parametrize("case", CASES)
