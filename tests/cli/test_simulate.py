@@ -480,3 +480,32 @@ def test_a_session_needs_no_other_options() -> None:
         CliRunner().invoke(
             simulate, ["inspection", "-i", "-q"], standalone_mode=False, catch_exceptions=False
         )
+
+
+ASKING = """\
+mission: Asking
+states:
+  ASKING:
+    ask: {question: Go on?, choices: {go_on: Go on, stay: Stay}, default: stay, after: 1 min}
+    on:
+      answer.go_on: WORKING
+      answer.stay: done
+  WORKING:
+    after: {1 s: done}
+  done: {type: final}
+initial: ASKING
+"""
+
+
+def test_a_question_is_answered_by_hand(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It is seen with what can be answered; an answer is sent like any request."""
+    shutil.copytree(MISSIONS, tmp_path, dirs_exist_ok=True)
+    (tmp_path / "asking.yaml").write_text(ASKING, encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    lines = typed(
+        "asking.yaml", "-i", typing="start\nwhere\nsend answer.go_on\nsend answer.stay\nquit\n"
+    ).output
+    seen = " ".join(lines.split())
+    assert "asked Go on? go_on Go on stay Stay" in seen
+    assert "WORKING answer.go_on accepted" in seen
+    assert "answer.stay REFUSED: the answer 'stay' is refused: nothing is asked" in seen
