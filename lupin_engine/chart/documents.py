@@ -363,6 +363,10 @@ class StateNode(Node):
     after: Annotated[dict[str, Transitions], Keyed(Meaning.VALUE)] = _by_name(
         "by duration: what happens when the state has been active that long"
     )
+    every: Annotated[dict[str, Transitions], Keyed(Meaning.VALUE)] = _by_name(
+        "by duration, 100 ms or more: what happens at that rate while the state is active; late ticks do not "
+        "shift the next ones, missed ones are left out, a hold stops this clock too"
+    )
     budget: BudgetNode | None = Field(None, description="time that this state has in one mission")
     for_each: ForEachNode | None = Field(None, description="one operation for every element of a list")
     itinerary: ItineraryNode | None = Field(None, description="the list that this state walks")

@@ -84,13 +84,14 @@ class Transition:
 
 @record(frozen=True)
 class Timer:
-    """An `after` or the `budget` of a state: `event` is what its transitions listen to."""
+    """A clock of a state: `after`, `budget` or `every`, which repeats. Its transitions listen to `event`."""
 
     KEY: ClassVar[str] = "event"
 
     event: str
     after: Value = field(metadata=said(Role.VALUE))
     place: Place
+    repeats: bool = False
 
 
 @record(frozen=True)

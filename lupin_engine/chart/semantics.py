@@ -18,6 +18,8 @@ from lupin_engine.chart.model import Chart, Kind, State, Transition
 FAULT = "FAULT"
 EXECUTION_ERROR = "error.execution"
 #: First words of the events that the engine makes for one state.
+#: The shortest time between two ticks of an `every`, in seconds.
+MIN_PERIOD = 0.1
 ENGINE_EVENTS = frozenset({"done", "error", "after", "budget"})
 
 

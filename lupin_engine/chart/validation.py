@@ -157,7 +157,11 @@ _SHAPES: Mapping[str, str] = {
 
 
 #: What a mapping looks like that authors write without its braces, by its key.
-_MAPPINGS: Mapping[str, str] = {"after": "{DURATION: STATE}", "on": "{EVENT: STATE}"}
+_MAPPINGS: Mapping[str, str] = {
+    "after": "{DURATION: STATE}",
+    "every": "{DURATION: {do: ACTION}}",
+    "on": "{EVENT: STATE}",
+}
 
 
 def _expected(details: ErrorDetails, found: Any) -> tuple[str, str]:

@@ -75,8 +75,8 @@ class ElementTexts:
         if rule in state.resume_at:
             return "resume"
         if rule.event.startswith("after."):
-            delay = next(timer.after for timer in state.timers if timer.event == rule.event)
-            return f"after {self.duration(delay)}"
+            timer = next(timer for timer in state.timers if timer.event == rule.event)
+            return f"{'every' if timer.repeats else 'after'} {self.duration(timer.after)}"
         if rule.event == "budget" and state.budget is not None:
             return f"budget {self.duration(state.budget.after)}"
         return plain_event(rule.event)

@@ -77,7 +77,9 @@ class _ScxmlWriter:
         if state.ask is not None:
             inside += self._ask(state.ask)
         inside += _element("onentry", {}, [*self._timers(state), *self._actions(state.entry)])
-        cancels = [f"<cancel{_attributes(sendid=self._timer(state, timer))}/>" for timer in _clocks(state)]
+        sent = [self._timer(state, timer) for timer in _clocks(state)]
+        sent += [f"{self._timer(state, timer)}.again" for timer in state.timers if timer.repeats]
+        cancels = [f"<cancel{_attributes(sendid=each)}/>" for each in sent]
         inside += _element("onexit", {}, [*cancels, *self._actions(state.exit)])
         inside += _element("donedata", {}, _params(state.result))
         for child in box.children:
@@ -114,7 +116,9 @@ class _ScxmlWriter:
             else None,
             **_extensions(rule),
         }
-        yield from _element("transition", attributes, [*refusal, *self._actions(rule.actions)], always=True)
+        again = [self._send(state, t, ".again") for t in state.timers if t.repeats and t.event == rule.event]
+        inside = [*refusal, *again, *self._actions(rule.actions)]
+        yield from _element("transition", attributes, inside, always=True)
 
     def _event(self, state: State, event: str) -> str | None:
         name = _id(state.name)
@@ -140,10 +144,13 @@ class _ScxmlWriter:
     # -- what a state does ------------------------------------------------------------------------------
 
     def _timers(self, state: State) -> Iterator[str]:
-        for timer in _clocks(state):
-            event = self._timer(state, timer)
-            delay, expression = self._seconds(timer.after)
-            yield f"<send{_attributes(event=event, id=event, delay=delay, delayexpr=expression)}/>"
+        return (self._send(state, timer) for timer in _clocks(state))
+
+    def _send(self, state: State, timer: Timer, mark: str = "") -> str:
+        """Return what sets a deadline; one that is set in two places has two ids, as XML wants it."""
+        event = self._timer(state, timer)
+        delay, expression = self._seconds(timer.after)
+        return f"<send{_attributes(event=event, id=event + mark, delay=delay, delayexpr=expression)}/>"
 
     @staticmethod
     def _timer(state: State, timer: Timer) -> str:

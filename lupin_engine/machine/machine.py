@@ -16,7 +16,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, cast
 
 from lupin_engine.chart.model import Chart, Invariant, Kind, State, Transition
-from lupin_engine.chart.semantics import ENGINE_EVENTS, EXECUTION_ERROR, FAULT
+from lupin_engine.chart.semantics import ENGINE_EVENTS, EXECUTION_ERROR, FAULT, MIN_PERIOD
 from lupin_engine.errors import reason
 from lupin_engine.machine.actions import ExecutableContent
 from lupin_engine.machine.event import NO_TRIGGER, NOTHING, Event, InternalEvent, Trigger, flaw
@@ -225,9 +225,10 @@ class Machine:
         step.queue.append(_as_internal(event))
 
     def _fire(self, timer: Timer, now: float) -> Step:
-        _, _, kind, (owner, name) = timer
+        due, _, kind, (owner, name) = timer
         step = self._open(Event(f"timer.{kind}", {"owner": owner}), now)
         if kind in ("after", "budget"):
+            self._tick_again(owner, name, due)
             step.queue.append(InternalEvent(name, owner))
         elif kind == "ask":
             self._requests.questions.close(owner)
@@ -587,6 +588,21 @@ class Machine:
             if kind == "budget":
                 known[state.name] = delay
             self.scope.timers.arm(kind, state.name, step.now, delay, timer.event)
+
+    def _tick_again(self, state: str, event: str, due: float) -> None:
+        """Set the next tick of an `every`, by when this one was due; what was missed is left out."""
+        step = self._step
+        for timer in self.chart.states[state].timers:
+            if timer.repeats and timer.event == event:
+                try:
+                    period = seconds(timer.after.evaluate(self.scope.see(state, step)))
+                    if period < MIN_PERIOD:
+                        raise ValueError(f"{period:g} s is too often, the shortest is {MIN_PERIOD:g} s")
+                except Exception as problem:
+                    step.fail(state, f"{timer.place}: every: {reason(problem)}")
+                    return
+                missed = (step.now - due) // period
+                self.scope.timers.arm("after", state, due + missed * period, period, event)
 
     def _result(self, final: State, trigger: Trigger) -> Mapping[str, Any]:
         """Return what the end of a state gives; nothing where that cannot be computed."""

@@ -57,7 +57,9 @@ IN_TYPES = ("unit", "max", "distinct")
 #: Words that become something else than a field of that name.
 ELSEWHERE = {
     (d.TransitionNode, "use"): "the other state's transitions are composed again",
-    **{(d.StateNode, key): "transitions" for key in ("on", "on_done", "on_error", "always", "after")},
+    **{
+        (d.StateNode, key): "transitions" for key in ("on", "on_done", "on_error", "always", "after", "every")
+    },
     (d.StateNode, "states"): "children",
     (d.StateNode, "use"): "the part's states",
     (d.StateNode, "with"): "is built into the part's expressions",

@@ -234,3 +234,16 @@ def test_a_question_and_its_default_are_in_the_document() -> None:
     assert choices == [("again", "Once more", "warn"), ("enough", "That will do", "info")]
     (sent,) = (found for found in document.iter(f"{SCXML}send") if "answer.enough" in found.get("event", ""))
     assert sent.get("delay") == "5s"
+
+
+def test_a_tick_sets_the_next_one() -> None:
+    """SCXML has no clock that repeats: what a tick does begins with a `send` of the next."""
+    (rule,) = (
+        found
+        for found in tree("words").iter(f"{SCXML}transition")
+        if found.get("event") == "after.1.MISSION-Words-STARTING-LOOKING"
+    )
+    assert [(child.tag.removeprefix(SCXML), child.get("delay")) for child in rule] == [
+        ("send", "0.2s"),
+        ("assign", None),
+    ]

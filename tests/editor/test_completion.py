@@ -58,7 +58,7 @@ CASES = {
     ),
     "keys of a state": (
         INSPECTION, "        on_error: FAULT", "        |",
-        ["summary", "type", "depth", "initial", "states", "entry", "exit", "on_error", "on"], 22,
+        ["summary", "type", "depth", "initial", "states", "entry", "exit", "on_error", "on"], 23,
     ),
     "keys of a file": (INSPECTION, "initial: PREPARE", "|", ["inputs", "context", "invariants"], 0),
     "operations": (INSPECTION, "do: nav.localize", "do: na|", OPERATIONS, 7),

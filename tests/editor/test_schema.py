@@ -39,7 +39,7 @@ GOOD = sorted(
 SEEN = {"unknown-key", "missing-key", "wrong-shape"}
 #: Broken charts of which the shape is wrong in a way that needs more than one mapping to see.
 NOT_SEEN = {
-    "beginnings", "budgets", "carried_fields", "code_details", "contradictions", "copied_answers",
+    "beginnings", "budgets", "carried_fields", "code_details", "contradictions", "copied_answers", "every",
     "for_each_beside", "holds", "inputs", "invoke_with_states", "level_without_target", "lifecycle_names",
     "no_slot", "not_a_mission", "plugin_events", "request_carried", "request_fields", "retries", "slots",
     "words_in_their_place",

@@ -130,9 +130,10 @@ class Builder:
 
     def _build(self, name: str, described: Mapping[str, Any]) -> None:
         kind = described.get("kind") or ("compound" if described.get("states") else "atomic")
+        delays = [*described.get("after", {}), *described.get("every", {})]
+        once = len(described.get("after", {}))
         timers = tuple(
-            Timer(f"after.{index}", value(delay), PLACE)
-            for index, delay in enumerate(described.get("after", {}))
+            Timer(f"after.{index}", value(delay), PLACE, index >= once) for index, delay in enumerate(delays)
         )
         initial = described.get("initial")
         top = name.partition(".")[0]
@@ -169,7 +170,8 @@ class Builder:
             found.extend(self._rules_of(name, event, rules))
         found.extend(self._rules_of(name, "done", described.get("on_done", ())))
         found.extend(self._rules_of(name, "error", described.get("on_error", ())))
-        for index, rules in enumerate(described.get("after", {}).values()):
+        timed = [*described.get("after", {}).values(), *described.get("every", {}).values()]
+        for index, rules in enumerate(timed):
             found.extend(self._rules_of(name, f"after.{index}", rules))
         for rules in described.get("budget", {}).values():
             found.extend(self._rules_of(name, "budget", rules))

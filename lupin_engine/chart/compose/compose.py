@@ -59,6 +59,7 @@ from lupin_engine.chart.model import (
     State,
     Timer,
 )
+from lupin_engine.chart.semantics import MIN_PERIOD
 from lupin_engine.chart.source import Text
 from lupin_engine.errors import Place
 from lupin_engine.plugin.builtin import BUILTIN
@@ -73,6 +74,8 @@ ITINERARY = Type(
     "itinerary",
     fields={"open": BOOL, "remaining": COUNT, "total": COUNT, "closed": COUNT, "sweep": COUNT},
 )
+#: The time between two ticks of an `every`.
+PERIOD = Type("number", "duration", unit="s", minimum=MIN_PERIOD)
 #: How often a chart is looked at for what its events carry, if one follows from another.
 MAX_LEARNED = 4
 #: What an invariant does not see, because it is told of every moment.
@@ -444,7 +447,7 @@ class _Composer:
         if node.exit:
             found["exit"] = self._read_actions(node.exit, scope, draft, "exit")
         found["transitions"] = self._transitions.read(draft, node, invoke, scope)
-        if node.after:
+        if node.after or node.every:
             found["timers"] = tuple(self._timers(draft, node, scope))
         found["resume_at"] = self._transitions.resume_at(draft, node)
         return found
@@ -578,6 +581,13 @@ class _Composer:
             value = read_value(text, place, DURATION, scope, self._findings, path_of(draft.name, event))
             if value is not None:
                 yield Timer(event, value, place)
+        steady = draft.scope.without("event", "it is looked at again at every tick") if draft.scope else scope
+        for index, key in enumerate(node.every):
+            text, event = node.text_of_key("every", key), f"after.{len(node.after) + index}"
+            path = path_of(draft.name, f"every.{index}")
+            value = read_value(text, text.place, PERIOD, steady, self._findings, path)
+            if value is not None:
+                yield Timer(event, value, text.place, repeats=True)
 
     def _budget(self, draft: Draft, node: BudgetNode) -> Timer | None:
         assert draft.scope is not None

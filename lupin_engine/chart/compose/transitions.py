@@ -99,6 +99,9 @@ class TransitionReader:
             found += self._list(
                 nodes, TransitionSite(draft, draft, f"after.{index}", f"after.{index}", any_event)
             )
+        for index, nodes in enumerate(node.every.values()):
+            event = f"after.{len(node.after) + index}"
+            found += self._list(nodes, TransitionSite(draft, draft, f"every.{index}", event, any_event))
         if node.budget is not None:
             found.append(self._when_used_up(draft, node.budget))
         return tuple(found)
@@ -228,7 +231,7 @@ class TransitionReader:
         self.heard.add(site.event)
         prefix, found = path_of(site.source.name, site.key), []
         for index, node in enumerate(nodes):
-            id = prefix if index == 0 and site.key.startswith("after.") else f"{prefix}.{index}"
+            id = prefix if index == 0 and site.key.startswith(("after.", "every.")) else f"{prefix}.{index}"
             found.append(self._transition(node, id, site))
         return found
 

@@ -85,10 +85,16 @@ def waits_for_the_world(index: Index) -> Iterator[Diagnostic]:
 
 def _does_something(index: Index, state: State) -> bool:
     """Tell whether a state works, watches the clock (as it is written), or stands beside others that do."""
-    if state.timers or state.invoke is not None or state.kind is Kind.PARALLEL:
+    if _ends_in_time(state) or state.invoke is not None or state.kind is Kind.PARALLEL:
         return True
     node = index.composed.drafts[state.name].node
     return node is not None and bool(node.invoke or node.for_each or node.after or node.budget or node.ask)
+
+
+def _ends_in_time(state: State) -> bool:
+    """Tell whether a clock leads out of a state; a tick that leads nowhere does not."""
+    leaving = {transition.event for transition in state.transitions if transition.target is not None}
+    return any(not timer.repeats or timer.event in leaving for timer in state.timers)
 
 
 def _comes_from_the_world(event: str, raised: set[str]) -> bool:
