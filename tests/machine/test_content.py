@@ -317,6 +317,18 @@ def test_a_list_that_is_full_takes_nothing_more(kind: Type) -> None:
     assert bench.context["seen"] == ["a", "b"]
 
 
+def test_a_number_stays_at_or_below_its_maximum() -> None:
+    """As it stays above its minimum."""
+    more = ("set", {"n": lambda env: env["context"]["n"] + 1})
+    given = chart({"A": {"on": {"more": {"do": more}}}, "FAULT": {}})
+    bench = Bench(replace(given, context={"n": Variable("n", within(COUNT, None, 2), value(1), PLACE)}))
+    bench.send("more")
+    assert (bench.context, bench.leaves) == ({"n": 2}, ["A"])
+    bench.send("more")
+    detail = "test.yaml:1:1: set: n is a count of at most 2, got 3"
+    assert (bench.context, bench.leaves, bench.machine.view.detail) == ({"n": 2}, ["FAULT"], detail)
+
+
 def test_records_are_told_apart_by_all_that_they_say() -> None:
     """In a set as elsewhere, two that are equal are one."""
     bench = collecting(within(set_of(ANY), None, 2), {"id": "a"}, {"id": "a"})
