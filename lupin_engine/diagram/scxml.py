@@ -4,10 +4,17 @@ Expressions stay in the language of the chart, a small part of Python's. For wha
 extension points serve: an operation is an `invoke` of type `x-lupin`, an action is a `send` of that type, a
 refusal is a transition that logs its code. Holds and itineraries are comments. Names have hyphens instead of
 dots, because dots separate the parts of an event in SCXML.
+
+What the machine adds to SCXML is written out: the level of an input is a condition without an event, a hold
+keeps eventless transitions back by a condition, an error that nobody handles leads to FAULT, a mission begins
+with the `initial` transition of its state. A history with `resume_at`, or of several levels, becomes
+transitions that ask which child was left last (`left_STATE`). Where a `resume_at` holds in one region of a
+parallel state, its other regions begin anew in the document.
 """
 
 from __future__ import annotations
 
+import itertools
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
@@ -25,6 +32,7 @@ from lupin_engine.chart.model import (
     Transition,
 )
 from lupin_engine.chart.records import Role, parts_of, walk
+from lupin_engine.chart.semantics import FAULT
 from lupin_engine.diagram.outline import find_state
 from lupin_engine.diagram.picture import LineRole, Picture, StateBox
 from lupin_engine.diagram.xml_text import escape, quoted
@@ -47,6 +55,13 @@ class _ScxmlWriter:
         self._picture = picture
         self._chart: Chart = picture.chart
         self._defaults = {"param": {name: p.default for name, p in self._chart.parameters.items()}}
+        #: Of a state whose children history brings back one by one: where it is kept which was left last.
+        self._left: dict[str, str] = {}
+        self._ways = {
+            state.name: tuple(self._ways_back(state))
+            for state in self._chart.states.values()
+            if state.kind is Kind.HISTORY
+        }
 
     def document(self) -> Iterator[str]:
         """Yield the lines of the document."""
@@ -58,6 +73,7 @@ class _ScxmlWriter:
             f"<data{_attributes(id=name, expr=_written(v.default))}/>"
             for name, v in self._chart.context.items()
         ]
+        data += [f"<data{_attributes(id=name, expr=repr(''))}/>" for name in self._left.values()]
         yield from (f"  {line}" for line in _element("datamodel", {}, data))
         for box in self._picture.boxes:
             # The document itself has no transitions; one of its states is always active.
@@ -76,20 +92,27 @@ class _ScxmlWriter:
         inside += [f"<!-- {_comment(str(line))} -->" for line in box.lines if str(line).startswith("resume")]
         if state.ask is not None:
             inside += self._ask(state.ask)
-        inside += _element("onentry", {}, [*self._timers(state), *self._actions(state.entry)])
+        begins = self._begin_mission(state)
+        entry = () if begins else state.entry
+        inside += _element("onentry", {}, [*self._timers(state), *self._actions(entry)])
         sent = [self._timer(state, timer) for timer in _clocks(state)]
         sent += [f"{self._timer(state, timer)}.again" for timer in state.timers if timer.repeats]
         cancels = [f"<cancel{_attributes(sendid=each)}/>" for each in sent]
-        inside += _element("onexit", {}, [*cancels, *self._actions(state.exit)])
+        inside += _element("onexit", {}, [*cancels, *self._actions(state.exit), *self._keep(state)])
+        if begins:
+            first = _element("transition", {"target": _id(box.initial)}, begins)
+            inside += _element("initial", {}, first)
         inside += _element("donedata", {}, _params(state.result))
         for child in box.children:
             inside += self._box(child)
         if state.kind is not Kind.FINAL:
             for rule in (*state.transitions, *more):
-                inside += self._transition(state, rule)
+                inside += self._transitions(state, rule)
+            if state.parent == "" and FAULT in self._chart.states and state.name != FAULT:
+                inside.append(f"<transition{_attributes(event='error', target=FAULT)}/>")
             if state.invoke is not None:
                 inside += self._invoke(state, state.invoke)
-        attributes = {"id": _id(state.name), "initial": _id(box.initial)}
+        attributes = {"id": _id(state.name), "initial": None if begins else _id(box.initial)}
         yield from _element(_ELEMENTS[state.kind], attributes, inside)
 
     def _begins(self, state: State) -> str:
@@ -102,14 +125,74 @@ class _ScxmlWriter:
         ]
         return " ".join(children if parent.kind is Kind.PARALLEL else children[:1])
 
+    def _begin_mission(self, state: State) -> list[str]:
+        """Return what is done when a mission begins, and not when history brings it back."""
+        if state.parent is None or not self._chart.states[state.parent].slot:
+            return []
+        variables = ((name, v.default) for name, v in self._chart.context.items() if v.of_mission)
+        anew = [f"<assign{_attributes(location=name, expr=_written(value))}/>" for name, value in variables]
+        return [*anew, *self._actions(state.entry)]
+
+    # -- history ----------------------------------------------------------------------------------------
+
+    def _ways_back(self, history: State) -> Iterator[tuple[str, str]]:
+        """Yield conditions and targets of a transition to a history, of which the first that holds counts.
+
+        As in `semantics`: the outermost state with a `resume_at` that holds, else what is remembered.
+        """
+        parent, depth = self._chart.states[history.parent or ""], history.depth
+        found = [(state, below) for state, below in self._below(parent) if depth is None or below <= depth]
+        for state, _ in found:
+            for rule in state.resume_at if state.kind is Kind.COMPOUND else ():
+                guard = self._condition(rule.guard.source) if rule.guard else None
+                yield _all_of([*self._was_in(state, parent), guard]), _id(rule.target)
+        if depth in (1, None):
+            yield "", _id(history.name)
+            return
+        for state, below in found:
+            if below == depth or not state.children:
+                yield _all_of(self._was_in(state, parent)), _id(state.name)
+        yield "", self._begins(history)
+
+    def _below(self, state: State, level: int = 0) -> Iterator[tuple[State, int]]:
+        """Yield a state and those in it, outer ones first, with how far in they are."""
+        yield state, level
+        for child in state.children:
+            if self._chart.states[child].kind is not Kind.HISTORY:
+                yield from self._below(self._chart.states[child], level + 1)
+
+    def _was_in(self, state: State, parent: State) -> Iterator[str]:
+        """Yield the conditions that `state` was active when `parent` was left."""
+        inwards = self._chart.lineage[state.name][: self._chart.lineage[state.name].index(parent.name) + 1]
+        for child, around in reversed(list(itertools.pairwise(inwards))):
+            if self._chart.states[around].kind is Kind.COMPOUND:
+                left = self._left.setdefault(around, f"left_{_id(around).replace('-', '_')}")
+                yield f"{left} == {_id(child)!r}"
+
+    def _keep(self, state: State) -> list[str]:
+        """Return what keeps for history that a state was left."""
+        left = self._left.get(state.parent or "")
+        return [f"<assign{_attributes(location=left, expr=repr(_id(state.name)))}/>"] if left else []
+
     # -- transitions ------------------------------------------------------------------------------------
 
-    def _transition(self, state: State, rule: Transition) -> Iterator[str]:
+    def _transitions(self, state: State, rule: Transition) -> Iterator[str]:
+        """Yield a transition; one to a history may be several, of which the first that holds is taken."""
+        for condition, target in self._ways.get(rule.target or "", (("", _id(rule.target)),)):
+            yield from self._transition(state, rule, condition, target)
+
+    def _transition(self, state: State, rule: Transition, condition: str, target: str) -> Iterator[str]:
+        # What needs no event waits while a hold is engaged that does not let it through.
+        eventless = not rule.event or rule.event.startswith("input.")
+        holds = self._chart.holds.keys() - rule.during - rule.releases if eventless else ()
+        level = rule.event if eventless else None
+        guard = self._condition(rule.guard.source) if rule.guard else None
+        free = [f"not held({hold})" for hold in sorted(holds)]
         refusal = [f"<log{_attributes(label='refuse', expr=repr(rule.refuse))}/>"] if rule.refuse else []
         attributes = {
-            "event": self._event(state, rule.event),
-            "cond": self._condition(rule.guard.source) if rule.guard else None,
-            "target": _id(rule.target),
+            "event": None if eventless else self._event(state, rule.event),
+            "cond": _all_of([*free, level, guard, condition]),
+            "target": target,
             # It has a meaning only where a way leads into its own state.
             "type": "internal"
             if rule.internal and (rule.target or "").startswith(f"{state.name}.")
@@ -221,6 +304,13 @@ def _extensions(rule: Transition) -> dict[str, str | None]:
     """Return what else a transition says, by the words of the language."""
     said = ((part, getattr(rule, part.field)) for part in parts_of(Transition) if part.field not in _STANDARD)
     return {f"lupin:{part.word}": _text(value) for part, value in said if part.word and value is not None}
+
+
+def _all_of(conditions: Iterable[str | None]) -> str:
+    """Return one condition for all of several."""
+    found = [condition for condition in conditions if condition]
+    loose = re.compile(r"\b(or|if)\b")
+    return " and ".join(f"({one})" if len(found) > 1 and loose.search(one) else one for one in found)
 
 
 def _is_duration(value: Any) -> bool:
