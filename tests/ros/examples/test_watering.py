@@ -1,0 +1,110 @@
+"""The watering of the examples with its valve as a process: no tag twice, whoever dies meanwhile."""
+
+from __future__ import annotations
+
+import re
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.ros.world import Operator, World
+
+pytestmark = pytest.mark.timeout(180)
+
+WATERING = Path(__file__).parents[3] / "examples" / "watering"
+
+
+class Garden:
+    """A robot with the valve, and what the valve's log says of it."""
+
+    def __init__(self, world: World, operator: Operator, ledger: Path) -> None:
+        self.world = world
+        self.operator = operator
+        self._ledger = ledger
+
+    def valve(self) -> None:
+        """Start the valve, with the ledger that it had before."""
+        script = [sys.executable, str(WATERING / "valve.py"), "--ros-args"]
+        self.world.run("valve", [*script, "-p", f"ledger:={self._ledger}", "-p", "flow:=6.0"])
+
+    def kill(self, node: str) -> None:
+        """End a process as `kill -9` does."""
+        self.world.processes[node].kill()
+        self.world.processes[node].wait(10.0)
+
+    def doses(self) -> list[str]:
+        """The tags for which the valve was opened."""
+        return re.findall(r"open for tag (\w+)", self.world.log("valve").read_text())
+
+    def shut(self) -> list[float]:
+        """How much had flowed whenever it was shut."""
+        log = self.world.log("valve").read_text()
+        return [float(litres) for litres in re.findall(r"shut after ([\d.]+)", log)]
+
+    def start(self, *tags: str) -> None:
+        """Start the mission when the robot is ready."""
+        self.operator.in_state("READY")
+        answer = self.operator.start(*tags, mission="WateringMission")
+        assert answer.accepted, answer.error_message
+
+    def begun(self) -> None:
+        """Wait until the first dose flows."""
+        self.operator.until(self.doses, "water")
+
+    def told(self) -> list[tuple[str, int, str]]:
+        """What became of each tag."""
+        return [(o.tag_reading.tag_id, o.status, o.status_detail) for o in self.operator.observations]
+
+
+@pytest.fixture
+def garden(world: World, operator: Operator, tmp_path: Path) -> Garden:
+    """Everything runs."""
+    garden = Garden(world, operator, tmp_path / "valve.json")
+    garden.valve()
+    world.start_all(missions_path=WATERING / "missions", watering_cap=1.0)
+    return garden
+
+
+def test_a_killed_orchestrator_waters_nothing_twice(garden: Garden) -> None:
+    """It dies while water flows; a new one, asked for the same, goes on with the others up to the cap."""
+    garden.start("1", "5", "12")
+    garden.begun()
+    garden.kill("mission_orchestrator")
+    garden.operator.until(garden.shut, "the valve shuts by itself")
+    garden.operator.states.clear()
+    garden.world.start(
+        "mission_orchestrator", estop_timeout_s=10.0, missions_path=WATERING / "missions", watering_cap=1.0
+    )
+    garden.start("1", "5", "12")
+    garden.operator.until_done(published=3)
+    assert [(tag, status) for tag, status, _ in garden.told()] == [("1", 3), ("5", 0), ("12", 3)]
+    assert garden.doses() == ["1", "5"]
+    assert garden.operator.state.last_error == "cap_reached: 0.80 l of 1.00 l"
+
+
+def test_a_released_hold_waters_nothing_again(garden: Garden) -> None:
+    """A pause shuts the valve at once; after it the robot goes on with the next tag."""
+    garden.start("1", "5")
+    garden.begun()
+    assert garden.operator.ask("pause").success
+    garden.operator.until(garden.shut, "the valve is shut")
+    assert garden.shut()[0] < 0.4
+    assert garden.operator.ask("resume").success
+    garden.operator.until_done(published=2)
+    assert [(tag, status) for tag, status, _ in garden.told()] == [("1", 2), ("5", 0)]
+    assert garden.doses() == ["1", "5"]
+
+
+def test_a_killed_valve_remembers_its_last_dose(garden: Garden) -> None:
+    """It is in the ledger before the valve opens; the tag is refused until tomorrow."""
+    garden.start("1")
+    garden.begun()
+    garden.kill("valve")
+    garden.operator.until_done(published=1)
+    garden.valve()
+    again = ("1", "5")
+    garden.operator.until(lambda: garden.operator.start(*again, mission="WateringMission").accepted, "start")
+    garden.operator.until_done(published=3)
+    assert [(tag, status) for tag, status, _ in garden.told()] == [("1", 2), ("1", 3), ("5", 0)]
+    assert garden.doses() == ["1", "5"]
