@@ -281,6 +281,9 @@ class BudgetNode(Node):
     target: Annotated[str, Meaning.STATE] = Field(
         description="state to go to then, found in the nearest enclosing scope"
     )
+    during: Literal["divert"] | None = Field(
+        None, description="`divert`: the time goes on while the lifecycle has the robot, as at the dock"
+    )
     do: Actions = _many("actions, in order")
 
 

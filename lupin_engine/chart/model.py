@@ -84,7 +84,10 @@ class Transition:
 
 @record(frozen=True)
 class Timer:
-    """A clock of a state: `after`, `budget` or `every`, which repeats. Its transitions listen to `event`."""
+    """A clock of a state: `after`, `budget` or `every`, which repeats. Its transitions listen to `event`.
+
+    A budget that `goes_on` counts the time of a divert as well.
+    """
 
     KEY: ClassVar[str] = "event"
 
@@ -92,6 +95,7 @@ class Timer:
     after: Value = field(metadata=said(Role.VALUE))
     place: Place
     repeats: bool = False
+    goes_on: bool = False
 
 
 @record(frozen=True)

@@ -78,7 +78,8 @@ class ElementTexts:
             timer = next(timer for timer in state.timers if timer.event == rule.event)
             return f"{'every' if timer.repeats else 'after'} {self.duration(timer.after)}"
         if rule.event == "budget" and state.budget is not None:
-            return f"budget {self.duration(state.budget.after)}"
+            also = ", diverts included" if state.budget.goes_on else ""
+            return f"budget {self.duration(state.budget.after)}{also}"
         return plain_event(rule.event)
 
     def _itinerary(self, itinerary: Itinerary) -> Iterator[str]:

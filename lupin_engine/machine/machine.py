@@ -12,7 +12,7 @@ must not go backwards.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Container, Iterable, Mapping, Sequence
 from typing import Any, cast
 
 from lupin_engine.chart.model import Chart, Invariant, Kind, State, Transition
@@ -227,7 +227,9 @@ class Machine:
     def _fire(self, timer: Timer, now: float) -> Step:
         due, _, kind, (owner, name) = timer
         step = self._open(Event(f"timer.{kind}", {"owner": owner}), now)
-        if kind in ("after", "budget"):
+        if kind == "budget" and owner not in self.memory.configuration:
+            self.memory.budgets[owner] = 0.0  # told when the robot comes back
+        elif kind in ("after", "budget"):
             self._tick_again(owner, name, due)
             step.queue.append(InternalEvent(name, owner))
         elif kind == "ask":
@@ -419,6 +421,8 @@ class Machine:
         memory.started_at = self._step.now
         memory.request.clear()
         memory.request.update(values)
+        for state in memory.budgets.keys() - set(memory.configuration):
+            self.scope.timers.disarm("budget", state)
         for of_mission in (
             memory.waiting_actions,
             memory.itineraries,
@@ -495,7 +499,7 @@ class Machine:
             if memory.waiting_actions:
                 self._content.forget_actions(plan.exited)
         for state, configuration in plan.exits:
-            self._exit(state, configuration, trigger)
+            self._exit(state, configuration, trigger, plan.exited)
         memory.configuration = plan.between
         for rule in plan.active_rules:
             if rule.actions:
@@ -532,7 +536,9 @@ class Machine:
                 step.fail(rule.source, f"{rule.detail.place}: detail: {reason(problem)}")
         self.scope.record_code(code, detail, step, target)
 
-    def _exit(self, state: State, configuration: tuple[str, ...], trigger: Trigger) -> None:
+    def _exit(
+        self, state: State, configuration: tuple[str, ...], trigger: Trigger, exited: Container[str]
+    ) -> None:
         step = self._step
         self.memory.configuration = configuration
         if state.exit:
@@ -542,16 +548,22 @@ class Machine:
         if state.timers:
             self.scope.timers.disarm("after", state.name)
         if state.budget is not None:
-            self._keep_budget(state.name)
+            self._keep_budget(state, exited)
         if state.ask is not None:
             self._requests.questions.close(state.name)
 
-    def _keep_budget(self, state: str) -> None:
-        """Remember what a state has left, unless it was entered before the mission began."""
+    def _keep_budget(self, state: State, exited: Container[str]) -> None:
+        """Remember what a state has left, unless it was entered before the mission began.
+
+        One that goes on in a divert keeps its clock where the mission itself is left.
+        """
         timers, known = self.scope.timers, self.memory.budgets
-        if state in known:
-            known[state] = timers.left("budget", state, self._step.now) or 0.0
-        timers.disarm("budget", state)
+        mission = self.chart.missions.get(state.mission)
+        if state.budget is not None and state.budget.goes_on and mission and mission.state in exited:
+            return
+        if state.name in known:
+            known[state.name] = timers.left("budget", state.name, self._step.now) or 0.0
+        timers.disarm("budget", state.name)
 
     def _enter(
         self, state: State, configuration: tuple[str, ...], trigger: Trigger, comes_back: bool
@@ -578,6 +590,8 @@ class Machine:
         step, known = self._step, self.memory.budgets
         for timer in (*state.timers, *((state.budget,) if state.budget else ())):
             kind = "budget" if timer is state.budget else "after"
+            if timer.goes_on and self.scope.timers.left(kind, state.name, step.now) is not None:
+                continue
             try:
                 delay = known.get(state.name) if kind == "budget" else None
                 if delay is None:
@@ -587,6 +601,11 @@ class Machine:
                 continue
             if kind == "budget":
                 known[state.name] = delay
+            if (
+                timer.goes_on and delay <= 0.0
+            ):  # used up meanwhile: nothing is begun before that is dealt with
+                step.queue.append(InternalEvent(timer.event, state.name))
+                continue
             self.scope.timers.arm(kind, state.name, step.now, delay, timer.event)
 
     def _tick_again(self, state: str, event: str, due: float) -> None:

@@ -119,7 +119,10 @@ def test_a_label_says_event_guard_and_actions_and_has_a_cause(words: Picture, in
     assert [(str(label), label.cause) for label in found] == [
         ("done", TransitionCause.DONE),
         ("error [error.code in ['late', 'operation_cancelled…]", TransitionCause.ERROR),
-        ("budget 50 s / code slow, if reason == '': reason = 'slow', else: if…", TransitionCause.TIME),
+        (
+            "budget 50 s, diverts included / code slow, if reason == '': reason = 'slow', else: if…",
+            TransitionCause.TIME,
+        ),
     ]
     skip, advance = (
         arrow(inspection, "SCANNING", "PUBLISHING").labels[0],

@@ -137,7 +137,10 @@ class Builder:
         )
         initial = described.get("initial")
         top = name.partition(".")[0]
-        budget = next((Timer("budget", value(t), PLACE) for t in described.get("budget", {})), None)
+        goes_on = described.get("during") == "divert"
+        budget = next(
+            (Timer("budget", value(t), PLACE, goes_on=goes_on) for t in described.get("budget", {})), None
+        )
         children = self._children[name]
         first = next((child for child in children), None)
         plain = ("phase", "paused", "slot", "mission", "depth", "summary", "result")

@@ -593,7 +593,7 @@ class _Composer:
         assert draft.scope is not None
         scope = draft.scope.without("event", "the time is counted over all visits")
         value = read_key(node, "after", DURATION, scope, self._findings, path_of(draft.name, "budget"))
-        return None if value is None else Timer("budget", value, node.place)
+        return None if value is None else Timer("budget", value, node.place, goes_on=node.during == "divert")
 
 
 def _invoked(draft: Draft) -> Iterator[str]:
