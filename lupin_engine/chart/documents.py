@@ -282,7 +282,7 @@ class BudgetNode(Node):
         description="state to go to then, found in the nearest enclosing scope"
     )
     during: Literal["divert"] | None = Field(
-        None, description="`divert`: the time goes on while the lifecycle has the robot, as at the dock"
+        None, description="`divert`: the time goes on while the lifecycle has the robot"
     )
     do: Actions = _many("actions, in order")
 

@@ -105,7 +105,7 @@ class Attempt:
 
 
 @dataclass(slots=True)
-class Cut:
+class CutShort:
     """What follows when an attempt that was cut short has ended, or does not say so in time.
 
     `way` is what `on_hold` says, or empty after a timeout.
@@ -137,7 +137,7 @@ class Invocation:
     attempt: str | None = None
     key: str | None = None
     item: Any = None
-    cut: Cut | None = None
+    cut: CutShort | None = None
 
     @property
     def name(self) -> str:

@@ -30,7 +30,7 @@ from lupin_engine.errors import reason
 from lupin_engine.machine.actions import ExecutableContent
 from lupin_engine.machine.event import NOTHING, Cancel, Event, Failure, InternalEvent, Start, Trigger
 from lupin_engine.machine.holds import is_held_back, passes
-from lupin_engine.machine.memory import Attempt, Cut, Invocation, Phase
+from lupin_engine.machine.memory import Attempt, CutShort, Invocation, Phase
 from lupin_engine.machine.scope import OPERATIONS, Arguments, EvaluationScope, Watch
 from lupin_engine.machine.step import Macrostep, fields_told
 from lupin_engine.machine.structure import Configuration
@@ -150,7 +150,7 @@ class Operations:
                     self._scope.memory.attempts[invocation.attempt],
                 )
                 if way and attempt.phase is not Phase.WAITING:
-                    cut = Cut(attempt.id, CANCELLED_CODE, "cut short by a hold", way)
+                    cut = CutShort(attempt.id, CANCELLED_CODE, "cut short by a hold", way)
                     self._cut_short(invocation, cut, step)
                     continue
                 self._cancel_current(invocation, step)
@@ -158,7 +158,7 @@ class Operations:
                 self._count(invocation, -1)
                 invocation.begun = False
 
-    def _cut_short(self, invocation: Invocation, cut: Cut, step: Macrostep) -> None:
+    def _cut_short(self, invocation: Invocation, cut: CutShort, step: Macrostep) -> None:
         """Cancel the attempt, and wait for what it gives where its operation says that it does."""
         self._cancel_current(invocation, step)
         gives = self._invoke(invocation).operation.cut_short
@@ -435,7 +435,7 @@ class Operations:
         invoke = self._invoke(invocation)
         code = invoke.timeout_code or "timeout"
         if invoke.operation.cut_short:
-            self._cut_short(invocation, Cut(attempt_id, code, attempt.detail), step)
+            self._cut_short(invocation, CutShort(attempt_id, code, attempt.detail), step)
             return
         self._cancel_current(invocation, step)
         self._failed(invocation, code, attempt.detail, step)
