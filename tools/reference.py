@@ -202,8 +202,9 @@ EXPRESSIONS_HEAD = """\
 ## Expressions
 
 A safe piece of Python, checked when the file is read: `and`, `or`, `not`, comparisons and `in`,
-`+ - * / // %`, `x if c else y`, fields of records, elements of lists, texts, numbers, `true`, `false`. A
-number with a unit is written as a text where it meets another (`param.patience > '5 s'`). A list is gone
+`+ - * / // %` of numbers, `x if c else y`, fields of records, elements of lists, texts, numbers, `true`,
+`false`. A number with a unit is written as a text where it meets another (`param.patience > '5 s'`). Lists
+are not joined: a variable is filled by `add`, an order is a number for each element. A list is gone
 through by `[tag.id for tag in request.tags if tag.x > '1 m']`, with one loop and none inside it; in `find`
 and `sorted` the element is called `t`. There are no methods. An expression that could take long is refused: a
 list counts with its `max`, one that has none with 1000 elements, and going through a longer one is an error.
@@ -269,7 +270,8 @@ ACTION_TEXTS: Mapping[str, str] = {
     "if": "carry out `then` where the guard is true, else `else`: see [If](#if)",
     "itinerary.advance": "go on to the next target; refused while the visit is open",
     "itinerary.close": "give the visit its outcome, once, and publish it",
-    "itinerary.close_rest": "close every visit that is still open",
+    "itinerary.close_rest": "close every visit of this sweep that is still open; a state that a budget or an "
+    "event ends tells nothing of them without it",
     "report.clear": "forget the code that was reported last",
     "report.note": "say something in the log and in the story of the run",
     "report.summary": "publish what became of every target",

@@ -301,7 +301,8 @@ class BindingNode(Node):
         default_factory=dict, description="messages that missions can send, by name"
     )
     values: dict[str, BoundValueNode] = Field(
-        default_factory=dict, description="live values, by the name that inputs call them"
+        default_factory=dict,
+        description="live values, by the whole name that inputs call them, such as tank.level",
     )
     events: dict[str, BoundEventNode] = Field(
         default_factory=dict, description="what missions can react to, by name"

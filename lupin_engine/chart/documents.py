@@ -135,7 +135,11 @@ class TransitionNode(Node):
     detail: Annotated[Written, Meaning.VALUE] = Field(
         None, description="text beside the code; it sees what the actions have set; else that of the error"
     )
-    internal: bool = Field(False, description="do not leave and re-enter the state that this stands in")
+    internal: bool = Field(
+        False,
+        description="do not leave and re-enter the state that this stands in, whose `entry`, clocks and "
+        "itinerary would begin anew",
+    )
     use: Annotated[str | None, Meaning.STATE] = Field(
         None, description="answer as this other state does; stands alone"
     )
