@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import importlib
 import io
+import keyword
 import os
 import sys
 from collections.abc import Mapping, Sequence
@@ -32,6 +33,7 @@ VERBS: Mapping[str, str] = MappingProxyType(
         "run": "Run a mission over ROS 2 and watch it.",
         "up": "Start the nodes of missions; an operator starts the missions.",
         "new": "Begin a mission: its file, the lifecycle around it, a scenario.",
+        "import": "Make a mission of a chart by others (SCXML).",
         "check": "Check missions and tell everything that is wrong with them.",
         "answer": "Show what a mission asks the operator, and answer it.",
         "simulate": "Run a mission in virtual time, without ROS.",
@@ -68,7 +70,8 @@ class Verbs(click.Group):
 
             points = _points_of_plugins().get(cmd_name)
             return load_verb(points) if points else None
-        command = getattr(importlib.import_module(f"lupin_engine.cli.verbs.{cmd_name}"), cmd_name)
+        name = f"{cmd_name}_" if keyword.iskeyword(cmd_name) else cmd_name
+        command = getattr(importlib.import_module(f"lupin_engine.cli.verbs.{name}"), name)
         assert isinstance(command, click.Command)
         return command
 

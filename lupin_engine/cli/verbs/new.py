@@ -66,8 +66,10 @@ def new(name: str, like: str | None) -> int:
     return 0
 
 
-def write_mission(name: str, like: str | None, folder: Path) -> tuple[list[Path], list[Path]]:
-    """Write what a mission needs below `folder`.
+def write_mission(
+    name: str, like: str | None, folder: Path, text: str | None = None
+) -> tuple[list[Path], list[Path]]:
+    """Write what a mission needs below `folder`; with a `text` that is the mission, and there is no scenario.
 
     Returns:
         The files that were written, and those that stood there already.
@@ -82,7 +84,7 @@ def write_mission(name: str, like: str | None, folder: Path) -> tuple[list[Path]
     scenario = folder / "scenarios" / f"{name}{SUFFIX}"
     problems = Problems(UsageError)
     with problems.collecting():
-        _check_name(name, (missions / f"{name}.yaml", scenario))
+        _check_name(name, (missions / f"{name}.yaml", *(() if text else (scenario,))))
     with problems.collecting():
         model = None if like is None else _model(like, folder)
     problems.tell()
@@ -90,6 +92,8 @@ def write_mission(name: str, like: str | None, folder: Path) -> tuple[list[Path]
         missions / f"{name}.yaml": MISSION.format(title=title_of(name)),
         scenario: (SCENARIO_LIKE if like else SCENARIO).format(name=name),
     }
+    if text is not None:
+        own = {missions / f"{name}.yaml": text}
     source = folders.default_missions_folder()
     lifecycle, others = source / folders.LIFECYCLE, list[str]()
     if model is not None:

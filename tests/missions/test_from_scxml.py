@@ -1,0 +1,249 @@
+"""Charts of others become missions: what SCXML and the language share, and the rest by its line."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import pytest
+
+from lupin_engine.diagram.outline import outline
+from lupin_engine.diagram.scxml import scxml
+from lupin_engine.errors import UsageError
+from lupin_engine.missions.from_scxml import Imported, from_scxml
+from lupin_engine.missions.scxml_elements import MAX_BYTES, MAX_DEPTH, Element, elements
+from tests.diagram import pictured
+
+STATES = ("state", "parallel", "final", "history")
+
+
+def imported(inside: str, attributes: str = "") -> Imported:
+    """A document's mission."""
+    head = f'<scxml xmlns="http://www.w3.org/2005/07/scxml" version="1.0" {attributes}>'
+    return from_scxml(f"{head}\n{inside}\n</scxml>".encode(), "Tried")
+
+
+def states(inside: str, attributes: str = "") -> dict[str, Any]:
+    """Its states."""
+    found: dict[str, Any] = imported(inside, attributes).mission["states"]
+    return found
+
+
+def notes(inside: str) -> list[str]:
+    """What is said of it, with the line."""
+    return [f"{note.line}: {note.text}" for note in imported(inside).notes]
+
+
+# -- round trip ---------------------------------------------------------------------------------------------
+
+
+def drawn(element: Element) -> Iterator[tuple[tuple[str, ...], str, Counter[str]]]:
+    """The picture of a document: each state, its kind, and where its transitions lead."""
+    for state in element.every():
+        if state.tag not in STATES:
+            continue
+        around = [one for one in reversed(state.around) if one.tag in STATES]
+        ends = f"done.state.{state.get('id')}"
+        rules = [rule for rule in state.all("transition") if rule.get("event") != "error"]
+        rules = [rule for rule in rules if not rule.get("event").startswith("done.state.")]
+        rules += [
+            r for one in (state, *around) for r in one.all("transition") if ends in r.get("event").split()
+        ]
+        targets = Counter(rule.get("target") for rule in rules)
+        names = tuple(local(one) for one in (*around, state))
+        yield names, state.tag, targets if state.tag != "history" else Counter()
+
+
+def local(state: Element) -> str:
+    """A state's own name."""
+    return state.get("id").removeprefix(f"{state.around[0].get('id')}-")
+
+
+def made(
+    node: Mapping[str, Any], path: tuple[str, ...] = (), scopes: tuple[Any, ...] = ()
+) -> Iterator[tuple[tuple[str, ...], str, Counter[str]]]:
+    """The picture of a mission."""
+    inner = (*scopes, (path, node))
+    for name, state in node.get("states", {}).items():
+        kind = state.get("type", "state")
+        groups = [state.get(word, []) for word in ("always", "on_done", "on_error")]
+        groups += [rules for word in ("on", "after") for rules in state.get(word, {}).values()]
+        rules = [rule for some in groups for rule in (some if isinstance(some, list) else [some])]
+        here = (*path, name)
+        around = (*inner, (here, state))
+        if name != "begin":
+            yield here, kind, Counter(found(rule, around) for rule in rules)
+        yield from made(state, here, inner)
+
+
+def found(rule: Any, scopes: tuple[Any, ...]) -> str:
+    """The id of what a transition's target names, from the nearest state around."""
+    target: str = rule if isinstance(rule, str) else rule.get("target", "")
+    first, *_ = words = target.split(".")
+    for path, node in reversed(scopes):
+        if first in node.get("states", {}):
+            return "-".join((*path, *words))
+    return target
+
+
+@pytest.mark.parametrize("name", pictured.NAMES)
+def test_what_is_exported_comes_back(name: str) -> None:
+    """Every state in its place, of its kind, with transitions to the same states."""
+    document = scxml(outline(pictured.chart(name), whole=True)).encode()
+    mission = from_scxml(document, "Again").mission
+    wanted = {path: (kind, targets) for path, kind, targets in drawn(elements(document))}
+    assert {path: (kind, targets) for path, kind, targets in made(mission)} == wanted
+
+
+# -- what is the same in both -------------------------------------------------------------------------------
+
+
+def test_names_are_mapped() -> None:
+    """States in upper case, ends in lower case; two that would be the same stay two."""
+    found = imported('<state id="wait-here"/><state id="Wait.Here"/><final id="The-End"/>')
+    assert list(found.mission["states"]) == ["WAIT_HERE", "WAIT_HERE_", "the_end"]
+    assert found.names == {"wait-here": "WAIT_HERE", "Wait.Here": "WAIT_HERE_", "The-End": "the_end"}
+
+
+def test_guards_and_assignments_are_expressions() -> None:
+    """With the signs of ECMAScript, variables with a type."""
+    found = imported(
+        """<datamodel><data id="n" expr="0"/><data id="who" expr="'me'"/>
+        <data id="ok">false</data></datamodel>
+        <state id="a"><onexit><assign location="n" expr="n + 1"/></onexit>
+        <transition target="b"
+          cond="!ok &amp;&amp; (n === 1 || who != 'a &amp;&amp; b') &amp;&amp; In('b')"/></state>
+        <state id="b"/>"""
+    ).mission
+    assert found["context"] == {
+        "n": {"type": "number", "default": 0},
+        "who": {"type": "text", "default": "me"},
+        "ok": {"type": "bool", "default": False},
+    }
+    assert found["states"]["A"] == {
+        "exit": [{"set": {"n": "${ n + 1 }"}}],
+        "always": {"target": "B", "guard": "not ok and (n == 1 or who != 'a && b') and in_state('B')"},
+    }
+
+
+def test_delays_history_parallel_and_ends() -> None:
+    """A delayed send of a state that only this one hears is its `after`."""
+    found = states(
+        """<parallel id="p"><history id="h" type="deep"><transition target="b"/></history>
+        <state id="a" initial="b"><state id="b"><onentry><send event="late" id="t" delay="1500ms"/></onentry>
+        <onexit><cancel sendid="t"/></onexit><transition event="late" target="e"/></state>
+        <final id="e"/></state>
+        <state id="c"/><transition event="done.state.a" target="f"/></parallel>
+        <state id="back"><transition event="again" target="h"/></state><final id="f"/>"""
+    )
+    assert found["P"]["type"] == "parallel"
+    assert found["P"]["states"]["H"] == {"type": "history", "depth": "deep", "initial": "A.B"}
+    assert found["P"]["states"]["A"]["states"]["B"] == {"after": {"1500 ms": "e"}}
+    assert found["P"]["states"]["A"]["on_done"] == "f"
+    assert found["BACK"] == {"on": {"again": "P.H"}}
+
+
+def test_raise_if_and_results() -> None:
+    """Executable content has the same words."""
+    found = states(
+        """<datamodel><data id="n" expr="0"/></datamodel>
+        <state id="a"><onentry><raise event="x.y"/><if cond="n==1"><raise event="one"/><elseif cond="n==2"/>
+        <raise event="two"/><else/><send event="more" target="#_internal"><param name="v" expr="n"/></send>
+        </if></onentry></state><final id="f"><donedata><param name="got" expr="n"/></donedata></final>"""
+    )
+    assert found["A"]["entry"] == [
+        {"raise": {"event": "x.y"}},
+        {
+            "if": {
+                "guard": "n==1",
+                "then": [{"raise": {"event": "one"}}],
+                "else": [
+                    {
+                        "if": {
+                            "guard": "n==2",
+                            "then": [{"raise": {"event": "two"}}],
+                            "else": [{"raise": {"event": "more", "with": {"v": "${ n }"}}}],
+                        }
+                    }
+                ],
+            }
+        },
+    ]
+    assert found["f"] == {"type": "final", "result": {"got": "${ n }"}}
+
+
+def test_a_pattern_stands_under_each_event_that_it_covers() -> None:
+    """So the order of the document decides."""
+    found = states(
+        """<state id="a"><onentry><raise event="go.far"/><raise event="go"/></onentry>
+        <transition event="go" target="b"/><transition event="go.far *" target="c"/></state>
+        <state id="b"/><state id="c"/>"""
+    )
+    assert found["A"]["on"] == {"go": "B", "go.far": "B", "*": "C"}
+
+
+def test_a_beginning_further_in_is_a_helper_state() -> None:
+    """It leads on at once, with what is done on the way."""
+    found = imported('<state id="a"><state id="b"/><state id="c"/></state>', 'initial="c"').mission
+    assert (found["initial"], found["states"]["begin"]) == ("begin", {"always": "A.C"})
+
+
+# -- what is not --------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("inside", "text"),
+    [
+        ("<script>x()</script>", "2: a script cannot be said; it is left out"),
+        (
+            '<state id="a"><invoke src="b.scxml"/></state>',
+            "2: an invoke of type 'scxml' cannot be said; it is left out",
+        ),
+        (
+            '<state id="a"><transition target="b c"/></state><state id="b"/><state id="c"/>',
+            "2: several targets at once (b c) cannot be said; it is left out",
+        ),
+        (
+            '<state id="a"><transition cond="typeof x" target="a"/></state>',
+            "2: the expression 'typeof x' cannot be said; it is left out",
+        ),
+        (
+            '<state id="a"><onentry><send event="x" target="http://other"/></onentry></state>',
+            "2: a send to others cannot be said; it is left out",
+        ),
+        (
+            '<state id="a"><onentry><send event="x"/></onentry></state>',
+            "2: send of 'x' is a raise: dealt with before what comes from outside",
+        ),
+        (
+            '<state id="a"><transition event="error.execution"/></state>',
+            "2: a transition on 'error.execution', of another state or of the engine, cannot be said; "
+            "it is left out",
+        ),
+        (
+            '<datamodel><data id="x" expr="{}"/></datamodel>',
+            "2: the variable 'x' without a number, text or truth value cannot be said; it is left out",
+        ),
+    ],
+)
+def test_what_cannot_be_said_has_its_line(inside: str, text: str) -> None:
+    """And what is said otherwise."""
+    assert notes(inside) == [text]
+
+
+@pytest.mark.parametrize(
+    ("text", "problem"),
+    [
+        (b"<a>", "line 1: no XML: no element found"),
+        (b"<svg/>", "line 1: the document is <svg>, not <scxml xmlns='http://www.w3.org/2005/07/scxml'>"),
+        (b'<!DOCTYPE a [<!ENTITY b "c">]><a>&b;</a>', "line 1: a document type is not read; remove it"),
+        (b" " * (MAX_BYTES + 1), f"the document has {MAX_BYTES + 1} bytes; {MAX_BYTES} are the most"),
+        (b"<a>" * (MAX_DEPTH + 1), f"line 1: elements are nested deeper than {MAX_DEPTH}"),
+    ],
+)
+def test_a_document_that_is_none_is_refused(text: bytes, problem: str) -> None:
+    """Entities are not expanded, and there is a bound to everything."""
+    with pytest.raises(UsageError) as told:
+        from_scxml(text, "Tried")
+    assert str(told.value) == problem
