@@ -177,8 +177,7 @@ def _class_name(entry: Mapping[str, Any], classes: Sequence[str]) -> str | None:
 def _bearing(box: Any, width: float) -> float | None:
     if not isinstance(box, list) or len(box) != 4:
         return None
-    numbers = [finite(value) for value in box]
-    left, right = numbers[0], numbers[2]
-    if left is None or right is None or None in numbers:
+    numbers = [number for value in box if (number := finite(value)) is not None]
+    if len(numbers) != 4:
         return None
-    return max(-1.0, min(1.0, ((left + right) / 2.0 / width - 0.5) * 2.0))
+    return max(-1.0, min(1.0, ((numbers[0] + numbers[2]) / 2.0 / width - 0.5) * 2.0))

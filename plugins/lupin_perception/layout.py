@@ -147,9 +147,9 @@ def box_of(table: Table, tag: Tag, normal: ArrayLike, motion: RigidMotion) -> Pl
     if sides.min() < _SHORTEST_M:
         return None
     away = np.asarray(normal, dtype=float)
-    axis = int(np.abs(away).argmax()) if np.linalg.norm(away) > 0.5 else int(sides.argmin())
-    if np.linalg.norm(away) <= 0.5:
-        away = np.array(_place(tag)) - middle
+    axis = int(np.abs(away).argmax())
+    if np.linalg.norm(away) < 0.5:
+        away, axis = np.array(_place(tag)) - middle, int(sides.argmin())
     out = np.zeros(2)
     out[axis] = -1.0 if away[axis] < 0.0 else 1.0
     front = motion.move(middle + out * sides[axis] / 2.0)

@@ -409,7 +409,7 @@ states:
     on_error: done
     initial: B
     states:
-      B: {{invoke: {wait}, on_done: C, on_error: C}}
+      B: {{invoke: {wait}, on_done: C, on_error: done}}
       C: {{invoke: {drive}, on_done: B, on_error: B}}
   done: {{type: final}}
 """

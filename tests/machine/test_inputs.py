@@ -7,9 +7,10 @@ from typing import Any
 
 import pytest
 
+from lupin_engine.chart.expressions.evaluation import Compiled, Expression
 from lupin_engine.machine.step import Step
 from lupin_engine.plugin.types import BOOL, COUNT, NUMBER, POSE, TEXT, list_of
-from tests.machine.charts import Bench, chart, expression, fails
+from tests.machine.charts import PLACE, Bench, chart, expression, fails
 
 SLOT = {"slot": True, "states": {"M": {"mission": "M"}}, "on": {"operator.abort": "READY"}}
 MISSION = {"READY": {"on": {"mission.start": "SLOT"}}, "SLOT": SLOT}
@@ -35,6 +36,16 @@ def test_a_value_that_grows_old_makes_a_step_at_that_time() -> None:
         ("input.x is unknown: last reported 5 s ago",),
         ["LOST"],
     )
+
+
+def test_a_guard_that_is_watched_is_looked_at_when_its_input_grows_old() -> None:
+    """Nothing that it reads has changed until then."""
+    lost = {"target": "LOST", "guard": Expression("...", PLACE, BOOL, Compiled("not env['known']('x')"))}
+    bench = Bench(chart({"A": {"always": lost}, "LOST": {}}, inputs={"x": {"initial": 1, "freshness": 5.0}}))
+    bench.wait(4.9)
+    assert bench.leaves == ["A"]
+    bench.wait(0.1)
+    assert bench.leaves == ["LOST"]
 
 
 def test_growing_old_does_not_depend_on_how_numbers_are_rounded() -> None:

@@ -93,8 +93,10 @@ def test_a_false_guard_lets_the_parent_answer() -> None:
 
 
 def test_names_and_wildcards_compete_in_the_order_written() -> None:
-    """A wildcard written first is taken before an exact name."""
-    bench = Bench(chart({"A": {"on": {"nav.*": "B", "nav.gone": "C", "*": "D"}}, "B": {}, "C": {}, "D": {}}))
+    """A wildcard written first is taken before an exact name, whichever another state listens to first."""
+    rules = {"nav.*": "B", "nav.gone": "C", "*": "D"}
+    bench = Bench(chart({"Z": {"on": {"nav.gone": "A"}}, "A": {"on": rules}, "B": {}, "C": {}, "D": {}}))
+    bench.send("nav.gone")
     bench.send("nav.gone")
     assert bench.leaves == ["B"]
 

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from lupin_engine.chart.model import Chart
-from lupin_engine.machine.event import Event, Start, done, observed
+from lupin_engine.machine.event import Act, Event, Start, done, observed
 from lupin_engine.machine.machine import Machine
 from lupin_engine.machine.reload import is_idle, successor
 from lupin_engine.machine.snapshot import SnapshotError
@@ -21,6 +21,7 @@ from tests import shipped
 
 TUTORIAL = Path(__file__).parents[2] / "docs" / "tutorial"
 Edit = tuple[str, str]
+HOME = Act("arm.preset", {"name": "home"})
 
 
 @pytest.fixture
@@ -153,6 +154,19 @@ def test_an_emergency_stop_is_not_lost(load: Callable[..., Chart]) -> None:
     robot.value("robot.estop", False)
     assert robot.machine.view.held == ("estop",)
     assert robot.start("PatrolMission").accepted
+
+
+def test_what_waits_for_the_release_waits_on_while_its_plugin_is_there(load: Callable[..., Chart]) -> None:
+    """An action of a plugin that the other chart does not use is not carried out any more."""
+    edit = ("  READY:\n", "  READY:\n    entry: {arm.preset: {name: home}}\n")
+    for chart, expected in ((load(edit, patrol=True), [HOME]), (load(patrol=True, inspection=False), [])):
+        robot = Robot(load(edit))
+        robot.value("robot.estop", True)
+        robot.ready()
+        robot.go_on_with(chart)
+        robot.value("robot.estop", False)
+        released = robot.tell(Event("operator.resume"))
+        assert [command for command in released.commands if isinstance(command, Act)] == expected
 
 
 def test_battery_and_pose_are_not_lost(load: Callable[..., Chart]) -> None:

@@ -58,6 +58,12 @@ def test_records_give_the_same_history(file: Path) -> None:
     assert len(again.refused) == len(run.history.refused)
 
 
+def test_of_a_record_that_is_none_the_first_wrong_part_is_named() -> None:
+    """In the order in which a step is told."""
+    with pytest.raises(ValueError, match=r"^time$"):
+        read_step({"event": "x", "time": "soon", "sequence": "first"})
+
+
 def test_an_attempt_from_its_start_to_its_end() -> None:
     history = told(
         ("x", [START]), ("attempt.accepted", []), ("attempt.progress", []), ("attempt.failed", []), ("x", [])

@@ -398,6 +398,14 @@ def test_a_failure_shows_both_files_and_what_happened_around_it(tmp_path: Path) 
     assert any(line.endswith(": the state DONE") for line in lines[at:])
 
 
+def test_a_phase_that_never_came_is_shown_where_the_chart_has_it(tmp_path: Path) -> None:
+    """Of several states with this phase the first."""
+    scenario = loaded(tmp_path, HEAD + "expect: {phases: [PUBLISHING, SCANNING]}\n")
+    (failure,) = scenario.failures(scenario.run())
+    told = [what.rpartition(".")[2] for what, _ in failure.concerned if what.startswith("the state")]
+    assert told == ["READING"]
+
+
 # -- what happens ------------------------------------------------------------------------------------------
 
 

@@ -42,7 +42,7 @@ def _extreme(checker: ExpressionReader, node: ast.Call) -> Typed:
             return checker.wrong(node.args[0], "wrong-type", f"{name} of one value needs a list")
         kinds = [kinds[0].item or ANY]
     joined: Type | None = kinds[0]
-    for argument, kind in zip(node.args, kinds, strict=False):
+    for argument, kind in zip(node.args, kinds, strict=True):
         if not orderable(kind):
             return checker.no_number(argument, kind)
         joined = q.join(joined, kind) if joined is not None else None

@@ -116,8 +116,7 @@ def compile_expression(
         checked = CheckedExpression(wanted, typed.type, Compiled(typed.code), parts)
         if not checker.warned:
             scope.compiled[key] = checked
-    indent = 0 if source is fragment.source else indent_of(fragment.source)
-    place = fragment.text.at(fragment.offset + indent)
+    place = fragment.text.at(fragment.offset + indent_of(fragment.source))
     return Expression(source, place, checked.type, checked.evaluate, checked.parts)
 
 

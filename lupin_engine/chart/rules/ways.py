@@ -50,7 +50,7 @@ def waits_for_ever(index: Index) -> Iterator[Diagnostic]:
     """Find an operation that has no timeout on purpose, and no other way out of its state either."""
     for work in index.works:
         node = index.composed.drafts[work.state.name].node
-        if work.state.invoke is None or node is None or node.invoke is None or node.invoke.timeout != "never":
+        if node is None or node.invoke is None or node.invoke.timeout != "never":
             continue
         if not _has_way_out(index, work.state, without=("done", "error")):
             problem = f"{work.invoke.name} may take for ever, and nothing else leaves this state"

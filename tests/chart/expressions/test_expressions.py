@@ -127,6 +127,7 @@ def refusals(source: str, scope: Scope, wanted: Type = ANY) -> list[str]:
         ("'1 min' < param.patience", False),
         ("param.patience + '500 ms'", 30.5),
         ("param.patience > 0", True),
+        ("param.patience > 0.0", True),
         ("max(param.patience, param.patience * 2)", 60.0),
         ("param.far / param.patience", 2 / 30),
         ("min(3, 1, 2)", 1),
@@ -275,6 +276,7 @@ def test_an_expression_notes_what_it_reads(catalog: Catalog) -> None:
         ("approach(3)", POSE, ["9: expected tag, but '3' is a plain number [wrong-type]"]),
         ("round(2.5, visits)", ANY, ["11: the digits of round must be written out, 0 to 9 [wrong-type]"]),
         ("None", ANY, ["0: None is not allowed in an expression [bad-expression]"]),
+        ("1" + " + 1" * 100, ANY, ["0: the expression is too large [bad-expression]"]),
         ("a and b", BOOL, ["0: unknown name 'a' [unknown-name]", "6: unknown name 'b' [unknown-name]"]),
     ],
 )

@@ -47,7 +47,7 @@ def test_what_conditions_read(missions: Missions) -> None:
         )
         for name in ("READY", "RETURNING.DRIVING_HOME", "MISSION.InspectionMission.INSPECTING.PUBLISHING")
     }
-    assert [reads.parts for reads in found.values()] == [missing, battery | CONTEXT, ITINERARY]
+    assert [reads.parts for reads in found.values()] == [missing, battery | CONTEXT, ITINERARY | CONTEXT]
     assert all(reads.certain and reads.ageing == () for reads in found.values())
     pause = chart.holds["pause"].engage_guard
     assert pause is not None

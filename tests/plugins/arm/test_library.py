@@ -336,6 +336,7 @@ def test_a_wrong_shape_does_not_raise(path: Path) -> None:
         "good": good,
         "short": {**good, "arm": [0.0]},
         "text": {**good, "arm": "0, 0, 0, 0"},
+        "texts": {**good, "arm": ["0.0"] * 4},
         "../x": good,
         "list": [],
     }
@@ -347,7 +348,7 @@ def test_a_wrong_shape_does_not_raise(path: Path) -> None:
     assert [entry["name"] for entry in library.listing()["sequences"]] == ["walk"]
     (notice,) = library.notices
     assert notice.startswith("arm_library.json: poses.short.arm: ")
-    assert notice.endswith(" and 3 more; left out, the file is kept as arm_library.corrupt-1.json")
+    assert notice.endswith(" and 4 more; left out, the file is kept as arm_library.corrupt-1.json")
     assert path.with_name("arm_library.corrupt-1.json").read_text() == before
     assert Library(path).notices == []  # once is enough
 

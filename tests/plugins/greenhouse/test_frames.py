@@ -200,12 +200,13 @@ def test_the_frame_that_hangs_nowhere_is_named() -> None:
 
 
 def test_clocks_that_disagree_are_told_with_how_far_they_are_apart() -> None:
-    """A camera's computer whose clock is an hour ahead."""
+    """Of the frames on the way the one that ends first and the one that begins last: an hour lies between."""
     frames = Frames()
-    for moment in (10.0, 11.0):
+    for camera, base, tag in ((10.0, 3605.0, 3610.0), (11.0, 3612.0, 3611.0)):
         frames.add("map", "odom", at(), 0.0, static=True)
-        frames.add("odom", "camera", at(), moment)
-        frames.add("camera", "tag_7", at(), 3600.0 + moment)
+        frames.add("odom", "base_link", at(), base)
+        frames.add("base_link", "camera", at(), camera)
+        frames.add("camera", "tag_7", at(), tag)
     assert frames.find("map", "tag_7") is None
     assert frames.gap("map", "tag_7") == (
         "no moment has all transforms from tag_7 to map: those of camera end 3599.0 s before those of tag_7 "
