@@ -12,7 +12,15 @@ from collections.abc import Iterator, Sequence
 from itertools import pairwise
 
 from lupin_engine.chart.expressions.evaluation import Constant
-from lupin_engine.chart.expressions.guards import TRUE, Condition, constant, negate, possible
+from lupin_engine.chart.expressions.guards import (
+    TRUE,
+    Condition,
+    condition_of,
+    constant,
+    implies,
+    negate,
+    possible,
+)
 from lupin_engine.chart.expressions.names import names_read
 from lupin_engine.chart.findings import warning
 from lupin_engine.chart.model import WRITING, ActionCall, Kind, State, Transition, every_call
@@ -20,6 +28,8 @@ from lupin_engine.chart.rules.graph import components, cycles
 from lupin_engine.chart.rules.index import Index, always_taken, condition, local, understood
 from lupin_engine.errors import Diagnostic
 
+#: Where this is asked, targets of the sweep are left.
+WITHIN_SWEEP = condition_of("itinerary.closed < itinerary.total")
 #: So many steps are spent on finding a circle among transitions that lead back to each other.
 MAX_STEPS = 500
 
@@ -175,6 +185,8 @@ class _Loops:
 
     def _walks_end(self, circle: Sequence[str]) -> bool:
         """Tell whether the itineraries around a circle come to an end, however often they are advanced."""
+        if any(implies(condition(self.by_id[name]), WITHIN_SWEEP) for name in circle):
+            return True  # with the sweep
         states = self._index.chart.states
         around = {name for one in circle for name in self._index.lineage[self.by_id[one].source]}
         sweeps = [walk.sweeps for name in around if (walk := states[name].itinerary) is not None]

@@ -408,6 +408,22 @@ RIGHT = {
       over: {type: final}
   done: {type: final}
 """,
+    "always-loop: a sweep ends, and the state that begins the next one waits": """\
+  A:
+    itinerary: {items: "${ tags.numeric_order() }", sweeps: 0}
+    initial: GOING
+    states:
+      GOING:
+        invoke: {do: bridge.read_tag, with: {tag_id: "${ target.id }"}, timeout: {after: 1 s, code: late}}
+        on_done: {target: NEXT, do: [itinerary.close: {status: OK}]}
+        on_error: {target: NEXT, do: [itinerary.close: {status: UNREACHABLE}]}
+      NEXT:
+        always:
+          - {target: GOING, guard: laps == 0 and itinerary.closed < itinerary.total, do: itinerary.advance}
+          - target: RESTING
+      RESTING: {after: {1 s: {target: GOING, do: itinerary.advance}}, on: {operator.dock: done}}
+  done: {type: final}
+""",
     "always-loop: what comes back is not known": """\
   A: {always: B.history}
   B:

@@ -23,10 +23,10 @@ class Garden:
         self.operator = operator
         self._ledger = ledger
 
-    def valve(self) -> None:
-        """Start the valve, with the ledger that it had before."""
+    def valve(self, flow: float = 6.0) -> None:
+        """Start the valve, with the ledger that it had before and so many litres a minute."""
         script = [sys.executable, str(WATERING / "valve.py"), "--ros-args"]
-        self.world.run("valve", [*script, "-p", f"ledger:={self._ledger}", "-p", "flow:=6.0"])
+        self.world.run("valve", [*script, "-p", f"ledger:={self._ledger}", "-p", f"flow:={flow}"])
 
     def kill(self, node: str) -> None:
         """End a process as `kill -9` does."""
@@ -81,6 +81,23 @@ def test_a_killed_orchestrator_waters_nothing_twice(garden: Garden) -> None:
     assert [(tag, status) for tag, status, _ in garden.told()] == [("1", 3), ("5", 0), ("12", 3)]
     assert garden.doses() == ["1", "5"]
     assert garden.operator.state.last_error == "cap_reached: 0.80 l of 1.00 l"
+
+
+def test_a_new_orchestrator_shuts_what_a_killed_one_opened(garden: Garden) -> None:
+    """The dose is cancelled before the robot is ready; what had flowed is all that the tag gets."""
+    garden.kill("valve")
+    garden.valve(flow=0.6)  # 40 s for a dose
+    garden.start("1")
+    garden.begun()
+    garden.kill("mission_orchestrator")
+    garden.operator.states.clear()
+    garden.world.start("mission_orchestrator", estop_timeout_s=10.0, missions_path=WATERING / "missions")
+    garden.operator.until(garden.shut, "the valve is shut")
+    assert garden.shut()[0] < 0.4
+    garden.start("1")
+    garden.operator.until_done(published=1)
+    assert [(tag, status) for tag, status, _ in garden.told()] == [("1", 3)]
+    assert garden.doses() == ["1"]
 
 
 def test_a_released_hold_waters_nothing_again(garden: Garden) -> None:
