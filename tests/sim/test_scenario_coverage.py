@@ -5,7 +5,8 @@ from __future__ import annotations
 import shutil
 from pathlib import Path
 
-from lupin_engine.missions.folders import default_missions_folder
+from lupin_engine.missions.folders import default_missions_folder, lifecycle_in
+from lupin_engine.missions.load import load_files
 from lupin_engine.replay.coverage import (
     GUARD,
     OUTCOME,
@@ -97,6 +98,15 @@ def test_every_piece_has_its_own_key() -> None:
     """Nothing that can be reached is counted as something else."""
     keys: list[Key] = [item.key for item in items(shipped.mission("inspection"))]
     assert len(keys) == len(set(keys))
+
+
+def test_a_transition_is_called_by_what_is_written() -> None:
+    """`every` and `after` of one state are counted on by the machine, not for people."""
+    file = Path(__file__).parents[2] / "examples" / "night_watch" / "missions" / "night_watch.yaml"
+    chart = load_files(lifecycle_in(file.parent), [file], shipped.catalog()).chart
+    told = [item.text for item in items(chart) if item.text.startswith("WATCHING: ")]
+    assert "WATCHING: every.0 -> actions" in told
+    assert "WATCHING: budget -> done" in told
 
 
 def test_the_sum_is_a_table_and_a_list(tmp_path: Path) -> None:
