@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import ast
 import re
+import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
@@ -75,6 +76,8 @@ class _Importer:
     def __init__(self, root: Element, own: bool) -> None:
         self._root = root
         self._own = own
+        for content in [element for element in root.every() if element.tag == "content"]:
+            content.children.clear()  # another chart, of which nothing is a part of this one
         self._notes: dict[Note, None] = {}
         self._states = {e.get("id"): e for e in root.every() if e.tag in _STATES and e.get("id")}
         self._variables = {e.get("id"): _word(e.get("id")) for e in root.every() if e.tag == "data"}
@@ -163,7 +166,9 @@ class _Importer:
                 parts[index] = repr(self._names[id(state)] if state else parts[index][1:-1])
         found = " ".join("".join(parts).split())
         try:
-            ast.parse(found, mode="eval")
+            with warnings.catch_warnings():
+                warnings.simplefilter("error")
+                ast.parse(found, mode="eval")
             foreign = not self._own and any(map(_FOREIGN.search, parts[::2]))
         except (SyntaxError, ValueError, RecursionError, MemoryError):
             foreign = True
@@ -231,14 +236,20 @@ class _Importer:
         timers: dict[str, list[Any]] = {}
         entry = [a for e in state.all("onentry") for a in self._actions(e, timers)]
         left = [a for e in state.all("onexit") for a in self._actions(e)]
+        if left and state.tag == "final":
+            self._lose(state, "what an end does when it is left")
+            left.clear()
         found |= _slim({"entry": entry, "exit": left})
         for invoke in state.all("invoke"):
-            if invoke.get("type") == _TYPE and "invoke" not in found:
+            try:
                 found["invoke"] = self._invoke(invoke)
-            else:
-                self._lose(invoke, f"an invoke of type {invoke.get('type') or 'scxml'!r}")
+            except _CannotSay as problem:
+                self._lose(invoke, str(problem))
         for end in state.all("donedata"):
-            found |= _slim({"result": self._params(end)})
+            try:
+                found |= _slim({"result": self._params(end)})
+            except _CannotSay as problem:
+                self._lose(end, str(problem))
         for other in state.all("datamodel"):
             self._tell(other, "variables of a state are variables of the mission")
         self._transitions(state, found, timers)
@@ -248,6 +259,8 @@ class _Importer:
         found = {"type": "history", "depth": state.get("type") or "shallow"}
         for rule in state.all("transition"):
             try:
+                if rule.children:
+                    self._lose(rule, "what a history does where nothing is remembered")
                 if self._parallel(rule.get("target")) is not state.parent:
                     found["initial"] = self._target(state, rule.get("target"))
             except _CannotSay as problem:
@@ -270,8 +283,8 @@ class _Importer:
                     for place in self._places(state, event, timers, listens):
                         before = rules.setdefault(place, [])
                         if before and before[-1].get("guard") in (None, said.get("guard")):
-                            where = place[1] or place[0]
-                            self._tell(rule, f"a transition on {where!r} that is never taken is left out")
+                            if event != "*":
+                                self._tell(rule, f"a transition on {event!r} that is never taken is left out")
                         else:
                             before.append(said)
             except _CannotSay as problem:
@@ -318,12 +331,12 @@ class _Importer:
             covered = sorted(e for e in self._events if e == name or e.startswith(f"{name}."))
             yield from (("on", other) for other in (not self._own and covered) or [name])
 
-    def _heard_by(self, name: str) -> list[Element]:
+    def _heard_by(self, name: str, every: str = "*") -> list[Element]:
         found = []
         for rule in (e for e in self._root.every() if e.tag == "transition" and e.parent is not None):
             names = [_event(event) for event in rule.get("event").split()]
             if (
-                any(name == n or n == "*" or name.startswith(f"{n}.") for n in names)
+                any(name == n or n == every or name.startswith(f"{n}.") for n in names)
                 and rule.parent not in found
             ):
                 found.append(rule.parent)
@@ -346,6 +359,8 @@ class _Importer:
 
     def _invoke(self, invoke: Element) -> dict[str, Any]:
         """Return an operation of ours."""
+        if invoke.get("type") != _TYPE:
+            raise _CannotSay(f"an invoke of type {invoke.get('type') or 'scxml'!r}")
         after, code = invoke.get(f"{_OURS}timeout"), invoke.get(f"{_OURS}timeout.code")
         timeout = {"after": _measure(after), "code": code} if after else "never"
         tries = {word: invoke.get(f"{_OURS}{word}") for word in ("attempts", "backoff", "factor", "jitter")}
@@ -385,10 +400,16 @@ class _Importer:
                 return [self._if(action)]
             case "log":
                 return []
-            case "cancel":
+            case "cancel" if self._ends_timer(action):
                 self._tell(action, f"cancel of {action.get('sendid')!r}: a timer ends when its state is left")
                 return []
         raise _CannotSay(f"<{action.tag.rpartition(' ')[2]}> {action.get('location')}".strip())
+
+    def _ends_timer(self, cancel: Element) -> bool:
+        """Say whether a state cancels on leaving what it sent on entering."""
+        block, state = cancel.around[0], cancel.around[1]
+        sent = [send for entry in state.all("onentry") for send in entry.all("send")]
+        return block.tag == "onexit" and any(send.get("id") == cancel.get("sendid") for send in sent)
 
     def _send(self, send: Element, timers: dict[str, list[Any]] | None) -> list[Any]:
         if send.get("type") == _TYPE:
@@ -404,17 +425,16 @@ class _Importer:
             return [{"raise": _slim({"event": event, "with": given})}]
         if timers is None or given:
             raise _CannotSay("a delayed send that is no plain one of `onentry`")
-        delay = (
-            _measure(send.get("delay"))
-            if send.get("delay")
-            else f"${{ {self._expression(send.get('delayexpr'))} }}"
-        )
-        if isinstance(delay, str):
-            timers.setdefault(delay, []).append(event)
-            if not send.get("event").startswith("after."):
-                self._tell(send, f"send of {event!r} after {delay}: leaving the state ends it")
-            return []
-        raise _CannotSay(f"the delay {send.get('delay')!r}")
+        computed = send.get("delayexpr")
+        literal = send.get("delay") or (computed.strip()[1:-1] if _TEXT.fullmatch(computed.strip()) else "")
+        delay = _measure(literal) if literal else f"${{ {self._expression(computed)} }}"
+        state = send.around[1]
+        if any(heard is not state and state not in heard.around for heard in self._heard_by(event, "")):
+            raise _CannotSay(f"a delayed send of {event!r}, which is waited for outside of its state,")
+        if not send.get("event").startswith("after."):
+            self._tell(send, f"send of {event!r} after {delay}: leaving the state ends it")
+        timers.setdefault(delay, []).append(event)
+        return []
 
     def _if(self, element: Element) -> dict[str, Any]:
         branches: list[tuple[str, list[Element]]] = [(element.get("cond"), [])]
