@@ -76,14 +76,14 @@ class _Importer:
     def __init__(self, root: Element, own: bool) -> None:
         self._root = root
         self._own = own
-        for content in [element for element in root.every() if element.tag == "content"]:
+        for content in [element for element in root.every() if element.kind == "content"]:
             content.children.clear()  # another chart, of which nothing is a part of this one
         self._notes: dict[Note, None] = {}
-        self._states = {e.get("id"): e for e in root.every() if e.tag in _STATES and e.get("id")}
-        self._variables = {e.get("id"): _word(e.get("id")) for e in root.every() if e.tag == "data"}
+        self._states = {e.get("id"): e for e in root.every() if e.kind in _STATES and e.get("id")}
+        self._variables = {e.get("id"): _word(e.get("id")) for e in root.every() if e.kind == "data"}
         self._names: dict[int, str] = {}
         self._name_states(root, set())
-        sends = (e.get("event") for e in root.every() if e.tag in ("raise", "send") and e.get("event"))
+        sends = (e.get("event") for e in root.every() if e.kind in ("raise", "send") and e.get("event"))
         self._events = {_event(event) for event in sends}
 
     def mission(self, name: str) -> Imported:
@@ -112,10 +112,10 @@ class _Importer:
 
     def _name_states(self, parent: Element, taken: set[str]) -> None:
         for state in parent.all(*_STATES):
-            written = state.get("id") or f"{parent.get('id') or 'chart'}_{state.tag}"
+            written = state.get("id") or f"{parent.get('id') or 'chart'}_{state.kind}"
             local = written.removeprefix(f"{parent.get('id')}-")
             if not self._own:
-                local = _word(local).lower() if state.tag == "final" else _word(local).upper()
+                local = _word(local).lower() if state.kind == "final" else _word(local).upper()
             while local in taken and not self._own:
                 local += "_"
             taken.add(local)
@@ -147,9 +147,11 @@ class _Importer:
         wanted = {self._states.get(one) for one in ids.split()}
         around = {state.parent for state in wanted if state is not None}
         whole = around.pop() if len(around) == 1 else None
-        if whole is None or whole.tag != "parallel":
+        if whole is None or whole.kind != "parallel":
             return None
-        return whole if wanted == {child for child in whole.all(*_STATES) if child.tag != "history"} else None
+        return (
+            whole if wanted == {child for child in whole.all(*_STATES) if child.kind != "history"} else None
+        )
 
     # -- expressions ------------------------------------------------------------------------------------
 
@@ -186,7 +188,7 @@ class _Importer:
         return value
 
     def _context(self) -> Iterator[tuple[str, dict[str, Any]]]:
-        for data in (e for e in self._root.every() if e.tag == "data"):
+        for data in (e for e in self._root.every() if e.kind == "data"):
             try:
                 value = self._value(data.get("expr") or data.text)
             except _CannotSay:
@@ -208,11 +210,11 @@ class _Importer:
         element = next(iter(parent.all("initial")), None)
         content = element.all("transition")[0] if element and element.all("transition") else parent
         wanted = content.get("target") or parent.get("initial")
-        proper = [child for child in children if child.tag != "history"]
-        if wanted and parent.tag != "parallel":
+        proper = [child for child in children if child.kind != "history"]
+        if wanted and parent.kind != "parallel":
             try:
                 path, actions = self._target(parent, wanted), self._actions(content) if element else []
-                if actions or "." in path or self._states[wanted.strip()].tag == "history":
+                if actions or "." in path or self._states[wanted.strip()].kind == "history":
                     begin = "begin" if "begin" not in states else "begin_here"
                     states = {
                         begin: {"always": {"target": path, "do": actions} if actions else path},
@@ -222,21 +224,21 @@ class _Importer:
                 found["initial"] = path
             except _CannotSay as problem:
                 self._lose(parent, f"{problem} as the beginning")
-        elif len(proper) > 1 and parent.tag != "parallel":
+        elif len(proper) > 1 and parent.kind != "parallel":
             found["initial"] = self._names[id(proper[0])]
         if states:
             found["states"] = states
         return found
 
     def _state(self, state: Element) -> dict[str, Any]:
-        if state.tag == "history":
+        if state.kind == "history":
             return self._history(state)
-        found: dict[str, Any] = {} if state.tag == "state" else {"type": state.tag}
+        found: dict[str, Any] = {} if state.kind == "state" else {"type": state.kind}
         found |= self._inside(state)
         timers: dict[str, list[Any]] = {}
         entry = [a for e in state.all("onentry") for a in self._actions(e, timers)]
         left = [a for e in state.all("onexit") for a in self._actions(e)]
-        if left and state.tag == "final":
+        if left and state.kind == "final":
             self._lose(state, "what an end does when it is left")
             left.clear()
         found |= _slim({"entry": entry, "exit": left})
@@ -333,7 +335,7 @@ class _Importer:
 
     def _heard_by(self, name: str, every: str = "*") -> list[Element]:
         found = []
-        for rule in (e for e in self._root.every() if e.tag == "transition" and e.parent is not None):
+        for rule in (e for e in self._root.every() if e.kind == "transition" and e.parent is not None):
             names = [_event(event) for event in rule.get("event").split()]
             if (
                 any(name == n or n == every or name.startswith(f"{n}.") for n in names)
@@ -381,7 +383,7 @@ class _Importer:
         return found
 
     def _action(self, action: Element, timers: dict[str, list[Any]] | None) -> list[Any]:
-        match action.tag:
+        match action.kind:
             case "raise":
                 return [{"raise": {"event": _event(action.get("event"))}}]
             case "assign" if action.get("location") in self._variables:
@@ -403,13 +405,13 @@ class _Importer:
             case "cancel" if self._ends_timer(action):
                 self._tell(action, f"cancel of {action.get('sendid')!r}: a timer ends when its state is left")
                 return []
-        raise _CannotSay(f"<{action.tag.rpartition(' ')[2]}> {action.get('location')}".strip())
+        raise _CannotSay(f"<{action.kind.rpartition(' ')[2]}> {action.get('location')}".strip())
 
     def _ends_timer(self, cancel: Element) -> bool:
         """Say whether a state cancels on leaving what it sent on entering."""
         block, state = cancel.around[0], cancel.around[1]
         sent = [send for entry in state.all("onentry") for send in entry.all("send")]
-        return block.tag == "onexit" and any(send.get("id") == cancel.get("sendid") for send in sent)
+        return block.kind == "onexit" and any(send.get("id") == cancel.get("sendid") for send in sent)
 
     def _send(self, send: Element, timers: dict[str, list[Any]] | None) -> list[Any]:
         if send.get("type") == _TYPE:
@@ -439,7 +441,7 @@ class _Importer:
     def _if(self, element: Element) -> dict[str, Any]:
         branches: list[tuple[str, list[Element]]] = [(element.get("cond"), [])]
         for child in element.children:
-            if child.tag in ("elseif", "else"):
+            if child.kind in ("elseif", "else"):
                 branches.append((child.get("cond"), []))
             else:
                 branches[-1][1].append(child)

@@ -18,7 +18,7 @@ _SCXML = "http://www.w3.org/2005/07/scxml "
 class Element:
     """An element; those of SCXML without their namespace."""
 
-    tag: str
+    kind: str
     attributes: Mapping[str, str]
     line: int
     children: list[Element] = field(default_factory=list)
@@ -29,9 +29,9 @@ class Element:
         """An attribute; empty where there is none."""
         return self.attributes.get(name, "")
 
-    def all(self, *tags: str) -> list[Element]:
+    def all(self, *kinds: str) -> list[Element]:
         """The children of some kinds."""
-        return [child for child in self.children if child.tag in tags]
+        return [child for child in self.children if child.kind in kinds]
 
     def every(self) -> Iterator[Element]:
         """This and all below, in the order of the document."""
@@ -57,10 +57,10 @@ def elements(text: bytes) -> Element:
     top = Element("", {}, 0)
     stack = [top]
 
-    def start(tag: str, attributes: dict[str, str]) -> None:
+    def start(kind: str, attributes: dict[str, str]) -> None:
         if len(stack) > MAX_DEPTH:
             raise UsageError(f"line {parser.CurrentLineNumber}: elements are nested deeper than {MAX_DEPTH}")
-        element = Element(tag.removeprefix(_SCXML), attributes, parser.CurrentLineNumber, parent=stack[-1])
+        element = Element(kind.removeprefix(_SCXML), attributes, parser.CurrentLineNumber, parent=stack[-1])
         stack[-1].children.append(element)
         stack.append(element)
 
@@ -80,8 +80,8 @@ def elements(text: bytes) -> Element:
     except expat.ExpatError as problem:
         raise UsageError(f"line {problem.lineno}: no XML: {expat.ErrorString(problem.code)}") from None
     root = top.children[0]
-    if root.tag != "scxml":
+    if root.kind != "scxml":
         wanted = f"<scxml xmlns={_SCXML.strip()!r}>"
-        raise UsageError(f"line {root.line}: the document is <{root.tag}>, not {wanted}")
+        raise UsageError(f"line {root.line}: the document is <{root.kind}>, not {wanted}")
     root.parent = None
     return root

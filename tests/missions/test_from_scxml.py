@@ -41,9 +41,9 @@ def notes(inside: str) -> list[str]:
 def drawn(element: Element) -> Iterator[tuple[tuple[str, ...], str, Counter[str]]]:
     """The picture of a document: each state, its kind, and where its transitions lead."""
     for state in element.every():
-        if state.tag not in STATES:
+        if state.kind not in STATES:
             continue
-        around = [one for one in reversed(state.around) if one.tag in STATES]
+        around = [one for one in reversed(state.around) if one.kind in STATES]
         ends = f"done.state.{state.get('id')}"
         rules = [rule for rule in state.all("transition") if rule.get("event") != "error"]
         rules = [rule for rule in rules if not rule.get("event").startswith("done.state.")]
@@ -52,7 +52,7 @@ def drawn(element: Element) -> Iterator[tuple[tuple[str, ...], str, Counter[str]
         ]
         targets = Counter(rule.get("target") for rule in rules)
         names = tuple(local(one) for one in (*around, state))
-        yield names, state.tag, targets if state.tag != "history" else Counter()
+        yield names, state.kind, targets if state.kind != "history" else Counter()
 
 
 def local(state: Element) -> str:
