@@ -65,7 +65,7 @@ class PerceptionClient(ServiceDriver):
         """
         left = self._began[attempt] + arguments.get("within", 0.0) - self._ros.elapsed()
         if not isinstance(answer, CallFailure) and not answer.detected and left > ASK_AGAIN_S:
-            again = partial(self._ask, attempt, operation, arguments)
+            again = partial(self._ask, attempt, operation, arguments, operation.request(arguments))
             self._calls[attempt] = self._ros.call_later(ASK_AGAIN_S, again)
             return
         del self._began[attempt]

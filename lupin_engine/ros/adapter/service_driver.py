@@ -63,12 +63,15 @@ class ServiceDriver:
         """Call the operation's service."""
         if operation not in self._operations:
             raise ValueError(f"{self._plugin} has no operation {operation!r}")
+        wanted = self._operations[operation]
+        request = wanted.request(arguments)
         self._outlet.accepted(attempt)  # a service has no word for it: what was sent is taken
-        self._ask(attempt, self._operations[operation], arguments)
+        self._ask(attempt, wanted, arguments, request)
 
-    def _ask(self, attempt: str, operation: ServiceOperation, arguments: Mapping[str, Any]) -> None:
+    def _ask(
+        self, attempt: str, operation: ServiceOperation, arguments: Mapping[str, Any], request: Any
+    ) -> None:
         answered = partial(self._answered, attempt, operation, arguments)
-        request = operation.request(arguments)
         self._calls[attempt] = operation.service.call(request, operation.deadline, answered)
 
     def _answered(

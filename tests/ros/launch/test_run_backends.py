@@ -65,7 +65,7 @@ def test_a_mission_reads_a_recording(lupin: Start, tmp_path: Path) -> None:
             ],
         ),
         (
-            ["--no-sim", "--set", "lupin_sim.speed=1", "--set", "greenhouse_bridge.backend=mqt"],
+            ["--no-sim", "--set", "lupin_sim.speed=1 m/s", "--set", "greenhouse_bridge.backend=mqt"],
             [
                 "--set greenhouse_bridge: parameter 'backend': "
                 "expected one of simulator, recorded, mqtt, got 'mqt'; did you mean 'mqtt'?",

@@ -17,7 +17,7 @@ from lupin_arm.node.gates import Gates
 from lupin_arm.node.library import library_path
 from lupin_arm.node.mark import RestoreMarker
 from lupin_arm.node.serving import STALE_AFTER_S, ArmRequestRefused, refuse
-from lupin_engine.errors import nearest, shortened
+from lupin_engine.errors import Severity, nearest, shortened
 from lupin_engine.machine.event import Event
 from lupin_engine.machine.step import Step
 from lupin_engine.plugin.contract import Driver
@@ -197,8 +197,10 @@ class Calibration:
         if where == POSING:
             return True, POSE_NOW
         view = self._machine.view
-        if view.code:
-            label = CHART.codes[view.code].label if view.code in CHART.codes else view.code
+        code = CHART.codes.get(view.code)
+        # A code of severity info, as of a calibration that was cancelled, is no failure.
+        if view.code and (code is None or code.severity is not Severity.INFO):
+            label = code.label if code is not None else view.code
             return False, f"{label}: {view.detail}" if view.detail else label
         found = self._found()
         if action == "commit" and found:
