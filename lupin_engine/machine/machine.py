@@ -233,7 +233,7 @@ class Machine:
             self._tick_again(owner, name, due)
             step.queue.append(InternalEvent(name, owner))
         elif kind == "ask":
-            self._requests.questions.close(owner)
+            self._requests.questions.answered(Event(name))
             step.queue.append(InternalEvent(name, None, Trigger(event=BY_DEFAULT)))
         elif kind == "timeout":
             self._operations.timed_out(owner, step)
@@ -601,9 +601,8 @@ class Machine:
                 continue
             if kind == "budget":
                 known[state.name] = delay
-            if (
-                timer.goes_on and delay <= 0.0
-            ):  # used up meanwhile: nothing is begun before that is dealt with
+            if timer.goes_on and delay <= 0.0:
+                # Used up meanwhile: nothing is begun before that is dealt with.
                 step.queue.append(InternalEvent(timer.event, state.name))
                 continue
             self.scope.timers.arm(kind, state.name, step.now, delay, timer.event)

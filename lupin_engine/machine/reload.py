@@ -13,6 +13,7 @@ from collections.abc import Mapping
 from typing import TypeVar
 
 from lupin_engine.chart.model import Chart
+from lupin_engine.chart.records import same_meaning
 from lupin_engine.machine.machine import Machine
 from lupin_engine.machine.memory import Memory, Phase, Timer
 from lupin_engine.machine.scope import World
@@ -58,7 +59,7 @@ def _forget(memory: Memory, before: Chart, chart: Chart) -> None:
         memory.mission = memory.mission_id = ""
     memory.history.clear()
     memory.budgets.clear()
-    memory.asked.clear()
+    memory.asked = _kept(memory.asked, _asking_the_same(before, chart))
     memory.handled.clear()
     walking = {name for name, state in chart.states.items() if state.itinerary}
     memory.itineraries = _kept(memory.itineraries, dict.fromkeys(walking))
@@ -70,8 +71,8 @@ def _forget(memory: Memory, before: Chart, chart: Chart) -> None:
     levels = {f"input.{i.name}.{level.name}": level for i in chart.inputs.values() for level in i.levels}
     memory.levels = _kept(memory.levels, levels)
     memory.broken[:] = [name for name in memory.broken if name in chart.invariants]
-    memory.timers[:] = [timer for timer in memory.timers if _is_timer_of(chart, timer)]
-    memory.frozen[:] = [timer for timer in memory.frozen if _is_timer_of(chart, timer)]
+    memory.timers[:] = [timer for timer in memory.timers if _goes_on(timer, memory, chart)]
+    memory.frozen[:] = [timer for timer in memory.frozen if _goes_on(timer, memory, chart)]
     memory.waiting_actions[:] = [
         waiting for waiting in memory.waiting_actions if waiting[1].partition(".")[0] in chart.plugins
     ]
@@ -81,9 +82,17 @@ def _kept(found: dict[str, _T], known: Mapping[str, object]) -> dict[str, _T]:
     return {name: value for name, value in found.items() if name in known}
 
 
-def _is_timer_of(chart: Chart, timer: Timer) -> bool:
+def _asking_the_same(before: Chart, chart: Chart) -> dict[str, object]:
+    """Return the states that ask the same question with the same answers as in the chart of before."""
+    asks = {name: state.ask for name, state in before.states.items() if state.ask is not None}
+    return {n: s for n, s in chart.states.items() if n in asks and same_meaning(s.ask, asks[n])}
+
+
+def _goes_on(timer: Timer, memory: Memory, chart: Chart) -> bool:
     """Tell whether a deadline goes on; those of live values are set anew."""
     _, _, kind, (owner, event) = timer
-    if kind != "after":
-        return kind not in ("fresh", "ask")
-    return owner in chart.states and any(event == own.event for own in chart.states[owner].timers)
+    if kind == "after":
+        return owner in chart.states and any(event == own.event for own in chart.states[owner].timers)
+    if kind == "budget":  # that of a mission runs on where it is diverted, and ends with it
+        return owner in memory.configuration and owner in chart.states and bool(chart.states[owner].budget)
+    return owner in memory.asked if kind == "ask" else kind != "fresh"

@@ -17,7 +17,7 @@ from lupin_engine.errors import LupinError
 from lupin_engine.machine.memory import Memory, Timer
 
 #: Raised when the form of snapshots changes.
-VERSION = 2
+VERSION = 3
 
 
 class SnapshotError(LupinError):
@@ -108,7 +108,10 @@ def _mentions(chart: Chart, memory: Memory) -> Mapping[str, tuple[Iterable[str],
         "question in state": (memory.asked, _with(chart, "ask")),
         "for_each in state": ({i.state for i in invocations if i.key is not None}, _with(chart, "for_each")),
         "timer in state": ((owner for kind, owner in timers if kind == "after"), _with(chart, "timers")),
-        "budget in state": (memory.budgets, _with(chart, "budget")),
+        "budget in state": (
+            {*memory.budgets, *(owner for kind, owner in timers if kind == "budget")},
+            _with(chart, "budget"),
+        ),
         "freshness of input": ((owner for kind, owner in timers if kind == "fresh"), ageing),
     }
 

@@ -6,6 +6,7 @@ from typing import Any
 
 import pytest
 
+from lupin_engine.machine.reload import successor
 from tests.machine.charts import PAUSE, Bench, chart
 
 
@@ -74,6 +75,20 @@ def test_another_start_has_its_whole_time() -> None:
     bench.send("operator.dock")
     bench.machine.memory.configuration = ("", "READY")
     bench.restart()
+    bench.send("mission.start", mission_type="M")
+    bench.wait(59.0)
+    assert bench.leaves == ["MISSION.M.WORK.B"]
+    bench.wait(1.0)
+    assert bench.leaves == ["MISSION.M.OVER"]
+
+
+def test_missions_that_are_loaded_anew_forget_what_ran_on() -> None:
+    """The next one has its whole time: the deadline of the one before does not count for it."""
+    bench = working(during="divert")
+    bench.send("operator.dock")
+    bench.machine.memory.configuration = ("", "READY")
+    bench.machine = successor(bench.machine, bench.machine.world)
+    bench.machine.go_on(bench.now)
     bench.send("mission.start", mission_type="M")
     bench.wait(59.0)
     assert bench.leaves == ["MISSION.M.WORK.B"]

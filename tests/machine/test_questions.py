@@ -6,6 +6,8 @@ from typing import Any
 
 import pytest
 
+from lupin_engine.machine.reload import successor
+from lupin_engine.machine.scope import World
 from lupin_engine.machine.step import Step
 from tests.machine.charts import Bench, chart
 
@@ -152,3 +154,36 @@ def test_an_answer_counts_for_every_question_that_has_the_choice() -> None:
         bench = Bench(chart({"P": both}))
         assert bench.send(f"answer.{answer}").accepted
         assert [question.state for question in bench.machine.view.asking] == still
+
+
+def test_a_default_counts_for_every_question_that_has_the_choice() -> None:
+    """As an answer does: nobody is asked again for what was carried out already."""
+
+    def region(after: float) -> dict[str, Any]:
+        ask = {"question": "so?", "choices": ["no"], "after": after}
+        count = ("set", {"count": lambda env: env["context"]["count"] + 1})
+        return {"states": {"ASK": {"ask": ask, "on": {"answer.no": {"do": [count]}}}}}
+
+    both = {"kind": "parallel", "states": {"L": region(5.0), "R": region(8.0)}}
+    bench = Bench(chart({"P": both}, context={"count": 0}))
+    bench.wait(5.0)
+    assert (bench.context["count"], bench.machine.view.asking) == (2, ())
+    assert bench.wait(100.0) == []
+
+
+@pytest.mark.parametrize(("choices", "deadlines"), [(["no", "yes"], [10.0]), (["no", "later"], [])])
+def test_a_question_goes_on_in_missions_that_are_loaded_anew(
+    choices: list[str], deadlines: list[float]
+) -> None:
+    """Where they ask the same; another question is asked when its state is entered again."""
+
+    def deeper(given: list[str]) -> Bench:
+        return asking(ask={"question": "deeper?", "choices": given}, on={"answer.no": "N"})
+
+    bench = deeper(["no", "yes"])
+    bench.wait(4.0)
+    bench.machine = successor(bench.machine, World(deeper(choices).machine.chart, {}))
+    bench.machine.go_on(bench.now)
+    assert [question.deadline for question in bench.machine.view.asking] == deadlines
+    bench.wait(6.0)
+    assert bench.leaves == (["N"] if deadlines else ["A"])

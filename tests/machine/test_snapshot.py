@@ -207,17 +207,17 @@ def changed(**fields: Any) -> str:
             "this is no snapshot: Expecting value: line 1 column 1 (char 0)",
         ),
         ("[]", "this is no snapshot: expected version, chart and memory"),
-        ('{"version": 2}', "this is no snapshot: expected version, chart and memory"),
+        ('{"version": 3}', "this is no snapshot: expected version, chart and memory"),
         (
             '{"version": 1, "chart": "test", "memory": {}}',
-            "this snapshot is of version 1, expected 2",
+            "this snapshot is of version 1, expected 3",
         ),
         (
-            '{"version": 2, "chart": "other", "memory": {}}',
+            '{"version": 3, "chart": "other", "memory": {}}',
             "this snapshot is of the chart 'other', not of 'test'",
         ),
         (
-            '{"version": 2, "chart": "test", "memory": {"held": 3, "sequence": "x"}}',
+            '{"version": 3, "chart": "test", "memory": {"held": 3, "sequence": "x"}}',
             "this snapshot is damaged: held: Input should be a valid list; "
             "sequence: Input should be a valid integer, unable to parse string as an integer",
         ),
@@ -247,6 +247,7 @@ STRANGERS: list[tuple[dict[str, Any], str]] = [
     ({"timers": [[1.0, 1, "after", ["P", "after.0"]]]}, "there is no timer in state 'P'"),
     ({"frozen": [[1.0, 1, "fresh", ["charge", ""]]]}, "there is no freshness of input 'charge'"),
     ({"budgets": {"P": 1.0}}, "there is no budget in state 'P'"),
+    ({"timers": [[1.0, 1, "budget", ["P", "budget"]]]}, "there is no budget in state 'P'"),
     ({"configuration": ["", "P", "READY"]}, "these states are never active together: P, READY"),
     ({"configuration": ["READY"]}, "these states are never active together: READY"),
 ]
