@@ -46,13 +46,12 @@ class Itineraries:
         if state is None or state.itinerary is None:
             return
         rule, memory = state.itinerary, self._scope.memory
+        traversal = Traversal(state.name, [], [], leaves_open=rule.leaves_open)
         try:
-            items = list(rule.items.evaluate(self._scope))
+            self._lay_out(traversal, list(rule.items.evaluate(self._scope)))
         except Exception:
             return  # entering the state tells
-        traversal = memory.itineraries[state.name] = Traversal(state.name, [], [])
-        traversal.leaves_open = rule.leaves_open
-        self._lay_out(traversal, items)
+        memory.itineraries[state.name] = traversal
         memory.current_itinerary = state.name
 
     def of(self, state: str) -> Traversal | None:

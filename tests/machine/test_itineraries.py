@@ -9,7 +9,7 @@ import pytest
 from lupin_engine.chart.expressions.evaluation import Compiled, Expression
 from lupin_engine.chart.model import Chart
 from lupin_engine.machine import event as events
-from lupin_engine.machine.itineraries import identity_of
+from lupin_engine.machine.itineraries import Itineraries, identity_of
 from lupin_engine.machine.memory import Traversal, Visit
 from lupin_engine.plugin.profile import Publish
 from lupin_engine.plugin.types import ANY, list_of
@@ -359,6 +359,13 @@ def test_a_target_without_a_name_is_an_error_and_not_walked(item: Any) -> None:
     problem = f"the target {item!r} has no 'id' to tell it by"
     assert bench.steps[0].notes[0] == f"test.yaml:1:1: itinerary: {problem}"
     assert not [c for step in bench.steps for c in step.commands if isinstance(c, Publish)]
+
+
+def test_a_mission_begins_though_its_first_target_has_no_name() -> None:
+    """The error is that of the state that walks; what is known before it is nothing."""
+    bench = Bench(chart({"A": {}, "W": {"itinerary": {"items": lambda _: [1.5]}}}))
+    Itineraries(bench.machine.scope).foresee(bench.machine.chart.states["W"])
+    assert bench.machine.memory.itineraries == {}
 
 
 def driving() -> Bench:
