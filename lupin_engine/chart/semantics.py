@@ -17,9 +17,9 @@ from lupin_engine.chart.model import Chart, Kind, State, Transition
 #: The top-level state that an unhandled error leads to, if the lifecycle has it.
 FAULT = "FAULT"
 EXECUTION_ERROR = "error.execution"
-#: First words of the events that the engine makes for one state.
 #: The shortest time between two ticks of an `every`, in seconds.
 MIN_PERIOD = 0.1
+#: First words of the events that the engine makes for one state.
 ENGINE_EVENTS = frozenset({"done", "error", "after", "budget"})
 
 

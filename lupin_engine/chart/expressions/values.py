@@ -1,9 +1,8 @@
 """Reading a value that a file writes: an expression, or plain data that must already have its type.
 
-A text that is wholly `${ ... }` is an expression, one with `${ ... }` in it is a text with expressions in it
-(see `texts`), any other text is itself. A number that has a unit in its
-type must be written with one: `30` where seconds are meant is an error, not thirty seconds. What stands in a
-request or a ROS parameter is not read here.
+A text that is wholly `${ ... }` is an expression, one with `${ ... }` in it is read by `texts`, any other is
+itself. A number that has a unit in its type must be written with one: `30` where seconds are meant is an
+error, not thirty seconds. What stands in a request or a ROS parameter is not read here.
 """
 
 from __future__ import annotations
