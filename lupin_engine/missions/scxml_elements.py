@@ -1,4 +1,4 @@
-"""An SCXML document as a tree of elements that know their line; document types and entities are refused."""
+"""Parse an SCXML document into elements that know their line; a DOCTYPE, and so any entity, is refused."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from xml.parsers import expat
 
 from lupin_engine.errors import UsageError
 
-#: Larger or deeper documents are no charts that anybody reads.
+#: A larger or deeper document is refused.
 MAX_BYTES = 1_000_000
 MAX_DEPTH = 60
 _SCXML = "http://www.w3.org/2005/07/scxml "
@@ -16,7 +16,7 @@ _SCXML = "http://www.w3.org/2005/07/scxml "
 
 @dataclass(eq=False)
 class Element:
-    """An element; those of SCXML without their namespace."""
+    """An XML element. `kind` is its name; one of another namespace has that and a space in front."""
 
     kind: str
     attributes: Mapping[str, str]
@@ -26,27 +26,28 @@ class Element:
     text: str = ""
 
     def get(self, name: str) -> str:
-        """An attribute; empty where there is none."""
+        """Return an attribute, empty if absent."""
         return self.attributes.get(name, "")
 
     def all(self, *kinds: str) -> list[Element]:
-        """The children of some kinds."""
+        """Return the children of these kinds."""
         return [child for child in self.children if child.kind in kinds]
 
-    def every(self) -> Iterator[Element]:
-        """This and all below, in the order of the document."""
-        yield self
+    def every(self, *kinds: str) -> Iterator[Element]:
+        """Yield this element and its descendants in document order; with `kinds`, only those."""
+        if not kinds or self.kind in kinds:
+            yield self
         for child in self.children:
-            yield from child.every()
+            yield from child.every(*kinds)
 
     @property
     def around(self) -> list[Element]:
-        """What it stands in, innermost first."""
+        """Its ancestors, innermost first."""
         return [] if self.parent is None else [self.parent, *self.parent.around]
 
 
 def elements(text: bytes) -> Element:
-    """Return the root of a document.
+    """Return the root of a document. `content` has no children: they are data or another document.
 
     Raises:
         UsageError: it is no XML, no SCXML, or beyond the bounds.
@@ -54,8 +55,7 @@ def elements(text: bytes) -> Element:
     if len(text) > MAX_BYTES:
         raise UsageError(f"the document has {len(text)} bytes; {MAX_BYTES} are the most")
     parser = expat.ParserCreate(namespace_separator=" ")
-    top = Element("", {}, 0)
-    stack = [top]
+    stack = [Element("", {}, 0)]
 
     def start(kind: str, attributes: dict[str, str]) -> None:
         if len(stack) > MAX_DEPTH:
@@ -65,7 +65,9 @@ def elements(text: bytes) -> Element:
         stack.append(element)
 
     def end(_: str) -> None:
-        stack.pop()
+        element = stack.pop()
+        if element.kind == "content":
+            element.children.clear()
 
     def characters(data: str) -> None:
         stack[-1].text += data
@@ -79,7 +81,7 @@ def elements(text: bytes) -> Element:
         parser.Parse(text, True)
     except expat.ExpatError as problem:
         raise UsageError(f"line {problem.lineno}: no XML: {expat.ErrorString(problem.code)}") from None
-    root = top.children[0]
+    root = stack[0].children[0]
     if root.kind != "scxml":
         wanted = f"<scxml xmlns={_SCXML.strip()!r}>"
         raise UsageError(f"line {root.line}: the document is <{root.kind}>, not {wanted}")

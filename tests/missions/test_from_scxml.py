@@ -189,6 +189,12 @@ def test_a_beginning_further_in_is_a_helper_state() -> None:
     assert (found["initial"], found["states"]["begin"]) == ("begin", {"always": "A.C"})
 
 
+def test_a_beginning_in_every_region_is_the_parallel_state() -> None:
+    """Also where it has no id."""
+    found = imported('<parallel><state id="a"/><state id="b"/></parallel>', 'initial="a b"')
+    assert (found.mission["initial"], found.notes) == ("CHART_PARALLEL", ())
+
+
 # -- what is not --------------------------------------------------------------------------------------------
 
 
@@ -229,6 +235,10 @@ def test_a_beginning_further_in_is_a_helper_state() -> None:
         (
             '<state id="a"><transition target="b c"/></state><state id="b"/><state id="c"/>',
             "2: several targets at once (b c) cannot be said; it is left out",
+        ),
+        (
+            '<state id="a"><transition target="b"/><other><state id="b"/></other></state>',
+            "2: the target 'b', which does not exist, cannot be said; it is left out",
         ),
         (
             '<state id="a"><transition cond="typeof x" target="a"/></state>',
