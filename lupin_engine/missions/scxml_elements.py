@@ -81,6 +81,8 @@ def elements(text: bytes) -> Element:
         parser.Parse(text, True)
     except expat.ExpatError as problem:
         raise UsageError(f"line {problem.lineno}: no XML: {expat.ErrorString(problem.code)}") from None
+    except (LookupError, ValueError) as problem:  # an encoding that Python or expat does not know
+        raise UsageError(f"line 1: no XML: {problem}") from None
     root = stack[0].children[0]
     if root.kind != "scxml":
         wanted = f"<scxml xmlns={_SCXML.strip()!r}>"

@@ -272,6 +272,11 @@ def test_what_cannot_be_said_has_its_line(inside: str, text: str) -> None:
     ("text", "problem"),
     [
         (b"<a>", "line 1: no XML: no element found"),
+        (b'<?xml version="1.0" encoding="x"?><a/>', "line 1: no XML: unknown encoding: x"),
+        (
+            b'<?xml version="1.0" encoding="utf-32"?><a/>',
+            "line 1: no XML: multi-byte encodings are not supported",
+        ),
         (b"<svg/>", "line 1: the document is <svg>, not <scxml xmlns='http://www.w3.org/2005/07/scxml'>"),
         (b'<!DOCTYPE a [<!ENTITY b "c">]><a>&b;</a>', "line 1: a document type is not read; remove it"),
         (b" " * (MAX_BYTES + 1), f"the document has {MAX_BYTES + 1} bytes; {MAX_BYTES} are the most"),
