@@ -162,6 +162,8 @@ class _Mocks:
                 found["done"] = result
         else:
             found["never"] = True
+            if "result" in attempt.data:
+                found["cut_short"] = self._differs(attempt)
         found |= self._timing(attempt, begun)
         if attempt.progress:
             found["progress"] = attempt.progress

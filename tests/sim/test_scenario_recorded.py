@@ -20,6 +20,7 @@ from lupin_engine.sim.simulation import START
 from tests import shipped
 
 SCENARIOS = Path(__file__).parents[1] / "scenarios" / "inspection"
+EXAMPLES = Path(__file__).parents[2] / "examples"
 MISSIONS = Missions(shipped.catalog())
 MADE = Path("made.scenario.yaml")
 
@@ -53,6 +54,19 @@ def test_every_run_can_be_made_a_scenario(file: Path) -> None:
     run = made.run()
     assert made.failures(run) == []
     assert made.node.expect.lifecycle == scenario.run().history.lifecycles
+
+
+@pytest.mark.parametrize("file", scenario_files([EXAMPLES]), ids=lambda file: file.name.partition(".")[0])
+def test_a_run_of_an_example_can_be_made_a_scenario(file: Path) -> None:
+    """With what a cancel gave, with answers, and by clocks that go on."""
+    scenario = load_scenario(file, shipped.catalog(), MISSIONS)
+    recording = read_recording(
+        json.dumps({"steps": steps_of(scenario), "parameters": scenario.parameters}), "run.json"
+    )
+    place = file.with_name("made.scenario.yaml")
+    made = load_scenario_text(scenario_text(recording, "as recorded", place, MISSIONS), place, MISSIONS)
+    run = made.run()
+    assert (made.failures(run), run.context) == ([], scenario.run().context)
 
 
 TEXT = """\
