@@ -16,8 +16,10 @@ from __future__ import annotations
 import ast
 import re
 import warnings
+from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
+from itertools import accumulate
 from typing import Any, NamedTuple
 
 from lupin_engine.missions.scxml_elements import Element, elements
@@ -79,6 +81,15 @@ class _Importer:
         self._states = {state.get("id"): state for state in self._names if state.get("id")}
         self._variables = {data.get("id"): _word(data.get("id")) for data in root.every("data")}
         self._events = {_event(e.get("event")) for e in root.every("raise", "send") if e.get("event")}
+        #: By event descriptor, the events that it matches, and the states with a transition on it.
+        self._matched: defaultdict[str, list[str]] = defaultdict(list)
+        self._listening: defaultdict[str, set[Element | None]] = defaultdict(set)
+        for event in sorted(self._events):
+            for descriptor in _descriptors(event):
+                self._matched[descriptor].append(event)
+        for rule in root.every("transition"):
+            for descriptor in _split(rule):
+                self._listening[_event(descriptor)].add(rule.parent)
 
     def mission(self, name: str) -> Imported:
         for script in self._root.all("script"):
@@ -286,23 +297,18 @@ class _Importer:
             yield keywords[event], ""
         elif name.split(".")[0] in ("done", "error"):
             raise _CannotSay(f"a transition on {event!r}, of another state or of the engine,")
-        elif timer is not None and (self._own or self._heard_by(name, "*") == {state}):
+        elif timer is not None and (self._own or self._heard_by(name) | self._listening["*"] == {state}):
             yield "after", timer
         elif name == "*":
             listed = {_event(each) for rule in state.all("transition") for each in _split(rule)}
             yield from (("on", other) for other in (*sorted(listed & self._events), "*"))
         else:
-            matched = [] if self._own else sorted(e for e in self._events if f"{e}.".startswith(f"{name}."))
+            matched = [] if self._own else self._matched[name]
             yield from (("on", other) for other in matched or [name])
 
-    def _heard_by(self, name: str, *more: str) -> set[Element | None]:
-        """Return the states with a transition on an event, or on one of `more` event descriptors."""
-        return {
-            rule.parent
-            for rule in self._root.every("transition")
-            for event in map(_event, _split(rule))
-            if event in more or f"{name}.".startswith(f"{event}.")
-        }
+    def _heard_by(self, event: str) -> set[Element | None]:
+        """Return the states with a transition on an event, other than by `*`."""
+        return {state for descriptor in _descriptors(event) for state in self._listening[descriptor]}
 
     def _transition(self, state: Element, rule: Element) -> dict[str, Any]:
         target, cond = rule.get("target"), rule.get("cond")
@@ -398,6 +404,11 @@ def _event(text: str) -> str:
     """Return an event's name, or a descriptor without its `.*` or `.` at the end, which has no meaning."""
     text = re.sub(r"\.\*?$", "", text.strip())
     return "*" if text == "*" else ".".join(_word(word) for word in text.split("."))
+
+
+def _descriptors(event: str) -> Iterator[str]:
+    """Yield the event descriptors that match an event, other than `*`: `a`, `a.b` of `a.b`."""
+    return accumulate(event.split("."), "{}.{}".format)
 
 
 def _measure(text: str) -> str:

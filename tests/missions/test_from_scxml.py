@@ -195,6 +195,17 @@ def test_a_beginning_in_every_region_is_the_parallel_state() -> None:
     assert (found.mission["initial"], found.notes) == ("CHART_PARALLEL", ())
 
 
+@pytest.mark.timeout(20)
+def test_a_long_document_is_no_trouble() -> None:
+    """The work grows with its length, not with the square of it."""
+    one = (
+        '<state id="s{0}"><onentry><send event="e{0}" delay="1s"/></onentry>'
+        '<transition event="e{0}" target="s0"/></state>'
+    )
+    found = states("".join(one.format(number) for number in range(3000)))
+    assert found["S2999"] == {"after": {"1 s": "S0"}}
+
+
 # -- what is not --------------------------------------------------------------------------------------------
 
 
