@@ -35,6 +35,7 @@ from builtin_interfaces.msg import Time
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.context import Context
+from rclpy.duration import Duration
 from rclpy.exceptions import InvalidHandle, NameValidationException
 from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
@@ -81,6 +82,8 @@ MAX_FAILURES_PER_SECOND = 20
 
 #: Seconds that releasing a node at the end of its spin may take before the process is ended by force.
 TEARDOWN_LIMIT_S = 3.0
+#: How long the end of a process waits for subscribers to acknowledge what was published, in seconds.
+DELIVERY_LIMIT_S = 0.5
 
 
 class RosTimer:
@@ -370,6 +373,14 @@ class RosNode:
     def _say_goodbye(self) -> None:
         for callback in self._stop_callbacks:
             self.guarded(callback)()
+        if self._context.ok():
+            self.guarded(self._deliver)()
+
+    def _deliver(self) -> None:
+        """Wait until subscribers have what was published last, such as the end of a motion."""
+        end = time.monotonic() + DELIVERY_LIMIT_S
+        for publisher in self.node.publishers:
+            publisher.wait_for_all_acked(Duration(seconds=max(0.0, end - time.monotonic())))
 
     def spin_once(self, timeout: float | None = None) -> bool:
         """Handle one event, waiting at most `timeout` seconds for it; False when the node is to end."""

@@ -336,6 +336,28 @@ def test_a_signal_ends_the_spin_cleanly(make_node: MakeNode, number: signal.Sign
     ros.post(lambda: None)
 
 
+def test_what_is_published_last_arrives(make_node: MakeNode) -> None:
+    """The last words of a process, such as the end of a motion, are not lost with it."""
+    program = (
+        "from std_msgs.msg import String\n"
+        "from lupin_engine.ros.adapter.node import Qos, RosNode\n"
+        "ros = RosNode('leaving')\n"
+        "last = ros.publisher(String, '/last', Qos.EVENT)\n"
+        "ros.work_until(last.get_subscription_count, 60.0)\n"
+        "ros.on_stop(lambda: [last.publish(String(data=str(n) * 1_000_000)) for n in range(5)])\n"
+        "ros.stop()\n"
+        "ros.spin()\n"
+        "import os\n"
+        "os._exit(0)\n"
+    )
+    world, heard = make_node("world"), list[str]()
+    world.subscribe(String, "/last", Qos.EVENT, lambda message: heard.append(message.data[0]))
+    with subprocess.Popen([sys.executable, "-c", program]) as process:
+        spin_until([world], lambda: process.poll() is not None)
+    spin_until([world], lambda: len(heard) == 5, 10.0)
+    assert heard == ["0", "1", "2", "3", "4"]
+
+
 def test_a_node_that_cannot_be_released_does_not_keep_the_process() -> None:
     program = (
         "import threading\n"
