@@ -131,7 +131,7 @@ class _Outliner:
         return bool(self._wrapper) and self._states[self._wrapper].parent == state.name
 
     def _hide(self, state: State, under: str) -> int:
-        """Let one box stand for all within a state; return how many those are, histories aside."""
+        """Collapse a state to one box; return the number of states inside, histories aside."""
         count = 0
         for name in self._children(state):
             self._shown.setdefault(name, under)
@@ -219,7 +219,7 @@ class _Outliner:
 
 
 def _add(labels: dict[str, Label], label: Label) -> None:
-    """Add a label; one that says the same stands for both."""
+    """Add a label; equal labels are written once."""
     before = labels.get(str(label))
     ids = label.ids | before.ids if before else label.ids
     labels[str(label)] = Label(label.event, label.cause, label.guard, label.actions, ids)

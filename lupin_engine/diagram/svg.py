@@ -71,7 +71,7 @@ def svg(picture: Picture) -> str:
 
 
 def plan(picture: Picture) -> tuple[CompoundNode, list[CompoundEdge], GraphLayout]:
-    """Return what stands where in the drawing of a picture, and what was to be placed."""
+    """Return the layout of a picture, and the boxes and arrows that it places."""
     drawing = _SvgDrawing(picture)
     return drawing.root, drawing.links, drawing.layout
 

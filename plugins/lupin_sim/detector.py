@@ -1,4 +1,4 @@
-"""What the detectors on the robot's cameras make of what is in view: tags and their corners, flowers.
+"""The detections of the robot's cameras: tags with their corners, and flowers.
 
 Metres, radians, pixels. Two cameras look ahead from where the robot is: one reads tags (its intrinsics are
 those of the simulated camera of the real stack), the one on the gripper sees flowers. Plates hang at the

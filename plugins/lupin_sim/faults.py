@@ -1,4 +1,4 @@
-"""What goes wrong on request, and for how many goals."""
+"""Faults that are injected on request, and the number of goals that they hit."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ class Faults:
             self.take()
 
     def take(self) -> InjectedFault:
-        """Return what a new goal suffers, and count it."""
+        """Return the fault of a new goal, and count the goal."""
         self._of_goal = self._kind
         if self._left > 0:
             self._left -= 1

@@ -1,4 +1,4 @@
-"""The detectors of the simulated cameras as topics: what the perception's aggregator works from."""
+"""The detectors of the simulated cameras as topics: the input of the perception aggregator."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ BASE, CAMERA = "base_link", "camera_link"
 
 
 class Detections:
-    """Tells, frame by frame, which tags and flowers are in view, and by transforms where the tags are.
+    """Publishes, frame by frame, the tags and flowers in view, and the places of the tags as transforms.
 
     `send` publishes transforms together with those of the robot, at one moment: a tag is placed by where the
     robot was when it saw it.

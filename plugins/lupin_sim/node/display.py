@@ -1,4 +1,4 @@
-"""What displays have to do with the navigation: they show the way, and a click on the map is a goal."""
+"""The topics that displays such as RViz use: the plan of the robot, and goals by a click on the map."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Display:
         ros.subscribe(PoseStamped, "/goal_pose", Qos.EVENT, self._on_click)
 
     def tell_plan(self, path: Sequence[Point], yaw: float) -> None:
-        """Publish the corners of the way that is left, from the robot on; it ends turned to `yaw`."""
+        """Publish the corners of the remaining path, from the robot on; it ends with heading `yaw`."""
         headings = [math.atan2(b[1] - a[1], b[0] - a[0]) for a, b in pairwise(path)]
         message = Path()
         message.header.frame_id = "map"
@@ -56,4 +56,4 @@ def quaternion(yaw: float) -> Quaternion:
 
 
 def _nothing(*_: object) -> None:
-    """A click wants no answer: what becomes of it is seen."""
+    """Ignore the result of a clicked goal: the display shows the robot."""

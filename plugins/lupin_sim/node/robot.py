@@ -87,7 +87,7 @@ PARAMETERS = {
 
 
 def check(values: Mapping[str, Any]) -> None:
-    """Look whether parameters make a greenhouse.
+    """Check that the parameters describe a greenhouse.
 
     Raises:
         LupinError: they do not; the text has everything that is wrong.
@@ -198,7 +198,7 @@ class SimNode:
         return self._estop_parameter or self._estop_hmi
 
     def _settle(self) -> None:
-        """Carry over what has changed at once: the brake, and what everybody is told."""
+        """Apply a change at once: to the brake, and to what is published."""
         self._robot.braked = self._estop or self._faults.now(InjectedFault.STALL)
         self._publish_estop()
         self._publish_pose()
@@ -254,7 +254,7 @@ class SimNode:
                 self._tell_plan(self._goal)
 
     def _stand(self) -> None:
-        """Look at what is before the robot, a few times; then it has arrived."""
+        """Look ahead a few times at the goal; then the robot has arrived."""
         self._standing += 1
         if self._standing < MOVES_STANDING:
             self._senses.look(self._robot.pose)
@@ -265,7 +265,7 @@ class SimNode:
         self._display.tell_plan(self._robot.path, heading(served.request.pose.pose.orientation))
 
     def _advance(self) -> None:
-        """Let the robot drive until now, and look around on the way."""
+        """Move the robot to where it is now, and look around on the way."""
         now = self._ros.elapsed()
         self._next_look = max(self._next_look, now - LOOKS_WITHIN_S)
         while self._goal is not None and self._next_look <= now:
@@ -330,7 +330,7 @@ class SimNode:
         self._poses.publish(message)
 
     def _publish_transforms(self, sensed: Sequence[TransformStamped] = ()) -> None:
-        """Tell where the robot is, and what it senses from there, all at one moment."""
+        """Publish the robot's pose and what it senses from there, with one stamp."""
         transforms = [_transform("odom", "base_link", self._robot.pose), *sensed]
         if not self._faults.now(InjectedFault.LOSE_LOCALIZATION):
             transforms.insert(0, _transform("map", "odom", FloorPose(0.0, 0.0, 0.0)))

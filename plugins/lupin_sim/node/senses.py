@@ -1,4 +1,4 @@
-"""What the simulated robot makes of its surroundings: the map that grows as it drives, and what it detects.
+"""What the simulated robot senses: the map that grows as it drives, and what its cameras detect.
 
 Where a tag is on the map, and which tags are discovered, is for the aggregator to say: the cameras tell what
 they see, frame by frame, as those of the real robot do.
@@ -43,7 +43,7 @@ PARAMETERS = {
 
 
 class Senses:
-    """Looks around from wherever the robot is, and tells everybody."""
+    """Looks around from the robot's pose, and publishes what is seen."""
 
     def __init__(
         self,
@@ -68,7 +68,7 @@ class Senses:
         ros.timer(TELL_S, self.tell_map)
 
     def look(self, pose: FloorPose) -> None:
-        """Look around from `pose`, and tell where that is and what is seen."""
+        """Look around from `pose`, and publish that pose and what is seen."""
         if self._mapped_from != (pose.x, pose.y):  # turning shows the lidar nothing new
             self._mapped_from = pose.x, pose.y
             self._map.reveal(pose.x, pose.y)
@@ -78,7 +78,7 @@ class Senses:
             self._detections.tell(pose, self._camera.sees(pose), self._camera.pests(pose))
 
     def tell_map(self) -> None:
-        """Publish the map if there is anything new in it, or if it was told long ago."""
+        """Publish the map if it has changed, or if the last message is old."""
         now = self._ros.elapsed()
         if self._map.changed or now - self._told >= TELL_AGAIN_S:
             self._told = now
