@@ -107,7 +107,7 @@ def test_the_scale_keeps_the_contract_over_ros(reader: Path) -> None:
     """All rules, with its node in plain rclpy."""
     pytest.importorskip("rclpy", reason="ROS 2 is not installed here")
     done = lupin("plugin", "check", "scale", "--live", folder=reader, path=str(reader / "lupin-scale"))
-    assert (done.returncode, done.stdout.splitlines()[-1]) == (0, "1 plugin, 18 rules, all kept")
+    assert (done.returncode, done.stdout.splitlines()[-1]) == (0, "1 plugin, 18 rules, all kept"), done.stdout
 
 
 @pytest.mark.ros
