@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 import os
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -49,6 +49,33 @@ class Answer:
     reached: bool = True
 
 
+def _spin(ros: RosNode, seconds: float) -> None:
+    """Work for at least `seconds`: a wait that is cut short by a message goes on."""
+    until = time.monotonic() + seconds
+    while (left := until - time.monotonic()) > 0:
+        ros.spin_once(left)
+
+
+def _call(
+    ros: RosNode, caller: ServiceCaller, request: Any, timeout: float, meaning: Callable[[Any], Answer]
+) -> Answer:
+    """Return what the response of a service means, or why there is none."""
+    answers: list[Any] = []
+    call = caller.call(request, timeout, answers.append)
+    # The call has its own deadline; this one is for a spin that is stuck.
+    until = time.monotonic() + timeout + 0.5
+    while not answers and time.monotonic() < until and ros.spin_once(0.1):
+        pass
+    call.cancel()
+    if answers and not isinstance(answers[0], CallFailure):
+        return meaning(answers[0])
+    return Answer(False, answers[0].detail if answers else f"{caller.name}: no answer", reached=False)
+
+
+def _of_trigger(response: Any) -> Answer:
+    return Answer(response.success, response.message)
+
+
 class Respondent:
     """A node that sees what is asked and answers it, whatever the profile; closed with `close`."""
 
@@ -65,26 +92,16 @@ class Respondent:
         until = time.monotonic() + timeout
         while not self._newest and (left := until - time.monotonic()) > 0:
             self._ros.spin_once(left)
-        settled = time.monotonic() + SETTLE_S  # the last steps come in one burst, the oldest first
-        while self._newest and (left := settled - time.monotonic()) > 0:
-            self._ros.spin_once(left)
         if not self._newest:
             return None
+        _spin(self._ros, SETTLE_S)  # the last steps come in one burst, the oldest first
         age = self._ros.now() - float(self._newest["stamp"])
         return open_questions(self._newest["view"], float(self._newest["time"]) + age)
 
     def answer(self, choice: str, timeout: float) -> Answer:
         """Answer with a choice."""
-        answers: list[Any] = []
         caller = self._ros.service(Trigger, ANSWER_SERVICE.format(choice))
-        call = caller.call(Trigger.Request(), timeout, answers.append)
-        until = time.monotonic() + timeout + 0.5
-        while not answers and time.monotonic() < until and self._ros.spin_once(0.1):
-            pass
-        call.cancel()
-        if not answers or isinstance(answers[0], CallFailure):
-            return Answer(False, answers[0].detail if answers else f"{caller.name}: no answer", reached=False)
-        return Answer(answers[0].success, answers[0].message)
+        return _call(self._ros, caller, Trigger.Request(), timeout, _of_trigger)
 
     def close(self) -> None:
         """Leave the network."""
@@ -119,9 +136,7 @@ class Operator:
 
     def spin(self, seconds: float) -> None:
         """Work for at least `seconds`: a wait that is cut short by a message goes on."""
-        until = time.monotonic() + seconds
-        while (left := until - time.monotonic()) > 0:
-            self._ros.spin_once(left)
+        _spin(self._ros, seconds)
 
     def take(self) -> list[Arrival]:
         """Return what has arrived since the last call, in order."""
@@ -166,31 +181,15 @@ class Operator:
         """Ask for a mission; fields of the request that are not given mean the mission's own defaults."""
         fields = self._wire.start.request_fields(StartRequest(mission, given))
         request = write(self._start_type.Request(), fields)
-        return self._call(_START, request, timeout)
+        return _call(self._ros, self._callers[_START], request, timeout, self._started)
 
     def ask(self, name: str, timeout: float) -> Answer:
         """Send an operator's request: abort, pause, resume, ..."""
-        return self._call(name, Trigger.Request(), timeout)
+        return _call(self._ros, self._callers[name], Trigger.Request(), timeout, _of_trigger)
 
-    def _call(self, name: str, request: Any, timeout: float) -> Answer:
-        answers: list[Any] = []
-        call = self._callers[name].call(request, timeout, answers.append)
-        # The call has its own deadline; this one is for a spin that is stuck.
-        until = time.monotonic() + timeout + 0.5
-        while not answers and time.monotonic() < until and self._ros.spin_once(0.1):
-            pass
-        call.cancel()
-        if answers:
-            return self._answer(name, answers[0])
-        return Answer(False, f"{self._callers[name].name}: no answer", reached=False)
-
-    def _answer(self, name: str, outcome: Any) -> Answer:
-        if isinstance(outcome, CallFailure):
-            return Answer(False, outcome.detail, reached=False)
-        if name == _START:
-            answer = self._wire.start.read_answer(read(outcome))
-            return Answer(answer.accepted, answer.reason, answer.mission_id)
-        return Answer(outcome.success, outcome.message)
+    def _started(self, response: Any) -> Answer:
+        answer = self._wire.start.read_answer(read(response))
+        return Answer(answer.accepted, answer.reason, answer.mission_id)
 
     def close(self) -> None:
         """Leave the network; nothing can be asked any more."""
