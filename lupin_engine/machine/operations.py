@@ -144,13 +144,11 @@ class Operations:
     def suspend(self, step: Macrostep) -> None:
         """A hold was engaged: cancel what moves the robot, and refund the try."""
         for invocation in self._scope.memory.invocations.values():
-            if self._invoke(invocation).operation.on_hold is OnHold.CANCEL and invocation.attempt:
-                way, attempt = (
-                    self._invoke(invocation).on_hold,
-                    self._scope.memory.attempts[invocation.attempt],
-                )
-                if way and attempt.phase is not Phase.WAITING:
-                    cut = CutShort(attempt.id, CANCELLED_CODE, "cut short by a hold", way)
+            invoke = self._invoke(invocation)
+            if invoke.operation.on_hold is OnHold.CANCEL and invocation.attempt:
+                attempt = self._scope.memory.attempts[invocation.attempt]
+                if invoke.on_hold and attempt.phase is not Phase.WAITING:
+                    cut = CutShort(attempt.id, CANCELLED_CODE, "cut short by a hold", invoke.on_hold)
                     self._cut_short(invocation, cut, step)
                     continue
                 self._cancel_current(invocation, step)
