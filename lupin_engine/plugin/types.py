@@ -334,7 +334,11 @@ def unique(values: Sequence[Any]) -> list[Any]:
     try:
         return list(dict.fromkeys(values))
     except TypeError:  # records
-        return [value for index, value in enumerate(values) if value not in values[:index]]
+        found: list[Any] = []
+        for value in values:
+            if value not in found:
+                found.append(value)
+        return found
 
 
 def fitted(value: Any, kind: Type) -> Any:
