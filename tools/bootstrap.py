@@ -26,14 +26,15 @@ STAMP, PYTHON = VENV / "bootstrap.json", str(VENV / "bin" / "python")
 LOG, INTERFACES_LOG = VENV / "bootstrap.log", VENV / "bootstrap-interfaces.log"
 #: What ROS 2 Jazzy's wheels exist for, best first: 3.12 is the Python of Jazzy itself.
 VERSIONS = ((3, 12), (3, 13), (3, 11), (3, 10))
-FOLDERS = ["lupin_msgs", *map("interfaces/{}_msgs".format, ("nav2", "tf2", "control", "mirte"))]
+SUBSETS = ("nav2", "tf2", "control", "mirte")
+FOLDERS = ["lupin_msgs", *map("interfaces/{}_msgs".format, ("lupin_engine", *SUBSETS))]
 INTERFACE_FILES = (".msg", ".srv", ".action", ".xml", ".txt", ".toml", ".cmake")
 GUARD = "_ROS_WHEELS_BOOTSTRAP_COMPLETE"
 CHECK = """
 import sys; sys.dont_write_bytecode = False  # what is tried leaves bytecode, so that later starts are fast
 import rclpy, lupin_engine.cli.main, lupin_msgs.msg as l, mirte_msgs.msg as m, tf2_msgs.msg as t
-import control_msgs.action as c, nav2_msgs.action as n
-for each in (l.Observation, m.ServoPosition, t.TFMessage, c.GripperCommand, n.NavigateToPose):
+import control_msgs.action as c, nav2_msgs.action as n, lupin_engine_msgs.srv as e
+for each in (l.Observation, e.Command, m.ServoPosition, t.TFMessage, c.GripperCommand, n.NavigateToPose):
     type(each).__import_type_support__()
 lupin_engine.cli.main.main(["check"])
 """

@@ -12,20 +12,24 @@ from tests.tools import load_tool
 ROOT = Path(__file__).parents[2]
 INTERFACES = {
     "lupin_msgs": ROOT / "lupin_msgs",
+    "lupin_engine_msgs": ROOT / "interfaces" / "lupin_engine_msgs",
     "nav2_msgs": ROOT / "interfaces" / "nav2_msgs",
     "tf2_msgs": ROOT / "interfaces" / "tf2_msgs",
     "control_msgs": ROOT / "interfaces" / "control_msgs",
     "mirte_msgs": ROOT / "interfaces" / "mirte_msgs",
 }
+#: Those that belong to others, of which a part is here.
+SUBSETS = [name for name in INTERFACES if not name.startswith("lupin_")]
 
 
 @pytest.mark.parametrize("name", ["package.xml", "setup.py", "COLCON_IGNORE"])
-def test_nothing_at_the_root_hides_lupin_msgs_from_colcon(name: str) -> None:
-    assert not (ROOT / name).exists()
+@pytest.mark.parametrize("folder", [".", "interfaces"])
+def test_nothing_hides_our_own_interfaces_from_colcon(name: str, folder: str) -> None:
+    assert not (ROOT / folder / name).exists()
 
 
-@pytest.mark.parametrize("folder", ["interfaces", "lupin_engine", "plugins"])
-def test_colcon_leaves_all_but_lupin_msgs_alone(folder: str) -> None:
+@pytest.mark.parametrize("folder", ["lupin_engine", "plugins", *map("interfaces/{}".format, SUBSETS)])
+def test_colcon_leaves_all_else_alone(folder: str) -> None:
     # It takes any module that is called setup.py for a package's.
     assert (ROOT / folder / "COLCON_IGNORE").exists()
 
@@ -49,7 +53,7 @@ def test_manifest(package: str) -> None:
     maintainer = manifest.find("maintainer")
     assert maintainer is not None
     assert maintainer.get("email") == "o.a.e.devos@student.tudelft.nl"
-    if package != "lupin_msgs":
+    if package in SUBSETS:
         assert "subset" in manifest.findtext("description", "")
 
 
