@@ -30,10 +30,14 @@ MAX_CATALOGS = 32
 
 @dataclass(frozen=True, eq=False)
 class BoundCatalog:
-    """A catalog with the bindings in it. The same files with the same catalog are the same one."""
+    """A catalog with the bindings in it. The same files with the same catalog are the same one.
+
+    `sources` are the bytes of each binding's file, as they were read.
+    """
 
     catalog: Catalog
     bindings: Mapping[str, Binding]
+    sources: Mapping[str, bytes]
     found: tuple[Diagnostic, ...] = ()
 
 
@@ -43,6 +47,7 @@ class _BindingFile:
 
     binding: Binding | None
     found: tuple[Diagnostic, ...]
+    raw: bytes = b""
 
 
 _UNREAD = _BindingFile(None, ())
@@ -113,13 +118,14 @@ def _file(name: str, stem: str, raw: bytes, key: _Same) -> _BindingFile:
     if node.binding != stem:
         problem = f"the binding calls itself {node.binding!r}, its file {stem!r}"
         findings.add(node.at("binding"), "bad-name", "binding", problem, f"write 'binding: {stem}'")
-    return _BindingFile(read_binding(node, key.catalog, findings), findings.all)
+    return _BindingFile(read_binding(node, key.catalog, findings), findings.all, raw)
 
 
 @lru_cache(maxsize=MAX_CATALOGS)
 def _join(files: tuple[_BindingFile, ...], key: _Same) -> BoundCatalog:
     """Join what the bindings offer to the catalog; those that contradict it are told and left out."""
     bindings: dict[str, Binding] = {}
+    sources: dict[str, bytes] = {}
     catalog, findings = key.catalog, Findings()
     for file in files:
         binding = file.binding
@@ -135,8 +141,8 @@ def _join(files: tuple[_BindingFile, ...], key: _Same) -> BoundCatalog:
             place = binding.node.at("binding")
             findings.add(place, "conflicting-definition", "binding", reason, "choose another name")
         else:
-            bindings[binding.name] = binding
-    return BoundCatalog(catalog, bindings, findings.all)
+            bindings[binding.name], sources[binding.name] = binding, file.raw
+    return BoundCatalog(catalog, bindings, sources, findings.all)
 
 
 def _contradicts(binding: Binding, catalog: Catalog, findings: Findings) -> bool:

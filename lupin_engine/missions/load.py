@@ -9,15 +9,17 @@ parsed again, and a chart of which no file has changed is not composed again.
 
 from __future__ import annotations
 
+import hashlib
+import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from functools import lru_cache
+from dataclasses import dataclass, field
+from functools import cached_property, lru_cache
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from lupin_engine.bindings import catalog as bound_catalogs
-from lupin_engine.bindings.catalog import BoundCatalog, bound_catalog
+from lupin_engine.bindings.catalog import BINDINGS, BoundCatalog, bound_catalog
 from lupin_engine.chart.compose.compose import Composed, compose
 from lupin_engine.chart.documents import FileNode, LifecycleNode, MissionNode, PartNode, StateNode
 from lupin_engine.chart.findings import Findings, LimitedFindings
@@ -51,16 +53,21 @@ class _Document(Generic[_D_co]):
     node: _D_co | None
     found: tuple[Diagnostic, ...] = ()
     uses: tuple[tuple[str, Place, str], ...] = ()
+    raw: bytes = b""
 
 
 @dataclass(frozen=True, eq=False)
 class LoadedMissions:
-    """Checked missions with their lifecycle, and those of their plugins that are made of a file."""
+    """Checked missions with their lifecycle, and those of their plugins that are made of a file.
+
+    `sources` are the bytes that all of it was made of, by the names of the files as places have them.
+    """
 
     chart: Chart
     bindings: Mapping[str, Binding]
     files: tuple[Path, ...]
     lifecycle: Path
+    sources: Mapping[str, bytes] = field(repr=False)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -89,6 +96,31 @@ class LoadedMissions:
                 found.setdefault(one.endpoint.name, []).append(name)
         return {topic: ", ".join(names) for topic, names in found.items()}
 
+    @cached_property
+    def short_names(self) -> Mapping[str, str]:
+        """What each file is called in its folder of missions, wherever that is: `parts/visit.yaml`.
+
+        Of two files with one name, from two folders, the second is `name.2.yaml`.
+        """
+        found: dict[str, str] = {}
+        for name in self.sources:
+            path = Path(name)
+            inside = Path(path.parent.name) if path.parent.name in (PARTS, BINDINGS) else Path()
+            short, number = inside / path.name, 2
+            while short.as_posix() in found.values():
+                short, number = inside / f"{path.stem}.{number}{path.suffix}", number + 1
+            found[name] = short.as_posix()
+        return found
+
+    @cached_property
+    def hash(self) -> str:
+        """A name for what the files say, as hex digits: the same wherever the same files stand.
+
+        Nothing but names and bytes of the files goes into it; what the installed plugins say does not.
+        """
+        files = [(short, self.sources[name].hex()) for name, short in self.short_names.items()]
+        return hashlib.sha256(json.dumps(files).encode()).hexdigest()
+
     def parameters(self) -> dict[str, Any]:
         """Return what the orchestrator needs to load the same."""
         folder = self.lifecycle.resolve().parent
@@ -109,12 +141,14 @@ class _Made:
 class Inspection:
     """All that reading a chart comes to, for those who look at mistaken ones too.
 
-    `documents` are those files that could be read; nothing is composed when one of them could not. `bound` is
-    what they can use: the installed plugins and the bindings beside the missions.
+    `documents` are those files that could be read, `sources` their bytes by name; nothing is composed when
+    one of them could not. `bound` is what they can use: the installed plugins and the bindings beside the
+    missions.
     """
 
     found: tuple[Diagnostic, ...]
     documents: Mapping[Path, FileNode]
+    sources: Mapping[str, bytes]
     composed: Composed | None = None
     bound: BoundCatalog | None = None
 
@@ -156,7 +190,9 @@ def load_files(lifecycle: Path, missions: Sequence[Path], catalog: Catalog) -> L
     if chart is None or bound is None:
         raise ChartError(d for d in inspection.found if d.severity is Severity.ERROR)
     bindings = {name: bound.bindings[name] for name in chart.plugins if name in bound.bindings}
-    return LoadedMissions(chart, bindings, tuple(missions), lifecycle)
+    bound_sources = {binding.node.place.file: bound.sources[name] for name, binding in bindings.items()}
+    sources = {**inspection.sources, **bound_sources}
+    return LoadedMissions(chart, bindings, tuple(missions), lifecycle, sources)
 
 
 def check_chart(
@@ -182,13 +218,14 @@ def inspect_chart(
     parts = _read_parts([(lifecycle, root), *read_missions.items()], findings, texts)
     read = (root, *read_missions.values(), *parts.values())
     documents = {Path(d.node.place.file): d.node for d in read if d.node is not None}
+    sources = {d.node.place.file: d.raw for d in read if d.node is not None}
     unread = any(document.node is None for document in read)
     if bound is None or unread or findings.has("unknown-part", "no-file"):
-        return Inspection(findings.all, documents, bound=bound)
+        return Inspection(findings.all, documents, sources, bound=bound)
     made = _make(root, tuple(read_missions.values()), tuple(parts.values()), bound)
     findings.extend(made.found)
     _warn_of_unused_parts(lifecycle, missions, parts, findings, texts)
-    return Inspection(findings.all, documents, made.composed, bound)
+    return Inspection(findings.all, documents, sources, made.composed, bound)
 
 
 @lru_cache(maxsize=MAX_CHARTS)
@@ -229,7 +266,7 @@ def _document(name: str, model: type[FileNode], raw: bytes) -> _Document[Any]:
     parsed = findings.whole(lambda: parse_bytes(raw, name, findings))
     node = None if parsed is None else findings.whole(lambda: read_document(parsed, model, findings))
     uses = () if node is None else tuple(_uses(node.states, node, ""))
-    return _Document(node, findings.all, uses)
+    return _Document(node, findings.all, uses, raw)
 
 
 def _read_parts(

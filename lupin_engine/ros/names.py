@@ -8,5 +8,8 @@ NODE = "mission_orchestrator"
 #: Every step as JSON.
 STEPS_TOPIC = f"/{NODE}/steps"
 
+#: Which missions there are, and what their requests take, as JSON.
+MISSIONS_TOPIC = f"/{NODE}/missions"
+
 #: The service that answers a question with a choice (std_srvs/srv/Trigger).
 ANSWER_SERVICE = f"/{NODE}/answer/{{}}"

@@ -8,18 +8,16 @@ serves from the profile.
 
 from __future__ import annotations
 
-import json
 import uuid
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Any
 
-from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
 from lupin_engine.errors import LupinError
-from lupin_engine.machine.event import Event, Report
+from lupin_engine.machine.event import Event
 from lupin_engine.machine.machine import Machine
 from lupin_engine.machine.reload import is_idle, successor
 from lupin_engine.machine.step import Moment, Step, View
@@ -37,9 +35,8 @@ from lupin_engine.ros.bindings.definitions import interface_class
 from lupin_engine.ros.folder import LOOK_PERIOD_S, MissionsFolder
 from lupin_engine.ros.names import ANSWER_SERVICE, NODE
 from lupin_engine.ros.readiness import Readiness
+from lupin_engine.ros.telling import Telling
 from lupin_engine.runtime.engine import Engine, EngineOutlet
-from lupin_engine.runtime.offer import offered
-from lupin_engine.runtime.record import step_record, view_record
 from lupin_engine.runtime.setup import make_machine, make_world
 
 #: Seconds after which a request is not carried out: whoever sent it has given up.
@@ -113,11 +110,8 @@ class Orchestrator:
         self._wire = messages.wire_of(chart.profile)
         self._state = _Publisher(ros, self._wire.state)
         self._outcomes = _Publisher(ros, self._wire.outcomes)
-        self._steps = ros.publisher(String, "~/steps", Qos.BACKLOG)
-        self._missions = ros.publisher(String, "~/missions", Qos.LATCHED)
-        self._offered = ""
+        self._telling = Telling(ros, self._clock, loaded)
         self._published: tuple[object, ...] = ()
-        self._noted: dict[str, tuple[str, ...]] = {}
         self._started: Fields | None = None
         self._deadline: tuple[float, RosTimer] | None = None
         drivers.update(_clients(ros, loaded, chart.plugins, self._outlet, machine.world.parameters))
@@ -233,6 +227,7 @@ class Orchestrator:
         self._drivers.update(clients)
         self._ros.declare_anew(declared)
         self._loaded, self._chart = loaded, chart
+        self._telling.go_on_with(loaded)
         self._serve_answers()
         self._take_over(machine)
 
@@ -264,14 +259,7 @@ class Orchestrator:
 
     def _offer(self) -> None:
         """Tell which missions there are and what they ask for, and what is wrong with the files."""
-        problems = self._folder.problem.splitlines()
-        told = {"missions": offered(self._machine, self._clock.now()), "problems": problems}
-        text = json.dumps(told, default=str)
-        if text != self._offered:
-            self._offered = text
-            self._missions.publish(String(data=text))
-            for problem in problems:
-                self._ros.log.error("missions stay as they were", problem=problem)
+        self._telling.missions(self._machine, self._folder.problem.splitlines())
 
     # -- the loop ---------------------------------------------------------------------------------------
 
@@ -299,9 +287,7 @@ class Orchestrator:
         """Tell the world what a step did."""
         if step.event.name == START and step.accepted:
             self._started = self._stamp()
-        # Live values come all the time. The reports of attempts are told even when they change nothing: who
-        # watches sees what is waited for, and when the last goal has ended.
-        if step.event.name == "value" and not step.changed and not self._is_news(step):
+        if not self._telling.is_news(step):
             self._publish_if_changed(self._machine.view)
             return
         view = self._machine.view
@@ -309,43 +295,10 @@ class Orchestrator:
             if isinstance(command, Publish):
                 value = partial(self._value, now=self._clock.now())
                 self._outcomes.publish(self._wire.outcome_fields(command, value, self._stamp()))
-            elif isinstance(command, Report):
-                self._report(command, view)
         for moment in step.trail[:-1]:
             self._publish_if_changed(view, moment)
         self._publish_if_changed(view)
-        self._log(step, view)
-        shown = view_record(view, self._chart.profile)
-        now = {"time": self._clock.now(), "stamp": self._ros.now()}
-        record = {**now, "step": step_record(step), "view": shown}
-        self._steps.publish(String(data=json.dumps(record, default=str)))
-
-    def _is_news(self, step: Step) -> bool:
-        """Say whether there is something to note about a value that was not noted the last time."""
-        name, notes = str(step.event.data["name"]), tuple(step.notes)
-        known = self._noted.get(name, ())
-        self._noted[name] = notes
-        return notes not in ((), known)
-
-    def _log(self, step: Step, view: View) -> None:
-        if step.taken:
-            now = " ".join(filter(None, (view.lifecycle, view.phase)))
-            target = f"{self._chart.profile.terminal.target}_id"
-            ids = {target: view.target or "-", "mission_id": view.mission_id or "-"}
-            self._ros.log.info("step", on=step.event.name, taken=list(step.taken), now=now, **ids)
-        for code in step.codes:
-            log = (self._ros.log.info, self._ros.log.warning, self._ros.log.error)[code.severity]
-            log(code.label, code=code.code, detail=code.detail, target=code.target or "-")
-        for note in step.notes:
-            self._ros.log.info(note)
-
-    def _report(self, report: Report, view: View) -> None:
-        """Log the final summary: counts over all sweeps, as published, and the targets of the last one."""
-        profile = self._chart.profile
-        counts = {outcome.counter: view.counts[outcome.name] for outcome in profile.outcomes}
-        self._ros.log.info("mission ended", mission_id=report.mission_id, total=view.total, **counts)
-        for visit in report.visits:
-            self._ros.log.info("target", **messages.visit_record(visit, profile))
+        self._telling.step(step, view)
 
     # -- publishing -------------------------------------------------------------------------------------
 

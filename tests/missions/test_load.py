@@ -25,12 +25,13 @@ from lupin_engine.missions.folders import (
     lifecycle_of,
     mission_files,
 )
-from lupin_engine.missions.load import MAX_CHARTS, check_chart, forget, load_chart
-from lupin_engine.plugin.registry import Catalog
+from lupin_engine.missions.load import MAX_CHARTS, check_chart, forget, load_chart, load_files
+from lupin_engine.plugin.registry import Catalog, load_catalog
 
 CHARTS = Path(__file__).parents[1] / "charts"
 GOOD = CHARTS / "good"
 MISSIONS = Path(__file__).parents[2] / "missions"
+TUTORIAL = Path(__file__).parents[2] / "docs" / "tutorial"
 
 
 def good(name: str, catalog: Catalog) -> Chart:
@@ -535,3 +536,71 @@ def test_after_an_unknown_key_ways_are_not_followed(tmp_path: Path, catalog: Cat
         mission.write_text(written)
         found = check_chart(lifecycle, [mission], catalog)[1]
         assert [one.rule for one in found if one.rule != "unused-part"] == [rule]
+
+
+# -- the name of what the files say ---------------------------------------------------------------------
+
+
+def hash_in(folder: Path, *missions: Path) -> str:
+    """Return the hash of the missions of a folder with the plugins that are installed."""
+    return load_files(lifecycle_in(folder), missions or mission_files(folder), load_catalog()).hash
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """Return a folder with a lifecycle, three missions, a part and a binding."""
+    folder = Path(shutil.copytree(MISSIONS, tmp_path / "elsewhere" / "missions"))
+    shutil.copy(TUTORIAL / "patrol.yaml", folder)
+    shutil.copytree(TUTORIAL / "bindings", folder / "bindings")
+    return folder
+
+
+def test_the_same_files_have_the_same_hash_wherever_they_stand(folder: Path, tmp_path: Path) -> None:
+    """Neither the path nor the time makes a difference."""
+    other = shutil.copytree(folder, tmp_path / "other")
+    for file in other.rglob("*.yaml"):
+        os.utime(file, (0, 0))
+    assert hash_in(other) == hash_in(folder) != hash_in(MISSIONS)
+    forget()
+    assert hash_in(Path(os.path.relpath(folder))) == hash_in(other)
+
+
+def test_whatever_file_changes_the_hash_does(folder: Path) -> None:
+    """Missions, parts, bindings that are used, and which missions there are."""
+    loaded = load_files(folder / LIFECYCLE, mission_files(folder), load_catalog())
+    assert list(loaded.short_names.values()) == [
+        "lifecycle.yaml",
+        "exploration.yaml",
+        "inspection.yaml",
+        "patrol.yaml",
+        "parts/visit_targets.yaml",
+        "bindings/photo_arm.yaml",
+    ]
+    for name in loaded.sources:
+        text = Path(name).read_bytes()
+        Path(name).write_bytes(text + b"# changed\n")
+        assert hash_in(folder) != loaded.hash, name
+        Path(name).write_bytes(text)
+        assert hash_in(folder) == loaded.hash
+    (folder / "inspection.yaml").rename(folder / "inspect.yaml")
+    assert hash_in(folder) != loaded.hash
+    (folder / "inspect.yaml").unlink()
+    assert hash_in(folder) != loaded.hash
+
+
+def test_what_no_mission_uses_is_not_in_it(folder: Path) -> None:
+    """Other files of the folder are not what runs."""
+    before = hash_in(folder, folder / "inspection.yaml")
+    for file in (folder / "patrol.yaml", folder / "bindings" / "photo_arm.yaml"):
+        file.unlink()
+    assert hash_in(folder, folder / "inspection.yaml") == before
+
+
+def test_two_files_of_one_name_are_told_apart(folder: Path, tmp_path: Path) -> None:
+    """Missions may be named from several folders."""
+    other = tmp_path / "other" / "inspection.yaml"
+    shutil.copytree(MISSIONS / "parts", other.parent / "parts")
+    text = (MISSIONS / "inspection.yaml").read_text(encoding="utf-8")
+    other.write_text(text.replace("mission: InspectionMission", "mission: OtherMission"), encoding="utf-8")
+    loaded = load_files(folder / LIFECYCLE, [folder / "inspection.yaml", other], load_catalog())
+    assert loaded.short_names[str(other)] == "inspection.2.yaml"

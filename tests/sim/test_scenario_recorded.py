@@ -120,10 +120,16 @@ expect: {final: DONE}
 
 
 def test_a_robots_record_will_do() -> None:
-    """One object a line, as `lupin run --json` prints them; of reports those last before a step are kept."""
+    """One object a line, as `lupin run --json` prints them; of reports those last before a step are kept.
+
+    Records of before had no wall clock, no name of the start and no hash of the chart.
+    """
     steps = real(steps_of(load_scenario_text(ROBOT, MADE, MISSIONS)))
     lines = [json.dumps({"type": "note", "text": "hello"})]
-    lines += [json.dumps({"type": "step", "elapsed": 1.0, "step": step, "view": {}}) for step in steps]
+    new = {"wall_ns": 1_763_885_000_000_000_000, "boot": "b2", "chart": "c2"}
+    for number, step in enumerate(steps):
+        told = {"type": "step", "elapsed": 1.0, "step": step, "view": {}}
+        lines.append(json.dumps({**told, **new} if number % 2 else told))
     text = scenario_text(read_recording("\n".join(lines), "run.jsonl"), "as recorded", MADE, MISSIONS)
     made = load_scenario_text(text, MADE, MISSIONS)
     assert made.failures(made.run()) == []

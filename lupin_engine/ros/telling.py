@@ -1,0 +1,114 @@
+"""What the orchestrator tells of itself beside the profile's channels: its steps, and the missions it has.
+
+All of it is JSON. A record of a step says when (by the node's clock, by ROS and by the clock on the wall), in
+which start of the orchestrator, and on which chart.
+"""
+
+from __future__ import annotations
+
+import json
+import time
+import uuid
+from collections.abc import Sequence
+from typing import Any
+
+from std_msgs.msg import String
+
+from lupin_engine.machine.event import Report
+from lupin_engine.machine.machine import Machine
+from lupin_engine.machine.step import Step, View
+from lupin_engine.missions.load import LoadedMissions
+from lupin_engine.ros import messages
+from lupin_engine.ros.adapter.node import Qos, RosNode
+from lupin_engine.ros.names import MISSIONS_TOPIC, STEPS_TOPIC
+from lupin_engine.runtime.clock import Clock
+from lupin_engine.runtime.offer import offered
+from lupin_engine.runtime.record import step_record, view_record
+
+
+class Telling:
+    """The publishers of what is told, and the log of the steps."""
+
+    def __init__(self, ros: RosNode, clock: Clock, loaded: LoadedMissions) -> None:
+        self._ros = ros
+        self._clock = clock
+        self._loaded = loaded
+        #: The name of this start of the orchestrator: who keeps records knows by it that memory was lost.
+        self.boot = uuid.uuid4().hex
+        self._steps = ros.publisher(String, STEPS_TOPIC, Qos.BACKLOG)
+        self._missions = ros.publisher(String, MISSIONS_TOPIC, Qos.LATCHED)
+        self._offered = ""
+        self._noted: dict[str, tuple[str, ...]] = {}
+
+    def go_on_with(self, loaded: LoadedMissions) -> None:
+        """Tell of other missions from here on."""
+        self._loaded = loaded
+
+    # -- steps ------------------------------------------------------------------------------------------
+
+    def is_news(self, step: Step) -> bool:
+        """Say whether a step is worth telling.
+
+        Live values come all the time: they are when they change something, or when there is something to note
+        that was not noted the last time. The reports of attempts are told even when they change nothing: who
+        watches sees what is waited for, and when the last goal has ended.
+        """
+        if step.event.name != "value" or step.changed:
+            return True
+        name, notes = str(step.event.data["name"]), tuple(step.notes)
+        known = self._noted.get(name, ())
+        self._noted[name] = notes
+        return notes not in ((), known)
+
+    def step(self, step: Step, view: View) -> None:
+        """Log a step and publish its record."""
+        self._log(step, view)
+        record = {
+            "time": self._clock.now(),
+            "stamp": self._ros.now(),
+            "wall_ns": time.time_ns(),
+            "boot": self.boot,
+            "chart": self._loaded.hash,
+            "step": step_record(step),
+            "view": view_record(view, self._loaded.chart.profile),
+        }
+        self._steps.publish(_text(record))
+
+    def _log(self, step: Step, view: View) -> None:
+        log, chart = self._ros.log, self._loaded.chart
+        for command in step.commands:
+            if isinstance(command, Report):
+                self._report(command, view)
+        if step.taken:
+            now = " ".join(filter(None, (view.lifecycle, view.phase)))
+            target = f"{chart.profile.terminal.target}_id"
+            ids = {target: view.target or "-", "mission_id": view.mission_id or "-"}
+            log.info("step", on=step.event.name, taken=list(step.taken), now=now, **ids)
+        for code in step.codes:
+            say = (log.info, log.warning, log.error)[code.severity]
+            say(code.label, code=code.code, detail=code.detail, target=code.target or "-")
+        for note in step.notes:
+            log.info(note)
+
+    def _report(self, report: Report, view: View) -> None:
+        """Log the final summary: counts over all sweeps, as published, and the targets of the last one."""
+        profile = self._loaded.chart.profile
+        counts = {outcome.counter: view.counts[outcome.name] for outcome in profile.outcomes}
+        self._ros.log.info("mission ended", mission_id=report.mission_id, total=view.total, **counts)
+        for visit in report.visits:
+            self._ros.log.info("target", **messages.visit_record(visit, profile))
+
+    # -- missions ---------------------------------------------------------------------------------------
+
+    def missions(self, machine: Machine, problems: Sequence[str]) -> None:
+        """Tell which missions there are and what they ask for, and what is wrong with the files."""
+        text = _text({"missions": offered(machine, self._clock.now()), "problems": problems})
+        if text.data != self._offered:
+            self._offered = text.data
+            self._missions.publish(text)
+            for problem in problems:
+                self._ros.log.error("missions stay as they were", problem=problem)
+
+
+def _text(data: Any) -> String:
+    return String(data=json.dumps(data, default=str))
