@@ -42,7 +42,7 @@ PARTS: Sequence[Part] = (
         "plugin/contract.py",
         (
             *("Plugin", "Operation", "Action", "Argument", "Mock", "OnHold", "Function", "LiveValue"),
-            *("EventKind", "Parameter", "Code", "Reader"),
+            *("EventKind", "Parameter", "Code", "Reader", "Access"),
         ),
     ),
     Part(

@@ -169,6 +169,20 @@ class Reader:
 
 
 @dataclass(frozen=True)
+class Access:
+    """Which names of the network the pages of people may use, by the least role that may.
+
+    A viewer reads: topics are subscribed to, and services called that change nothing. What an operator
+    commands and an engineer sets up is published on, called, or sent as an action. Names are absolute; `*`
+    in one stands for any letters.
+    """
+
+    viewer: tuple[str, ...] = ()
+    operator: tuple[str, ...] = ()
+    engineer: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
 class Plugin:
     """All that a plugin offers. Operations, actions and events have local names: `nav.go_to` is `go_to` here.
 
@@ -179,7 +193,8 @@ class Plugin:
     `companions` names nodes that only listen, and run beside every mission, whether it uses the plugin or
     not. `simulated_defaults` are values, in base units, that parameters of missions take by default where
     the plugin's simulations are started. `serves` are the services, actions and topics that its nodes
-    have for whoever names them, as a binding does. `readers` are by the name of the type that they read. What
+    have for whoever names them, as a binding does; `access` is what people's pages may use of all that its
+    nodes and drivers name. `readers` are by the name of the type that they read. What
     is `internal` is for a chart of the plugin's own, and no author of missions is offered it. Companions and
     simulations run beside missions of `profile` only; without one, beside all.
     """
@@ -201,6 +216,7 @@ class Plugin:
     simulated_defaults: Mapping[str, Any] = field(default_factory=dict)
     internal: bool = False
     serves: tuple[str, ...] = ()
+    access: Access = field(default_factory=Access)
     profile: str = ""
 
 

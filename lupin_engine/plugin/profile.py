@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from lupin_engine.errors import Severity
-from lupin_engine.plugin.contract import Argument
+from lupin_engine.plugin.contract import Access, Argument
 from lupin_engine.plugin.types import Type
 
 #: The fields of a message, service request or response, by name.
@@ -303,7 +303,8 @@ class Profile:
 
     `resume` and `abort` are those of `requests` that let a held mission go on and that end a mission: the
     terminal names the one, Ctrl-C sends the other. `values_of` returns the terminal's columns of what was
-    read at a target. Without `wire` missions can be checked, drawn and simulated, but not run.
+    read at a target. `access` are names of the robot itself that people's pages may use. Without `wire`
+    missions can be checked, drawn and simulated, but not run.
     """
 
     name: str
@@ -318,6 +319,7 @@ class Profile:
     terminal: Terminal = field(default_factory=Terminal)
     values_of: Callable[[Mapping[str, Any]], Mapping[str, float]] = lambda _: {}
     wire: Wire | None = None
+    access: Access = field(default_factory=Access)
 
     @property
     def statuses(self) -> tuple[str, ...]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from lupin_engine.plugin.contract import Action, Argument, Parameter, Plugin
+from lupin_engine.plugin.contract import Access, Action, Argument, Parameter, Plugin
 from lupin_engine.plugin.types import BOOL, ROS_NAME, TEXT
 
 PLUGIN = Plugin(
@@ -24,5 +24,27 @@ PLUGIN = Plugin(
     client="lupin_arm.client:ArmClient",
     nodes={"lupin_arm": "lupin_arm.node:main", "lupin_arm_sim": "lupin_arm.node.sim:main"},
     serves=("/lupin/arm/preset", "/lupin/arm/library/state", "/joint_states"),
+    access=Access(
+        viewer=("/lupin/arm/library/state", "/lupin/arm/library/list", "/joint_states"),
+        operator=(
+            "/lupin/arm/preset",
+            "/lupin/arm/library/goto_pose",
+            "/lupin/arm/library/play",
+            "/lupin/arm/library/stop",
+            "/lupin/arm/shoulder_pan/set_angle_with_speed",
+            "/lupin/arm/shoulder_lift/set_angle_with_speed",
+            "/lupin/arm/elbow/set_angle_with_speed",
+            "/lupin/arm/wrist/set_angle_with_speed",
+            "/lupin/gripper/set_angle_with_speed",
+        ),
+        engineer=(
+            "/lupin/arm/calibrate",
+            "/lupin/arm/init",
+            "/lupin/arm/set_torque",
+            "/lupin/arm/library/delete",
+            "/lupin/arm/library/record",
+            "/lupin/arm/library/save_pose",
+        ),
+    ),
     stands_in={"lupin_arm_sim": ("mirte_master_gripper_controller/gripper_cmd",)},
 )

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from lupin_engine.plugin.contract import (
+    Access,
     Argument,
     Code,
     Mock,
@@ -142,5 +143,6 @@ PLUGIN = Plugin(
     },
     client="lupin_bridge.client:BridgeClient",
     serves=("/greenhouse_bridge/get_tag_reading",),
+    access=Access(operator=("/greenhouse_bridge/get_tag_reading",)),
     nodes={"greenhouse_bridge": "lupin_bridge.node:main"},
 )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from lupin_engine.plugin.contract import Argument
+from lupin_engine.plugin.contract import Access, Argument
 from lupin_engine.plugin.profile import (
     Channel,
     Flag,
@@ -97,4 +97,9 @@ PROFILE = Profile(
     ),
     values_of=messages.values_of,
     wire=WIRE,
+    access=Access(
+        viewer=("/scan", "/odom", "/io/imu/movement/data", "/rosout"),
+        operator=("/cmd_vel", "/cmd_vel_manual", "/lupin/leds/set", "/lupin/leds/auto"),
+        engineer=("/lupin/nav/clear_map",),
+    ),
 )

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from lupin_engine.plugin.contract import (
+    Access,
     Argument,
     Code,
     Function,
@@ -259,4 +260,22 @@ PLUGIN = Plugin(
     readers={"tag": Reader(UNKNOWN_TAG, bind_tag_reader)},
     parameters=PARAMETERS,
     client="lupin_nav.client:NavClient",
+    access=Access(
+        viewer=(
+            "/map",
+            "/plan",
+            "/tf",
+            "/tf_static",
+            "/amcl_pose",
+            "/battery",
+            "/io/power/power_watcher",
+            "/e_stop_state",
+        ),
+        operator=(
+            "/goal_pose",
+            "/navigate_to_pose",
+            "/navigate_to_pose/_action/cancel_goal",
+            "/navigate_through_poses/_action/cancel_goal",
+        ),
+    ),
 )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from lupin_engine.plugin.contract import (
+    Access,
     Argument,
     Code,
     LiveValue,
@@ -67,5 +68,14 @@ PLUGIN = Plugin(
     },
     client="lupin_perception.client:PerceptionClient",
     serves=("/perception/confirm_tag", "/perception/discovered_tags"),
+    access=Access(
+        viewer=(
+            "/perception/discovered_tags",
+            "/perception/box_geometry_json",
+            "/camera/tag_detections_json",
+            "/yolo/detections",
+        ),
+        engineer=("/perception/confirm_tag",),
+    ),
     nodes={"perception_aggregator": "lupin_perception.node:main"},
 )

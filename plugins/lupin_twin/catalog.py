@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from lupin_engine.plugin.contract import LiveValue, Parameter, Plugin
+from lupin_engine.plugin.contract import Access, LiveValue, Parameter, Plugin
 from lupin_engine.plugin.types import BOOL, DURATION, NUMBER, ROS_NAME, TEXT, Type, list_of, named_values
 from lupin_greenhouse.readings import MEASURED, SENSOR
 
@@ -40,5 +40,6 @@ PLUGIN = Plugin(
     client="lupin_twin.client:TwinClient",
     nodes={"lupin_twin": "lupin_twin.node:main"},
     companions=("lupin_twin",),
+    access=Access(viewer=("/twin/state", "/twin/get_field")),
     profile="greenhouse",
 )

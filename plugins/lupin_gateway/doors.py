@@ -1,0 +1,372 @@
+"""Who may come in, and what each may do: origins, tokens, roles, the list of names, and limits.
+
+Pure: the wall clock is an argument. A refusal is a sentence that says what to do; none has a token in it.
+"""
+
+from __future__ import annotations
+
+import enum
+import hmac
+import math
+import os
+import re
+import stat
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from datetime import datetime, timedelta, timezone
+from fnmatch import translate
+from http.cookies import CookieError, SimpleCookie
+from pathlib import Path
+from urllib.parse import urlsplit
+
+from lupin_engine.errors import LupinError, Problems, nearest, shortened
+from lupin_engine.plugin.contract import Access
+from lupin_engine.plugin.registry import Catalog
+
+#: The topic on which each page tells its software stop. Everybody who may come in may tell it: `stop` judges.
+STOP_TOPIC = "/lupin/hmi/estop"
+#: The cookie that carries a token.
+TOKEN_COOKIE = "lupin_token"
+#: The longest frame, in bytes; what one client may subscribe to; and its operations a second.
+LONGEST_FRAME, MOST_SUBSCRIPTIONS, OPERATIONS_PER_S = 1_000_000, 64, 100
+#: Letters of a token: `openssl rand -hex 32` writes 64.
+SHORTEST_TOKEN = 32
+_HERE = frozenset({"localhost", "127.0.0.1", "::1"})
+
+
+class UserRole(enum.IntEnum):
+    """What somebody may do; each may do what those below may."""
+
+    VIEWER = 1
+    OPERATOR = 2
+    ENGINEER = 3
+
+    @property
+    def word(self) -> str:
+        """The role in texts and files."""
+        return self.name.lower()
+
+
+class Use(enum.Enum):
+    """What is done with a name of the network, as words of a sentence."""
+
+    SUBSCRIBE = "subscribing to"
+    PUBLISH = "publishing on"
+    CALL = "calling"
+    ACTION = "commanding the action"
+
+
+@dataclass(frozen=True)
+class Visitor:
+    """Who has come in: name, role, and until when, in seconds of the wall clock (UNIX)."""
+
+    name: str
+    role: UserRole
+    expires: float = math.inf
+
+    def has_expired(self, wall: float) -> str:
+        """Return that the token has expired, in words; '' while it has not."""
+        if self.expires > wall:
+            return ""
+        day = datetime.fromtimestamp(self.expires - 1, timezone.utc).date()
+        return f"the token of {self.name} has expired with {day}; ask for a new one"
+
+
+class NotAdmitted(LupinError):
+    """Somebody may not come in; `status` is that of the HTTP response."""
+
+    def __init__(self, status: int, text: str) -> None:
+        super().__init__(text)
+        self.status = status
+
+
+# -- tokens -----------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class IssuedToken:
+    """A line of the file of tokens. The token itself is in no text of this object."""
+
+    visitor: Visitor
+    secret: str = field(repr=False)
+
+
+def read_tokens(file: Path) -> tuple[IssuedToken, ...]:
+    """Return the tokens of a file; each line is `NAME ROLE EXPIRES TOKEN`, and `#` begins a remark.
+
+    EXPIRES is a day (its end, UTC), such as 2026-12-31.
+
+    Raises:
+        LupinError: everything that is wrong with the file, each with its line; no text has a token in it.
+    """
+    problems, found = Problems(), dict[str, IssuedToken]()
+    try:
+        with file.open(encoding="utf-8") as lines:
+            problems.add(*_too_open(file, os.fstat(lines.fileno())))
+            for number, line in enumerate(lines, 1):
+                words = line.partition("#")[0].split()
+                if not words:
+                    continue
+                wrong = list(_token_problems(words, found))
+                problems.add(*(f"{file}:{number}: {text}" for text in wrong))
+                if not wrong:
+                    name, role, day, secret = words
+                    visitor = Visitor(name, UserRole[role.upper()], _end_of(day) or 0.0)
+                    found[name] = IssuedToken(visitor, secret)
+    except (OSError, UnicodeDecodeError) as problem:
+        reason = problem.strerror if isinstance(problem, OSError) else "it is not a text in UTF-8"
+        raise LupinError(f"{file}: the tokens cannot be read: {reason}") from None
+    problems.tell()
+    if not found:
+        raise LupinError(f"{file}: there is no token in it; write lines of NAME ROLE EXPIRES TOKEN")
+    return tuple(found.values())
+
+
+def _too_open(file: Path, status: os.stat_result) -> Iterator[str]:
+    if status.st_mode & (stat.S_IRWXG | stat.S_IRWXO):
+        mode = stat.S_IMODE(status.st_mode)
+        yield f"{file}: others can read or change these tokens (mode {mode:o}); write: chmod 600 {file}"
+
+
+def _token_problems(words: Sequence[str], before: Mapping[str, IssuedToken]) -> Iterator[str]:
+    if len(words) != 4:
+        yield f"expected NAME ROLE EXPIRES TOKEN, got {len(words)} words"
+        return
+    name, role, day, secret = words
+    roles = [one.word for one in UserRole]
+    if name in before:
+        yield f"{name} has a token already"
+    if not re.fullmatch(r"[A-Za-z][\w.]*", name):
+        yield "a name has letters, digits, dots and underscores, and begins with a letter"
+    if role not in roles:
+        yield f"unknown role{_shown(role)}; {nearest(role, roles)}"
+    if _end_of(day) is None:
+        yield f"EXPIRES must be a day such as 2026-12-31, not{_shown(day) or ' this'}"
+    if len(secret) < SHORTEST_TOKEN:
+        wanted = f"at least {SHORTEST_TOKEN} are needed: openssl rand -hex 32"
+        yield f"the token has {len(secret)} letters, {wanted}"
+    if any(hmac.compare_digest(secret.encode(), other.secret.encode()) for other in before.values()):
+        yield "the token is another line's already"
+
+
+def _shown(word: str) -> str:
+    """Return a word that is wrong, unless it is as long as a token that stands in the wrong place."""
+    return f" {word!r}" if len(word) < SHORTEST_TOKEN // 2 else ""
+
+
+def _end_of(day: str) -> float | None:
+    try:
+        begin = datetime.strptime(day, "%Y-%m-%d").replace(tzinfo=timezone.utc)
+    except ValueError:
+        return None
+    return (begin + timedelta(days=1)).timestamp()
+
+
+def admitted(token: str, tokens: Iterable[IssuedToken], wall: float) -> Visitor:
+    """Return whose token it is.
+
+    Raises:
+        NotAdmitted: there is none, nobody has it, or it has expired.
+    """
+    if not token:
+        raise NotAdmitted(
+            401, "a token is needed: log in at /login, or send it as Authorization: Bearer TOKEN"
+        )
+    given, found = token.encode(), None
+    for one in tokens:  # all of them: how long it takes says nothing
+        if hmac.compare_digest(given, one.secret.encode()):
+            found = one.visitor
+    if found is None:
+        raise NotAdmitted(401, "this token is nobody's; ask who runs the gateway for one")
+    if expired := found.has_expired(wall):
+        raise NotAdmitted(401, expired)
+    return found
+
+
+def token_of(headers: Mapping[str, str]) -> str:
+    """Return the token of a request, of its header or its cookie, '' without one; the address has none."""
+    scheme, _, value = headers.get("authorization", "").partition(" ")
+    if scheme.lower() == "bearer" and value.strip():
+        return value.strip()
+    return cookie_of(headers, TOKEN_COOKIE)
+
+
+def cookie_of(headers: Mapping[str, str], name: str) -> str:
+    """Return the value of a cookie; '' without it."""
+    try:
+        morsel = SimpleCookie(headers.get("cookie", "")).get(name)
+    except CookieError:
+        return ""
+    return morsel.value if morsel is not None else ""
+
+
+# -- names ------------------------------------------------------------------------------------------------
+
+
+class AllowList:
+    """Which names pages may use, by the least role: what plugins, missions and settings declare.
+
+    An engineer may subscribe to every topic; all else must be declared.
+    """
+
+    def __init__(self, declared: Iterable[Access]) -> None:
+        self._read: dict[str, UserRole] = {}
+        self._commanded: dict[str, UserRole] = {}
+        self._patterns: list[tuple[re.Pattern[str], UserRole]] = []
+        for access in declared:
+            for role in UserRole:
+                for name in getattr(access, role.word):
+                    self._add(name, role)
+
+    def _add(self, name: str, role: UserRole) -> None:
+        if "*" in name:
+            self._patterns.append((re.compile(translate(name)), role))
+            return
+        known = [self._read] if role is UserRole.VIEWER else [self._read, self._commanded]
+        for names in known:
+            names[name] = min(role, names.get(name, role))
+
+    def least(self, use: Use, name: str) -> UserRole | None:
+        """Return the least role that may; None: nobody may."""
+        read = use in (Use.SUBSCRIBE, Use.CALL)
+        found = [(self._read if read else self._commanded).get(name)]
+        found += [role for pattern, role in self._patterns if pattern.fullmatch(name)]
+        found += [UserRole.ENGINEER] if use is Use.SUBSCRIBE else []
+        roles = [role for role in found if role is not None and (read or role is not UserRole.VIEWER)]
+        return min(roles, default=None)
+
+    def refusal(self, visitor: Visitor, use: Use, name: str) -> str:
+        """Return why a visitor may not use a name so; '' where that is allowed."""
+        name = f"/{name.lstrip('/')}"
+        if use in (Use.PUBLISH, Use.SUBSCRIBE) and name == STOP_TOPIC:
+            return ""
+        least = self.least(use, name)
+        if least is None:
+            what = f"{use.value} {name} is not offered to pages"
+            return f"{what}: no plugin or mission declares it; operator_names and engineer_names can"
+        if visitor.role < least:
+            return f"{use.value} {name} needs the role {least.word}; {visitor.name} is {visitor.role.word}"
+        return ""
+
+
+def declared_access(catalog: Catalog) -> Iterator[Access]:
+    """Yield what plugins and the profile let pages use, with the services and topics of its orchestrator."""
+    profile = catalog.profile
+    yield profile.access
+    for plugin in catalog.plugins.values():
+        if plugin.profile in ("", profile.name):
+            yield plugin.access
+    if (wire := profile.wire) is not None:
+        requests = (wire.requests.format(name) for name in profile.requests)
+        yield Access((wire.state.name, wire.outcomes.name), (wire.start.name, *requests))
+
+
+# -- doors ------------------------------------------------------------------------------------------------
+
+
+class Doors:
+    """Who may come in: without tokens everybody on this machine, as an engineer; else who has a token."""
+
+    def __init__(
+        self,
+        tokens: Callable[[], Sequence[IssuedToken]] | None = None,
+        origins: Iterable[str] = (),
+    ) -> None:
+        """`tokens` is asked for each visitor; None: only this machine can reach the gateway, and needs none.
+
+        `origins` are those of pages that other servers serve, such as https://hmi.example:8443.
+        """
+        self._tokens = tokens
+        self._origins = frozenset(origin.rstrip("/").lower() for origin in origins)
+
+    @property
+    def asks_for_token(self) -> bool:
+        """Whether a token is needed to come in."""
+        return self._tokens is not None
+
+    def admit(self, headers: Mapping[str, str], wall: float) -> Visitor:
+        """Return who sends a request; its headers are in lower case.
+
+        Raises:
+            NotAdmitted: the page is a foreign one, or the token is missing, wrong or expired.
+        """
+        self.check_origin(headers)
+        if self._tokens is None:
+            return Visitor("page", UserRole.ENGINEER)
+        return admitted(token_of(headers), self._tokens(), wall)
+
+    def check_origin(self, headers: Mapping[str, str]) -> None:
+        """Refuse a request that a foreign page sends, which is one of another host, on whatever port.
+
+        Raises:
+            NotAdmitted: with the setting that would let it in.
+        """
+        host, origin = _host(f"//{headers.get('host', '')}"), headers.get("origin", "").lower()
+        if self._tokens is None and host not in _HERE:
+            # A name that somebody lets lead to this machine, so that pages of theirs are of the same host.
+            raise NotAdmitted(
+                403, f"this gateway is for this machine alone: open http://localhost, not {host!r}"
+            )
+        if origin and origin not in self._origins and not _is_same(_host(origin), host):
+            told = shortened(origin)
+            raise NotAdmitted(
+                403, f"pages of {told!r} may not use this gateway; its setting `origins` lets them"
+            )
+
+
+def _host(address: str) -> str:
+    try:
+        return urlsplit(address).hostname or ""
+    except ValueError:
+        return ""
+
+
+def _is_same(one: str, other: str) -> bool:
+    return bool(one) and (one == other or {one, other} <= _HERE)
+
+
+def open_problems(certificate: str, key: str, tokens: str) -> Iterator[str]:
+    """Tell what keeps the gateway from being opened to other machines: files not named, or not there."""
+    wanted = {
+        "tls_certificate": (certificate, "the certificate of this machine (PEM)"),
+        "tls_key": (key, "its key (PEM)"),
+        "tokens": (tokens, "who may come in: lines of NAME ROLE EXPIRES TOKEN, mode 600"),
+    }
+    for setting, (file, what) in wanted.items():
+        if not file:
+            yield f"an open gateway needs {setting}: {what}"
+        elif not Path(file).is_file():
+            yield f"{setting}: there is no file {file}; it is {what}"
+
+
+# -- limits -----------------------------------------------------------------------------------------------
+
+
+class Allowance:
+    """What one client may use up; each method returns why it is too much, '' where it is not."""
+
+    def __init__(self) -> None:
+        self._left = float(OPERATIONS_PER_S)
+        self._at = -math.inf
+
+    def frame(self, size: int) -> str:
+        """A frame of so many bytes."""
+        if size <= LONGEST_FRAME:
+            return ""
+        return f"the frame has {size} bytes, at most {LONGEST_FRAME} are taken; nothing of it was carried out"
+
+    def operation(self, now: float) -> str:
+        """An operation at a time of the steady clock; a stop is not asked about."""
+        gained = max(0.0, now - self._at) * OPERATIONS_PER_S
+        self._left = min(float(OPERATIONS_PER_S), self._left + gained)
+        self._at = now
+        if self._left < 1.0:
+            return f"more than {OPERATIONS_PER_S} operations a second; this one was not carried out"
+        self._left -= 1.0
+        return ""
+
+    def subscription(self, have: int) -> str:
+        """One more subscription than there are."""
+        if have < MOST_SUBSCRIPTIONS:
+            return ""
+        return f"a client has at most {MOST_SUBSCRIPTIONS} subscriptions; unsubscribe from something first"
