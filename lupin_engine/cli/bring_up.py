@@ -14,7 +14,13 @@ from lupin_engine.errors import LupinError, Problems, UsageError, nearest
 from lupin_engine.missions.load import LoadedMissions
 from lupin_engine.plugin.contract import Parameter
 from lupin_engine.plugin.registry import Catalog
-from lupin_engine.ros.launch.description import ParameterValues, PresentEndpoints, describe_launch, simulators
+from lupin_engine.ros.launch.description import (
+    NodeLaunch,
+    ParameterValues,
+    PresentEndpoints,
+    describe_launch,
+    simulators,
+)
 from lupin_engine.ros.launch.environment import close_the_doors, for_children
 from lupin_engine.ros.launch.nodes import ORCHESTRATOR, nodes_of
 from lupin_engine.ros.launch.requirements import prepare_ros
@@ -32,6 +38,8 @@ class GivenOptions:
     speed: float = 1.0
     no_sim: bool = False
     no_respawn: bool = False
+    hmi: bool = False
+    opened: bool = False
     domain: int | None = None
     log_dir: Path | None = None
 
@@ -51,15 +59,38 @@ class CheckedOptions:
         given = of_the_mission(wanted.settings)
         self.values = self._read("--set", given, loaded.chart.parameters)
 
-    def settings(self, patience: float | None = None) -> BringupSettings:
+    @property
+    def plugins(self) -> tuple[str, ...]:
+        """The plugins whose nodes are wanted: those that the missions use, and those that serve pages."""
+        pages = [name for name, plugin in self._catalog.plugins.items() if plugin.hmi]
+        return (*self._loaded.plugins, *(pages if self._wanted.hmi else ()))
+
+    def addresses(self, launches: Iterable[NodeLaunch]) -> list[str]:
+        """Return where people find the pages that nodes serve, in words, one line each."""
+        lines: list[str] = []
+        for launch in launches:
+            if launch.node.plugin and self._catalog.plugins[launch.node.plugin].hmi:
+                known = self._declared[launch.node.name]
+                values = {name: spec.default for name, spec in known.items()} | dict(launch.parameters)
+                lines += launch.node.addresses(values)
+        return lines
+
+    def settings(self, patience: float | None = None, lasting: bool = False) -> BringupSettings:
         """Prepare this process for ROS and return the settings with which the nodes are started.
+
+        With `lasting` and pages an orchestrator that dies is started again.
 
         Raises:
             UsageError: ROS is missing, or an option is wrong; the text has all collected problems.
         """
         self._look_at_the_surroundings()
+        if self._wanted.opened and not self._wanted.hmi:
+            self.problems.add("--open: nothing is served that could be opened; add --hmi")
+        if self._wanted.hmi and not any(plugin.hmi for plugin in self._catalog.plugins.values()):
+            self.problems.add("--hmi: none of the installed plugins serves pages")
         # Importing the nodes takes ROS and a second, so only where their parameters are given.
-        if self.problems and not (self._wanted.sim or of_nodes(self._wanted.settings)):
+        wanted = self._wanted
+        if self.problems and not (wanted.sim or wanted.opened or of_nodes(wanted.settings)):
             self.problems.tell()
         with self.problems.collecting():
             given = self._given()
@@ -80,6 +111,7 @@ class CheckedOptions:
             settle=bool(self._wanted.sim),
             patience=patience,
             respawn=not self._wanted.no_respawn,
+            lasting=lasting and self._wanted.hmi,
         )
 
     def _look_at_the_surroundings(self) -> None:
@@ -119,9 +151,16 @@ class CheckedOptions:
     def _given(self) -> dict[str, ParameterValues]:
         """Return the parameters that options give, by node."""
         found: dict[str, ParameterValues] = self._of_simulators()
-        for name, values in self._of_nodes().items():
+        for name, values in (*self._of_pages().items(), *self._of_nodes().items()):
             found[name] = {**found.get(name, {}), **values}
         return found
+
+    def _of_pages(self) -> dict[str, ParameterValues]:
+        """Return what `--open` sets, for each node that serves pages and can be opened."""
+        if not (self._wanted.opened and self._wanted.hmi):
+            return {}
+        pages = [name for plugin in self._catalog.plugins.values() if plugin.hmi for name in plugin.nodes]
+        return {name: {"open": True} for name in pages if "open" in self._declared[name]}
 
     def _of_simulators(self) -> dict[str, ParameterValues]:
         """Return what `--sim` and `--speed` set, for each simulation that has such a parameter."""
@@ -163,7 +202,7 @@ class CheckedOptions:
         """Check that the nodes with given parameters are started at all, and accept them."""
         simulate = not self._wanted.no_sim
         alone = describe_launch(
-            self._loaded.plugins, self._catalog, PresentEndpoints(), parameters, simulate=simulate
+            self.plugins, self._catalog, PresentEndpoints(), parameters, simulate=simulate
         )
         for name, option in self._insisted(given).items():
             if name not in alone.starts:
@@ -178,6 +217,9 @@ class CheckedOptions:
     def _why_not(self, name: str) -> str:
         if self._wanted.no_sim and name in simulators(self._catalog):
             return "--no-sim leaves out"
+        node = nodes_of(self._catalog).get(name)
+        if node is not None and node.plugin and self._catalog.plugins[node.plugin].hmi:
+            return "only --hmi starts"
         return f"{', '.join(self._loaded.names)} has no use for"
 
     def _insisted(self, given: Mapping[str, ParameterValues]) -> dict[str, str]:

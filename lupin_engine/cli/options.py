@@ -98,6 +98,10 @@ no_sim = click.option("--no-sim", is_flag=True, help="Start no simulated robot: 
 no_respawn = click.option(
     "--no-respawn", is_flag=True, help="Leave a node that dies dead: something else starts it again."
 )
+hmi = click.option("--hmi", is_flag=True, help="Serve people's pages too, on this machine only.")
+opened = click.option(
+    "--open", "opened", is_flag=True, help="With --hmi: to other machines too; asks for TLS files and tokens."
+)
 domain = click.option(
     "--domain",
     type=click.IntRange(min=0, max=HIGHEST_DOMAIN),
@@ -110,6 +114,6 @@ log_dir = click.option(
 
 def bring_up(command: _F) -> _F:
     """Add the options of verbs that bring up nodes, in this order."""
-    for option in reversed((settings, speed, sim, no_sim, no_respawn, domain, log_dir)):
+    for option in reversed((settings, speed, sim, no_sim, no_respawn, hmi, opened, domain, log_dir)):
         command = option(command)
     return command

@@ -194,9 +194,10 @@ class Plugin:
     not. `simulated_defaults` are values, in base units, that parameters of missions take by default where
     the plugin's simulations are started. `serves` are the services, actions and topics that its nodes
     have for whoever names them, as a binding does; `access` is what people's pages may use of all that its
-    nodes and drivers name. `readers` are by the name of the type that they read. What
-    is `internal` is for a chart of the plugin's own, and no author of missions is offered it. Companions and
-    simulations run beside missions of `profile` only; without one, beside all.
+    nodes and drivers name. `readers` are by the name of the type that they read. What is `internal` is for a
+    chart of the plugin's own, and no author of missions is offered it. The nodes of one that is `hmi` serve
+    people's pages, and are started where `--hmi` asks for them. Companions and simulations run beside
+    missions of `profile` only; without one, beside all.
     """
 
     name: str
@@ -215,6 +216,7 @@ class Plugin:
     companions: tuple[str, ...] = ()
     simulated_defaults: Mapping[str, Any] = field(default_factory=dict)
     internal: bool = False
+    hmi: bool = False
     serves: tuple[str, ...] = ()
     access: Access = field(default_factory=Access)
     profile: str = ""

@@ -11,9 +11,10 @@ import click
 from lupin_engine.cli import options
 from lupin_engine.cli.exit_codes import not_done
 from lupin_engine.errors import LupinError, Severity
-from lupin_engine.plugin.registry import Catalog, load_catalog
+from lupin_engine.plugin.registry import load_catalog
 
 if TYPE_CHECKING:
+    from lupin_engine.cli.bring_up import CheckedOptions
     from lupin_engine.missions.load import LoadedMissions
     from lupin_engine.ros.launch.bringup import Bringup
     from lupin_engine.ros.launch.interrupts import Interrupts
@@ -76,7 +77,7 @@ def run(
     with quiet_terminal(), Interrupts() as interrupts:
         observer = _observer(as_json, save_svg, loaded, interrupts)
         with Bringup(settings, observer, interrupts) as bringup:
-            code = _carry_out(bringup, observer, loaded, catalog, carried(loaded.chart, request))
+            code = _carry_out(bringup, observer, given, loaded, carried(loaded.chart, request))
         observer.close(bringup.monitor, code)
     return code
 
@@ -84,8 +85,8 @@ def run(
 def _carry_out(
     bringup: Bringup,
     observer: Any,
+    given: CheckedOptions,
     loaded: LoadedMissions,
-    catalog: Catalog,
     request: dict[str, Any],
 ) -> int:
     """Run the mission; an error is reported to the observer and aborts the mission."""
@@ -93,7 +94,9 @@ def _carry_out(
     from lupin_engine.ros.launch.monitor import INTERRUPTED, NOT_DONE
 
     try:
-        bringup.bring_up(loaded.plugins, catalog, loaded.heard)
+        bringup.bring_up(given.plugins, loaded.chart.catalog, loaded.heard)
+        for line in given.addresses(bringup.description.launches):
+            observer.note(line)
         monitor = bringup.start(loaded.names[0], request)
         bringup.follow(monitor)
         return monitor.verdict

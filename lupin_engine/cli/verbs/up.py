@@ -13,6 +13,7 @@ from lupin_engine.plugin.registry import Catalog, load_catalog
 from lupin_engine.ros.launch.environment import current_domain
 
 if TYPE_CHECKING:
+    from lupin_engine.cli.bring_up import CheckedOptions
     from lupin_engine.missions.load import LoadedMissions
     from lupin_engine.plugin.profile import Profile, Progress
     from lupin_engine.ros.launch.bringup import Bringup, Observer
@@ -40,21 +41,25 @@ def up(missions: tuple[str, ...], **wanted: Any) -> int:
     given = CheckedOptions(GivenOptions(**wanted), loaded, catalog)
     with given.problems.collecting():
         make_world(loaded.chart, given.values)
-    settings = given.settings()
+    settings = given.settings(lasting=True)
     from lupin_engine.ros.launch.bringup import Bringup  # needs rclpy
 
     with Interrupts() as interrupts:
         observer = Heard(PlainObserver(), interrupts.stop)
         with Bringup(settings, observer, interrupts) as bringup:
-            return _serve(bringup, observer, loaded, catalog)
+            return _serve(bringup, observer, given, loaded, catalog)
 
 
-def _serve(bringup: Bringup, observer: Observer, loaded: LoadedMissions, catalog: Catalog) -> int:
+def _serve(
+    bringup: Bringup, observer: Observer, given: CheckedOptions, loaded: LoadedMissions, catalog: Catalog
+) -> int:
     from lupin_engine.ros.launch.interrupts import Interrupted
     from lupin_engine.ros.launch.monitor import NOT_DONE
 
     try:
-        bringup.bring_up(loaded.plugins, catalog, loaded.heard)
+        bringup.bring_up(given.plugins, catalog, loaded.heard)
+        for line in given.addresses(bringup.description.launches):
+            observer.note(line)
         observer.note("\n".join(served(loaded, str(current_domain()))))
         bringup.watch(_StateLines(observer, loaded.chart.profile))
     except Interrupted:

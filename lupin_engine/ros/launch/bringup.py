@@ -7,7 +7,6 @@ observer. Every wait has a deadline.
 from __future__ import annotations
 
 import time
-from collections import Counter
 from collections.abc import Callable, Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -29,14 +28,13 @@ from lupin_engine.ros.launch.description import (
 from lupin_engine.ros.launch.interrupts import Interrupts
 from lupin_engine.ros.launch.monitor import RunMonitor
 from lupin_engine.ros.launch.nodes import ORCHESTRATOR
+from lupin_engine.ros.launch.respawn import Respawns
 from lupin_engine.ros.launch.supervisor import IMPATIENT, Patience, Supervisor
 from lupin_engine.ros.messages import wire_of
 from lupin_engine.ros.operator import Operator
 
 #: Period of the loop, in seconds.
 TICK_S = 0.05
-#: A node that has died is started again after so many seconds: the first time, the second, ...; then no more.
-RESPAWN_AFTER_S = (1.0, 4.0, 10.0)
 #: How long nodes may take to appear and serve, in seconds: small computers, and busy ones, take their time,
 #: and one that has died is told at once.
 APPEAR_LIMIT_S = 90.0
@@ -90,7 +88,7 @@ class BringupSettings:
     `parameters` are by node name, `known` the names of those that the missions have. `insisted` names nodes
     that must be started here, with the option that wants it: using one that runs already would ignore the
     option. `patience` is how long a mission may wait for an operator, in seconds; None is for ever.
-    `respawn` says whether a node that dies is started again.
+    `respawn` says whether a node that dies is started again, `lasting` whether the orchestrator is too.
     """
 
     profile: Profile
@@ -103,6 +101,7 @@ class BringupSettings:
     settle: bool = False
     patience: float | None = None
     respawn: bool = True
+    lasting: bool = False
 
 
 class Bringup:
@@ -122,8 +121,7 @@ class Bringup:
         #: The mission, once it was started.
         self.monitor: RunMonitor | None = None
         self._is_up = False
-        self._respawns: Counter[str] = Counter()
-        self._due: dict[str, float] = {}
+        self._respawns = Respawns(settings.respawn)
         self._pending: list[tuple[str, dict[str, Any], float]] = []
 
     # -- bringing up ------------------------------------------------------------------------------------
@@ -342,7 +340,7 @@ class Bringup:
         """Keep the nodes running, telling the published state again and again.
 
         Raises:
-            RunFailed: the orchestrator died.
+            RunFailed: the orchestrator died, and the settings are not lasting.
             Interrupted: the user wants to stop.
         """
         while True:
@@ -389,30 +387,29 @@ class Bringup:
         deaths = self.supervisor.deaths()
         # At the start everything is needed. Later the mission has its own answer to a dead plugin: a declared
         # error. Only without the orchestrator there is no mission.
-        if deaths and (not self._is_up or any(death.name == ORCHESTRATOR for death in deaths)):
+        if any(not self._is_up or (d.name == ORCHESTRATOR and not self._settings.lasting) for d in deaths):
             raise RunFailed("\n".join(death.told for death in deaths))
+        now = time.monotonic()
         for death in deaths:
             self._observer.note(death.told, Severity.ERROR)
             if self.monitor is not None:
-                self.monitor.note(time.monotonic(), Severity.ERROR, f"{death.name} {death.how}")
-            self._plan_respawn(death.name)
-        self._respawn()
-
-    def _plan_respawn(self, name: str) -> None:
-        before = self._respawns[name]
-        if not self._settings.respawn or before >= len(RESPAWN_AFTER_S):
-            return
-        delay = RESPAWN_AFTER_S[before]
-        self._respawns[name] += 1
-        self._due[name] = time.monotonic() + delay
-        count = f"{before + 1} of {len(RESPAWN_AFTER_S)}"
-        self._observer.note(f"{name} is started again in {delay:g} s ({count})", Severity.WARN)
-
-    def _respawn(self) -> None:
-        now = time.monotonic()
-        for name in [name for name, due in self._due.items() if due <= now]:
-            del self._due[name]
+                self.monitor.note(now, Severity.ERROR, f"{death.name} {death.how}")
+            if death.name == ORCHESTRATOR:
+                self._tell_lost_mission()
+            told = self._respawns.died(death.name, now, time.strftime("%H:%M:%S"))
+            self._observer.note(told, Severity.WARN)
+        for name in self._respawns.due(now):
             self.supervisor.start_again(name)
+        for text in self._respawns.back(self.supervisor.names, now):
+            self._observer.note(text)
+            self.supervisor.note_segments()
+
+    def _tell_lost_mission(self) -> None:
+        """Say that a mission has ended with its orchestrator: the next one does not know it."""
+        lost, self._progress = self._progress, Progress()
+        if lost.lifecycle and lost.lifecycle not in self._settings.profile.stages.without_mission:
+            text = f"{lost.mission} {lost.mission_id} was under way ({lost.lifecycle}) and is not resumed"
+            self._observer.note(f"{text}: look where the robot is, then start it anew", Severity.ERROR)
 
     # -- the end ----------------------------------------------------------------------------------------
 

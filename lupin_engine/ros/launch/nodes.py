@@ -63,6 +63,13 @@ class LaunchableNode:
             reason = f"{type(defect).__name__}: {defect}"
             raise PluginError(f"node {self.name!r} of {self._owner}: its check failed: {reason}") from defect
 
+    def addresses(self, values: Mapping[str, Any]) -> Sequence[str]:
+        """Return where browsers find what the node serves with these parameters; most serve nothing."""
+        found: Callable[[Mapping[str, Any]], Sequence[str]] | None = getattr(
+            self._module(), "addresses", None
+        )
+        return found(values) if found is not None else ()
+
     def load(self) -> Callable[[Sequence[str]], int]:
         """Import the function that runs the node."""
         attribute = self.entry.partition(":")[2]

@@ -12,6 +12,7 @@ from typing import Any
 import pytest
 
 from lupin_engine.errors import Severity
+from lupin_engine.plugin.profile import Progress
 from lupin_engine.plugin.registry import build_catalog
 from lupin_engine.ros.launch import bringup as bringup_module
 from lupin_engine.ros.launch.bringup import Bringup, BringupSettings, RunFailed
@@ -176,3 +177,54 @@ def test_every_option_for_a_node_that_runs_already_is_told(
         "--set is for reader, which runs already; stop it or choose another --domain",
         "--sim is for robot, which runs already; stop it or choose another --domain",
     ]
+
+
+@pytest.mark.parametrize(
+    ("lifecycle", "lost"),
+    [
+        ("READY", []),
+        ("", []),
+        (
+            "INSPECTING",
+            [
+                "InspectionMission m7 was under way (INSPECTING) and is not resumed: "
+                "look where the robot is, then start it anew"
+            ],
+        ),
+    ],
+)
+def test_an_orchestrator_that_dies_is_started_again_where_that_is_wanted(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, lifecycle: str, lost: list[str]
+) -> None:
+    """The new one does not know the mission, so a mission that is lost is told."""
+    launches = (NodeLaunch(LaunchableNode("mission_orchestrator", "")),)
+    code = f"open({str(tmp_path / 'lives')!r}, 'a').write('x')"
+    lives = tmp_path / "lives"
+    with begin(
+        monkeypatch, tmp_path, launches, lambda *_: [sys.executable, "-c", code], lasting=True
+    ) as bringup:
+        bringup._is_up = True
+        bringup._progress = Progress("InspectionMission", "m7", lifecycle)
+        bringup._start(launches[0])
+
+        def has_lived_twice() -> bool:
+            bringup._look_at_processes()
+            return lives.exists() and len(lives.read_text()) == 2
+
+        until(has_lived_twice, "the orchestrator is started again", 30.0)
+        assert isinstance(bringup._observer, Notes)
+        told = bringup._observer.told
+    assert "mission_orchestrator ended with exit code 0" in told[0]
+    assert told[1 : 1 + len(lost)] == lost
+    assert told[1 + len(lost)] == "mission_orchestrator is started again in 1 s (1 of 3)"
+
+
+def test_a_run_ends_with_its_orchestrator(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """There is a mission that nobody knows any more."""
+    launches = (NodeLaunch(LaunchableNode("mission_orchestrator", "")),)
+    with begin(monkeypatch, tmp_path, launches, lambda *_: [sys.executable, "-c", ""]) as bringup:
+        bringup._is_up = True
+        bringup._start(launches[0])
+        until(lambda: not bringup.supervisor.names, "it has ended", 20.0)
+        with pytest.raises(RunFailed, match="mission_orchestrator ended with exit code 0"):
+            bringup._look_at_processes()
