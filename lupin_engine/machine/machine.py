@@ -27,7 +27,6 @@ from lupin_engine.machine.operations import Operations
 from lupin_engine.machine.requests import (
     BAD_REQUEST,
     BY_DEFAULT,
-    BY_OPERATOR,
     Explainer,
     Possibility,
     Requests,
@@ -199,6 +198,13 @@ class Machine:
     def explain(self, now: float) -> tuple[Possibility, ...]:
         """Return what every request and event of the chart would do now, and why not; nothing changes."""
         return self._explainer().explain(now)
+
+    def foresee(self, request: Event, now: float) -> Possibility:
+        """Return what `handle` would do with a request that came at time `now`; nothing changes.
+
+        What was due before `now` must have been fired, as for `handle`. What was considered is left out.
+        """
+        return self._explainer().request(request, now)
 
     def _explainer(self) -> Explainer:
         return Explainer(self.scope, self._requests, self._table.structure, self._active)
@@ -399,19 +405,18 @@ class Machine:
         step.accepted = found.refusal is None
         if found.refusal is not None:
             step.refusal = found.refusal
-            step.why = self._explainer().considered(event.name, step.now, Trigger(event=event.data))
+            step.why = self._explainer().considered(event.name, step.now, found.trigger)
             return
         if found.starts:
             self._begin_mission(event, found.values)
-        is_answer = event.name.startswith(ANSWER)
-        if is_answer:
+        if event.name.startswith(ANSWER):
             self._requests.questions.answered(event)
         if found.rules:
-            step.bound = Trigger(event=BY_OPERATOR if is_answer else event.data)
-            self._take(found.rules, step.bound)
-        for name in found.holds.releases:
+            step.bound = found.trigger
+            self._take(found.rules, found.trigger)
+        for name in found.releases:
             self._holds.release(name, step)
-        for name in found.holds.engages:
+        for name in found.engages:
             self._holds.engage(self.chart.holds[name], step)
 
     def _begin_mission(self, event: Event, values: dict[str, Any]) -> None:

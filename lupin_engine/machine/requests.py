@@ -7,7 +7,7 @@ transitions. Refused means that nothing changed, not even a hold.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from lupin_engine.chart.expressions.evaluation import Environment, UnknownValue
@@ -16,7 +16,7 @@ from lupin_engine.chart.model import Field, Invariant, Prompt, Transition
 from lupin_engine.chart.semantics import ENGINE_EVENTS
 from lupin_engine.errors import nearest, reason, shortened
 from lupin_engine.machine.event import NO_TRIGGER, Event, Trigger
-from lupin_engine.machine.holds import HoldChanges, Holds, blocking_hold
+from lupin_engine.machine.holds import Holds, blocking_hold
 from lupin_engine.machine.scope import EvaluationScope, World
 from lupin_engine.machine.step import Considered, Macrostep, Refusal, moment_of
 from lupin_engine.machine.structure import Configuration, Structure
@@ -39,10 +39,15 @@ BY_OPERATOR, BY_DEFAULT = {"by": "operator"}, {"by": "default"}
 
 @dataclass(slots=True)
 class Resolution:
-    """What a request would do: transitions, holds, the request's values; or why it is refused."""
+    """What a request would do: transitions, holds, the request's values; or why it is refused.
 
+    `trigger` is what its transitions see; `releases` are the engaged holds that it or one of them releases.
+    """
+
+    trigger: Trigger
     rules: tuple[Transition, ...] = ()
-    holds: HoldChanges = field(default_factory=HoldChanges)
+    engages: tuple[str, ...] = ()
+    releases: tuple[str, ...] = ()
     starts: bool = False
     values: dict[str, Any] = field(default_factory=dict)
     refusal: Refusal | None = None
@@ -61,15 +66,18 @@ class Requests:
 
     def resolve(self, event: Event, active: Configuration, step: Macrostep, dry: bool = False) -> Resolution:
         """Return what a request does here. With `dry` the fields of a mission's request are not looked at."""
-        if event.name.startswith(ANSWER):
-            refusal = self.questions.refusal(event)
-            if refusal is not None:
-                return Resolution(refusal=refusal)
-            event = Event(event.name, BY_OPERATOR)
+        is_answer = event.name.startswith(ANSWER)
+        found = Resolution(Trigger(event=BY_OPERATOR if is_answer else event.data))
+        found.refusal = self.questions.refusal(event) if is_answer else None
+        if found.refusal is not None:
+            return found
         holds = self._holds.asked(event, step)
-        found = Resolution(holds=holds)
-        found.rules, code = self._transitions(event, active, holds.releases, step)
+        found.rules, code = self._transitions(event.name, found.trigger, active, holds.releases, step)
         code = code or holds.refused
+        released = [hold for rule in found.rules for hold in rule.releases]
+        found.engages = tuple(holds.engages)
+        held = self._scope.memory.held
+        found.releases = tuple(hold for hold in held if hold in holds.releases or hold in released)
         targets = (self._scope.chart.states[rule.target] for rule in found.rules if rule.target is not None)
         found.starts = any(target.slot for target in targets)
         broken = self._broken() if found.starts else None
@@ -79,9 +87,9 @@ class Requests:
             text = f"{_verb(event)} refused: the invariant {broken.name} does not hold: "
             found.refusal = Refusal(INVARIANT_CODE, text + (broken.summary or broken.that.source))
         elif found.starts and not dry:
-            env = self._scope.see("", step, Trigger(event=event.data))
+            env = self._scope.see("", step, found.trigger)
             found.values, found.refusal = read_request(self._scope.world, event.data, env)
-        if found.refusal is None and not (found.rules or holds.engages or holds.releases):
+        if found.refusal is None and not (found.rules or found.engages or found.releases):
             found.refusal = self._impossible(event)
         return found
 
@@ -93,13 +101,12 @@ class Requests:
         return next((one for one in broken if anew.isdisjoint(names_read(one.that.source))), None)
 
     def _transitions(
-        self, event: Event, active: Configuration, released: Sequence[str], step: Macrostep
+        self, name: str, trigger: Trigger, active: Configuration, released: Sequence[str], step: Macrostep
     ) -> tuple[tuple[Transition, ...], str]:
         """Return the transitions that answer a request, or none and the code of the first refusal."""
         staying = [hold for hold in self._scope.memory.held if hold not in released]
-        trigger = Trigger(event=event.data)
         chosen = []
-        for offered in active.candidates(event.name):
+        for offered in active.candidates(name):
             rule = next((r for r in offered if self._is_enabled(r, trigger, step)), None)
             if rule is None:
                 continue
@@ -107,7 +114,7 @@ class Requests:
             if rule.refuse is not None or hold is not None:
                 return (), rule.refuse or self._scope.chart.holds[hold or ""].code
             chosen.append(rule)
-        return tuple(chosen), ""
+        return self._structure.without_conflicts(active.states, chosen), ""
 
     def _is_enabled(self, rule: Transition, trigger: Trigger, step: Macrostep) -> bool:
         return rule.guard is None or self._scope.check(rule.guard, rule.source, step, trigger)
@@ -366,19 +373,18 @@ class Explainer:
         rules = {rule.id: rule for some in offered for rule in some}
         return tuple(consider(self._scope, rule, step, trigger) for rule in rules.values())
 
+    def request(self, event: Event, now: float, dry: bool = False) -> Possibility:
+        """Return what a request would do at time `now`; with `dry` its fields are not looked at."""
+        step = Macrostep(event, now)
+        found = self._requests.resolve(event, self._active, step, dry)
+        if found.refusal is not None:
+            return Possibility(event.name, possible=False, refusal=found.refusal)
+        taken = tuple(rule.id for rule in found.rules)
+        return Possibility(event.name, True, taken, found.engages, found.releases)
+
     def _request(self, name: str, now: float) -> Possibility:
-        step = Macrostep(Event(name), now)
-        found = self._requests.resolve(step.event, self._active, step, dry=True)
-        taken = tuple(dict.fromkeys(rule.id for rule in found.rules))
-        return Possibility(
-            event=name,
-            possible=found.refusal is None,
-            taken=taken,
-            engages=tuple(found.holds.engages),
-            releases=tuple(found.holds.releases),
-            refusal=found.refusal,
-            considered=self.considered(name, now),
-        )
+        found = self.request(Event(name), now, dry=True)
+        return replace(found, considered=self.considered(name, now))
 
     def _event(self, name: str, now: float) -> Possibility:
         found = self.considered(name, now)

@@ -11,5 +11,8 @@ STEPS_TOPIC = f"/{NODE}/steps"
 #: Which missions there are, and what their requests take, as JSON.
 MISSIONS_TOPIC = f"/{NODE}/missions"
 
+#: What each request would do now, or why it would be refused, as JSON.
+POSSIBLE_TOPIC = f"/{NODE}/possible"
+
 #: The service that answers a question with a choice (std_srvs/srv/Trigger).
 ANSWER_SERVICE = f"/{NODE}/answer/{{}}"

@@ -269,6 +269,7 @@ class Orchestrator:
             self._engine.drain()
         finally:
             self._sleep_until(self._engine.next_deadline)
+        self._telling.possible(self._machine)
 
     def _sleep_until(self, due: float | None) -> None:
         if self._deadline is not None:

@@ -1,4 +1,4 @@
-"""What the orchestrator tells of itself beside the profile's channels: its steps, and the missions it has.
+"""What the orchestrator tells of itself beside the profile's channels: steps, missions, and what is possible.
 
 All of it is JSON. A record of a step says when (by the node's clock, by ROS and by the clock on the wall), in
 which start of the orchestrator, and on which chart.
@@ -20,9 +20,10 @@ from lupin_engine.machine.step import Step, View
 from lupin_engine.missions.load import LoadedMissions
 from lupin_engine.ros import messages
 from lupin_engine.ros.adapter.node import Qos, RosNode
-from lupin_engine.ros.names import MISSIONS_TOPIC, STEPS_TOPIC
+from lupin_engine.ros.names import MISSIONS_TOPIC, POSSIBLE_TOPIC, STEPS_TOPIC
 from lupin_engine.runtime.clock import Clock
 from lupin_engine.runtime.offer import offered
+from lupin_engine.runtime.possible import Foresight
 from lupin_engine.runtime.record import step_record, view_record
 
 
@@ -37,12 +38,16 @@ class Telling:
         self.boot = uuid.uuid4().hex
         self._steps = ros.publisher(String, STEPS_TOPIC, Qos.BACKLOG)
         self._missions = ros.publisher(String, MISSIONS_TOPIC, Qos.LATCHED)
+        self._possible = ros.publisher(String, POSSIBLE_TOPIC, Qos.LATCHED)
         self._offered = ""
+        self._foresight: tuple[Machine, Foresight] | None = None
+        self._foreseen: list[dict[str, Any]] = []
         self._noted: dict[str, tuple[str, ...]] = {}
 
     def go_on_with(self, loaded: LoadedMissions) -> None:
         """Tell of other missions from here on."""
         self._loaded = loaded
+        self._foreseen = []
 
     # -- steps ------------------------------------------------------------------------------------------
 
@@ -108,6 +113,22 @@ class Telling:
             self._missions.publish(text)
             for problem in problems:
                 self._ros.log.error("missions stay as they were", problem=problem)
+
+    # -- what is possible -------------------------------------------------------------------------------
+
+    def possible(self, machine: Machine) -> None:
+        """Tell what each request would do now, when that is other than before.
+
+        To be called when steps have been taken: a value that grows old is one, by its own deadline.
+        """
+        if self._foresight is None or self._foresight[0] is not machine:
+            self._foresight = machine, Foresight(machine)
+        found = self._foresight[1].news(self._clock.now())
+        if found is None or found == self._foreseen:
+            return
+        self._foreseen = found
+        about = {"boot": self.boot, "chart": self._loaded.hash, "sequence": machine.memory.sequence}
+        self._possible.publish(_text({**about, "requests": found}))
 
 
 def _text(data: Any) -> String:

@@ -232,7 +232,7 @@ def test_while_held() -> None:
     found = told(world)
     assert found["operator.pause"] == "pause refused: paused by the operator"
     assert found["operator.resume"] == "releases pause"
-    assert found["operator.abort"] == "MISSION.on.operator.abort.0"
+    assert found["operator.abort"] == "MISSION.on.operator.abort.0, releases pause"
 
 
 def test_while_stopped() -> None:

@@ -13,7 +13,8 @@ from std_msgs.msg import String
 from lupin_engine.missions.selection import load_missions
 from lupin_engine.plugin.registry import load_catalog
 from lupin_engine.ros.adapter.node import Qos
-from lupin_engine.ros.names import STEPS_TOPIC
+from lupin_engine.ros.names import POSSIBLE_TOPIC, STEPS_TOPIC
+from lupin_greenhouse.profile import PROFILE
 from tests.ros.world import Operator, World
 
 pytestmark = pytest.mark.timeout(180)
@@ -25,9 +26,11 @@ class Listener(Operator):
     def __init__(self) -> None:
         super().__init__("listener")
         self.heard: dict[str, list[dict[str, Any]]] = {}
-        self._listen(STEPS_TOPIC, Qos.BACKLOG)
+        self.listen(STEPS_TOPIC, Qos.BACKLOG)
+        self.listen(POSSIBLE_TOPIC, Qos.LATCHED)
 
-    def _listen(self, topic: str, qos: Qos) -> None:
+    def listen(self, topic: str, qos: Qos) -> None:
+        """Keep what a topic says from here on."""
         kept = self.heard[topic] = []
         self.ros.subscribe(String, topic, qos, lambda message: kept.append(json.loads(message.data)))
 
@@ -62,3 +65,45 @@ def test_a_record_says_when_and_of_which_start_and_chart(world: World, listener:
     second = listener.newest(STEPS_TOPIC, lambda record: record["boot"] != first["boot"])
     assert second["chart"] == first["chart"]
     assert second["wall_ns"] > first["wall_ns"]
+
+
+Requests = dict[tuple[str, str], dict[str, Any]]
+
+
+def requests(told: dict[str, Any]) -> Requests:
+    """Return what is told of each request and mission."""
+    return {(one["request"], one["mission"]): one for one in told["requests"]}
+
+
+def test_what_is_possible_is_told_and_changes_with_a_mission(world: World, listener: Listener) -> None:
+    """An entry for every service; what is told is what the service answers; who comes late is told, too."""
+    world.start_all()
+    listener.in_state("READY")
+    start = ("mission.start", "InspectionMission")
+    ready = listener.newest(POSSIBLE_TOPIC, lambda told: requests(told)[start]["possible"])
+    verbs = [*PROFILE.requests]
+    missions = load_missions((), load_catalog())
+    assert [*requests(ready)] == [
+        *((f"operator.{verb}", "") for verb in verbs),
+        *(("mission.start", mission) for mission in missions.names),
+    ]
+    assert ready["chart"] == missions.hash
+    pause = requests(ready)["operator.pause", ""]
+    assert (pause["code"], pause["reason"]) == ("not_running", listener.ask("pause").message)
+    listener.hit(1, "stall")
+    assert listener.start("1").accepted
+    running = listener.newest(POSSIBLE_TOPIC, lambda told: requests(told)["operator.pause", ""]["possible"])
+    assert requests(running)["operator.pause", ""]["engages"] == ["pause"]
+    assert running["sequence"] > ready["sequence"]
+    assert requests(running)[start]["reason"] == listener.start("1").error_message
+    assert listener.ask("pause").success
+    listener.newest(
+        POSSIBLE_TOPIC, lambda told: requests(told)["operator.abort", ""]["releases"] == ["pause"]
+    )
+    late = Listener()
+    try:
+        known = late.newest(POSSIBLE_TOPIC, lambda told: True)
+        assert known == listener.heard[POSSIBLE_TOPIC][-1]
+        assert len(late.heard[POSSIBLE_TOPIC]) == 1
+    finally:
+        late.ros.close()

@@ -1,0 +1,93 @@
+"""What could be asked of a machine now, and what each request would do: plain data, for displays and buttons.
+
+The answers are the machine's own (`Machine.foresee`). They are worked out anew only when something that
+they read has changed or has grown old.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+from lupin_engine.chart.expressions.evaluation import Value
+from lupin_engine.chart.model import Chart
+from lupin_engine.machine.event import Event
+from lupin_engine.machine.machine import Machine
+from lupin_engine.machine.scope import CONFIGURATION, HELD, Reads, Watch
+from lupin_engine.machine.structure import dispatch_table
+from lupin_engine.plugin.profile import START
+
+
+@dataclass(frozen=True)
+class PossibleRequest:
+    """A request that can be made: what it is called where it is commanded, and the event that it is."""
+
+    verb: str
+    mission: str
+    event: Event
+
+
+@lru_cache(maxsize=32)
+def requests_of(chart: Chart) -> tuple[PossibleRequest, ...]:
+    """Return the operator's requests, the start of each mission with its defaults, and the answers."""
+    return (
+        *(PossibleRequest(name, "", Event(f"operator.{name}")) for name in chart.profile.requests),
+        *(PossibleRequest("start", name, Event(START, {"mission_type": name})) for name in chart.missions),
+        *(PossibleRequest("answer", "", Event(name)) for name in chart.answers),
+    )
+
+
+@lru_cache(maxsize=32)
+def _reads(chart: Chart) -> Reads:
+    """Return what decides on the requests of a chart, questions and broken invariants aside."""
+    reads = Reads(chart, _conditions(chart))
+    reads.parts |= CONFIGURATION | HELD
+    return reads
+
+
+def _conditions(chart: Chart) -> Iterator[Value]:
+    structure = dispatch_table(chart).structure
+    for name in {request.event.name for request in requests_of(chart)}:
+        for state in chart.states:
+            yield from (rule.guard for rule in structure.rules_of(state, name) if rule.guard is not None)
+    for hold in chart.holds.values():
+        yield from (guard for guard in (hold.engage_guard, hold.release_guard) if guard is not None)
+    for mission in chart.missions.values():
+        yield from (field.default for field in mission.request.values() if field.default is not None)
+
+
+class Foresight:
+    """What the requests would do in one machine, as JSON data; None while nothing can have changed."""
+
+    def __init__(self, machine: Machine) -> None:
+        self._machine = machine
+        self._watch = Watch()
+        machine.scope.watches.append(self._watch)
+        self._seen: tuple[tuple[str, ...], ...] = ()
+
+    def news(self, now: float) -> list[dict[str, Any]] | None:
+        """Return for each request what it would do at time `now`; None: the same as the last time."""
+        machine = self._machine
+        memory, reads = machine.memory, _reads(machine.chart)
+        seen = (tuple(memory.asked), tuple(memory.broken))
+        if seen == self._seen and not self._watch.is_due(reads, now):
+            return None
+        self._seen = seen
+        machine.scope.doubtful = False  # what is not known now is looked at when it changes
+        self._watch.settle(reads, machine.scope, now)
+        return [self._told(request, now) for request in requests_of(machine.chart)]
+
+    def _told(self, request: PossibleRequest, now: float) -> dict[str, Any]:
+        found = self._machine.foresee(request.event, now)
+        return {
+            "request": request.event.name,
+            "verb": request.verb,
+            "mission": request.mission,
+            "possible": found.possible,
+            "engages": list(found.engages),
+            "releases": list(found.releases),
+            "code": found.refusal.code if found.refusal else "",
+            "reason": found.refusal.text if found.refusal else "",
+        }

@@ -1,0 +1,248 @@
+"""Every button in every situation: what was told of a request is what comes of it.
+
+The situations are found by a walk, breadth first: from the start every request, every end of every operation
+under way, the next deadline, and the stop, the battery and the servers as they come and go.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from lupin_engine.chart.model import Chart, Kind
+from lupin_engine.machine import event as events
+from lupin_engine.machine.event import Event
+from lupin_engine.machine.machine import Machine
+from lupin_engine.machine.memory import Phase
+from lupin_engine.machine.snapshot import restore
+from lupin_engine.machine.step import Step
+from lupin_engine.missions.folders import lifecycle_in, mission_files
+from lupin_engine.missions.load import load_chart
+from lupin_engine.missions.selection import load_missions
+from lupin_engine.plugin.builtin import MISSING
+from lupin_engine.plugin.profile import START
+from lupin_engine.runtime.possible import Foresight, requests_of
+from lupin_engine.runtime.setup import make_machine
+from lupin_engine.sim.scenario import Missions, load_scenario, scenario_files
+from lupin_engine.sim.simulation import Simulation
+from tests import shipped
+
+ROOT = Path(__file__).parents[2]
+#: What the world tells, by the plugins' names of it: a pose is known, the rest comes and goes.
+POSE = {"x": 0.5, "y": 0.5, "yaw": 0.0}
+TAG = {
+    "id": "1",
+    "x": 1.0,
+    "y": 1.0,
+    "facing": {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0},
+    "species": "tulip",
+    "species_confidence": 0.9,
+    "anomaly": False,
+    "sightings": 3,
+}
+TOLD: dict[str, tuple[Any, ...]] = {
+    "robot.estop": (True, False),
+    "robot.battery": (0.1, 0.9),
+    MISSING: (["a server"], []),
+    "tags.discovered": ([TAG],),
+    "camera.light": (10.0,),
+}
+#: With these there is more to do at a target.
+SETTINGS = {
+    "arm_patrol_enabled": True,
+    "require_visual_confirmation": True,
+    "flower_scan_dwell_s": 2.0,
+    "photo_light": 1e6,
+}
+
+Told = list[dict[str, Any]]
+
+
+class Situation:
+    """A machine at one moment of the walk."""
+
+    def __init__(self, machine: Machine, now: float) -> None:
+        self.machine = machine
+        self.now = now
+
+    @property
+    def key(self) -> tuple[object, ...]:
+        """What makes it another situation for an operator."""
+        memory = self.machine.memory
+        inputs = (memory.inputs.get(name) for name in ("estop", "missing", "discovered"))
+        told = (str(found and found.value) for found in inputs)
+        why = memory.mission, memory.context.get("reason")
+        held, asked = tuple(sorted(memory.held)), tuple(memory.asked)
+        return memory.configuration, held, asked, *memory.levels.items(), *told, *why
+
+    def copy(self) -> Situation:
+        """Return a second one that goes its own way."""
+        machine = self.machine
+        return Situation(Machine(machine.world, restore(machine.chart, machine.snapshot())), self.now)
+
+    def told(self) -> Told:
+        """Return what is told of all requests here."""
+        found = Foresight(self.machine).news(self.now)
+        assert found is not None, "nobody has looked yet"
+        return found
+
+    def moves(self) -> Iterator[Event | None]:
+        """Yield what can happen next, beside requests; None: the next deadline comes."""
+        machine = self.machine
+        memory, catalog = machine.memory, machine.chart.catalog
+        for attempt in memory.attempts.values():
+            if attempt.phase not in (Phase.WAITING, Phase.LOST):
+                operation = catalog.operations[attempt.operation]
+                given = operation.mock.result
+                result = given(attempt.arguments, machine.world.parameters) if callable(given) else given
+                yield events.done(attempt.id, result)
+                yield from (events.failed(attempt.id, code.name, "scripted") for code in operation.codes[:2])
+                yield events.cancelled(attempt.id)
+        for value, others in TOLD.items():
+            yield from (events.observed(value, other, self.now) for other in others)
+        if machine.next_deadline is not None:
+            yield None
+
+    def happen(self, move: Event | None) -> Step:
+        """Let something happen."""
+        if move is not None:
+            return self.machine.handle(move, self.now)
+        self.now = max(self.now, self.machine.next_deadline or 0.0)
+        step = self.machine.advance(self.now)
+        assert step is not None
+        return step
+
+
+def press(situation: Situation, told: dict[str, Any], request: Event) -> None:
+    """Make a request, and hold what comes of it against what was told."""
+    machine = situation.machine
+    before = list(machine.memory.held)
+    step = situation.happen(request)
+    held = machine.memory.held
+    refusal = step.refusal
+    assert {
+        "possible": step.accepted,
+        "engages": [hold for hold in held if hold not in before],
+        "releases": [hold for hold in before if hold not in held],
+        "code": refusal.code if refusal else "",
+        "reason": refusal.text if refusal else "",
+    } == {name: told[name] for name in ("possible", "engages", "releases", "code", "reason")}, request
+
+
+def begun(chart: Chart) -> Situation:
+    """Return where a chart begins, with a robot that knows where it is."""
+    machine = make_machine(
+        chart, {name: value for name, value in SETTINGS.items() if name in chart.parameters}
+    )
+    machine.start(0.0)
+    machine.handle(events.observed("robot.pose", POSE, 0.0), 0.0)
+    return Situation(machine, 0.0)
+
+
+def walked(chart: Chart) -> list[Situation]:
+    """Press every button in every situation; return the situations."""
+    first = begun(chart)
+    found = {first.key: first}
+    waiting = deque([first])
+    while waiting:
+        here = waiting.popleft()
+        come = []
+        for told, request in zip(here.told(), requests_of(chart), strict=True):
+            event = request.event
+            if event.name == START:
+                event = Event(START, {**event.data, "mission_id": "walk-1"})
+            then = here.copy() if told["possible"] else here
+            press(then, told, event)
+            come.append(then)
+        for move in list(here.moves()):
+            come.append(here.copy())
+            come[-1].happen(move)
+        for there in come:
+            if there.key not in found:
+                found[there.key] = there
+                waiting.append(there)
+    return list(found.values())
+
+
+def rests(chart: Chart) -> set[str]:
+    """Return the states in which a chart can be seen: neither passed in a step nor a place of history."""
+    kinds = (Kind.FINAL, Kind.HISTORY)
+    return {name for name, s in chart.states.items() if s.kind not in kinds and not s.local_name.islower()}
+
+
+def test_what_is_told_comes_true_in_every_state_of_both_missions() -> None:
+    """Accepted or refused with that code and sentence, and those holds engaged and released."""
+    chart = load_missions((), shipped.catalog()).chart
+    met = walked(chart)
+    assert rests(chart) - {name for one in met for name in one.machine.memory.configuration} == set()
+
+
+def test_what_is_told_of_answers_comes_true() -> None:
+    """The photo round asks the operator: what is no choice now is refused."""
+    folder = ROOT / "examples" / "photo_round" / "missions"
+    chart = load_chart(lifecycle_in(folder), mission_files(folder), shipped.catalog())
+    asking = next(one for one in walked(chart) if one.machine.memory.asked)
+    told = {one["request"]: one for one in asking.told() if one["verb"] == "answer"}
+    assert [*told] == [*chart.answers]
+    assert all(one["possible"] for one in told.values())
+    idle = {one["request"]: one["reason"] for one in begun(chart).told()}
+    assert idle["answer.as_it_is"] == "the answer 'as_it_is' is refused: nothing is asked"
+
+
+def test_what_was_told_holds_until_something_else_is() -> None:
+    """After every step of every war story: no change is overlooked."""
+    missions = Missions(shipped.catalog())
+    for file in scenario_files([ROOT / "tests" / "scenarios" / "war_stories"]):
+        scenario = load_scenario(file, missions.catalog, missions)
+        world = missions.world(scenario.chart, scenario.parameters)
+        simulation = Simulation(scenario.chart, scenario.script, scenario.parameters, world)
+        simulation.begin()
+        foresights: dict[Machine, Foresight] = {}
+        told: Told = []
+        while not simulation.is_over and simulation.go_on() and simulation.now < scenario.script.limit:
+            machine = simulation.machine  # after a crash it is another one
+            foresight = foresights.get(machine) or foresights.setdefault(machine, Foresight(machine))
+            told = foresight.news(simulation.now) or told
+            assert told == Foresight(machine).news(simulation.now), (file, simulation.now)
+            machine.scope.watches.pop()
+
+
+LIFECYCLE = """\
+lifecycle: small
+profile: greenhouse
+inputs: {pose: {value: robot.pose, freshness: 2 s}}
+codes: {lost: {label: nobody knows where the robot is, severity: warn}}
+initial: READY
+states:
+  READY:
+    on:
+      mission.start: MISSION
+      operator.dock:
+        - {refuse: lost, guard: not known(input.pose)}
+        - READY
+  MISSION: {slot: mission, on_done: READY}
+  FAULT: {on: {operator.reset: READY}}
+"""
+MISSION = "mission: Nothing\ninitial: done\nstates: {done: {type: final}}\n"
+
+
+def test_what_grows_old_is_news(tmp_path: Path) -> None:
+    """Nobody says anything, and a request is refused from then on; its deadline is when to look."""
+    (tmp_path / "lifecycle.yaml").write_text(LIFECYCLE, encoding="utf-8")
+    (tmp_path / "nothing.yaml").write_text(MISSION, encoding="utf-8")
+    chart = load_chart(tmp_path / "lifecycle.yaml", [tmp_path / "nothing.yaml"], shipped.catalog())
+    machine = begun(chart).machine
+    foresight = Foresight(machine)
+
+    def dock(now: float) -> str | None:
+        found = foresight.news(now)
+        return None if found is None else next(one["code"] for one in found if one["verb"] == "dock")
+
+    assert [dock(0.0), dock(1.9)] == ["", None]
+    assert machine.next_deadline == 2.0
+    assert machine.advance(2.0) is not None
+    assert [dock(2.0), dock(9.0)] == ["lost", None]
+    machine.handle(events.observed("robot.pose", POSE, 9.0), 9.0)
+    assert [dock(9.0), dock(10.0)] == ["", None]
