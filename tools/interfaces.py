@@ -33,7 +33,10 @@ from lupin_perception.node import settings as perception
 from lupin_sim.node import robot, senses
 from lupin_twin import node as twin
 
-FILES = Path(__file__).resolve().parents[1] / "lupin_msgs"
+ROOT = Path(__file__).resolve().parents[1]
+FILES = ROOT / "lupin_msgs"
+#: The packages whose types stand on the page.
+PACKAGES = {"lupin_msgs": FILES, "lupin_engine_msgs": ROOT / "interfaces" / "lupin_engine_msgs"}
 #: Requests to cancel goals are part of the action.
 _ACTION = "/_action/"
 
@@ -41,9 +44,9 @@ HEAD = """\
 # Interfaces
 
 Every topic, service and action of the nodes that come with Lupin, as the nodes declare them at their start
-with their defaults, and the types of `lupin_msgs`. "outside" is whoever else is on the network: the
-operator's HMI, the robot's own drivers, Nav2. What a binding or another plugin adds is not here: what is on
-the network now, `lupin graph` tells.
+with their defaults, and the types of `lupin_msgs` and `lupin_engine_msgs`. "outside" is whoever else is on
+the network: the operator's HMI, the robot's own drivers, Nav2. What a binding or another plugin adds is not
+here: what is on the network now, `lupin graph` tells.
 
 ## Quality of service
 
@@ -207,9 +210,9 @@ def _ends(one: Declared) -> Iterator[str]:
 
 
 def _linked(type_: str) -> str:
-    """Return a type's name, which for `lupin_msgs` leads to its file on this page."""
+    """Return a type's name, which leads to its file on this page where it is one of ours."""
     package, _, name = type_.split("/")
-    return f"[{name}](#{name.lower()})" if package == "lupin_msgs" else f"{package}/{name}"
+    return f"[{name}](#{name.lower()})" if package in PACKAGES else f"{package}/{name}"
 
 
 def _types() -> Iterator[str]:
@@ -217,10 +220,11 @@ def _types() -> Iterator[str]:
         "",
         "## Types",
         "",
-        "As the files of the package have them; a type that is made of others names them.",
+        "As the files of the packages have them; a type that is made of others names them.",
     )
     for kind in ("msg", "srv"):
-        for file in sorted(FILES.glob(f"{kind}/*.{kind}")):
+        files = [file for package in PACKAGES.values() for file in package.glob(f"{kind}/*.{kind}")]
+        for file in sorted(files, key=lambda file: file.stem):
             text = file.read_text(encoding="utf-8").strip()
             yield from ("", f"### {file.stem}", "")
             inner = _nesting(file.stem)
@@ -240,7 +244,7 @@ def _nesting(name: str) -> list[str]:
 
 def _inner(name: str) -> Iterator[str]:
     known = {file.stem for file in FILES.glob("msg/*.msg")}
-    (file,) = FILES.glob(f"*/{name}.*")
+    (file,) = (file for package in PACKAGES.values() for file in package.glob(f"*/{name}.*"))
     for line in file.read_text(encoding="utf-8").splitlines():
         declared_type = line.partition("#")[0].split()[:1]
         for one in declared_type:

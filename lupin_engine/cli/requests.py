@@ -8,6 +8,7 @@ from typing import Any
 from lupin_engine.chart.model import Chart
 from lupin_engine.errors import Problems, UsageError
 from lupin_engine.missions.load import LoadedMissions
+from lupin_engine.plugin.profile import given_fields
 
 
 def check_fields(loaded: LoadedMissions, request: Mapping[str, Any]) -> None:
@@ -30,8 +31,8 @@ def check_fields(loaded: LoadedMissions, request: Mapping[str, Any]) -> None:
 
 
 def carried(chart: Chart, request: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the values of options that the request of the chart's missions has a field for."""
-    return {name: value for name, value in request.items() if name in chart.profile.request}
+    """Return the options that were given, of those that a request of the chart's missions has a field for."""
+    return {name: value for name, value in given_fields(request).items() if name in chart.profile.request}
 
 
 def check_request(loaded: LoadedMissions, given: Mapping[str, Any], request: Mapping[str, Any]) -> None:

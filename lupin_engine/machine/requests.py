@@ -228,7 +228,7 @@ def read_request(
 
     Args:
         world: gives the missions and the readers of plugin types.
-        data: the event's fields; `mission_type` names the mission, an empty or absent field means default.
+        data: the event's fields; `mission_type` names the mission, a field that is absent means its default.
         env: what defaults are evaluated in.
     """
     mission = world.chart.missions.get(data.get("mission_type", ""))
@@ -249,7 +249,7 @@ def _read_field(world: World, field: Field, given: Any, env: Environment) -> tup
     try:
         value = (
             field.default.evaluate(env)
-            if _absent(given) and field.default
+            if given is None and field.default
             else _read(world, field.type, given)
         )
     except ValueError as problem:
@@ -266,11 +266,6 @@ def _read_field(world: World, field: Field, given: Any, env: Environment) -> tup
     if field.minimum is not None and value < field.minimum:
         return None, Refusal(BAD_REQUEST, f"{field.name} must be at least {field.minimum:g}, got {value!r}")
     return value, None
-
-
-def _absent(given: Any) -> bool:
-    """A request has no optional fields on the wire: empty and zero mean that nothing was given."""
-    return given is None or given in ("", 0) or given == []
 
 
 def _read(world: World, wanted: Type, given: Any) -> Any:

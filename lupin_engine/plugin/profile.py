@@ -62,10 +62,15 @@ class RequestField:
 
 @dataclass(frozen=True)
 class OperatorRequest:
-    """Something that an operator may ask for at any time; `however_late`: a delayed request still counts."""
+    """Something that an operator may ask for at any time; `however_late`: a delayed request still counts.
+
+    The command line's verb is `verb`, where that is not its name; `key` is its letter in `lupin run`.
+    """
 
     doc: str
     however_late: bool = False
+    verb: str = ""
+    key: str = ""
 
 
 @dataclass(frozen=True)
@@ -130,6 +135,11 @@ class StartRequest:
 
     mission: str
     request: Fields
+
+
+def given_fields(fields: Fields) -> dict[str, Any]:
+    """Return the fields of a message that were given: it has no optional ones, so empty and zero are not."""
+    return {name: value for name, value in fields.items() if value not in ("", 0, None) and value != []}
 
 
 @dataclass(frozen=True)
@@ -336,6 +346,11 @@ class Profile:
         return outcome is not None and outcome.is_good
 
     @property
+    def verbs(self) -> Mapping[str, str]:
+        """The verbs of the command line by the request that each is for."""
+        return {name: request.verb or name for name, request in self.requests.items()}
+
+    @property
     def events(self) -> Mapping[str, str]:
         """The requests as events, each with what it means: the start, then the operator's."""
         asked = {f"operator.{name}": request.doc for name, request in self.requests.items()}
@@ -345,5 +360,7 @@ class Profile:
 #: The request that starts a mission, and what those begin with that answer a question.
 START = "mission.start"
 ANSWER = "answer."
+#: What an operator commands beside the requests of a profile: a start, and an answer to a question.
+START_VERB, ANSWER_VERB = OWN_VERBS = "start", "answer"
 #: Where no profile is installed: missions have states and operations, but nothing to visit.
 NO_PROFILE = Profile("", "No profile.")

@@ -29,7 +29,7 @@ from lupin_engine.plugin.contract import (
     Reader,
 )
 from lupin_engine.plugin.discovery import GROUP, PROFILES, EntryPoint, entry_points, entry_points_by_group
-from lupin_engine.plugin.profile import NO_PROFILE, Profile
+from lupin_engine.plugin.profile import NO_PROFILE, OWN_VERBS, Profile
 from lupin_engine.plugin.shapes import misshapen
 from lupin_engine.plugin.types import BUILTIN_TYPES, UNITS, Type, convert, problems
 
@@ -37,12 +37,16 @@ from lupin_engine.plugin.types import BUILTIN_TYPES, UNITS, Type, convert, probl
 NAME = re.compile(r"[a-z][a-z0-9_]*")
 DOTTED_NAME = re.compile(r"[a-z][a-z0-9_]*(\.[a-z][a-z0-9_]*)*")
 FREE_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
+VERB = re.compile(r"[a-z][a-z0-9_-]*")
+KEY = re.compile(r"[a-z]")
 #: The same in words.
 LETTERS: Mapping[re.Pattern[str], str] = MappingProxyType(
     {
         NAME: "lower case letters, digits and underscores",
         DOTTED_NAME: "lower case letters, digits, underscores and dots",
         FREE_NAME: "letters, digits and underscores",
+        VERB: "lower case letters, digits, underscores and hyphens",
+        KEY: "one lower case letter",
     }
 )
 _TARGET = re.compile(r"[A-Za-z_][\w.]*:[A-Za-z_]\w*")
@@ -206,12 +210,15 @@ def _profiles(profiles: Iterable[Profile]) -> dict[str, Any]:
 
 
 def _profile_problems(profile: Profile) -> Iterator[str]:
+    requests = profile.requests.values()
     families: tuple[tuple[str, re.Pattern[str], Iterable[str]], ...] = (
         ("profile", NAME, [profile.name]),
         ("outcome", FREE_NAME, profile.statuses),
         ("counter", NAME, [outcome.counter for outcome in profile.outcomes]),
         ("request field", NAME, profile.request),
         ("operator's request", NAME, profile.requests),
+        ("verb", VERB, [*OWN_VERBS, *profile.verbs.values()]),
+        ("key", KEY, [one.key for one in requests if one.key]),
         ("publication", DOTTED_NAME, profile.publications),
     )
     for family, pattern, names in families:

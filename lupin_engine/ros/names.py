@@ -16,3 +16,7 @@ POSSIBLE_TOPIC = f"/{NODE}/possible"
 
 #: The service that answers a question with a choice (std_srvs/srv/Trigger).
 ANSWER_SERVICE = f"/{NODE}/answer/{{}}"
+
+#: The service by which anything is asked of the orchestrator, and its type.
+COMMAND_SERVICE = f"/{NODE}/command"
+COMMAND_TYPE = "lupin_engine_msgs/srv/Command"

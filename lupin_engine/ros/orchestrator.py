@@ -8,39 +8,48 @@ serves from the profile.
 
 from __future__ import annotations
 
+import time
 import uuid
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import asdict, replace
 from functools import partial
 from typing import Any
 
 from std_srvs.srv import Trigger
 
-from lupin_engine.errors import LupinError
-from lupin_engine.machine.event import Event
+from lupin_engine.errors import LupinError, shortened
+from lupin_engine.machine.event import NOTHING, Event
 from lupin_engine.machine.machine import Machine
 from lupin_engine.machine.reload import is_idle, successor
-from lupin_engine.machine.step import Moment, Step, View
+from lupin_engine.machine.requests import UNKNOWN_MISSION
+from lupin_engine.machine.step import Moment, Refusal, Step, View
 from lupin_engine.missions.load import LoadedMissions
 from lupin_engine.plugin.builtin import BUILTIN
 from lupin_engine.plugin.clients import make_client
 from lupin_engine.plugin.contract import Driver, Parameter
-from lupin_engine.plugin.profile import ANSWER, START, Channel, Fields, Publish, StartAnswer
+from lupin_engine.plugin.profile import (
+    ANSWER,
+    START,
+    START_VERB,
+    Channel,
+    Fields,
+    Publish,
+    StartAnswer,
+    given_fields,
+)
 from lupin_engine.plugin.registry import load_catalog
 from lupin_engine.plugin.types import NUMBER, TEXT, list_of
-from lupin_engine.ros import messages
+from lupin_engine.ros import commands, messages
 from lupin_engine.ros.adapter.node import Qos, RosNode, RosTimer
 from lupin_engine.ros.bindings.client import BoundClient
 from lupin_engine.ros.bindings.definitions import interface_class
+from lupin_engine.ros.commands import STALE, STALE_AFTER_S, CommandAnswer, CommandMemory, CommandRequest
 from lupin_engine.ros.folder import LOOK_PERIOD_S, MissionsFolder
-from lupin_engine.ros.names import ANSWER_SERVICE, NODE
+from lupin_engine.ros.names import ANSWER_SERVICE, COMMAND_SERVICE, COMMAND_TYPE, NODE
 from lupin_engine.ros.readiness import Readiness
 from lupin_engine.ros.telling import Telling
 from lupin_engine.runtime.engine import Engine, EngineOutlet
 from lupin_engine.runtime.setup import make_machine, make_world
-
-#: Seconds after which a request is not carried out: whoever sent it has given up.
-STALE_AFTER_S = 5.0
 
 #: Parameters of the node itself, beside those of the missions.
 OWN_PARAMETERS: Mapping[str, Parameter] = {
@@ -120,7 +129,10 @@ class Orchestrator:
         ros.on_stop(self._close)
         ros.on_parameter(self._set)
         self._answers: set[str] = set()
+        self._commands = CommandMemory()
+        self._origin: tuple[Event | None, Mapping[str, str]] = (None, {})
         self._serve()
+        self._serve_commands()
         self._serve_answers()
         # Real time: the state is told five times a second also while simulated time stands still.
         ros.steady_timer(1.0 / float(given["state_publish_rate_hz"]), self._publish_state)
@@ -165,27 +177,66 @@ class Orchestrator:
                     refuse=partial(_refuse, field="message"),
                 )
 
+    def _serve_commands(self) -> None:
+        """Serve what takes every request there is, carries each out once, and notes who asked."""
+
+        def limit(request: Any) -> float | None:
+            return self._commands.limit(_asked(request), self._chart, time.monotonic())
+
+        def command(request: Any, response: Any) -> Any:
+            answer = self._commands.once(_asked(request), time.monotonic(), self._carry_out)
+            return messages.write(response, asdict(answer))
+
+        def refuse(response: Any, reason: str) -> Any:
+            return messages.write(response, asdict(CommandAnswer(False, STALE, reason)))
+
+        try:
+            kind = interface_class(COMMAND_TYPE)
+        except LupinError as problem:  # a workspace that was built before there was one
+            self._ros.log.error("no commands can be taken", problem=str(problem))
+        else:
+            self._ros.serve(kind, COMMAND_SERVICE, command, stale_after=limit, refuse=refuse)
+
+    def _carry_out(self, asked: CommandRequest) -> CommandAnswer:
+        if asked.verb == START_VERB:
+            self._look()  # what is started is what the files say now
+        event = commands.read_command(asked, self._chart, self._new_mission_id())
+        if isinstance(event, Refusal):
+            self._ros.log.info("command", verb=shortened(asked.verb), answer=event.text, **asked.origin)
+            return commands.refused(event)
+        step = self._ask(event, asked.origin)
+        answer = commands.answered(asked, step)
+        return replace(answer, message=answer.message + self._why_unknown(step))
+
     def _start(self, request: Any, response: Any) -> Any:
         asked = self._wire.start.read_request(messages.read(request))
-        mission_id = f"{self._prefix}-{uuid.uuid4().hex[:8]}"
         self._look()  # what is started is what the files say now
-        fields = {"mission_type": asked.mission, "mission_id": mission_id, **asked.request}
-        step = self._ask(Event(START, fields))
+        mission_id = self._new_mission_id()
+        named = {"mission_type": asked.mission, "mission_id": mission_id}
+        step = self._ask(Event(START, {**named, **given_fields(asked.request)}))
         if step.accepted:
             return self._answer(response, StartAnswer(True, mission_id))
-        reason = step.refusal.text if step.refusal else ""
-        if asked.mission not in self._chart.missions and self._folder.problem:
-            reason += f"; what is new cannot be used: {self._folder.problem}"
+        reason = (step.refusal.text if step.refusal else "") + self._why_unknown(step)
         return self._answer(response, StartAnswer(False, reason=reason))
+
+    def _new_mission_id(self) -> str:
+        return f"{self._prefix}-{uuid.uuid4().hex[:8]}"
+
+    def _why_unknown(self, step: Step) -> str:
+        """Return what keeps a mission from being known that was asked for: something in the files may."""
+        is_unknown = step.refusal is not None and step.refusal.code == UNKNOWN_MISSION
+        problem = self._folder.problem if is_unknown else ""
+        return f"; what is new cannot be used: {problem}" if problem else ""
 
     def _answer(self, response: Any, answer: StartAnswer) -> Any:
         return messages.write(response, self._wire.start.answer_fields(answer))
 
-    def _ask(self, event: Event) -> Step:
+    def _ask(self, event: Event, origin: Mapping[str, str] = NOTHING) -> Step:
+        self._origin = event, origin
         step = self._engine.request(event)
         self._work()
         answer = "accepted" if step.accepted else step.refusal.text if step.refusal else "refused"
-        self._ros.log.info("request", request=event.name, answer=answer)
+        self._ros.log.info("request", request=event.name, answer=answer, **origin)
         return step
 
     # -- missions that come and go ----------------------------------------------------------------------
@@ -299,7 +350,8 @@ class Orchestrator:
         for moment in step.trail[:-1]:
             self._publish_if_changed(view, moment)
         self._publish_if_changed(view)
-        self._telling.step(step, view)
+        asked, origin = self._origin
+        self._telling.step(step, view, origin if step.event is asked else NOTHING)
 
     # -- publishing -------------------------------------------------------------------------------------
 
@@ -340,6 +392,10 @@ class _Publisher:
 
     def publish(self, fields: Fields) -> None:
         self._publisher.publish(messages.write(self._make(), fields))
+
+
+def _asked(request: Any) -> CommandRequest:
+    return CommandRequest(**messages.read(request))
 
 
 def _refuse(response: Any, reason: str, field: str) -> Any:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 import time
 import uuid
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from std_msgs.msg import String
@@ -65,8 +65,8 @@ class Telling:
         self._noted[name] = notes
         return notes not in ((), known)
 
-    def step(self, step: Step, view: View) -> None:
-        """Log a step and publish its record."""
+    def step(self, step: Step, view: View, origin: Mapping[str, str]) -> None:
+        """Log a step and publish its record; `origin` is who commanded it, as far as that is known."""
         self._log(step, view)
         record = {
             "time": self._clock.now(),
@@ -74,6 +74,7 @@ class Telling:
             "wall_ns": time.time_ns(),
             "boot": self.boot,
             "chart": self._loaded.hash,
+            **({"command": origin} if origin else {}),
             "step": step_record(step),
             "view": view_record(view, self._loaded.chart.profile),
         }

@@ -64,13 +64,13 @@ PROFILE = Profile(
         ),
     },
     requests={
-        "abort": OperatorRequest("The operator ends the mission."),
-        "dock": OperatorRequest("The operator sends the robot to the dock."),
+        "abort": OperatorRequest("The operator ends the mission.", key="a"),
+        "dock": OperatorRequest("The operator sends the robot to the dock.", key="d"),
         # Stopping late is better than not at all.
-        "pause": OperatorRequest("The operator suspends the mission.", however_late=True),
+        "pause": OperatorRequest("The operator suspends the mission.", however_late=True, key="p"),
         "reset": OperatorRequest("The operator leaves FAULT."),
-        "resume": OperatorRequest("The operator lets the mission go on."),
-        "skip_current": OperatorRequest("The operator skips the current target."),
+        "resume": OperatorRequest("The operator lets the mission go on.", key="r"),
+        "skip_current": OperatorRequest("The operator skips the current target.", verb="skip", key="s"),
     },
     resume="resume",
     abort="abort",

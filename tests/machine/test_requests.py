@@ -11,7 +11,8 @@ import pytest
 from lupin_engine.machine.requests import _together
 from lupin_engine.machine.step import Refusal, Step
 from lupin_engine.plugin.contract import Code
-from lupin_engine.plugin.types import COUNT, TEXT, Type, list_of, set_of, within
+from lupin_engine.plugin.profile import given_fields
+from lupin_engine.plugin.types import BOOL, COUNT, TEXT, Type, list_of, set_of, within
 from tests.machine.charts import Bench, chart, value
 
 TAG = Type("record", "tag", fields={"id": TEXT})
@@ -82,12 +83,24 @@ def test_a_mission_is_read_before_it_starts() -> None:
     assert [visit.target for visit in memory.traversal.visits] == ["2", "1"] if memory.traversal else False
 
 
-@pytest.mark.parametrize("data", [{}, {"tags": []}, {"tags": None, "goal": 0}])
+@pytest.mark.parametrize("data", [{}, {"tags": None}, given_fields({"tags": [], "goal": 0})])
 def test_what_is_not_given_has_its_default(data: dict[str, Any]) -> None:
-    """On the wire nothing is optional: empty and zero mean that nothing was given."""
+    """In a message nothing is optional: empty and zero mean that nothing was given."""
     bench = ready()
     start(bench, **data)
     assert bench.machine.memory.request == {"tags": [{"id": "7"}], "goal": 3}
+
+
+def test_what_is_given_counts_where_it_is_empty_or_zero() -> None:
+    """Who can leave a field out means what is there."""
+    bench = ready()
+    assert start(bench, tags=[]).refusal == Refusal("no_tags", "no tags to visit")
+    assert start(bench, goal=0).refusal == Refusal("bad_request", "goal must be at least 2, got 0")
+    flag = {"flag": {"type": BOOL, "default": value(True)}}
+    chosen = {"Inspection": {"state": "MISSION.Inspection", "request": flag}}
+    bench = Bench(chart(STATES, missions=chosen, codes=CODES))
+    start(bench, flag=False)
+    assert bench.machine.memory.request == {"flag": False}
 
 
 def test_the_mission_of_the_request_is_entered() -> None:
@@ -143,7 +156,7 @@ def test_what_a_request_names_twice_counts_once_where_it_must_be_distinct() -> N
     """In the order in which it came; the most that a list may have counts after that."""
     field = {"type": within(set_of(TEXT), None, 2), "default": value(["7", "7"])}
     missions = {"Inspection": {"state": "MISSION.Inspection", "request": {"tags": field}}}
-    for given, kept in ((["2", "1", "2"], ["2", "1"]), ([], ["7"])):
+    for given, kept in ((["2", "1", "2"], ["2", "1"]), (None, ["7"])):
         bench = Bench(chart(STATES, missions=missions, codes=CODES))
         assert start(bench, tags=given).accepted
         assert bench.machine.memory.request == {"tags": kept}

@@ -489,10 +489,10 @@ def test_history_is_asked_anew_also_beside_another_transition() -> None:
 
 @pytest.mark.parametrize(
     ("given", "expected"),
-    [({"n": 2, "name": "x"}, {"n": 2, "name": "x"}), ({"n": 0, "name": ""}, {"n": 5, "name": "all"})],
+    [({"n": 2, "name": "x"}, {"n": 2, "name": "x"}), ({"name": ""}, {"n": 5, "name": ""})],
 )
-def test_the_smallest_number_is_allowed_and_nothing_is_no_value(given: Any, expected: Any) -> None:
-    """Zero and the empty text stand for the default."""
+def test_the_smallest_number_is_allowed_and_so_is_an_empty_text(given: Any, expected: Any) -> None:
+    """What is absent has its default; an empty text is one."""
     request = {
         "n": {"type": NUMBER, "default": value(5), "minimum": 2},
         "name": {"type": TEXT, "default": value("all")},

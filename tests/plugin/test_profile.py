@@ -92,6 +92,12 @@ def test_two_profiles_of_one_name_are_refused() -> None:
         ({"name": "The Other"}, "profile 'The Other': the name must be lower case letters"),
         ({"outcomes": (*OTHER.outcomes, *OTHER.outcomes)}, "outcome 'TAKEN' is there twice"),
         ({"requests": {"go home": OperatorRequest("")}}, "operator's request 'go home': the name must be"),
+        ({"requests": {"start": OperatorRequest("")}}, "verb 'start' is there twice"),
+        ({"requests": {"go": OperatorRequest("", key="Go")}}, "key 'Go': the name must be one lower case"),
+        (
+            {"requests": {"go": OperatorRequest("", key="g"), "halt": OperatorRequest("", key="g")}},
+            "key 'g' is there twice",
+        ),
         ({"publications": PROFILE.publications}, "publish.reading publishes an unknown outcome 'OK'"),
         ({"terminal": Terminal(gauges={"tank": "empty"})}, "gauge 'tank' names an unknown flag 'empty'"),
         ({"abort": "abrot"}, "abort names an unknown request 'abrot'; did you mean 'abort'?"),

@@ -17,7 +17,8 @@ from tests import shipped
 
 def inspection(*tags: str, **more: object) -> Run:
     """Simulate an inspection of `tags`."""
-    script = Script("InspectionMission", {"tag_sequence": list(tags)}, **more)  # type: ignore[arg-type]
+    request = {"tag_sequence": list(tags)} if tags else {}
+    script = Script("InspectionMission", request, **more)  # type: ignore[arg-type]
     return simulate(shipped.mission("inspection"), script)
 
 

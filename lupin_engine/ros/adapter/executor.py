@@ -17,12 +17,15 @@ from rclpy.service import Service
 from rclpy.task import Task
 from structlog.typing import FilteringBoundLogger
 
+#: How old a request may be, in seconds (None: any age), or what says that of a request.
+StaleAfter = float | None | Callable[[Any], float | None]
+
 
 @dataclass(frozen=True)
 class Serving:
     """How a service's requests are taken: see `RosNode.serve` and `RosNode.serve_later`."""
 
-    stale_after: float | None
+    stale_after: StaleAfter
     refuse: Callable[[Any, str], Any] | None
     later: bool
 
@@ -86,7 +89,7 @@ class Executor(SingleThreadedExecutor):
             return None
         if header is None:
             return None
-        reason = self._staleness(srv, header)
+        reason = self._staleness(srv, header, request)
 
         async def answer() -> None:
             response = srv.srv_type.Response()
@@ -102,9 +105,10 @@ class Executor(SingleThreadedExecutor):
 
         return answer
 
-    def _staleness(self, srv: Service, header: Any) -> str | None:
+    def _staleness(self, srv: Service, header: Any, request: Any) -> str | None:
         """Say why a request is too old to be carried out; None when it is not."""
-        stale_after = self._served[srv].stale_after
+        limit = self._served[srv].stale_after
+        stale_after = limit(request) if callable(limit) else limit
         if stale_after is None or header.source_timestamp <= 0:
             return None
         age = (time.time_ns() - header.source_timestamp) * 1e-9

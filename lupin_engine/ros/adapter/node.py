@@ -46,7 +46,7 @@ from rclpy.subscription import Subscription
 from lupin_engine.errors import UsageError
 from lupin_engine.ros.adapter.actions import ActionCaller, ActionHost, Goal, ServedGoal
 from lupin_engine.ros.adapter.calls import CallFailure, ServiceCall, ServiceCaller
-from lupin_engine.ros.adapter.executor import Executor, Serving
+from lupin_engine.ros.adapter.executor import Executor, Serving, StaleAfter
 from lupin_engine.ros.adapter.logs import guarded, ros_log
 from lupin_engine.ros.adapter.parameters import Declared, DeclaredParameters
 from lupin_engine.ros.adapter.peers import (
@@ -261,15 +261,16 @@ class RosNode:
         name: str,
         callback: Callable[[Any, Any], Any],
         *,
-        stale_after: float | None = None,
+        stale_after: StaleAfter = None,
         refuse: Callable[[Any, str], Any] | None = None,
     ) -> None:
         """Answer requests with `callback(request, response)`, which returns the response.
 
         A request that was sent more than `stale_after` seconds ago is not carried out: its caller has
-        given up. It is answered with `refuse(response, reason)`, in case the caller waits all the same and
-        only the hosts' wall clocks disagree; without `refuse` not at all. When the callback fails nothing
-        is answered, because an empty response may mean success; the caller's deadline tells it.
+        given up. Where that depends on the request, `stale_after` is a function of it. It is answered with
+        `refuse(response, reason)`, in case the caller waits all the same and only the hosts' wall clocks
+        disagree; without `refuse` not at all. When the callback fails nothing is answered, because an empty
+        response may mean success; the caller's deadline tells it.
         """
         self._serve(kind, name, callback, Serving(stale_after, refuse, later=False))
 

@@ -26,6 +26,7 @@ from std_srvs.srv import Trigger
 from lupin_engine.errors import LupinError, UsageError
 from lupin_engine.plugin.contract import Parameter
 from lupin_engine.plugin.types import DURATION, INTEGER, POSE, TEXT, list_of
+from lupin_engine.ros.adapter.executor import StaleAfter
 from lupin_engine.ros.adapter.node import ActionCaller, CallFailure, Qos, RosNode, ServedGoal, peer_mismatches
 from lupin_engine.ros.adapter.peers import rival_servers
 from tests.ros.helpers import PATIENCE, spin_for, spin_until, work_off
@@ -167,12 +168,14 @@ def test_fifty_calls_at_once_are_all_answered(make_node: MakeNode) -> None:
     assert not any(isinstance(answer, CallFailure) for answer in answers)
 
 
-@pytest.mark.parametrize(("stale_after", "carried_out"), [(30.0, 0), (None, 1)])
+@pytest.mark.parametrize(
+    ("stale_after", "carried_out"), [(30.0, 0), (None, 1), (lambda _: 30.0, 0), (lambda _: None, 1)]
+)
 def test_a_stale_request_is_not_carried_out(
     make_node: MakeNode,
     monkeypatch: pytest.MonkeyPatch,
     capfd: pytest.CaptureFixture[str],
-    stale_after: float | None,
+    stale_after: StaleAfter,
     carried_out: int,
 ) -> None:
     """The clock says that it is a minute old; the one after it is not."""

@@ -7,6 +7,7 @@ and none has logged a traceback. A service that is not in the table fails a test
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
@@ -27,6 +28,7 @@ from std_srvs.srv import SetBool, Trigger
 from lupin_arm.joints import ARM
 from lupin_arm.library import ROUNDING, Library, Sequence, StoredPose, Waypoint
 from lupin_engine.ros.adapter.node import Qos
+from lupin_engine_msgs.srv import Command
 from lupin_msgs.msg import TwinState
 from lupin_msgs.srv import (
     ArmLibraryEdit,
@@ -186,6 +188,54 @@ TABLE: dict[str, Served] = {
             "skip_current": "skip_current is not possible in READY; it is possible in INSPECTING, MONITORING",
         }.items()
     },
+    "/mission_orchestrator/command": Served(
+        Command,
+        {"verb": "start", "mission": "DanceMission"},
+        lambda answer: answer.message.startswith("unknown mission_type 'DanceMission'; "),
+        [
+            *texts("verb", "unknown verb '", "huge"),
+            (
+                "verb: huge",
+                {"verb": TEXTS["huge"]},
+                "refused: too long: verb has 100000 letters",
+            ),
+            *texts("mission", "unknown mission_type '", "huge", verb="start"),
+            *texts("request", "dock refused: its request is no JSON: ", "empty", "huge", verb="dock"),
+            ("request: huge", {"verb": "dock", "request": TEXTS["huge"]}, "refused: too long: request has "),
+            (
+                "request: a list",
+                {"verb": "dock", "request": "[]"},
+                "dock refused: its request must be ",
+            ),
+            ("request: deep", {"verb": "dock", "request": "[" * 60_000}, "dock refused: its request is no "),
+            (
+                "a field: unknown",
+                {"verb": "dock", "request": '{"in": 3}'},
+                "dock refused: unknown field ",
+            ),
+            *[
+                (
+                    f"a choice: {what}",
+                    {"verb": "answer", "request": json.dumps({"choice": text})},
+                    {"empty": "answer refused: ", "huge": "refused: too long: "}.get(what, "the answer '"),
+                )
+                for what, text in TEXTS.items()
+            ],
+            (
+                "tags: a text",
+                {"verb": "start", "mission": "InspectionMission", "request": '{"tag_sequence": "1"}'},
+                "",
+            ),
+            (
+                "tags: unknown",
+                {"verb": "start", "mission": "InspectionMission", "request": '{"tag_sequence": ["x", 7]}'},
+                "unknown tag 'x'",
+            ),
+            *texts("command_id", "dock is not possible in READY", "huge", verb="dock"),
+            *texts("by", "dock is not possible in READY", "huge", verb="dock"),
+        ],
+        lambda answer: (not answer.accepted and not answer.mission_id, answer.message),
+    ),
     # --- greenhouse_bridge ----------------------------------------------------------------------------------
     "/greenhouse_bridge/get_tag_reading": Served(
         GetTagReading,

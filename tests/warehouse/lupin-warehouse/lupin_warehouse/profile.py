@@ -29,9 +29,9 @@ PROFILE = Profile(
     ),
     request={"shelves": RequestField(list_of(TEXT), "--shelves", "A1,B2", "The shelves of the order.")},
     requests={
-        "halt": OperatorRequest("The operator stops the robot where it is.", however_late=True),
-        "go_on": OperatorRequest("The operator lets the robot go on."),
-        "call_off": OperatorRequest("The operator ends the order."),
+        "halt": OperatorRequest("The operator stops the robot where it is.", however_late=True, key="h"),
+        "go_on": OperatorRequest("The operator lets the robot go on.", verb="go-on", key="g"),
+        "call_off": OperatorRequest("The operator ends the order.", verb="call-off", key="c"),
     },
     resume="go_on",
     abort="call_off",

@@ -1,0 +1,214 @@
+"""Commands: what somebody asks for by the command service is read, checked, and never done twice.
+
+Pure: nothing of ROS is imported, and time is an argument.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+from lupin_engine.chart.model import Chart
+from lupin_engine.errors import nearest, shortened
+from lupin_engine.machine.event import Event
+from lupin_engine.machine.requests import BAD_REQUEST, MAX_PROBLEMS
+from lupin_engine.machine.step import Refusal, Step
+from lupin_engine.plugin.profile import ANSWER, ANSWER_VERB, OWN_VERBS, START, START_VERB
+
+#: The field of an answer.
+CHOICE = "choice"
+#: How many letters are read: of the request, and of each other part of a command.
+MAX_REQUEST, MAX_WORD = 65_536, 200
+#: How long an id is remembered, in seconds, and how many are; of more, the oldest are forgotten.
+REMEMBERED_S, MAX_REMEMBERED = 60.0, 1000
+
+#: Seconds after which a request is not carried out: whoever sent it has given up.
+STALE_AFTER_S = 5.0
+
+#: Codes of commands that never reach the machine, beside `bad_request`.
+UNKNOWN_VERB, ID_IN_USE, STALE = "unknown_verb", "command_id_in_use", "stale"
+
+
+@dataclass(frozen=True)
+class CommandRequest:
+    """What is asked for: the fields of the service, `request` being JSON."""
+
+    verb: str
+    mission: str = ""
+    request: str = ""
+    command_id: str = ""
+    by: str = ""
+
+    @property
+    def origin(self) -> dict[str, str]:
+        """Who commands and by which id, as far as that was told: for the log and the record."""
+        told = {"by": self.by, "command_id": self.command_id}
+        return {name: _printable(text) for name, text in told.items() if text}
+
+
+@dataclass(frozen=True)
+class CommandAnswer:
+    """What came of it: the fields of the response. `step` is 0 where it never came to one."""
+
+    accepted: bool
+    code: str
+    message: str
+    mission_id: str = ""
+    step: int = 0
+    repeated: bool = False
+
+
+class CommandMemory:
+    """The commands of the last minute, by id, each with its answer."""
+
+    def __init__(self) -> None:
+        self._known: dict[str, tuple[float, int, CommandAnswer]] = {}
+
+    def once(
+        self, asked: CommandRequest, now: float, carry_out: Callable[[CommandRequest], CommandAnswer]
+    ) -> CommandAnswer:
+        """Return what came of a command, which is carried out unless its id is known.
+
+        One without an id is always carried out. An id that was another command's is refused: the answer to
+        that one would be about something else.
+        """
+        known = self._recall(asked, now)
+        if known is None:
+            answer = carry_out(asked)
+            if asked.command_id and len(asked.command_id) <= MAX_WORD:
+                self._known[asked.command_id] = now, _what(asked), answer
+            return answer
+        _, what, answer = known
+        if what == _what(asked):
+            return replace(answer, repeated=True)
+        name = shortened(asked.command_id)
+        return CommandAnswer(False, ID_IN_USE, f"refused: the command id {name!r} was another command's")
+
+    def limit(self, asked: CommandRequest, chart: Chart, now: float) -> float | None:
+        """Return how old a command may be, in seconds; None where it is answered however late it comes."""
+        name = (event_name(asked.verb, chart) or "").removeprefix("operator.")
+        request = chart.profile.requests.get(name)
+        is_late = request is not None and request.however_late
+        return None if is_late or self._recall(asked, now) is not None else STALE_AFTER_S
+
+    def _recall(self, asked: CommandRequest, now: float) -> tuple[float, int, CommandAnswer] | None:
+        for command_id, (kept, _, _) in list(self._known.items()):  # the oldest come first
+            if now - kept <= REMEMBERED_S and len(self._known) < MAX_REMEMBERED:
+                break
+            del self._known[command_id]
+        return self._known.get(asked.command_id)
+
+
+def _printable(text: str) -> str:
+    """Return the beginning of a text from outside without what would move a terminal's cursor."""
+    return "".join(letter if letter.isprintable() else "?" for letter in text[:MAX_WORD])
+
+
+def _what(asked: CommandRequest) -> int:
+    return hash((asked.verb, asked.mission, asked.request))
+
+
+# -- reading ----------------------------------------------------------------------------------------------
+
+
+def read_command(asked: CommandRequest, chart: Chart, mission_id: str) -> Event | Refusal:
+    """Return the event that a command means, or why it means none.
+
+    Types, units and ranges of a mission's fields are looked at by the machine. `mission_id` is what a
+    mission that begins is called.
+    """
+    problem = _too_long(asked)
+    if problem:
+        return Refusal(BAD_REQUEST, problem)
+    event = event_name(asked.verb, chart)
+    if event is None:
+        known = (*OWN_VERBS, *chart.profile.verbs.values())
+        return Refusal(UNKNOWN_VERB, f"unknown verb {shortened(asked.verb)!r}; {nearest(asked.verb, known)}")
+    try:
+        fields = _fields(asked.request)
+        if asked.mission and event != START:
+            raise ValueError("it is for whatever mission runs, so it names none")
+        if event == START:
+            mission = chart.missions.get(asked.mission)
+            if mission is not None:  # the machine says what is wrong with the name
+                _check_names(fields, mission.request)
+            return Event(START, {**fields, "mission_type": asked.mission, "mission_id": mission_id})
+        if event == ANSWER:
+            return Event(ANSWER + _choice(fields, chart))
+        _check_names(fields, ())
+    except ValueError as wrong:
+        return Refusal(BAD_REQUEST, f"{asked.verb} refused: {wrong}")
+    return Event(event)
+
+
+def event_name(verb: str, chart: Chart) -> str | None:
+    """Return what a verb is to the machine: a request, by its name or its verb; None for an unknown one."""
+    verbs = chart.profile.verbs
+    requests = {**{verb: name for name, verb in verbs.items()}, **{name: name for name in verbs}}
+    own = {START_VERB: START, ANSWER_VERB: ANSWER}
+    return own.get(verb) or (f"operator.{requests[verb]}" if verb in requests else None)
+
+
+def _too_long(asked: CommandRequest) -> str:
+    parts = {"verb": asked.verb, "mission": asked.mission, "command_id": asked.command_id, "by": asked.by}
+    sizes = [("request", len(asked.request), MAX_REQUEST)]
+    sizes += [(name, len(text), MAX_WORD) for name, text in parts.items()]
+    long = [f"{name} has {size} letters, at most {most}" for name, size, most in sizes if size > most]
+    return f"refused: too long: {', '.join(long)}" if long else ""
+
+
+def _fields(text: str) -> dict[str, Any]:
+    """Read the JSON object of a command; an empty text is an empty one."""
+    try:
+        found = json.loads(text or "{}", parse_constant=_no_number)
+    except RecursionError:
+        raise ValueError("its request is no JSON: it is nested too deep") from None
+    except ValueError as problem:
+        raise ValueError(f"its request is no JSON: {problem}") from None
+    if not isinstance(found, dict):
+        raise ValueError("its request must be a JSON object, such as {}")
+    return found
+
+
+def _no_number(text: str) -> Any:
+    raise ValueError(f"{text} is no number of JSON")
+
+
+def _check_names(fields: Mapping[str, Any], known: Iterable[str]) -> None:
+    """Refuse all fields that are not known."""
+    names = list(known)
+    unknown = [name for name in fields if name not in names]
+    told = [
+        f"unknown field {shortened(name)!r}; {nearest(name, names) if names else 'it has none'}"
+        for name in unknown[:MAX_PROBLEMS]
+    ]
+    if unknown:
+        more = f" and {len(unknown) - MAX_PROBLEMS} more" if len(unknown) > MAX_PROBLEMS else ""
+        raise ValueError("; ".join(told) + more)
+
+
+def _choice(fields: Mapping[str, Any], chart: Chart) -> str:
+    _check_names(fields, [CHOICE])
+    choice = fields.get(CHOICE)
+    if not isinstance(choice, str) or not choice:
+        raise ValueError(f'say what, as {{"{CHOICE}": NAME}}')
+    return choice if f"{ANSWER}{choice}" in chart.answers else shortened(choice)
+
+
+# -- answering --------------------------------------------------------------------------------------------
+
+
+def refused(refusal: Refusal, step: int = 0) -> CommandAnswer:
+    """Return the answer to a command that is refused."""
+    return CommandAnswer(False, refusal.code, refusal.text, step=step)
+
+
+def answered(asked: CommandRequest, step: Step) -> CommandAnswer:
+    """Return the answer that a step is to the command that caused it."""
+    if not step.accepted:
+        return refused(step.refusal or Refusal("", f"{asked.verb} refused"), step.sequence)
+    mission_id = str(step.event.data.get("mission_id", "")) if step.event.name == START else ""
+    said = f"{asked.mission} {mission_id} started" if mission_id else f"{asked.verb} accepted"
+    return CommandAnswer(True, "", said, mission_id, step.sequence)
