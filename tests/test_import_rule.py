@@ -48,6 +48,7 @@ OWNED = {
     "pygls": {"editor"},
     "lsprotocol": {"editor"},
     "resvg_py": {"diagram"},
+    "mcap": {"ros"},
     "structlog": {"ros.adapter", "ros.launch", "cli"},
 }
 #: What would make a chart or a machine depend on more than its inputs.

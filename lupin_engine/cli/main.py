@@ -27,6 +27,8 @@ from lupin_engine.errors import ChartError, LupinError, nearest
 if TYPE_CHECKING:
     from lupin_engine.plugin.discovery import EntryPoint
 
+#: Verbs for editors and other programs; their modules are in a folder of that name.
+PROGRAMS = frozenset({"lsp", "schema", "types"})
 #: verb -> what it does. Each lives in the module `lupin_engine.cli.verbs.VERB` under its own name.
 VERBS: Mapping[str, str] = MappingProxyType(
     {
@@ -40,6 +42,7 @@ VERBS: Mapping[str, str] = MappingProxyType(
         "test": "Run scenarios against missions, without ROS.",
         "diagram": "Draw a mission.",
         "graph": "Show the live map: who publishes, subscribes, serves and calls what.",
+        "record": "Record every topic into a file for Foxglove, Lichtblick, rosbag2.",
         "plugin": "List, show and check plugins, and begin new ones.",
         "node": "Run one node, with ROS arguments; without a name, list the nodes.",
         "schema": "Print the JSON Schema of the files, for editors.",
@@ -71,7 +74,8 @@ class Verbs(click.Group):
             points = _points_of_plugins().get(cmd_name)
             return load_verb(points) if points else None
         name = f"{cmd_name}_" if keyword.iskeyword(cmd_name) else cmd_name
-        command = getattr(importlib.import_module(f"lupin_engine.cli.verbs.{name}"), name)
+        folder = "lupin_engine.cli.verbs" + (".programs" if cmd_name in PROGRAMS else "")
+        command = getattr(importlib.import_module(f"{folder}.{name}"), name)
         assert isinstance(command, click.Command)
         return command
 

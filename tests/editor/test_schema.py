@@ -15,8 +15,8 @@ from lupin_engine.chart import source
 from lupin_engine.chart.documents import StateNode, TransitionNode
 from lupin_engine.chart.expressions.values import plain
 from lupin_engine.chart.findings import Findings
-from lupin_engine.cli.verbs.schema import schema as verb
-from lupin_engine.cli.verbs.schema import schemas
+from lupin_engine.cli.verbs.programs.schema import schema as verb
+from lupin_engine.cli.verbs.programs.schema import schemas
 from lupin_engine.editor.grammar import FILES
 from lupin_engine.editor.schema import ANY_KIND, file_name, text_of
 from lupin_engine.editor.snippets import EXAMPLES, SNIPPETS

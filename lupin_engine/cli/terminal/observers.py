@@ -9,7 +9,7 @@ import sys
 import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 from rich.live import Live
@@ -21,6 +21,9 @@ from lupin_engine.cli.terminal.tty import hang_up
 from lupin_engine.errors import Severity
 from lupin_engine.plugin.profile import TargetResult
 from lupin_engine.ros.launch.monitor import RunMonitor
+
+if TYPE_CHECKING:
+    from lupin_engine.ros.recording.recorder import TopicRecorder
 
 #: Pictures a second in the terminal.
 PICTURES_HZ = 8.0
@@ -224,6 +227,20 @@ class Heard(_Forwarding):
             self._gone = True
             hang_up()
             self._stop()
+
+
+class TellingRecorder(_Forwarding):
+    """Forwards to another observer, and tells what is new of a recording that is made of the run."""
+
+    def __init__(self, inner: Any, recorder: TopicRecorder) -> None:
+        super().__init__(inner)
+        self._recorder = recorder
+
+    def show(self, monitor: RunMonitor) -> None:
+        """Forward, with the news of the recorder."""
+        for text, severity in self._recorder.news():
+            self.note(text, severity)
+        super().show(monitor)
 
 
 class SavingPicture(_Forwarding):

@@ -36,6 +36,12 @@ if TYPE_CHECKING:
     type=click.Path(dir_okay=False, path_type=Path),
     help="Save a picture from the middle of the run.",
 )
+@click.option(
+    "--record",
+    type=click.Path(dir_okay=False, path_type=Path),
+    metavar="FILE.mcap",
+    help="Record every topic of the run into a new file.",
+)
 @not_done()
 def run(
     mission: str,
@@ -43,6 +49,7 @@ def run(
     patience: float | None,
     as_json: bool,
     save_svg: Path | None,
+    record: Path | None,
     **wanted: Any,
 ) -> int:
     """Run a mission over ROS 2 and watch it.
@@ -55,6 +62,7 @@ def run(
     nobody reads any more.
     """
     from lupin_engine.cli.bring_up import CheckedOptions, GivenOptions
+    from lupin_engine.cli.recording import check_recording, recorded
     from lupin_engine.cli.requests import carried, check_request
     from lupin_engine.cli.run_folders import writable
     from lupin_engine.cli.terminal.tty import quiet_terminal
@@ -62,23 +70,25 @@ def run(
     from lupin_engine.ros.launch.interrupts import Interrupts
 
     loaded = load_missions([mission], load_catalog())
-    catalog = loaded.chart.catalog
-    given = CheckedOptions(GivenOptions(**wanted), loaded, catalog)
+    given = CheckedOptions(GivenOptions(**wanted), loaded, loaded.chart.catalog)
     with given.problems.collecting():
         check_request(loaded, given.values, request)
     with given.problems.collecting():
         if save_svg is not None:
             writable(save_svg.parent, "picture")
+    with given.problems.collecting():
+        if record is not None:
+            check_recording(record)
     if patience is None and (as_json or not sys.stdout.isatty()):
         patience = options.PATIENCE_S
     settings = given.settings(patience)
     from lupin_engine.ros.launch.bringup import Bringup  # needs rclpy
 
     with quiet_terminal(), Interrupts() as interrupts:
-        observer = _observer(as_json, save_svg, loaded, interrupts)
-        with Bringup(settings, observer, interrupts) as bringup:
+        told = _observer(as_json, save_svg, loaded, interrupts)
+        with recorded(record, told) as observer, Bringup(settings, observer, interrupts) as bringup:
             code = _carry_out(bringup, observer, given, loaded, carried(loaded.chart, request))
-        observer.close(bringup.monitor, code)
+        told.close(bringup.monitor, code)
     return code
 
 

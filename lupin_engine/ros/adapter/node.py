@@ -36,10 +36,12 @@ from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.context import Context
 from rclpy.duration import Duration
+from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.exceptions import InvalidHandle, NameValidationException
 from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 from rclpy.publisher import Publisher
+from rclpy.qos import QoSProfile
 from rclpy.signals import SignalHandlerOptions
 from rclpy.subscription import Subscription
 
@@ -254,6 +256,23 @@ class RosNode:
         subscription = self.node.create_subscription(kind, topic, self.guarded(callback), qos.profile())
         self._watch_channels([f"rt{subscription.topic_name}"])
         return subscription
+
+    def subscribe_raw(
+        self, kind: Any, topic: str, profile: QoSProfile, callback: Callable[[bytes, Any], None]
+    ) -> Subscription:
+        """Call `callback` with the bytes of every message, as CDR, and with the times of its transport.
+
+        These are `source_timestamp` and `received_timestamp`, in nanoseconds of the wall clock. See
+        `qos.heard_profile` for what other nodes publish.
+        """
+        guard = self.guarded(callback)
+
+        def take(data: bytes, times: Any) -> None:  # rclpy counts the arguments
+            guard(data, times)
+
+        # Without rclpy's own handlers of events, each of which is waited for beside the messages.
+        silent = SubscriptionEventCallbacks(use_default_callbacks=False)
+        return self.node.create_subscription(kind, topic, take, profile, raw=True, event_callbacks=silent)
 
     def serve(
         self,

@@ -7,9 +7,13 @@ topic is created with one of these names and never with a profile of its own.
 from __future__ import annotations
 
 import enum
+from collections.abc import Iterable, Sequence
 
+from rclpy.duration import Duration
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
+#: Messages kept for who listens to whatever there is, until it takes them.
+HEARD_DEPTH = 1000
 #: Requests kept per service. The default of 10 is shared by all clients and loses the rest silently.
 SERVICE_DEPTH = 1000
 
@@ -48,3 +52,52 @@ _PROFILES = {
     Qos.STATIC_TRANSFORMS: (True, True, 100),
     Qos.SERVICES: (True, False, SERVICE_DEPTH),
 }
+
+
+def heard_profile(offered: Sequence[QoSProfile]) -> QoSProfile:
+    """Return the profile with which a subscriber hears all publishers of a topic, and what they keep.
+
+    It asks for what every one of them offers: one that asks for more is not matched.
+    """
+    reliable = all(offer.reliability == ReliabilityPolicy.RELIABLE for offer in offered)
+    latched = all(offer.durability == DurabilityPolicy.TRANSIENT_LOCAL for offer in offered)
+    return QoSProfile(
+        history=HistoryPolicy.KEEP_LAST,
+        depth=HEARD_DEPTH,
+        reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
+        durability=DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE,
+    )
+
+
+def asks_more(asked: QoSProfile, wanted: QoSProfile) -> bool:
+    """Say whether a subscriber asks for more than it wants, and may not be matched for that."""
+    reliable, latched = ReliabilityPolicy.RELIABLE, DurabilityPolicy.TRANSIENT_LOCAL
+    more_reliable = asked.reliability == reliable and wanted.reliability != reliable
+    more_latched = asked.durability == latched and wanted.durability != latched
+    return bool(more_reliable or more_latched)
+
+
+def offers_text(offered: Iterable[QoSProfile]) -> str:
+    """Return what publishers offer as rosbag2 writes it down: YAML, each once."""
+    return "\n".join(dict.fromkeys(_offer_text(profile) for profile in offered))
+
+
+def _offer_text(profile: QoSProfile) -> str:
+    return "\n".join(
+        (
+            f"- history: {profile.history.name.lower()}",
+            f"  depth: {profile.depth}",
+            f"  reliability: {profile.reliability.name.lower()}",
+            f"  durability: {profile.durability.name.lower()}",
+            f"  deadline:\n{_span_text(profile.deadline)}",
+            f"  lifespan:\n{_span_text(profile.lifespan)}",
+            f"  liveliness: {profile.liveliness.name.lower()}",
+            f"  liveliness_lease_duration:\n{_span_text(profile.liveliness_lease_duration)}",
+            "  avoid_ros_namespace_conventions: false",
+        )
+    )
+
+
+def _span_text(span: Duration) -> str:
+    seconds, nanoseconds = divmod(span.nanoseconds, 1_000_000_000)
+    return f"    sec: {seconds}\n    nsec: {nanoseconds}"

@@ -37,7 +37,9 @@ class Lupin:
         self.state = log_dir.parent / "state"
         self.mark = f"LUPIN_TEST={uuid.uuid4()}"
         name, _, value = self.mark.partition("=")
-        options = ["--domain", str(domain), "--log-dir", str(log_dir)]
+        options = ["--domain", str(domain)]
+        if arguments[0] in ("run", "up"):
+            options += ["--log-dir", str(log_dir)]
         self.process = subprocess.Popen(
             [sys.executable, "-m", "lupin_engine.cli.main", *arguments, *options],
             stdout=subprocess.PIPE,

@@ -1,0 +1,1 @@
+"""The verbs that serve editors and other programs."""

@@ -1,0 +1,1 @@
+"""A run as a file that anybody can open: every topic, as MCAP with the definitions of its messages."""

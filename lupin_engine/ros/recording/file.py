@@ -1,0 +1,92 @@
+"""The file of a recording: MCAP of the profile `ros2`, as rosbag2 writes it."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+from pathlib import Path
+from typing import Any
+
+from mcap.writer import CompressionType, Writer
+
+from lupin_engine import __version__
+from lupin_engine.errors import UsageError
+
+
+class RecordingFile:
+    """A file that is new, and can be read up to the last `flush` whatever happens then.
+
+    Raises:
+        UsageError: it is there already, or cannot be written.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.messages = 0
+        try:
+            self._file = path.open("xb")
+        except FileExistsError:
+            raise UsageError(f"{str(path)!r} is there already; name another file") from None
+        except OSError as problem:
+            raise UsageError(f"no recording can be written to {str(path)!r}: {problem.strerror}") from None
+        self._schemas: dict[str, int] = {}
+        self._whole = 0  # bytes up to the end of the last chunk
+        self._writer: Any = Writer(self._file, compression=CompressionType.ZSTD)
+        try:
+            self._writer.start(profile="ros2", library=f"lupin {__version__}")
+            self.flush()
+        except OSError as problem:
+            self.cut()
+            path.unlink(missing_ok=True)
+            raise UsageError(f"no recording can be written to {str(path)!r}: {problem.strerror}") from None
+
+    @property
+    def size(self) -> int:
+        """How many bytes the file has, up to the last flush."""
+        return self._whole
+
+    def add_topic(self, topic: str, type_name: str, definition: str, about: dict[str, str]) -> Any:
+        """Note a topic with its type and the definition of that; return its channel."""
+        if type_name not in self._schemas:
+            schema = self._writer.register_schema(type_name, "ros2msg", definition.encode())
+            self._schemas[type_name] = schema
+        return self._writer.register_channel(topic, "cdr", self._schemas[type_name], about)
+
+    def add(self, channel: Any, data: bytes, published: int, heard: int, sequence: int = 0) -> None:
+        """Add a message, as CDR; times are UNIX time in nanoseconds.
+
+        Raises:
+            OSError: the disk is full.
+        """
+        self._writer.add_message(channel, heard, data, published, sequence % 2**32)
+        self.messages += 1
+
+    def flush(self) -> None:
+        """Hand what was added to the operating system: it outlives this process.
+
+        Raises:
+            OSError: the disk is full.
+        """
+        self._writer.flush()
+        self._whole = self._file.tell()
+
+    def finish(self) -> None:
+        """Write the index and close the file, safely on disk.
+
+        Raises:
+            OSError: the disk is full; `cut` is what remains to be done.
+        """
+        self._writer.finish()
+        self._file.flush()
+        self._whole = self._file.tell()
+        os.fsync(self._file.fileno())
+        self._file.close()
+
+    def cut(self) -> None:
+        """Close the file at the end of what was written as a whole."""
+        descriptor = os.dup(self._file.fileno())
+        with contextlib.suppress(OSError):  # what is left in the buffer has no room either
+            self._file.close()
+        with contextlib.suppress(OSError):
+            os.ftruncate(descriptor, self._whole)
+        os.close(descriptor)

@@ -1,0 +1,210 @@
+"""Records every topic that somebody publishes, without reading what is in it.
+
+A node of its own with a thread of its own looks for topics and subscribes to what it finds, in bytes, so that
+neither the picture of a run nor a slow disk keeps messages waiting in the other's loop.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import re
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from lupin_engine.errors import LupinError, Severity, UsageError
+from lupin_engine.plugin.profile import Profile, Wire
+from lupin_engine.ros.adapter.network import node_name
+from lupin_engine.ros.adapter.node import Qos, RosNode
+from lupin_engine.ros.adapter.qos import asks_more, heard_profile, offers_text
+from lupin_engine.ros.bindings.definitions import interface_class
+from lupin_engine.ros.bindings.type_hashes import local_hash
+from lupin_engine.ros.messages import read
+from lupin_engine.ros.recording.file import RecordingFile
+from lupin_engine.ros.recording.schema import message_text
+
+#: Seconds between two looks for topics.
+LOOK_S = 0.25
+#: What is lost at most when the recorder is killed, in seconds.
+FLUSH_S = 2.0
+
+
+@dataclass
+class _Topic:
+    """A topic that is recorded."""
+
+    name: str
+    kind: Any
+    channel: Any
+    profile: Any
+    subscription: Any = field(default=None)
+
+
+class TopicRecorder:
+    """Records into a new file, from the begin of `with` to its end.
+
+    Args:
+        path: of the file.
+        without: topics in whose name this is found are left out.
+        profiles: of the missions whose end `mission_is_over` tells.
+
+    Raises:
+        UsageError: the file is there already, or cannot be written.
+    """
+
+    def __init__(
+        self, path: Path, without: re.Pattern[str] | None = None, profiles: Iterable[Profile] = ()
+    ) -> None:
+        self._ros = RosNode(f"lupin_recorder_{os.getpid()}")
+        try:
+            self._file = RecordingFile(path)
+        except UsageError:
+            self._ros.close()
+            raise
+        self._me = self._ros.node.get_fully_qualified_name()
+        self._without = without
+        self._topics: dict[str, _Topic] = {}
+        self._left_out: set[str] = set()
+        self._news: deque[tuple[str, Severity]] = deque()
+        self._runs = False
+        #: Since when the mission is over that ran while this recorded, in seconds of the monotonic clock.
+        self.mission_is_over: float | None = None
+        #: Whether the recording ended because nothing more could be written.
+        self.failed = False
+        self._thread = threading.Thread(target=self._work, name="recorder", daemon=True)
+        for profile in profiles:
+            self._follow(profile)
+
+    @property
+    def path(self) -> Path:
+        """The file."""
+        return self._file.path
+
+    @property
+    def messages(self) -> int:
+        """How many messages were recorded."""
+        return self._file.messages
+
+    @property
+    def topics(self) -> int:
+        """How many topics are recorded."""
+        return len(self._topics)
+
+    @property
+    def size(self) -> int:
+        """How many bytes the file has."""
+        return self._file.size
+
+    def news(self) -> list[tuple[str, Severity]]:
+        """Return what has happened since the last call: a topic that cannot be recorded, a full disk."""
+        return [self._news.popleft() for _ in range(len(self._news))]
+
+    def __enter__(self) -> TopicRecorder:
+        self._ros.steady_timer(LOOK_S, partial(self._safely, self._look))
+        self._ros.steady_timer(FLUSH_S, partial(self._safely, self._file.flush))
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._ros.stop()
+        self._thread.join()
+        self._safely(self._file.finish)
+        if not self.messages:
+            self.path.unlink(missing_ok=True)
+        self._ros.leave()
+
+    def _work(self) -> None:
+        while not self.failed and self._ros.spin_once():
+            pass
+
+    def _safely(self, write: Callable[[], None]) -> None:
+        """Write; what cannot be written ends the recording."""
+        if self.failed:
+            return
+        try:
+            write()
+        except OSError as problem:
+            self.failed = True
+            self._file.cut()
+            text = f"the recording ends here, {str(self.path)!r} cannot be written: {problem.strerror}"
+            self._news.append((text, Severity.ERROR))
+
+    # -- topics -----------------------------------------------------------------------------------------
+
+    def _look(self) -> None:
+        """Subscribe to what is new, and again to what has a publisher that offers less."""
+        node = self._ros.node
+        for name, types in node.get_topic_names_and_types():
+            if name in self._left_out or self._is_unwanted(name):
+                continue
+            ends = [end for end in node.get_publishers_info_by_topic(name) if node_name(end) != self._me]
+            if not ends:
+                continue
+            topic = self._topics.get(name)
+            wanted = heard_profile([end.qos_profile for end in ends])
+            if topic is None:
+                try:
+                    self._topics[name] = self._begin(name, types, ends, wanted)
+                except LupinError as problem:
+                    self._left_out.add(name)
+                    self._news.append((f"{name} is not recorded: {problem}", Severity.WARN))
+            elif asks_more(topic.profile, wanted):
+                topic.profile = wanted
+                self._listen(topic)
+
+    def _is_unwanted(self, name: str) -> bool:
+        """Say whether a topic is hidden, as ROS calls those of actions, or one that the user leaves out."""
+        return "/_" in name or (self._without is not None and bool(self._without.search(name)))
+
+    def _begin(self, name: str, types: Sequence[str], ends: Sequence[Any], wanted: Any) -> _Topic:
+        if len(types) > 1:
+            raise UsageError(f"it is of several types: {', '.join(sorted(types))}")
+        (type_name,) = types
+        hash_ = local_hash(type_name)
+        others = [node_name(end) for end in ends if str(end.topic_type_hash) not in (hash_, "INVALID")]
+        if others:
+            raise UsageError(f"{', '.join(sorted(set(others)))} has another definition of {type_name}")
+        about = {"offered_qos_profiles": offers_text(end.qos_profile for end in ends)}
+        kind, definition = interface_class(type_name), message_text(type_name)
+        channel = self._file.add_topic(name, type_name, definition, {**about, "topic_type_hash": hash_})
+        topic = _Topic(name, kind, channel, wanted)
+        self._listen(topic)
+        return topic
+
+    def _listen(self, topic: _Topic) -> None:
+        if topic.subscription is not None:
+            self._ros.node.destroy_subscription(topic.subscription)
+        take = partial(self._take, topic.channel)
+        topic.subscription = self._ros.subscribe_raw(topic.kind, topic.name, topic.profile, take)
+
+    def _take(self, channel: Any, data: bytes, times: Any) -> None:
+        heard = times["received_timestamp"] or time.time_ns()
+        published = times["source_timestamp"] or heard
+        sequence = times["publication_sequence_number"] or 0
+        self._safely(lambda: self._file.add(channel, data, published, heard, sequence))
+
+    # -- the mission ------------------------------------------------------------------------------------
+
+    def _follow(self, profile: Profile) -> None:
+        wire = profile.wire
+        if wire is None:
+            return
+        with contextlib.suppress(LupinError):  # its messages are not installed
+            kind = interface_class(wire.state.type)
+            heard = partial(self._take_state, profile, wire)
+            self._ros.subscribe(kind, wire.state.name, Qos[wire.state.qos], heard)
+
+    def _take_state(self, profile: Profile, wire: Wire, message: Any) -> None:
+        lifecycle = wire.read_state(read(message)).lifecycle
+        runs = lifecycle not in profile.stages.without_mission
+        if self._runs and not runs:
+            self.mission_is_over = time.monotonic()
+        elif runs:
+            self.mission_is_over = None
+        self._runs = runs

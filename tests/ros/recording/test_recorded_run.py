@@ -1,0 +1,77 @@
+"""A whole run, recorded by `lupin run --record` and by `lupin record` beside it."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from tests.ros.launch.processes import Lupin
+from tests.ros.recording.reading import channels, whole
+
+pytestmark = pytest.mark.timeout(240)
+
+Start = Callable[..., Lupin]
+
+#: What Foxglove shows of a robot: the map, where it is on it, the way that it plans, and the mission.
+SHOWN = {
+    "/map": "nav_msgs/msg/OccupancyGrid",
+    "/tf": "tf2_msgs/msg/TFMessage",
+    "/plan": "nav_msgs/msg/Path",
+    "/mission/state": "lupin_msgs/msg/MissionState",
+    "/floranova/observations": "lupin_msgs/msg/Observation",
+    "/twin/state": "lupin_msgs/msg/TwinState",
+    "/mission_orchestrator/steps": "std_msgs/msg/String",
+    "/mission_orchestrator/missions": "std_msgs/msg/String",
+    "/rosout": "rcl_interfaces/msg/Log",
+}
+
+
+def numbers(file: Path) -> list[int]:
+    """Return the numbers of the steps that a recording has."""
+    found = whole(file)["/mission_orchestrator/steps"]
+    return [json.loads(one.value.data)["step"]["sequence"] for one in found]
+
+
+def test_a_run_is_recorded_from_within_and_from_beside(lupin: Start, tmp_path: Path) -> None:
+    """Every step without a gap, every topic that is looked at, all decoded; the one beside ends by itself."""
+    within, beside = tmp_path / "within.mcap", tmp_path / "beside.mcap"
+    onlooker = lupin("record", "--output", str(beside))
+    run = lupin("run", "inspection", "--tags", "1,5", "--speed", "5", "--json", "--record", str(within))
+    assert run.end() == 0, run.output
+    assert onlooker.end(30.0) == 0, onlooker.output
+    seen = [record["step"]["sequence"] for record in run.records("step")]
+    assert len(seen) > 20
+    for file, command in ((within, run), (beside, onlooker)):
+        found = whole(file)
+        assert {name: schema.name for name, (_, schema) in channels(file).items()}.items() >= SHOWN.items()
+        assert found.keys() >= SHOWN.keys()
+        assert [number for number in numbers(file) if number >= seen[0]] == seen
+        assert {one.value.lifecycle_state for one in found["/mission/state"]} >= {"INSPECTING", "DONE"}
+        assert {one.value.status for one in found["/floranova/observations"]} == {0}
+        times = [one.heard for messages in found.values() for one in messages]
+        assert max(times) - min(times) < 240e9
+        count = sum(map(len, found.values()))
+        told = re.search(
+            r"recorded ([\d,]+) messages of \d+ topics, [\d.]+ [kM]B, in (\S+\.mcap)", command.output
+        )
+        assert told is not None, command.output
+        assert (told[1], told[2]) == (f"{count:,}", str(file))
+
+
+def test_all_that_is_wrong_is_told_before_anything_starts(lupin: Start, tmp_path: Path) -> None:
+    """A file that is there, a folder that cannot be made, no regular expression; exit code 2."""
+    there = tmp_path / "there.mcap"
+    there.touch()
+    run = lupin("run", "inspection", "--tags", "99x", "--record", str(there))
+    record = lupin("record", "--output", "/dev/null/x.mcap", "--without", "[")
+    assert (run.end(), record.end()) == (2, 2)
+    assert f"{str(there)!r} is there already; name another file" in run.output
+    assert record.errors == [
+        "lupin: no recording can be written to '/dev/null': File exists",
+        "--without: '[' is no regular expression: unterminated character set at position 0",
+    ]
+    assert there.read_bytes() == b""
