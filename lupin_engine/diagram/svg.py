@@ -1,7 +1,8 @@
 """A picture as SVG, drawn here: no program, no package and no font is needed.
 
-Every text has its width, so a picture looks the same in any typeface. Groups carry `data-state` and
-`data-transition`, for programs that highlight them.
+Every text has its width, so a picture looks the same in any typeface. For programs that highlight them, the
+group of a state carries `data-state`, and the group or line of text of transitions `data-transition`: their
+ids, with spaces between.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from lupin_engine.diagram.layout.cluster import Point
 from lupin_engine.diagram.layout.compound import CompoundEdge, CompoundNode, GraphLayout, Rect, lay_out
 from lupin_engine.diagram.picture import (
     Arrow,
+    Label,
     LineRole,
     Picture,
     StateBox,
@@ -78,12 +80,13 @@ def plan(picture: Picture) -> tuple[CompoundNode, list[CompoundEdge], GraphLayou
 
 @dataclass(frozen=True)
 class _TextBlock:
-    """A line of text with its colour."""
+    """A line of text with its colour, and the ids of the transitions that it stands for."""
 
     text: str
     colour: str
     size: float = _TEXT
     bold: bool = False
+    ids: str = ""
 
     @property
     def width(self) -> float:
@@ -93,7 +96,8 @@ class _TextBlock:
         weight = ' font-weight="600"' if self.bold else ""
         length = f' textLength="{_n(self.width)}" lengthAdjust="spacingAndGlyphs"'
         place = f'x="{_n(x)}" y="{_n(y)}" font-size="{_n(self.size)}"'
-        return f'<text {place}{weight} fill="{self.colour}"{length}>{escape(self.text)}</text>'
+        way = f" data-transition={quoted(self.ids)}" if self.ids else ""
+        return f'<text{way} {place}{weight} fill="{self.colour}"{length}>{escape(self.text)}</text>'
 
 
 def _n(number: float) -> str:
@@ -130,7 +134,7 @@ def _broken(parts: Iterable[str]) -> list[str]:
 
 def _line_text(line: TextLine) -> _TextBlock:
     if line.label is not None:
-        return _TextBlock(str(line), _COLOURS[line.label.cause][1])
+        return _TextBlock(str(line), _COLOURS[line.label.cause][1], ids=_ids([line.label]))
     return _TextBlock(
         str(line), {LineRole.WORK: _INK, LineRole.ACTION: _SOFT, LineRole.NOTE: _SOFT}[line.role]
     )
@@ -340,7 +344,7 @@ class _SvgDrawing:
             return
         arrow = next(a for a in self._picture.arrows if a.source == a.target == box.name)
         right, y = rect.x + rect.width, rect.y + rect.height // 2
-        yield f"<g data-transition={quoted(_ids(arrow))}{_faint(arrow)}>"
+        yield f"<g data-transition={quoted(_ids(arrow.labels))}{_faint(arrow)}>"
         corners = [(right, y - 8), (right + 15, y - 8), (right + 15, y + 8), (right, y + 8)]
         yield from _line(corners, _colour(arrow), _weight(arrow))
         for number, text in enumerate(texts):
@@ -349,7 +353,7 @@ class _SvgDrawing:
 
     def _arrow(self, index: int) -> Iterator[str]:
         arrow = self._arrows[index]
-        yield f"<g data-transition={quoted(_ids(arrow))}{_faint(arrow)}>"
+        yield f"<g data-transition={quoted(_ids(arrow.labels))}{_faint(arrow)}>"
         yield from _line(self.layout.lines[index], _colour(arrow), _weight(arrow))
         place = self.layout.labels[index]
         if place is not None:
@@ -374,8 +378,8 @@ class _SvgDrawing:
             x += text.width + 46
 
 
-def _ids(arrow: Arrow) -> str:
-    return " ".join(sorted(id for label in arrow.labels for id in label.ids))
+def _ids(labels: Iterable[Label]) -> str:
+    return " ".join(sorted(id for label in labels for id in label.ids))
 
 
 def _colour(arrow: Arrow) -> str:

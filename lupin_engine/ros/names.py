@@ -11,6 +11,9 @@ STEPS_TOPIC = f"/{NODE}/steps"
 #: Which missions there are, and what their requests take, as JSON.
 MISSIONS_TOPIC = f"/{NODE}/missions"
 
+#: The chart that runs, with its picture and its files, as JSON.
+CHART_TOPIC = f"/{NODE}/chart"
+
 #: What each request would do now, or why it would be refused, as JSON.
 POSSIBLE_TOPIC = f"/{NODE}/possible"
 

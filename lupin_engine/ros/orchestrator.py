@@ -139,6 +139,7 @@ class Orchestrator:
         self._engine.start()
         self._work()
         self._offer()
+        self._telling.chart()
         ros.steady_timer(LOOK_PERIOD_S, self._look)
 
     def _close(self) -> None:

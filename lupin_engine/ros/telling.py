@@ -1,4 +1,4 @@
-"""What the orchestrator tells of itself beside the profile's channels: steps, missions, and what is possible.
+"""What the orchestrator tells beside the profile's channels: steps, missions, what is possible, the chart.
 
 All of it is JSON. A record of a step says when (by the node's clock, by ROS and by the clock on the wall), in
 which start of the orchestrator, and on which chart.
@@ -7,9 +7,11 @@ which start of the orchestrator, and on which chart.
 from __future__ import annotations
 
 import json
+import threading
 import time
 import uuid
 from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import Any
 
 from std_msgs.msg import String
@@ -20,7 +22,7 @@ from lupin_engine.machine.step import Step, View
 from lupin_engine.missions.load import LoadedMissions
 from lupin_engine.ros import messages
 from lupin_engine.ros.adapter.node import Qos, RosNode
-from lupin_engine.ros.names import MISSIONS_TOPIC, POSSIBLE_TOPIC, STEPS_TOPIC
+from lupin_engine.ros.names import CHART_TOPIC, MISSIONS_TOPIC, POSSIBLE_TOPIC, STEPS_TOPIC
 from lupin_engine.runtime.clock import Clock
 from lupin_engine.runtime.offer import offered
 from lupin_engine.runtime.possible import Foresight
@@ -39,6 +41,7 @@ class Telling:
         self._steps = ros.publisher(String, STEPS_TOPIC, Qos.BACKLOG)
         self._missions = ros.publisher(String, MISSIONS_TOPIC, Qos.LATCHED)
         self._possible = ros.publisher(String, POSSIBLE_TOPIC, Qos.LATCHED)
+        self._chart = ros.publisher(String, CHART_TOPIC, Qos.LATCHED)
         self._offered = ""
         self._foresight: tuple[Machine, Foresight] | None = None
         self._foreseen: list[dict[str, Any]] = []
@@ -48,6 +51,7 @@ class Telling:
         """Tell of other missions from here on."""
         self._loaded = loaded
         self._foreseen = []
+        self.chart()
 
     # -- steps ------------------------------------------------------------------------------------------
 
@@ -130,6 +134,24 @@ class Telling:
         self._foreseen = found
         about = {"boot": self.boot, "chart": self._loaded.hash, "sequence": machine.memory.sequence}
         self._possible.publish(_text({**about, "requests": found}))
+
+    # -- the chart --------------------------------------------------------------------------------------
+
+    def chart(self) -> None:
+        """Tell which chart runs, a little later: to draw it takes longer than a stop may wait."""
+        threading.Thread(target=self._draw, args=[self._loaded], name="chart", daemon=True).start()
+
+    def _draw(self, loaded: LoadedMissions) -> None:
+        """Make the record of a chart; on a thread of its own."""
+        # Drawing is nearly all that this imports, and the start of the node does not wait for it.
+        from lupin_engine.ros.chart_record import chart_record
+
+        try:
+            message = _text({"boot": self.boot, **chart_record(loaded)})
+        except Exception as problem:
+            self._ros.post(partial(self._ros.log.error, "the chart cannot be told", problem=repr(problem)))
+        else:
+            self._ros.post(lambda: self._chart.publish(message) if loaded is self._loaded else None)
 
 
 def _text(data: Any) -> String:

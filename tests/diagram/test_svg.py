@@ -43,7 +43,10 @@ def test_everything_is_drawn_and_can_be_found(name: str) -> None:
         box.name for box in picture.every()
     )
     ids = [id for e in root.iter() for id in e.get("data-transition", "").split()]
-    assert sorted(ids) == sorted(id for a in picture.arrows for label in a.labels for id in label.ids)
+    lines = (line.label for box in picture.every() for line in box.lines)
+    labels = [label for arrow in picture.arrows for label in arrow.labels]
+    labels += filter(None, (*lines, *(note.label for note in picture.notes)))
+    assert sorted(ids) == sorted(id for label in labels for id in label.ids)
     shown = texts(root)
     assert all(box.title in shown for box in picture.every())
     together = " ".join(shown)

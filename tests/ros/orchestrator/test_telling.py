@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import json
+import shutil
 import time
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any
 
 import pytest
 from std_msgs.msg import String
 
+from lupin_engine.missions.folders import default_missions_folder
 from lupin_engine.missions.selection import load_missions
 from lupin_engine.plugin.registry import load_catalog
 from lupin_engine.ros.adapter.node import Qos
-from lupin_engine.ros.names import POSSIBLE_TOPIC, STEPS_TOPIC
+from lupin_engine.ros.names import CHART_TOPIC, POSSIBLE_TOPIC, STEPS_TOPIC
 from lupin_greenhouse.profile import PROFILE
 from tests.ros.world import Operator, World
 
@@ -28,6 +31,7 @@ class Listener(Operator):
         self.heard: dict[str, list[dict[str, Any]]] = {}
         self.listen(STEPS_TOPIC, Qos.BACKLOG)
         self.listen(POSSIBLE_TOPIC, Qos.LATCHED)
+        self.listen(CHART_TOPIC, Qos.LATCHED)
 
     def listen(self, topic: str, qos: Qos) -> None:
         """Keep what a topic says from here on."""
@@ -107,3 +111,26 @@ def test_what_is_possible_is_told_and_changes_with_a_mission(world: World, liste
         assert len(late.heard[POSSIBLE_TOPIC]) == 1
     finally:
         late.ros.close()
+
+
+def test_the_chart_is_told_again_when_missions_are_loaded(
+    world: World, listener: Listener, tmp_path: Path
+) -> None:
+    """Who shows it needs neither the files nor the engine; records of steps name the chart by its hash."""
+    folder = tmp_path / "missions"
+    shutil.copytree(default_missions_folder(), folder)
+    (folder / "exploration.yaml").unlink()
+    world.start_all(missions_path=folder)
+    told = listener.newest(CHART_TOPIC, lambda told: True)
+    step = listener.newest(STEPS_TOPIC, lambda record: True)
+    assert (told["hash"], told["boot"]) == (step["chart"], step["boot"])
+    assert told["missions"] == ["InspectionMission"]
+    assert told["files"]["lifecycle.yaml"] == (folder / "lifecycle.yaml").read_text(encoding="utf-8")
+    assert str(folder) not in json.dumps(told)
+    listener.in_state("READY")
+    shutil.copy(default_missions_folder() / "exploration.yaml", folder)
+    anew = listener.newest(CHART_TOPIC, lambda other: other["hash"] != told["hash"])
+    assert anew["missions"] == ["ExplorationMission", "InspectionMission"]
+    assert "MISSION.ExplorationMission.MONITORING" in anew["states"]
+    listener.newest(POSSIBLE_TOPIC, lambda possible: possible["chart"] == anew["hash"])
+    listener.newest(STEPS_TOPIC, lambda record: record["chart"] == anew["hash"])

@@ -1,0 +1,33 @@
+"""The chart that runs as JSON data: for a display on another computer, which has none of the files."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from lupin_engine.diagram.outline import outline
+from lupin_engine.diagram.svg import svg
+from lupin_engine.errors import Place
+from lupin_engine.missions.load import LoadedMissions
+
+
+def chart_record(loaded: LoadedMissions) -> dict[str, Any]:
+    """Return a chart with its hash, its picture, and the place of every state and transition in its files.
+
+    Files are named as in the folder of the missions. `id` is what the picture calls a state (`data-state`);
+    transitions have their ids there as well (`data-transition`), except refusals, which are not drawn.
+    """
+    chart, names = loaded.chart, loaded.short_names
+
+    def where(place: Place) -> dict[str, Any]:
+        return {"file": names[place.file], "line": place.line}
+
+    states = [state for name, state in chart.states.items() if name]
+    rules = [rule for state in chart.states.values() for rule in (*state.transitions, *state.resume_at)]
+    return {
+        "hash": loaded.hash,
+        "missions": list(loaded.names),
+        "svg": svg(outline(chart, whole=True)),
+        "states": {state.name: {"id": state.name, **where(state.place)} for state in states},
+        "transitions": {rule.id: where(rule.place) for rule in rules},
+        "files": {names[name]: raw.decode(errors="replace") for name, raw in loaded.sources.items()},
+    }
