@@ -17,7 +17,7 @@ from lupin_engine.machine.event import Event
 from lupin_engine.machine.machine import Machine
 from lupin_engine.machine.scope import CONFIGURATION, HELD, Reads, Watch
 from lupin_engine.machine.structure import dispatch_table
-from lupin_engine.plugin.profile import START
+from lupin_engine.plugin.profile import ANSWER_VERB, START, START_VERB
 
 
 @dataclass(frozen=True)
@@ -33,9 +33,9 @@ class PossibleRequest:
 def requests_of(chart: Chart) -> tuple[PossibleRequest, ...]:
     """Return the operator's requests, the start of each mission with its defaults, and the answers."""
     return (
-        *(PossibleRequest(name, "", Event(f"operator.{name}")) for name in chart.profile.requests),
-        *(PossibleRequest("start", name, Event(START, {"mission_type": name})) for name in chart.missions),
-        *(PossibleRequest("answer", "", Event(name)) for name in chart.answers),
+        *(PossibleRequest(verb, "", Event(f"operator.{name}")) for name, verb in chart.profile.verbs.items()),
+        *(PossibleRequest(START_VERB, name, Event(START, {"mission_type": name})) for name in chart.missions),
+        *(PossibleRequest(ANSWER_VERB, "", Event(name)) for name in chart.answers),
     )
 
 
