@@ -8,6 +8,7 @@ import pytest
 
 from lupin_bridge.greenhouse import Greenhouse
 from lupin_bridge.units import QUANTITIES as SERVED
+from lupin_greenhouse.readings import SENSOR_UNITS
 from lupin_twin.state import SENSORS
 from lupin_twin.text import QUANTITIES as KEPT
 
@@ -31,10 +32,13 @@ def test_nothing_of_ours_sends_velocities() -> None:
     assert guilty == ["plugins/lupin_greenhouse/profile.py"]
 
 
-def test_bridge_and_twin_mean_the_same_by_a_number() -> None:
+def test_bridge_twin_and_profile_mean_the_same_by_a_number() -> None:
     """Story A33: moist was 30 to 60 for one and 0.2 to 0.8 for the other."""
     assert {sensor: SERVED[sensor].unit for sensor in SENSORS} == {
         sensor: KEPT[sensor].symbol for sensor in SENSORS
+    }
+    assert {sensor: unit or "1" for sensor, unit in SENSOR_UNITS.items()} == {
+        sensor: SERVED[sensor].unit for sensor in SENSORS
     }
     assert set(SERVED) == set(KEPT) == set(SENSORS)
 
