@@ -1,0 +1,166 @@
+"""What a client sends, written into a message of ROS: every value checked, all that is wrong told at once.
+
+The generated classes check only while Python runs without `-O`, one value at a time, and in words for
+programmers; a field that they do not know they would not mention.
+"""
+
+from __future__ import annotations
+
+import base64
+import binascii
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from lupin_engine.errors import nearest
+from lupin_gateway.shapes import BYTES, NUMBERS, TEXT, Listed, MessageShape
+
+#: The largest value of a float32.
+_LARGEST_FLOAT = 3.4028234663852886e38
+#: How many problems of one message are told; in a long list every number may be wrong.
+MOST_PROBLEMS = 10
+
+
+class DoesNotFit(ValueError):
+    """What does not fit; the text names every field, from the outside in."""
+
+
+def filled(shape: MessageShape, data: Any) -> Any:
+    """Return a new message with `data`: an object by field, or a list of the fields in their order.
+
+    What is not given keeps its default. Numbers without fraction fit integers; null is NaN in a float, and
+    the default elsewhere; a list of bytes may be base64 or numbers.
+
+    Raises:
+        DoesNotFit: something does not fit its field, or there is no such field.
+    """
+    problems = _ProblemList()
+    if isinstance(data, list):
+        if len(data) > len(shape.fields):
+            raise DoesNotFit(f"{len(data)} values for the {len(shape.fields)} fields of {shape.name}")
+        data = dict(zip(shape.fields, data, strict=False))
+    message = _structure(shape, data, "", problems)
+    if problems.texts:
+        raise DoesNotFit("; ".join(problems.texts))
+    return message
+
+
+class _ProblemList:
+    """What is wrong, up to a number of them."""
+
+    def __init__(self) -> None:
+        self.texts: list[str] = []
+
+    @property
+    def enough(self) -> bool:
+        return len(self.texts) >= MOST_PROBLEMS
+
+    def add(self, where: str, text: str) -> None:
+        if not self.enough:
+            self.texts.append(f"{where}: {text}" if where else text)
+
+
+def _structure(shape: MessageShape, data: Any, where: str, problems: _ProblemList) -> Any:
+    message = shape.make()
+    if data is None:
+        return message
+    if not isinstance(data, Mapping):
+        problems.add(where, f"a {shape.name} is an object of fields, not {_told(data)}")
+        return message
+    for name, value in data.items():
+        inside = f"{where}.{name}" if where else name
+        if name not in shape.fields:
+            problems.add(inside, f"{shape.name} has no such field; {nearest(name, shape.fields)}")
+        elif value is not None or shape.fields[name] in ("float", "double"):
+            before = len(problems.texts)
+            fitting = _value(shape.fields[name], value, inside, problems)
+            if len(problems.texts) == before:
+                setattr(message, name, fitting)
+    return message
+
+
+def _value(kind: str | Listed | MessageShape, value: Any, where: str, problems: _ProblemList) -> Any:
+    if isinstance(kind, MessageShape):
+        return _structure(kind, value, where, problems)
+    if isinstance(kind, Listed):
+        return _list(kind, value, where, problems)
+    try:
+        return _scalar(kind, value)
+    except ValueError as problem:
+        problems.add(where, str(problem))
+        return None
+
+
+def _scalar(kind: str, value: Any) -> Any:
+    if kind == TEXT:
+        if not isinstance(value, str) or "\0" in value:
+            raise ValueError(f"expected a text, got {_told(value)}")
+        return value
+    if kind == "boolean":
+        if not isinstance(value, bool):
+            raise ValueError(f"expected true or false, got {_told(value)}")
+        return value
+    if kind in ("float", "double"):
+        return _float(kind, value)
+    number = _integer(kind, value)
+    return bytes([number]) if kind == "octet" else number
+
+
+def _float(kind: str, value: Any) -> float:
+    if value is None:
+        return math.nan
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        raise ValueError(f"expected a number, got {_told(value)}")
+    if kind == "float" and abs(value) > _LARGEST_FLOAT:
+        raise ValueError(f"{value} is too large for a float32")
+    return float(value)
+
+
+def _integer(kind: str, value: Any) -> int:
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or value != int(value):
+        raise ValueError(f"expected a whole number, got {_told(value)}")
+    code = NUMBERS[kind][1]
+    bits = 8 * int(code[-1])
+    low, high = (0, 2**bits - 1) if "u" in code else (-(2 ** (bits - 1)), 2 ** (bits - 1) - 1)
+    if not low <= value <= high:
+        raise ValueError(f"{value} is not from {low} to {high}")
+    return int(value)
+
+
+def _list(kind: Listed, value: Any, where: str, problems: _ProblemList) -> Any:
+    if isinstance(value, str) and kind.of in BYTES:
+        value = _from_base64(value, where, problems)
+    if not isinstance(value, list):
+        if value is not None:
+            problems.add(where, f"expected a list, got {_told(value)}")
+        return None
+    if kind.length is not None and len(value) != kind.length:
+        problems.add(where, f"expected {kind.length} elements, got {len(value)}")
+        return None
+    if kind.most is not None and len(value) > kind.most:
+        problems.add(where, f"expected at most {kind.most} elements, got {len(value)}")
+        return None
+    elements = []
+    for index, each in enumerate(value):
+        if problems.enough:
+            break
+        elements.append(_value(kind.of, each, f"{where}[{index}]", problems))
+    return elements
+
+
+def _from_base64(text: str, where: str, problems: _ProblemList) -> list[int] | None:
+    try:
+        return list(base64.b64decode(text, validate=True))
+    except (binascii.Error, ValueError):
+        problems.add(where, "a list of bytes is base64, or a list of numbers from 0 to 255")
+        return None
+
+
+def _told(value: Any) -> str:
+    """Return a value in short: it may be long, and goes into one line."""
+    if value is None:
+        return "null"
+    if isinstance(value, (Mapping, list)):
+        return "an object" if isinstance(value, Mapping) else "a list"
+    text = repr(value)
+    return text if len(text) <= 60 else f"{text[:57]}..."

@@ -1,0 +1,261 @@
+"""Topics and their subscribers: one subscription of ROS for each, and every client in its own time.
+
+A message reaches all clients as the same frame. Each client has an outbox of its own, so that a slow one
+delays nobody: of states it loses the oldest, of events as few as possible, and is told how many those were.
+Everything here runs on the loop of asyncio.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections import OrderedDict, deque
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Protocol
+
+from lupin_gateway.encoding import Compression, FrameData, Sample, status
+
+#: Bytes that may wait for one client; older samples go first, then the client itself.
+OUTBOX_BYTES = 4_000_000
+#: Samples of one subscription that may wait, of a topic of states and of one of events.
+WAITING_STATES, WAITING_EVENTS = 20, 1000
+#: Seconds that a subscription of ROS stays when its last client has gone: pages are loaded anew.
+LINGER_S = 5.0
+
+
+class Feed(Protocol):
+    """A subscription of ROS."""
+
+    def close(self) -> None:
+        """End it; nothing is told any more."""
+
+
+#: Begins a subscription of ROS of a topic and a type ('' means that of the topic's publishers). The first
+#: function is to be called on the loop with every message, and whether later subscribers are to have it
+#: too; the second with what is wrong, '' once nothing is any more.
+Listen = Callable[[str, str, Callable[[Sample, bool], None], Callable[[str], None]], Feed]
+
+
+@dataclass(frozen=True)
+class Backlog:
+    """What a topic keeps for later subscribers: so many samples, of events or of states.
+
+    Of events each one counts: they are dropped last, and their loss is told.
+    """
+
+    depth: int = 1
+    events: bool = False
+
+
+@dataclass(eq=False)
+class _WaitingFrame:
+    """A frame in an outbox, and the subscription that it is of."""
+
+    frame: FrameData
+    source: Subscriber | None
+
+
+class Outbox:
+    """What waits to be sent to one client, in order; `full` is called when even replies do not fit."""
+
+    def __init__(self, full: Callable[[], None]) -> None:
+        self._waiting: OrderedDict[_WaitingFrame, None] = OrderedDict()
+        self._filled = asyncio.Event()
+        self._full = full
+        self.bytes = 0
+
+    def put(self, frame: FrameData, source: Subscriber | None = None) -> None:
+        """Send a frame when its turn comes; one of a subscription may be dropped before that."""
+        waiting = _WaitingFrame(frame, source)
+        self._waiting[waiting] = None
+        self.bytes += len(frame)
+        if source is not None:
+            source.waiting.append(waiting)
+            if len(source.waiting) > source.limit:
+                self._lose(source.waiting[0], source)
+        while self.bytes > OUTBOX_BYTES and self._lose_oldest():
+            pass
+        if self.bytes > OUTBOX_BYTES:
+            self._full()
+        self._filled.set()
+
+    def _lose_oldest(self) -> bool:
+        """Drop the oldest state, else the oldest event; False where only replies are left."""
+        oldest: tuple[_WaitingFrame, Subscriber] | None = None
+        for waiting in self._waiting:
+            if waiting.source is not None and (oldest is None or not waiting.source.kept.events):
+                oldest = waiting, waiting.source
+                if not waiting.source.kept.events:
+                    break
+        if oldest is not None:
+            self._lose(*oldest)
+        return oldest is not None
+
+    def _lose(self, waiting: _WaitingFrame, source: Subscriber) -> None:
+        source.waiting.remove(waiting)
+        source.lost += 1
+        self.drop(waiting)
+
+    def drop(self, waiting: _WaitingFrame) -> None:
+        """Do not send it after all."""
+        del self._waiting[waiting]
+        self.bytes -= len(waiting.frame)
+
+    async def take(self) -> FrameData:
+        """Wait for the next frame."""
+        while not self._waiting:
+            self._filled.clear()
+            await self._filled.wait()
+        waiting, _ = self._waiting.popitem(last=False)
+        source = waiting.source
+        if source is not None:
+            source.waiting.popleft()
+            lost, source.lost = source.lost, 0
+            if lost and source.kept.events:
+                return self._about_losses(waiting, source, lost)
+        self.bytes -= len(waiting.frame)
+        return waiting.frame
+
+    def _about_losses(self, waiting: _WaitingFrame, source: Subscriber, lost: int) -> FrameData:
+        """Return a word about lost events; what waited comes next."""
+        kept = _WaitingFrame(waiting.frame, None)
+        self._waiting[kept] = None
+        self._waiting.move_to_end(kept, last=False)
+        text = f"{source.topic}: {lost} messages were lost, because this client reads too slowly"
+        return status("warning", text, source.id)
+
+
+@dataclass(eq=False)
+class Subscriber:
+    """One subscription of a client: how it wants the samples of a topic, and which of them wait.
+
+    `throttle` is the least time between two in seconds; `queue` is how many may wait, 0 for what is usual.
+    """
+
+    topic: str
+    outbox: Outbox
+    id: str | None = None
+    compression: Compression = "none"
+    throttle: float = 0.0
+    queue: int = 0
+    kept: Backlog = field(default_factory=Backlog)
+    lost: int = 0
+    waiting: deque[_WaitingFrame] = field(default_factory=deque)
+    _held: deque[Sample] = field(default_factory=deque)
+    _release: asyncio.TimerHandle | None = None
+
+    @property
+    def limit(self) -> int:
+        """How many samples may wait in the outbox."""
+        return self.queue or (WAITING_EVENTS if self.kept.events else WAITING_STATES)
+
+    def offer(self, sample: Sample) -> None:
+        """Send a sample, or hold it back until the throttle lets it pass: the last one always comes."""
+        if not self.throttle:
+            self.outbox.put(sample.frame(self.compression), self)
+            return
+        self._held.append(sample)
+        if self._release is None:
+            self._pass_one()
+        while len(self._held) > max(1, self.queue):
+            self._held.popleft()
+
+    def _pass_one(self) -> None:
+        self._release = None
+        if self._held:  # only what is sent is encoded
+            self.outbox.put(self._held.popleft().frame(self.compression), self)
+            self._release = asyncio.get_running_loop().call_later(self.throttle, self._pass_one)
+
+    def close(self) -> None:
+        """Send nothing more, also not what waits."""
+        if self._release is not None:
+            self._release.cancel()
+        self._held.clear()
+        for waiting in self.waiting:
+            self.outbox.drop(waiting)
+        self.waiting.clear()
+
+
+class _OpenTopic:
+    """One topic that somebody subscribes to."""
+
+    def __init__(self, name: str, type_: str, kept: Backlog) -> None:
+        self.name = name
+        self.type = type_
+        self.kept = kept
+        self.backlog: deque[Sample] = deque(maxlen=kept.depth)
+        self.subscribers: list[Subscriber] = []
+        self.problem = ""
+        self.feed: Feed | None = None
+        self.ending: asyncio.TimerHandle | None = None
+
+    def deliver(self, sample: Sample, latched: bool) -> None:
+        """Give a sample to everybody; where a subscription of ROS was made anew, old ones come again."""
+        if latched:
+            if any(old.same(sample) for old in self.backlog):
+                return
+            self.backlog.append(sample)
+        for subscriber in self.subscribers:
+            subscriber.offer(sample)
+
+    def tell(self, problem: str) -> None:
+        """Tell everybody what is wrong; who comes later is told too."""
+        if problem and problem != self.problem:
+            for subscriber in self.subscribers:
+                subscriber.outbox.put(status("error", problem, subscriber.id))
+        self.problem = problem
+
+
+class Hub:
+    """All topics that are subscribed to; `kept` says what each keeps for later subscribers."""
+
+    def __init__(self, listen: Listen, kept: Callable[[str], Backlog]) -> None:
+        self._listen = listen
+        self._kept = kept
+        self._channels: dict[tuple[str, str], _OpenTopic] = {}  # who names a wrong type is alone with it
+
+    def subscribe(self, subscriber: Subscriber, type_: str) -> None:
+        """Send all that is kept, and from now on all that comes; `type_` may be '', that of the topic."""
+        channel = self._find(subscriber.topic, type_) or self._open(subscriber.topic, type_)
+        if channel.ending is not None:
+            channel.ending.cancel()
+            channel.ending = None
+        subscriber.kept = channel.kept
+        channel.subscribers.append(subscriber)
+        if channel.problem:
+            subscriber.outbox.put(status("error", channel.problem, subscriber.id))
+        for sample in channel.backlog:
+            subscriber.offer(sample)
+
+    def unsubscribe(self, subscriber: Subscriber) -> None:
+        """Send no more of it; unknown ones are ignored."""
+        subscriber.close()
+        for channel in self._channels.values():
+            if subscriber in channel.subscribers:
+                channel.subscribers.remove(subscriber)
+                if not channel.subscribers:
+                    later = asyncio.get_running_loop().call_later
+                    channel.ending = later(LINGER_S, self._close, channel)
+
+    def topics(self) -> dict[str, int]:
+        """Return how many subscribers each topic has."""
+        names = {name for name, _ in self._channels}
+        return {
+            name: sum(len(c.subscribers) for (n, _), c in self._channels.items() if n == name)
+            for name in names
+        }
+
+    def _find(self, topic: str, type_: str) -> _OpenTopic | None:
+        if type_:
+            return self._channels.get((topic, type_))
+        return next((channel for (name, _), channel in self._channels.items() if name == topic), None)
+
+    def _open(self, topic: str, type_: str) -> _OpenTopic:
+        channel = self._channels[topic, type_] = _OpenTopic(topic, type_, self._kept(topic))
+        channel.feed = self._listen(topic, type_, channel.deliver, channel.tell)
+        return channel
+
+    def _close(self, channel: _OpenTopic) -> None:
+        del self._channels[channel.name, channel.type]
+        if channel.feed is not None:
+            channel.feed.close()

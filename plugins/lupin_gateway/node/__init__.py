@@ -1,0 +1,93 @@
+"""The node `lupin_gateway`: pages in a browser by the rosbridge protocol, on a port of this computer."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from lupin_engine.plugin.contract import Parameter
+from lupin_engine.plugin.types import COUNT, DURATION, TEXT, list_of
+from lupin_engine.ros import names
+from lupin_engine.ros.adapter.node import RosNode
+from lupin_gateway.hub import Backlog, Hub
+from lupin_gateway.node.loop import LoopThread
+from lupin_gateway.node.ros import NodeSide
+from lupin_gateway.server import Address, Gateway, serve
+from lupin_gateway.session import Limits
+
+#: The longest that either thread keeps Python's lock while the other one wants it, in seconds.
+SWITCH_INTERVAL_S = 0.001
+
+PARAMETERS = {
+    "host": Parameter(TEXT, "127.0.0.1", "address to listen on; the default lets in this computer only"),
+    "port": Parameter(
+        COUNT, 8080, "port of pages and protocol (paths / and /_ros)", minimum=1, maximum=65535
+    ),
+    "rosbridge_port": Parameter(
+        COUNT, 0, "second port, with the protocol only, for pages that want 9090; 0: none", maximum=65535
+    ),
+    "call_timeout": Parameter(
+        DURATION, 5.0, "a call that takes longer has failed", minimum=0.1, maximum=600.0
+    ),
+    "slow_call_timeout": Parameter(
+        DURATION, 15.0, "the same for calls of slow services", minimum=0.1, maximum=600.0
+    ),
+    "slow_services": Parameter(
+        list_of(TEXT), ["/lupin/arm/"], "how the names of slow services begin, such as /lupin/arm/"
+    ),
+    "events": Parameter(
+        list_of(TEXT),
+        ["/floranova/observations=50", f"{names.STEPS_TOPIC}=50", "/tf_static=100", "/rosout=100"],
+        "topics of which every message counts, each with how many a page gets that comes later",
+    ),
+}
+
+
+def kept_by(values: Mapping[str, Any]) -> Mapping[str, Backlog]:
+    """Return what topics keep, of the parameter `events`.
+
+    Raises:
+        UsageError: an entry is no `TOPIC=NUMBER`.
+    """
+    from lupin_engine.errors import UsageError
+
+    kept = {}
+    for entry in values["events"]:
+        topic, _, depth = entry.partition("=")
+        if not topic.startswith("/") or not depth.isdecimal() or not 0 < int(depth) <= 10_000:
+            raise UsageError(f"events: {entry!r} is no TOPIC=NUMBER such as /floranova/observations=50")
+        kept[topic] = Backlog(int(depth), events=True)
+    return kept
+
+
+def check(values: Mapping[str, Any]) -> None:
+    """Check the parameters together; see `ros.launch.nodes`."""
+    kept_by(values)
+
+
+def addresses(values: Mapping[str, Any]) -> list[str]:
+    """Return where browsers find the pages; see `ros.launch.nodes`."""
+    return [f"pages at http://{values['host']}:{values['port']}"]
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Run the node until it is told to stop; `arguments` are the ROS arguments."""
+    sys.setswitchinterval(SWITCH_INTERVAL_S)
+    with RosNode("lupin_gateway", arguments, PARAMETERS) as ros:
+        values = ros.parameters()
+        kept = kept_by(values)
+        address = Address(values["host"], values["port"], values["rosbridge_port"])
+        sockets = address.sockets()
+        loop = LoopThread(ros.stop)
+        side = NodeSide(ros, loop.post)
+        limits = Limits(values["call_timeout"], values["slow_call_timeout"], tuple(values["slow_services"]))
+        hub = Hub(side.listen, lambda topic: kept.get(topic, Backlog()))
+        gateway = Gateway(side, hub, limits)
+        loop.start(lambda until: serve(gateway, sockets, until))
+        ros.on_stop(loop.stop)
+        ros.log.info(
+            f"the gateway serves http://{address.host}:{address.port}", rosbridge=address.rosbridge_port
+        )
+        ros.spin()
+    return loop.exit_code

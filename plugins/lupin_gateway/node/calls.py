@@ -1,0 +1,224 @@
+"""Calls of services and goals of actions, whose types and servers are known by name only.
+
+For the thread of ROS; none of it waits.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+from rclpy.serialization import serialize_message
+
+from lupin_engine.ros.adapter.host import Repeater, TimerHandle
+from lupin_engine.ros.adapter.network import type_name
+from lupin_engine.ros.adapter.node import ActionCaller, CallFailure, Goal, RosNode, ServiceCaller
+from lupin_gateway.filling import DoesNotFit, filled
+from lupin_gateway.node import types
+from lupin_gateway.shapes import NotCarried
+from lupin_gateway.sides import CallFailed, GoalEnd
+
+#: Seconds between two looks whether a client has found its server.
+MATCH_LOOK_S = 0.02
+#: Seconds that a goal may wait for being accepted or rejected.
+ACCEPTED_WITHIN_S = 5.0
+#: Seconds between two looks at the servers of goals, and that one may be out of sight.
+WATCH_S, GONE_AFTER_S = 0.5, 3.0
+
+_SEND_GOAL = "/_action/send_goal"
+
+
+def service_type(ros: RosNode, name: str) -> str:
+    """Return the type of a service that somebody serves; '' where nobody does."""
+    servers = ros.node.get_subscriptions_info_by_topic(f"rq{name}Request", no_mangle=True)
+    return type_name(servers[0]).removesuffix("_Request") if servers else ""
+
+
+def action_type(ros: RosNode, name: str) -> str:
+    """Return the type of an action that somebody serves; '' where nobody does."""
+    servers = ros.node.get_subscriptions_info_by_topic(f"rq{name}{_SEND_GOAL}Request", no_mangle=True)
+    return type_name(servers[0]).removesuffix("_SendGoal_Request") if servers else ""
+
+
+class When:
+    """Waits until something is so; `then(True)` follows, or `then(False)` after `limit` seconds."""
+
+    def __init__(
+        self, ros: RosNode, holds: Callable[[], bool], limit: float, then: Callable[[bool], None]
+    ) -> None:
+        self._ros = ros
+        self._holds = holds
+        self._then = then
+        self._end = ros.elapsed() + limit
+        self._looking = Repeater(ros.steady_timer, MATCH_LOOK_S, self._look)
+        if holds():
+            then(True)
+        else:
+            self._looking.start()
+
+    def _look(self) -> None:
+        holds = self._holds()
+        if holds or self._ros.elapsed() >= self._end:
+            self._looking.stop()
+            self._then(holds)
+
+
+class Services:
+    """Clients of services, each made once, and the calls of all pages."""
+
+    def __init__(self, ros: RosNode) -> None:
+        self._ros = ros
+        self._callers: dict[tuple[str, str], ServiceCaller] = {}
+
+    def call(self, name: str, data: Any, limit: float, done: Callable[[Any], None]) -> None:
+        """Call a service with the fields of its request; `done` gets those of the response, or `CallFailed`.
+
+        The type is that of the server. Its deadline counts from now, finding the server included.
+        """
+        type_ = service_type(self._ros, name)
+        if not type_:
+            done(CallFailed(f"{name}: nobody serves this service now"))
+            return
+        try:
+            request = filled(types.shape(type_, "Request"), data)
+            caller = self._caller(name, type_)
+        except (NotCarried, DoesNotFit) as problem:
+            done(CallFailed(f"{name}: {problem}"))
+            return
+        end = self._ros.elapsed() + limit
+
+        def found(is_there: bool) -> None:
+            if not is_there:
+                done(CallFailed(f"{name}: its server was not reached within {limit:g} s"))
+                return
+            left = max(0.01, end - self._ros.elapsed())
+            caller.call(request, left, partial(_answered, name, type_, limit, done))
+
+        When(self._ros, caller.ready, limit, found)
+
+    def _caller(self, name: str, type_: str) -> ServiceCaller:
+        if (name, type_) not in self._callers:
+            self._callers[name, type_] = self._ros.service(types.class_of(type_), name)
+        return self._callers[name, type_]
+
+
+def _answered(name: str, type_: str, limit: float, done: Callable[[Any], None], answer: Any) -> None:
+    if not isinstance(answer, CallFailure):
+        done(types.decode(type_, "Response")(serialize_message(answer)))
+    elif answer.code == "timeout":
+        done(CallFailed(f"{name}: no answer within {limit:g} s; what was asked for may still happen"))
+    else:
+        done(CallFailed(f"{answer.detail}"))
+
+
+class GoalUnderWay:
+    """A goal of a page; `cancel` may come at any time, also before it is sent or accepted.
+
+    `feedback` gets the fields of each feedback, `done` comes once.
+    """
+
+    def __init__(
+        self, name: str, feedback: Callable[[Any], None], done: Callable[[GoalEnd | CallFailed], None]
+    ) -> None:
+        self.name = name
+        self.feedback = feedback
+        self._done = done
+        self.caller: ActionCaller | None = None
+        self.goal: Goal | None = None
+        self.deadline: TimerHandle | None = None
+        self.is_cancelled = self.is_over = False
+        #: Seconds since its server was last seen.
+        self.out_of_sight = 0.0
+
+    def cancel(self) -> None:
+        """Ask the server to end it; one that it accepts later is cancelled then."""
+        self.is_cancelled = True
+        if self.goal is not None:
+            self.goal.cancel()
+
+    def accepted(self) -> None:
+        """The server works on it."""
+        if self.deadline is not None:
+            self.deadline.cancel()
+        if self.is_cancelled or self.is_over:
+            self.cancel()
+
+    def fail(self, why: str) -> None:
+        """End it without a result; should the server work on it all the same, it is cancelled."""
+        self.end(CallFailed(f"{self.name}: {why}"))
+        self.cancel()
+
+    def end(self, outcome: GoalEnd | CallFailed) -> None:
+        """Tell how it ended, once."""
+        if self.deadline is not None:
+            self.deadline.cancel()
+        if not self.is_over:
+            self.is_over = True
+            self._done(outcome)
+
+
+class Actions:
+    """Clients of actions, each made once, and the goals of all pages."""
+
+    def __init__(self, ros: RosNode) -> None:
+        self._ros = ros
+        self._callers: dict[tuple[str, str], ActionCaller] = {}
+        self._under_way: list[GoalUnderWay] = []
+        self._watching = Repeater(ros.steady_timer, WATCH_S, self._watch)
+
+    def send(self, under_way: GoalUnderWay, data: Any) -> None:
+        """Send a goal given by its fields; the type is that of the server."""
+        name = under_way.name
+        type_ = action_type(self._ros, name)
+        if not type_:
+            under_way.fail("nobody serves this action now")
+            return
+        try:
+            goal = filled(types.shape(type_, "Goal"), data)
+            caller = under_way.caller = self._caller(name, type_)
+        except (NotCarried, DoesNotFit) as problem:
+            under_way.fail(str(problem))
+            return
+        late = f"the goal was not accepted within {ACCEPTED_WITHIN_S:g} s"
+        under_way.deadline = self._ros.call_later(ACCEPTED_WITHIN_S, lambda: under_way.fail(late))
+        self._under_way.append(under_way)
+        self._watching.start()
+        When(self._ros, caller.ready, ACCEPTED_WITHIN_S, partial(self._found, under_way, caller, type_, goal))
+
+    def _found(
+        self, under_way: GoalUnderWay, caller: ActionCaller, type_: str, goal: Any, is_there: bool
+    ) -> None:
+        if under_way.is_cancelled or not is_there:
+            under_way.fail("cancelled before it was sent" if is_there else "its server was not reached")
+            return
+
+        def fed_back(message: Any) -> None:
+            under_way.feedback(types.decode(type_, "Feedback")(serialize_message(message)))
+
+        def ended(status: int, result: Any) -> None:
+            under_way.end(GoalEnd(status, types.decode(type_, "Result")(serialize_message(result))))
+
+        under_way.goal = caller.send(
+            goal,
+            accepted=under_way.accepted,
+            feedback=fed_back,
+            ended=ended,
+            rejected=lambda: under_way.fail("the goal was rejected"),
+        )
+
+    def _caller(self, name: str, type_: str) -> ActionCaller:
+        if (name, type_) not in self._callers:
+            self._callers[name, type_] = self._ros.action(types.class_of(type_), name)
+        return self._callers[name, type_]
+
+    def _watch(self) -> None:
+        """Give up goals whose server has been gone for a while: nobody would tell how they ended."""
+        self._under_way = [each for each in self._under_way if not each.is_over]
+        for each in self._under_way:
+            is_there = each.caller is not None and each.caller.ready()
+            each.out_of_sight = 0.0 if is_there else each.out_of_sight + WATCH_S
+            if each.out_of_sight >= GONE_AFTER_S:
+                each.fail("its server is gone")
+        if not self._under_way:
+            self._watching.stop()

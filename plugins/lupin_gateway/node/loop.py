@@ -1,0 +1,75 @@
+"""The loop of asyncio on a thread of its own, beside the one of ROS, and what is handed to it."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import threading
+from collections import deque
+from collections.abc import Awaitable, Callable, Coroutine
+from typing import Any
+
+#: Seconds that connections have to end in.
+END_WITHIN_S = 3.0
+
+
+class LoopThread:
+    """Runs the pages' side; when that ends by itself, `ended` is called."""
+
+    def __init__(self, ended: Callable[[], None]) -> None:
+        self._loop = asyncio.new_event_loop()
+        self._ended = ended
+        self._posted: deque[tuple[Callable[..., None], tuple[Any, ...]]] = deque()
+        self._is_told = False
+        self._until: asyncio.Future[None] = self._loop.create_future()
+        self._thread: threading.Thread | None = None
+        #: 1 where the pages' side failed.
+        self.exit_code = 0
+
+    def start(self, serve: Callable[[Awaitable[None]], Coroutine[Any, Any, None]]) -> None:
+        """Run `serve`, which ends when what it is given does."""
+        self._thread = threading.Thread(target=self._run, args=(serve,), name="pages", daemon=True)
+        self._thread.start()
+
+    def _run(self, serve: Callable[[Awaitable[None]], Coroutine[Any, Any, None]]) -> None:
+        asyncio.set_event_loop(self._loop)
+        try:
+            self._loop.run_until_complete(serve(self._until))
+        except BaseException:
+            self.exit_code = 1
+            raise
+        finally:
+            self._ended()
+
+    def post(self, callback: Callable[..., None], *arguments: Any) -> None:
+        """Call something on the loop, in the order of posting; safe from every thread.
+
+        The loop is woken once for all that comes before it has had time.
+        """
+        self._posted.append((callback, arguments))
+        if not self._is_told:
+            self._is_told = True
+            with contextlib.suppress(RuntimeError):  # the loop has ended: nobody is there to be told
+                self._loop.call_soon_threadsafe(self._run_posted)
+
+    def _run_posted(self) -> None:
+        self._is_told = False
+        for _ in range(len(self._posted)):
+            callback, arguments = self._posted.popleft()
+            try:
+                callback(*arguments)
+            except Exception as defect:
+                self._loop.call_exception_handler(
+                    {"message": "a posted callback failed", "exception": defect}
+                )
+
+    def stop(self) -> None:
+        """End the pages' side; from another thread."""
+        with contextlib.suppress(RuntimeError):
+            self._loop.call_soon_threadsafe(self._finish)
+        if self._thread is not None:
+            self._thread.join(END_WITHIN_S)
+
+    def _finish(self) -> None:
+        if not self._until.done():
+            self._until.set_result(None)

@@ -1,0 +1,100 @@
+"""ROS as the pages' side sees it: what they ask for is handed to ROS's thread, what comes of it to theirs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from functools import partial
+from typing import Any
+
+from lupin_engine.ros.adapter.node import RosNode
+from lupin_gateway.encoding import Sample
+from lupin_gateway.node.calls import Actions, GoalUnderWay, Services
+from lupin_gateway.node.rosapi import Rosapi
+from lupin_gateway.node.topics import Publishers, Subscription, Subscriptions
+from lupin_gateway.sides import CallFailed, GoalEnd
+
+Post = Callable[..., None]
+
+
+class NodeSide:
+    """See `sides.RosSide`; `post` calls something on the loop."""
+
+    def __init__(self, ros: RosNode, post: Post) -> None:
+        self._ros = ros
+        self._post = post
+        self._subscriptions = Subscriptions(ros, post)
+        self._publishers = Publishers(ros, self._subscriptions.published)
+        self._services = Services(ros)
+        self._actions = Actions(ros)
+        self._rosapi = Rosapi(ros, self._services)
+
+    def listen(
+        self, topic: str, type_: str, told: Callable[[Sample, bool], None], problem: Callable[[str], None]
+    ) -> _HeldSubscription:
+        """See `RosSide`."""
+        feed = _HeldSubscription(self._ros, self._subscriptions)
+        self._ros.post(lambda: feed.open(topic, type_, told, problem))
+        return feed
+
+    def advertise(self, topic: str, type_: str, latch: bool, problem: Callable[[str], None]) -> None:
+        """See `RosSide`."""
+        self._ros.post(lambda: self._tell(problem, self._publishers.advertise(topic, type_, latch)))
+
+    def unadvertise(self, topic: str) -> None:
+        """See `RosSide`."""
+        self._ros.post(lambda: self._publishers.unadvertise(topic))
+
+    def publish(self, topic: str, data: Any, problem: Callable[[str], None]) -> None:
+        """See `RosSide`."""
+        self._ros.post(lambda: self._tell(problem, self._publishers.publish(topic, data)))
+
+    def _tell(self, problem: Callable[[str], None], text: str) -> None:
+        if text:
+            self._post(problem, text)
+
+    def call(self, service: str, data: Any, limit: float, done: Callable[[Any], None]) -> None:
+        """See `RosSide`."""
+        self._ros.post(lambda: self._services.call(service, data, limit, partial(self._post, done)))
+
+    def send_goal(
+        self,
+        action: str,
+        data: Any,
+        feedback: Callable[[Mapping[str, Any]], None],
+        done: Callable[[GoalEnd | CallFailed], None],
+    ) -> Callable[[], None]:
+        """See `RosSide`."""
+        under_way = GoalUnderWay(action, partial(self._post, feedback), partial(self._post, done))
+        self._ros.post(lambda: self._actions.send(under_way, data))
+        return lambda: self._ros.post(under_way.cancel)
+
+    def ask(self, question: str, data: Any, done: Callable[[Any], None]) -> bool:
+        """See `RosSide`."""
+        if question not in self._rosapi.questions:
+            return False
+        self._ros.post(lambda: self._rosapi.answer(question, data, partial(self._post, done)))
+        return True
+
+
+class _HeldSubscription:
+    """A subscription that the pages' side holds; made and ended on ROS's thread."""
+
+    def __init__(self, ros: RosNode, subscriptions: Subscriptions) -> None:
+        self._ros = ros
+        self._subscriptions = subscriptions
+        self._subscription: Subscription | None = None
+        self._is_closed = False
+
+    def open(self, *arguments: Any) -> None:
+        """Begin it."""
+        if not self._is_closed:
+            self._subscription = self._subscriptions.add(*arguments)
+
+    def close(self) -> None:
+        """See `hub.Feed`."""
+        self._is_closed = True
+        self._ros.post(self._end)
+
+    def _end(self) -> None:
+        if self._subscription is not None:
+            self._subscriptions.remove(self._subscription)

@@ -1,0 +1,260 @@
+"""Subscriptions that fit whoever publishes, and publishers that wait for their readers.
+
+For the thread of ROS.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+from typing import Any
+
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+
+from lupin_engine.ros.adapter.host import Repeater, TimerHandle
+from lupin_engine.ros.adapter.network import type_name
+from lupin_engine.ros.adapter.node import Qos, RosNode
+from lupin_gateway.encoding import Sample
+from lupin_gateway.filling import DoesNotFit, filled
+from lupin_gateway.node import types
+from lupin_gateway.shapes import NotCarried
+
+#: Messages that ROS keeps until they are taken: a burst, or what is kept for late subscribers.
+DEPTH = 100
+#: Seconds between two looks for publishers of topics that have none yet; the others every `REST` of them.
+LOOK_S, REST = 0.2, 5
+#: Seconds that a new publisher waits for readers that are there already, and between two looks for them.
+MATCH_S, MATCH_LOOK_S = 0.5, 0.01
+#: Messages that wait meanwhile.
+MOST_HELD = 100
+#: Seconds that a publisher stays when nobody advertises it any more.
+PUBLISHER_LINGER_S = 10.0
+
+Post = Callable[..., None]
+
+
+class Subscription:
+    """One topic; there is a subscription of ROS as soon as somebody publishes.
+
+    Its reliability and durability are the best that all publishers offer: a subscriber that wants more hears
+    nothing, and one that wants less gets no backlog.
+    """
+
+    def __init__(self, ros: RosNode, topic: str, type_: str, told: Any, problem: Any, post: Post) -> None:
+        self._ros = ros
+        self.topic = topic
+        self._type = type_
+        self._told = told
+        self._problem = problem
+        self._post = post
+        self._offered: tuple[bool, bool] | None = None
+        self._subscription: Any = None
+
+    @property
+    def heard(self) -> bool:
+        """Whether there is a subscription of ROS."""
+        return self._subscription is not None
+
+    def look(self) -> None:
+        """Fit the subscription to the publishers that are there."""
+        publishers = self._ros.node.get_publishers_info_by_topic(self.topic)
+        if not publishers:
+            return
+        published = sorted({type_name(each) for each in publishers})
+        type_ = self._type or published[0]
+        if type_ not in published:
+            self._post(self._problem, f"{self.topic} is of type {', '.join(published)}, not {type_}")
+            return
+        profiles = [each.qos_profile for each in publishers]
+        offered = (
+            all(each.reliability == ReliabilityPolicy.RELIABLE for each in profiles),
+            all(each.durability == DurabilityPolicy.TRANSIENT_LOCAL for each in profiles),
+        )
+        if offered != self._offered:
+            self._subscribe(type_, *offered)
+
+    def _subscribe(self, type_: str, reliable: bool, latched: bool) -> None:
+        self.close()
+        self._offered = (reliable, latched)
+        try:
+            kind, decode = types.class_of(type_), types.decode(type_)
+        except NotCarried as problem:
+            self._post(self._problem, f"{self.topic}: {problem}")
+            return
+
+        def on_message(serialized: bytes, info: dict[str, int]) -> None:
+            sample = Sample(self.topic, serialized, info["source_timestamp"], decode)
+            self._post(self._told, sample, latched)
+
+        profile = QoSProfile(
+            history=HistoryPolicy.KEEP_LAST,
+            depth=DEPTH,
+            reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
+            durability=DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE,
+        )
+        self._subscription = self._ros.node.create_subscription(
+            kind, self.topic, on_message, profile, raw=True
+        )
+        self._post(self._problem, "")
+
+    def close(self) -> None:
+        """End it."""
+        if self._subscription is not None:
+            self._ros.node.destroy_subscription(self._subscription)
+            self._subscription = None
+
+
+class Subscriptions:
+    """All subscriptions; looks at the publishers of each from time to time."""
+
+    def __init__(self, ros: RosNode, post: Post) -> None:
+        self._ros = ros
+        self._post = post
+        self._all: list[Subscription] = []
+        self._round = 0
+        self._looking = Repeater(ros.steady_timer, LOOK_S, self._look)
+
+    def add(self, topic: str, type_: str, told: Any, problem: Any) -> Subscription:
+        """Begin one."""
+        added = Subscription(self._ros, topic, type_, told, problem, self._post)
+        self._all.append(added)
+        self._looking.start()
+        self._ros.guarded(added.look)()
+        return added
+
+    def remove(self, subscription: Subscription) -> None:
+        """End one."""
+        subscription.close()
+        self._all.remove(subscription)
+        if not self._all:
+            self._looking.stop()
+
+    def published(self, topic: str) -> None:
+        """Look at one topic now: a page publishes it, and another may listen."""
+        for each in self._all:
+            if each.topic == topic and not each.heard:
+                self._ros.guarded(each.look)()
+
+    def _look(self) -> None:
+        self._round += 1
+        for each in self._all:
+            if not each.heard or self._round % REST == 0:
+                self._ros.guarded(each.look)()
+
+
+class _SharedPublisher:
+    """A publisher; what is sent before its readers are matched waits for them, for a moment."""
+
+    def __init__(self, ros: RosNode, topic: str, type_: str, latch: bool) -> None:
+        self._ros = ros
+        self._topic = topic
+        self.type = type_
+        self.latch = latch
+        self.users = 0
+        self.ending: TimerHandle | None = None
+        self._publisher = ros.publisher(types.class_of(type_), topic, Qos.LATCHED if latch else Qos.EVENT)
+        self._held: deque[Any] = deque(maxlen=MOST_HELD)
+        self._until = ros.elapsed() + MATCH_S
+        self._is_new = True
+        self._waiting = Repeater(ros.steady_timer, MATCH_LOOK_S, self._release)
+
+    def publish(self, data: Any) -> None:
+        message = filled(types.shape(self.type), data)
+        if self._is_new and not self._matched():
+            self._held.append(message)
+            self._waiting.start()
+            return
+        self._is_new = False
+        self._publisher.publish(message)
+
+    def _matched(self) -> bool:
+        there = self._ros.node.count_subscribers(self._topic)
+        return self._publisher.get_subscription_count() >= there or self._ros.elapsed() >= self._until
+
+    def _release(self) -> None:
+        if not self._matched():
+            return
+        self._waiting.stop()
+        self._is_new = False
+        while self._held:
+            self._publisher.publish(self._held.popleft())
+
+    def close(self) -> None:
+        self._waiting.stop()
+        self._ros.node.destroy_publisher(self._publisher)
+
+
+class Publishers:
+    """All publishers, shared by the pages that advertise the same topic."""
+
+    def __init__(self, ros: RosNode, made: Callable[[str], None]) -> None:
+        """`made` is called with the topic of each new publisher."""
+        self._ros = ros
+        self._made = made
+        self._all: dict[str, _SharedPublisher] = {}
+
+    def advertise(self, topic: str, type_: str, latch: bool) -> str:
+        """Make a publisher, or use the one that is there; return what is wrong, '' where nothing is."""
+        publisher = self._all.get(topic)
+        if publisher is not None and publisher.type != type_:
+            return f"{topic} is of type {publisher.type}, not {type_}"
+        try:
+            if publisher is None:
+                self._refuse_other_type(topic, type_)
+                publisher = self._all[topic] = _SharedPublisher(self._ros, topic, type_, latch)
+                self._made(topic)
+        except NotCarried as problem:
+            return f"{topic}: {problem}"
+        publisher.users += 1
+        if publisher.ending is not None:
+            publisher.ending.cancel()
+            publisher.ending = None
+        return ""
+
+    def _refuse_other_type(self, topic: str, type_: str) -> None:
+        known = topic_types(self._ros, topic)
+        if known and type_ not in known:
+            raise NotCarried(f"it is of type {', '.join(known)}, not {type_}")
+
+    def unadvertise(self, topic: str) -> None:
+        """One user fewer; the publisher stays for a moment, so that what was said last arrives."""
+        publisher = self._all.get(topic)
+        if publisher is None:
+            return
+        publisher.users = max(0, publisher.users - 1)
+        if not publisher.users and publisher.ending is None:
+            publisher.ending = self._ros.steady_timer(
+                PUBLISHER_LINGER_S, lambda: self._close(topic, publisher)
+            )
+
+    def _close(self, topic: str, publisher: _SharedPublisher) -> None:
+        if publisher.ending is not None:
+            publisher.ending.cancel()
+        if self._all.get(topic) is publisher:
+            del self._all[topic]
+            publisher.close()
+
+    def publish(self, topic: str, data: Any) -> str:
+        """Publish; without a publisher the topic's type is that of the network. Return what is wrong."""
+        publisher = self._all.get(topic)
+        if publisher is None:
+            known = topic_types(self._ros, topic)
+            if not known:
+                return f"{topic}: advertise it before the first message, so that its type is known"
+            problem = self.advertise(topic, known[0], latch=False)
+            if problem:
+                return problem
+            publisher = self._all[topic]
+            self.unadvertise(topic)
+        try:
+            publisher.publish(data)
+        except DoesNotFit as problem:
+            return f"{topic}: {problem}"
+        return ""
+
+
+def topic_types(ros: RosNode, topic: str) -> list[str]:
+    """Return the types under which a topic is published or subscribed to."""
+    node = ros.node
+    ends = [*node.get_publishers_info_by_topic(topic), *node.get_subscriptions_info_by_topic(topic)]
+    return sorted({type_name(each) for each in ends})

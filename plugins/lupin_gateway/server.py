@@ -1,0 +1,171 @@
+"""The web server: files of the console, and the rosbridge protocol at `/_ros` and `/`, on one port or two."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import socket
+from collections.abc import Awaitable, Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import uvicorn
+from starlette.applications import Starlette
+from starlette.requests import Request
+from starlette.responses import JSONResponse
+from starlette.routing import BaseRoute, Mount, Route, WebSocketRoute
+from starlette.staticfiles import StaticFiles
+from starlette.websockets import WebSocket, WebSocketDisconnect
+
+from lupin_engine.errors import UsageError
+from lupin_gateway.encoding import FrameData
+from lupin_gateway.hub import Hub, Outbox
+from lupin_gateway.session import Limits, Session
+from lupin_gateway.sides import RosSide
+
+#: The files that are served.
+PAGES = Path(__file__).with_name("pages")
+#: The largest frame that a client may send, in bytes; a larger one ends its connection (code 1009).
+LARGEST_FRAME = 8_000_000
+#: Seconds between two pings, and that a client has for its answer: who is gone is noticed after both.
+PING_EVERY_S, PING_WITHIN_S = 5.0, 15.0
+#: Bytes that the kernel buffers for one connection (it doubles them), and how long the other end may
+#: acknowledge nothing, in ms.
+KERNEL_BUFFER, GONE_AFTER_MS = 256_000, 20_000
+#: Code with which a client is sent away that does not even read its answers (RFC 6455: try again later).
+TOO_SLOW = 1013
+
+
+@dataclass(frozen=True)
+class Address:
+    """Where the server listens: `rosbridge_port` is a second port, with the protocol only; 0 is none."""
+
+    host: str = "127.0.0.1"
+    port: int = 8080
+    rosbridge_port: int = 0
+
+    def sockets(self) -> list[socket.socket]:
+        """Return listening sockets, one for each port.
+
+        Raises:
+            UsageError: a port is taken, or there is no such address here.
+        """
+        ports = [self.port, *filter(None, [self.rosbridge_port])]
+        return [_listening(self.host, port) for port in ports]
+
+
+def _listening(host: str, port: int) -> socket.socket:
+    try:
+        found = socket.create_server((host, port), backlog=128)
+        # Both are handed on to each connection: the outbox is where a client's frames wait, and who does not
+        # read at all is let go.
+        found.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, KERNEL_BUFFER)
+        found.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, GONE_AFTER_MS)
+        return found
+    except OSError as problem:
+        reason = problem.strerror or str(problem)
+        raise UsageError(
+            f"the gateway cannot listen on {host}:{port}: {reason}; another program may have this port, "
+            "then choose another one"
+        ) from problem
+
+
+class Gateway:
+    """All connections of one process."""
+
+    def __init__(self, ros: RosSide, hub: Hub, limits: Limits) -> None:
+        self._ros = ros
+        self._hub = hub
+        self._limits = limits
+        self._clients = 0
+
+    def application(self) -> Starlette:
+        """Return what answers the first port."""
+        routes: list[BaseRoute] = [
+            WebSocketRoute("/_ros", self._connect),
+            WebSocketRoute("/", self._connect),
+            Route("/status", self._status),
+            Mount("/", StaticFiles(directory=PAGES, html=True)),
+        ]
+        return Starlette(routes=routes)
+
+    def protocol_only(self) -> Starlette:
+        """Return what answers the second port: any path, as rosbridge does."""
+        return Starlette(routes=[WebSocketRoute("/{path:path}", self._connect)])
+
+    async def _status(self, _: Request) -> JSONResponse:
+        return JSONResponse({"clients": self._clients, "topics": self._hub.topics()})
+
+    async def _connect(self, socket_: WebSocket) -> None:
+        await socket_.accept()
+
+        def stop_sending() -> None:
+            sending.cancel()
+
+        outbox = Outbox(stop_sending)
+        session = Session(self._ros, self._hub, outbox, self._limits)
+        sending = asyncio.ensure_future(_send_all(outbox, socket_))
+        self._clients += 1
+        try:
+            receiving = asyncio.ensure_future(_receive_all(session.receive, socket_))
+            await asyncio.wait({receiving, sending}, return_when=asyncio.FIRST_COMPLETED)
+        finally:
+            self._clients -= 1
+            session.close()
+            receiving.cancel()
+            sending.cancel()
+        if sending.cancelled():
+            await _send_away(socket_)
+
+
+async def _receive_all(receive: Callable[[FrameData], None], socket_: WebSocket) -> None:
+    while True:
+        message = await socket_.receive()
+        if message["type"] == "websocket.disconnect":
+            return
+        text = message.get("text")
+        receive(text if text is not None else message.get("bytes") or b"")
+
+
+async def _send_all(outbox: Outbox, socket_: WebSocket) -> None:
+    # What starlette adds to sending is left out: it is done some thousand times a second.
+    send = socket_._send
+    with contextlib.suppress(WebSocketDisconnect, OSError):
+        while True:
+            frame = await outbox.take()
+            kind = "text" if isinstance(frame, str) else "bytes"
+            await send({"type": "websocket.send", kind: frame})
+
+
+async def _send_away(socket_: WebSocket) -> None:
+    with contextlib.suppress(WebSocketDisconnect, RuntimeError, OSError, asyncio.TimeoutError):
+        await asyncio.wait_for(socket_.close(TOO_SLOW, "this client does not read its answers"), 1.0)
+
+
+async def serve(gateway: Gateway, sockets: Sequence[socket.socket], until: Awaitable[None]) -> None:
+    """Serve on the sockets (the first one: files too) until told to stop, then close all connections."""
+    applications = [gateway.application(), *(gateway.protocol_only() for _ in sockets[1:])]
+    servers = [uvicorn.Server(_configuration(application)) for application in applications]
+    running = [
+        asyncio.ensure_future(server.serve(sockets=[each]))
+        for server, each in zip(servers, sockets, strict=True)
+    ]
+    await until
+    for server in servers:
+        server.should_exit = True
+    await asyncio.gather(*running)
+
+
+def _configuration(application: Starlette) -> uvicorn.Config:
+    return uvicorn.Config(
+        application,
+        log_config=None,
+        access_log=False,
+        ws="websockets-sansio",
+        ws_max_size=LARGEST_FRAME,
+        ws_ping_interval=PING_EVERY_S,
+        ws_ping_timeout=PING_WITHIN_S,
+        ws_per_message_deflate=False,  # a frame is the same for all, and processor time is scarce
+        timeout_graceful_shutdown=1,
+        lifespan="off",
+    )
