@@ -378,8 +378,12 @@ class StateNode(Node):
     for_each: ForEachNode | None = Field(None, description="one operation for every element of a list")
     itinerary: ItineraryNode | None = Field(None, description="the list that this state walks")
     ask: AskNode | None = Field(None, description="question to the operator")
-    use: Annotated[str | None, Meaning.PART] = Field(None, description="part whose states stand here")
-    with_: dict[str, Written] = _by_name("by parameter: its value for this use of the part", alias="with")
+    use: Annotated[str | None, Meaning.PART] = Field(
+        None, description="part, or mission by the name of its file, whose states stand here"
+    )
+    with_: dict[str, Written] = _by_name(
+        "by parameter of the part, or by field of the mission's request: its value for this use", alias="with"
+    )
     resume_at: Transitions = _many(
         "child to go on with when history (its own, or one around it) brings this back; the first that holds"
     )

@@ -189,6 +189,37 @@ class Prompt:
         return Timer(f"{ANSWER}{self.default}", self.after, self.place)
 
 
+@record(frozen=True)
+class Field:
+    """A field of a mission's request: type, default, and the code that refuses an empty list.
+
+    In a use of the mission the default is what the use gives, if it gives the field.
+    """
+
+    name: str
+    type: Type = field(metadata=said(Role.PLAIN, "type"))
+    place: Place
+    default: Value | None = field(default=None, metadata=said(Role.VALUE, "default"))
+    not_empty: str | None = field(default=None, metadata=said(Role.CODE, "not_empty"))
+    minimum: float | None = field(default=None, metadata=said(Role.PLAIN, "min"))
+
+
+@record(frozen=True)
+class Use:
+    """A mission whose states stand in a state: with which request, and what begins whenever that is entered.
+
+    `variables` are those of the mission and of what it uses; they begin anew. `entry` and `exit` are the
+    mission's own.
+    """
+
+    mission: str = field(metadata=said(Role.PLAIN, "use"))
+    request: Mapping[str, Field] = field(metadata=said(Role.INSIDE, "with"))
+    place: Place
+    variables: tuple[str, ...] = ()
+    entry: tuple[ActionCall, ...] = field(default=(), metadata=said(Role.ACTIONS, "entry"))
+    exit: tuple[ActionCall, ...] = field(default=(), metadata=said(Role.ACTIONS, "exit"))
+
+
 class Kind(enum.Enum):
     """The kinds of states, as in SCXML."""
 
@@ -230,6 +261,7 @@ class State:
     for_each: ForEach | None = field(default=None, metadata=said(Role.INSIDE, "for_each"))
     itinerary: Itinerary | None = field(default=None, metadata=said(Role.INSIDE, "itinerary"))
     ask: Prompt | None = field(default=None, metadata=said(Role.INSIDE, "ask"))
+    use: Use | None = field(default=None, metadata=said(Role.INSIDE, "use"))
     resume_at: tuple[Transition, ...] = field(default=(), metadata=said(Role.INSIDE, "resume_at"))
     depth: int | None = field(default=None, metadata=said(Role.PLAIN, "depth"))
     result: Mapping[str, Value] = field(default_factory=dict, metadata=said(Role.VALUE, "result"))
@@ -258,18 +290,6 @@ class Hold:
     engage_guard: Expression | None = field(default=None, metadata=said(Role.CONDITION, "engage_guard"))
     engage_code: str | None = field(default=None, metadata=said(Role.CODE, "engage_code"))
     release_guard: Expression | None = field(default=None, metadata=said(Role.CONDITION, "release_guard"))
-
-
-@record(frozen=True)
-class Field:
-    """A field of a mission's request: type, default, and the code that refuses an empty list."""
-
-    name: str
-    type: Type = field(metadata=said(Role.PLAIN, "type"))
-    place: Place
-    default: Value | None = field(default=None, metadata=said(Role.VALUE, "default"))
-    not_empty: str | None = field(default=None, metadata=said(Role.CODE, "not_empty"))
-    minimum: float | None = field(default=None, metadata=said(Role.PLAIN, "min"))
 
 
 @record(frozen=True)

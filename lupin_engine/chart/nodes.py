@@ -22,11 +22,11 @@ class Meaning(enum.Enum):
     KEY = "key"  #: a word of the language
     STATE = "state"  #: looked for in the nearest enclosing scope
     CHILD = "child"  #: a state inside the one that this is said of
-    PART = "part"
+    PART = "part"  #: or a mission that is used as one
     OPERATION = "operation"
     ACTION = "action"
     ARGUMENT = "argument"  #: of the operation or action around it; of `set`: a variable
-    BINDING = "binding"  #: a parameter of the part that is used
+    BINDING = "binding"  #: a parameter of the part that is used, a field of the mission's request
     EVENT = "event"
     REQUEST = "request"
     ENGAGE = "engage"  #: a request, or a level

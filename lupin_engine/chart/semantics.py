@@ -4,6 +4,8 @@
 * The states entered are those between the domain and the target, parents first, with the default children
   of whatever is entered and not named.
 * Of transitions that would leave the same state one is taken: whose source lies deeper, else the first.
+* What SCXML lacks: a history that remembers some levels goes back into a mission that is used as a part, to
+  the state of it that was left, however deep that mission stands.
 
 Checker and machine use the same rules. Which guards hold and what history remembers is asked of the caller.
 """
@@ -130,16 +132,27 @@ class Semantics:
     def _descendants(
         self, configuration: tuple[str, ...], name: str, depth: int | None, among: set[str]
     ) -> tuple[str, ...]:
-        """Return the active descendants `depth` levels down (None: the leaves), or leaves above that."""
+        """Return the active descendants `depth` levels down (None: the leaves), or leaves above that.
+
+        In place of one with a mission that is used stands what is active of that mission.
+        """
         leaves = set(self.leaves(among))
         base = len(self.lineage[name]) - 1
-        return tuple(
+        found = [
             state
             for state in configuration
             if state in among
             and self.is_below(state, name)
             and (state in leaves if depth is None else self._at_depth(state, base + depth, leaves))
-        )
+        ]
+        return tuple(inner for state in found for inner in self._in_missions(configuration, state))
+
+    def _in_missions(self, configuration: tuple[str, ...], name: str) -> list[str]:
+        """Return the active children of the innermost missions that are used in a state, else the state."""
+        states = self.chart.states
+        used = [n for n in configuration if states[n].use is not None and name in self.lineage[n]]
+        inner = [n for n in used if not any(self.is_below(other, n) for other in used)]
+        return [n for n in configuration if states[n].parent in inner] or [name]
 
     def _at_depth(self, state: str, depth: int, leaves: set[str]) -> bool:
         level = len(self.lineage[state]) - 1

@@ -7,7 +7,8 @@ dots, because dots separate the parts of an event in SCXML.
 
 What the machine adds to SCXML is written out: the level of an input is a condition without an event, a hold
 keeps eventless transitions back by a condition, an error that nobody handles leads to FAULT, a mission begins
-with the `initial` transition of its state. A history with `resume_at`, or of several levels, becomes
+with the `initial` transition of its state, by itself or as a part; what a part is given as its `request` has
+the name of the state that uses it. A history with `resume_at`, or of several levels, becomes
 transitions that ask which child was left last (`left_STATE`). Where a `resume_at` holds in one region of a
 parallel state, its other regions begin anew in the document.
 """
@@ -41,6 +42,8 @@ from lupin_engine.errors import UsageError
 _NAMESPACES = 'xmlns="http://www.w3.org/2005/07/scxml" xmlns:lupin="urn:lupin-engine:chart"'
 _TYPE = "x-lupin"
 _ELEMENTS = {Kind.ATOMIC: "state", Kind.COMPOUND: "state", Kind.PARALLEL: "parallel", Kind.FINAL: "final"}
+#: The request, where an expression reads a field of it.
+_REQUEST = re.compile(r"(?<![\w.'])request(?=\.[A-Za-z])")
 _IN_STATE = re.compile(r"in_state\('([^']+)'\)")
 
 
@@ -55,6 +58,7 @@ class _ScxmlWriter:
         self._picture = picture
         self._chart: Chart = picture.chart
         self._defaults = {"param": {name: p.default for name, p in self._chart.parameters.items()}}
+        self._uses = [state.name for state in self._chart.states.values() if state.use is not None]
         #: Of a state whose children history brings back one by one: where it is kept which was left last.
         self._left: dict[str, str] = {}
         self._ways = {
@@ -92,22 +96,27 @@ class _ScxmlWriter:
         inside += [f"<!-- {_comment(str(line))} -->" for line in box.lines if str(line).startswith("resume")]
         if state.ask is not None:
             inside += self._ask(state.ask)
-        begins = self._begin_mission(state)
-        entry = () if begins else state.entry
+        wraps = state.parent is not None and self._chart.states[state.parent].slot
+        begins = self._begin_mission(state) if wraps else self._begin_used(state)
+        entry, leave = () if wraps else state.entry, state.use.exit if state.use else ()
         inside += _element("onentry", {}, [*self._timers(state), *self._actions(entry)])
         sent = [self._timer(state, timer) for timer in _clocks(state)]
         sent += [f"{self._timer(state, timer)}.again" for timer in state.timers if timer.repeats]
         cancels = [f"<cancel{_attributes(sendid=each)}/>" for each in sent]
-        inside += _element("onexit", {}, [*cancels, *self._actions(state.exit), *self._keep(state)])
+        inside += _element(
+            "onexit", {}, [*cancels, *self._actions((*leave, *state.exit)), *self._keep(state)]
+        )
         if begins:
             first = _element("transition", {"target": _id(box.initial)}, begins)
             inside += _element("initial", {}, first)
         inside += _element("donedata", {}, _params(state.result))
         for child in box.children:
-            inside += self._box(child)
+            inside += [self._within(state, line) for line in self._box(child)]
         if state.kind is not Kind.FINAL:
             for rule in (*state.transitions, *more):
-                inside += self._transitions(state, rule)
+                lines = self._transitions(state, rule)
+                used = rule.id.startswith(f"{state.name}.use.")
+                inside += [self._within(state, line) for line in lines] if used else lines
             if state.parent == "" and FAULT in self._chart.states and state.name != FAULT:
                 inside.append(f"<transition{_attributes(event='error', target=FAULT)}/>")
             if state.invoke is not None:
@@ -127,11 +136,29 @@ class _ScxmlWriter:
 
     def _begin_mission(self, state: State) -> list[str]:
         """Return what is done when a mission begins, and not when history brings it back."""
-        if state.parent is None or not self._chart.states[state.parent].slot:
+        variables = [name for name, v in self._chart.context.items() if v.of_mission]
+        return [*self._anew(variables), *self._actions(state.entry)]
+
+    def _begin_used(self, state: State) -> list[str]:
+        """Return what is done when a mission that is used as a part begins."""
+        use = state.use
+        if use is None:
             return []
-        variables = ((name, v.default) for name, v in self._chart.context.items() if v.of_mission)
-        anew = [f"<assign{_attributes(location=name, expr=_written(value))}/>" for name, value in variables]
-        return [*anew, *self._actions(state.entry)]
+        given = [
+            f"<assign{_attributes(location=f'{_request(state)}.{name}', expr=_written(field.default))}/>"
+            for name, field in use.request.items()
+            if field.default is not None
+        ]
+        entry = [self._within(state, line) for line in self._actions(use.entry)]
+        return [*given, *self._anew(use.variables), *entry]
+
+    def _anew(self, variables: Iterable[str]) -> list[str]:
+        values = ((name, self._chart.context[name].default) for name in variables)
+        return [f"<assign{_attributes(location=name, expr=_written(value))}/>" for name, value in values]
+
+    def _within(self, state: State, line: str) -> str:
+        """Return a line of a mission that a state uses: its `request` is what it was given there."""
+        return line if state.use is None else _REQUEST.sub(_request(state), line)
 
     # -- history ----------------------------------------------------------------------------------------
 
@@ -141,18 +168,32 @@ class _ScxmlWriter:
         As in `semantics`: the outermost state with a `resume_at` that holds, else what is remembered.
         """
         parent, depth = self._chart.states[history.parent or ""], history.depth
-        found = [(state, below) for state, below in self._below(parent) if depth is None or below <= depth]
+        found = [
+            (state, below)
+            for state, below in self._below(parent)
+            if depth is None or below <= depth or self._of_used(state)
+        ]
         for state, _ in found:
             for rule in state.resume_at if state.kind is Kind.COMPOUND else ():
                 guard = self._condition(rule.guard.source) if rule.guard else None
                 yield _all_of([*self._was_in(state, parent), guard]), _id(rule.target)
-        if depth in (1, None):
+        inner = [state for state, below in found if depth is not None and below > depth]
+        if depth in (1, None) and not inner:
             yield "", _id(history.name)
             return
-        for state, below in found:
-            if below == depth or not state.children:
+        for state, below in sorted(found, key=lambda one: -one[1]):
+            if below == depth or not state.children or (state in inner and self._is_used(state)):
                 yield _all_of(self._was_in(state, parent)), _id(state.name)
         yield "", self._begins(history)
+
+    def _of_used(self, state: State) -> bool:
+        """Say whether a state stands on the way into a mission that is used, or is the first in one."""
+        above = f"{state.name}."
+        return self._is_used(state) or any(f"{name}.".startswith(above) for name in self._uses)
+
+    def _is_used(self, state: State) -> bool:
+        """Say whether a state is one of a mission's first ones, which another one uses."""
+        return state.parent is not None and self._chart.states[state.parent].use is not None
 
     def _below(self, state: State, level: int = 0) -> Iterator[tuple[State, int]]:
         """Yield a state and those in it, outer ones first, with how far in they are."""
@@ -321,6 +362,11 @@ def _text(value: Any) -> str:
     if isinstance(value, (Expression, Constant)):
         return _written(value)
     return " ".join(sorted(value)) if isinstance(value, frozenset) else str(value)
+
+
+def _request(state: State) -> str:
+    """Return what the request of the mission is called that a state uses."""
+    return f"request_{_id(state.name).replace('-', '_')}"
 
 
 def _id(name: str | None) -> str:

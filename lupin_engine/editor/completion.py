@@ -15,7 +15,7 @@ from lsprotocol.types import CompletionItemKind as ItemKind
 
 from lupin_engine.chart.compose.actions import STRUCTURED, builtin_actions
 from lupin_engine.chart.compose.declare import level_events
-from lupin_engine.chart.documents import ActionNode, InvokeNode, PartNode, RetryNode, StateNode
+from lupin_engine.chart.documents import ActionNode, InvokeNode, MissionNode, PartNode, RetryNode, StateNode
 from lupin_engine.chart.expressions.scope import BUILTIN_CALLS, Scope
 from lupin_engine.chart.expressions.units import named_in
 from lupin_engine.chart.model import WRITING
@@ -160,6 +160,12 @@ class _Completion:
         found = self._model.part(part) if self._model else None
         if found is None or self._model is None:
             return
+        if isinstance(found, MissionNode):
+            mission = self._model.composed.chart.missions.get(found.name)
+            for name, field in mission.request.items() if mission else ():
+                doc = docs.request_field(field, found.request[name].summary)
+                yield Offer(name, ItemKind.Property, str(field.type), doc)
+            return
         declared = self._model.composed.declared.by_file.get(found.title, {})
         for name, parameter in declared.items():
             yield Offer(name, ItemKind.Property, str(parameter.type), docs.parameter(name, parameter))
@@ -242,7 +248,7 @@ class _Completion:
             yield Offer(self._path.stem, ItemKind.File, "the name of the file")
             return
         for file in self._folder.files():
-            if file.parent.name == PARTS:
+            if file.parent.name == PARTS or (file in self._folder.missions() and file != self._path):
                 summary = self._folder.scan(file).value("summary") or ""
                 yield Offer(file.stem, ItemKind.File, summary, summary)
 

@@ -14,7 +14,7 @@ from pydantic.fields import FieldInfo
 
 from lupin_engine.chart.compose.actions import builtin_actions
 from lupin_engine.chart.expressions.units import named_in
-from lupin_engine.chart.model import Hold, Input, Kind, State, Variable
+from lupin_engine.chart.model import Field, Hold, Input, Kind, State, Variable
 from lupin_engine.errors import Severity
 from lupin_engine.plugin.contract import (
     Action,
@@ -240,6 +240,11 @@ def parameter(name: str, found: Parameter, origin: str = "") -> str:
     facts += [f"range: {limits}"] if limits else []
     head = code(f"param.{name}: {type_text(found.type)}")
     return paragraphs(head, found.doc, "; ".join(facts) + ".", f"From {origin}." if origin else "")
+
+
+def request_field(found: Field, summary: str) -> str:
+    """Say what a field of a mission's request is."""
+    return paragraphs(code(f"request.{found.name}: {type_text(found.type)}"), summary)
 
 
 def reason(found: Code) -> str:

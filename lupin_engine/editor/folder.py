@@ -105,6 +105,11 @@ class Folder:
         ours = (path for path in files if path.parent == self.path and path != self.lifecycle)
         return sorted(path for path in ours if path not in self._open or self.kind(path) is MissionNode)
 
+    def used(self, name: str) -> Path:
+        """Return the file of a part, or of a mission that is used as one."""
+        mission = self.path / f"{name}.yaml"
+        return mission if mission in self.missions() else self.path / PARTS / f"{name}.yaml"
+
     def files(self) -> list[Path]:
         """Return all files: lifecycle, missions, parts, bindings."""
         parts = {*(self.path / PARTS).glob("*.yaml"), *(p for p in self._open if p.parent.name == PARTS)}

@@ -73,6 +73,10 @@ def _part(folder: Folder, name: str) -> str:
     part = folder.model.part(name) if folder.model else None
     if part is None:
         return ""
+    if isinstance(part, MissionNode):
+        fields = ", ".join(f"`{key}`" for key in part.request)
+        told = f"Fields of its request: {fields}." if fields else ""
+        return docs.paragraphs(docs.code(f"mission {part.name}"), part.summary, told)
     needs = f"Needs: {part.needs}." if part.needs else ""
     names = ", ".join(f"`{key}`" for key in part.params)
     return docs.paragraphs(
@@ -144,9 +148,13 @@ def _of_chart(folder: Folder, model: Model, path: Path, meaning: Meaning, mentio
 def _parameter(folder: Folder, model: Model, path: Path, mention: Mention) -> str:
     """Say what a setting is: that of the file, of the part that is used, of the lifecycle, of a plugin."""
     by_file = model.composed.declared.by_file
+    used = model.part(mention.of) if mention.meaning is Meaning.BINDING else None
+    if isinstance(used, MissionNode):
+        mission = model.composed.chart.missions.get(used.name)
+        field = mission.request.get(mention.name) if mission else None
+        return docs.request_field(field, used.request[mention.name].summary) if field else ""
     if mention.meaning is Meaning.BINDING:
-        part = model.part(mention.of)
-        files = [(part.title, f"part {part.name}")] if part else []
+        files = [(used.title, f"part {used.name}")] if used else []
     else:
         own, lifecycle = model.file(path), model.file(folder.lifecycle)
         files = [(file.title, Path(file.place.file).name) for file in (own, lifecycle) if file is not None]
@@ -167,9 +175,7 @@ def _field(folder: Folder, model: Model, path: Path, mention: Mention) -> str:
             Path(mission.file) == path or not isinstance(model.file(path), MissionNode)
         ):
             summary = folder.scan(Path(mission.file)).value("request", mention.name, "summary") or ""
-            return docs.paragraphs(
-                docs.code(f"request.{mention.name}: {docs.type_text(found.type)}"), summary
-            )
+            return docs.request_field(found, summary)
     return ""
 
 

@@ -13,8 +13,8 @@ from lupin_engine.chart.compose.carried import end_of
 from lupin_engine.chart.compose.compose import Composed
 from lupin_engine.chart.compose.invoke import names_when_done, names_when_failed
 from lupin_engine.chart.compose.transitions import event_type
-from lupin_engine.chart.compose.tree import Draft, Forest
-from lupin_engine.chart.documents import FileNode, PartNode
+from lupin_engine.chart.compose.tree import Draft, Forest, UsedNode
+from lupin_engine.chart.documents import FileNode, MissionNode, PartNode
 from lupin_engine.chart.expressions.checker import check_expression
 from lupin_engine.chart.expressions.scope import ELEMENT, Fragment, Scope
 from lupin_engine.chart.findings import Findings
@@ -86,11 +86,17 @@ class Model:
         """Return the states that can be named from a text, the nearest first; hidden ones are left out."""
         found: dict[str, Draft] = {}
         for draft in self.nearest(file, local)[0]:
-            for scope in draft.up():
+            inside = not local and self._stands_in(draft, file)
+            last = [draft] if isinstance(draft.part, PartNode) else []
+            for scope in [*self._forest.scopes(draft, inside), *last]:
                 for name, child in scope.children.items():
                     if not scope.slot or child.kind is Kind.HISTORY:
                         found.setdefault(name, child)
         return list(found.values())
+
+    def _stands_in(self, draft: Draft, file: Path) -> bool:
+        """Tell whether the states of a file stand in a state, which uses it."""
+        return draft.part is not None and Path(draft.part.place.file) == file
 
     def children(self, file: Path, local: tuple[str, ...]) -> list[Draft]:
         """Return the states inside a text's state."""
@@ -103,12 +109,13 @@ class Model:
             return self.drafts_at((file, states_of(mention.path)))
         if mention.meaning is Meaning.ANYWHERE:
             return self._anywhere(mention)
-        found = []
-        for draft in self.drafts_at((file, states_of(mention.path))):
+        found, local = [], states_of(mention.path)
+        for draft in self.drafts_at((file, local)):
             if mention.meaning is Meaning.CHILD:
                 found += descend(draft, mention.so_far.split("."))
             else:
-                found += self._forest.find(mention.so_far, draft)[:1]
+                inside = not local and self._stands_in(draft, file)
+                found += self._forest.find(mention.so_far, draft, inside)[:1]
         return found
 
     def _anywhere(self, mention: Mention) -> list[Draft]:
@@ -122,10 +129,10 @@ class Model:
 
     # -- other names ---------------------------------------------------------------------------------------
 
-    def part(self, name: str) -> PartNode | None:
-        """Return a part that was read."""
-        parts = (file for file in self.documents.values() if isinstance(file, PartNode))
-        return next((part for part in parts if part.name == name), None)
+    def part(self, name: str) -> UsedNode | None:
+        """Return a part that was read, or the mission that is used by that name."""
+        files = [file for file in self.documents.values() if isinstance(file, (PartNode, MissionNode))]
+        return next((file for file in files if Path(file.place.file).stem == name), None)
 
     def file(self, path: Path) -> FileNode | None:
         """Return what a file says, as far as it could be read."""
@@ -138,8 +145,8 @@ class Model:
         local = states_of(path)
         drafts, own = self.nearest(file, local)
         draft = drafts[0] if drafts else self.composed.drafts[""]
-        is_part = not local and isinstance(self.documents.get(file), PartNode)
-        scope = (draft.scope if own and not is_part else draft.inner) or Scope({})
+        is_used = not local and self._stands_in(draft, file)
+        scope = (draft.scope if own and not is_used else draft.inner) or Scope({})
         rest = path[2 * len(local) :]
         if not rest:
             return scope

@@ -60,7 +60,12 @@ def identity(folder: Folder, path: Path, mention: Mention) -> frozenset[Hashable
     if meaning in _NAMELESS:
         return frozenset()
     if meaning is Meaning.BINDING:
+        used = folder.used(mention.of)
+        if folder.kind(used) is MissionNode:
+            return frozenset([(Meaning.FIELD, used, mention.name)])
         meaning = Meaning.PARAMETER
+    if meaning is Meaning.FILE and folder.kind(path) is MissionNode:
+        return frozenset([(Meaning.PART, path.stem)])
     if meaning is Meaning.FIELD and folder.kind(path) is MissionNode:
         return frozenset([(meaning, path, mention.name)])
     if meaning is Meaning.LEVEL:

@@ -63,8 +63,8 @@ def definition(folder: Folder, path: Path, mention: Mention) -> list[Spanned]:
     if meaning is Meaning.LEVEL:
         return _declared(folder, path, ("inputs", mention.of, "levels", mention.name))
     if meaning is Meaning.BINDING:
-        part = folder.path / PARTS / f"{mention.of}.yaml"
-        return _key(folder, part, ("params", mention.name))
+        file = folder.used(mention.of)
+        return _key(folder, file, ("params" if file.parent.name == PARTS else "request", mention.name))
     if meaning in _SECTIONS:
         found = _declared(folder, path, (_SECTIONS[meaning], mention.name))
         if found or meaning not in (Meaning.PARAMETER, Meaning.CODE):
@@ -104,8 +104,9 @@ def _states(folder: Folder, path: Path, mention: Mention) -> list[Spanned]:
 
 
 def _part(folder: Folder, name: str) -> list[Spanned]:
-    file = folder.path / PARTS / f"{name}.yaml"
-    return _spanned(file, folder.scan(file).value_token(("part",)))
+    file = folder.used(name)
+    scan = folder.scan(file)
+    return _spanned(file, scan.value_token(("part",)) or scan.value_token(("mission",)))
 
 
 def _declared(folder: Folder, path: Path, steps: Steps) -> list[Spanned]:

@@ -137,7 +137,7 @@ class ExecutableContent:
 
     def close_rest(self, arguments: Mapping[str, Any], state: str, step: Macrostep) -> None:
         """`itinerary.close_rest`: give every open visit its outcome."""
-        self.itineraries.close_rest(self.itineraries.of(state), arguments, step)
+        self.itineraries.close_rest(state, arguments, step)
 
     def publish(self, publication: Publication, arguments: Mapping[str, Any], step: Macrostep) -> None:
         """Publish what was read at a target outside of a visit: an action of the profile."""
@@ -152,14 +152,12 @@ class ExecutableContent:
         """`report.note`: say something in the log."""
         step.note(arguments["text"])
 
-    def summary(self, _: Mapping[str, Any], state: str, step: Macrostep) -> None:
+    def summary(self, _: Mapping[str, Any], __: str, step: Macrostep) -> None:
         """`report.summary`: say what became of every target."""
-        traversal = self.itineraries.of(state)
+        memory = self._scope.memory
         told = ("target", "status", "code", "detail", "reading", "tries")
-        visits = (
-            tuple({name: getattr(v, name) for name in told} for v in traversal.outcomes) if traversal else ()
-        )
-        step.commands.append(Report(self._scope.memory.mission, self._scope.memory.mission_id, visits))
+        visits = tuple([{name: getattr(visit, name) for name in told} for visit in memory.outcomes])
+        step.commands.append(Report(memory.mission, memory.mission_id, visits))
 
 
 _Builtin = Callable[[ExecutableContent, Mapping[str, Any], str, Macrostep], None]

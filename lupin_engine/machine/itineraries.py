@@ -36,23 +36,28 @@ class Itineraries:
             traversal = Traversal(state.name, [], [], sweeps=self._sweeps(state, rule, trigger, step))
             traversal.leaves_open = rule.leaves_open
             self._lay_out(traversal, self._items(state, rule, trigger, step))
+            before = memory.itineraries.get(state.name)
+            if before is not None and before.begun:
+                traversal.before, traversal.past = before.before + len(before.items), before.past
+                traversal.earlier = before.earlier
+                self._pass_on(before.visits, traversal)
             memory.itineraries[state.name] = traversal
             self._choose(traversal, 0, step)
         memory.current_itinerary = state.name
         self._scope.touch(ITINERARY)
 
-    def foresee(self, state: State | None) -> None:
+    def foresee(self, state: State) -> None:
         """Know the targets of a mission that begins, so that they are told of however early it ends."""
-        if state is None or state.itinerary is None:
-            return
         rule, memory = state.itinerary, self._scope.memory
-        traversal = Traversal(state.name, [], [], leaves_open=rule.leaves_open)
+        if rule is None:
+            return
+        traversal = Traversal(state.name, [], [], leaves_open=rule.leaves_open, begun=False)
         try:
             self._lay_out(traversal, list(rule.items.evaluate(self._scope)))
         except Exception:
             return  # entering the state tells
         memory.itineraries[state.name] = traversal
-        memory.current_itinerary = state.name
+        memory.current_itinerary = memory.current_itinerary or state.name
 
     def of(self, state: str) -> Traversal | None:
         """Return the itinerary that `state` works on."""
@@ -83,13 +88,26 @@ class Itineraries:
         else:
             self._close(traversal, visit, outcome, step)
 
-    def close_rest(self, traversal: Traversal | None, outcome: Mapping[str, Any], step: Macrostep) -> None:
-        """Close every open visit of an itinerary in order, unless it leaves them open."""
-        if traversal is None or traversal.leaves_open:
-            return
-        for visit in traversal.visits:
-            if not visit.closed:
-                self._close(traversal, visit, outcome, step)
+    def close_rest(self, state: str, outcome: Mapping[str, Any], step: Macrostep) -> None:
+        """Close every open visit of the itineraries of a state, in order, unless they leave them open.
+
+        Those are the one around it, else those inside it; for a state of the lifecycle all of the mission.
+        """
+        ahead = self._scope.memory.ahead
+        for traversal in self._all_of(state):
+            for visit in traversal.visits if not traversal.leaves_open else ():
+                # A target of several itineraries that are not begun is told of once.
+                if not visit.closed and (traversal.begun or any(visit is one for one in ahead)):
+                    self._close(traversal, visit, outcome, step)
+
+    def _all_of(self, state: str) -> list[Traversal]:
+        chart, walks = self._scope.chart, self._scope.memory.itineraries
+        around = [walks[name] for name in chart.lineage[state] if name in walks]
+        inside = [walk for name, walk in walks.items() if state in chart.lineage[name]]
+        if around or inside or not chart.states[state].mission:
+            return around[:1] or inside or list(walks.values())
+        last = self._scope.memory.traversal
+        return [] if last is None else [last]
 
     def publish(self, visit: Visit, step: Macrostep, source: str = "") -> None:
         """Tell the world what became of a target; the mission is the source unless another one is named."""
@@ -117,12 +135,17 @@ class Itineraries:
         """Begin the next sweep with what the list is now; one that became empty stays as it was."""
         state = self._scope.chart.states[traversal.state]
         assert state.itinerary is not None, f"{traversal.state} walks without an itinerary"
-        for visit in traversal.visits:
-            traversal.past[visit.status] = traversal.past.get(visit.status, 0) + 1
-            traversal.earlier[visit.target] = visit
+        self._pass_on(traversal.visits, traversal)
         traversal.sweep += 1
         self._lay_out(traversal, self._items(state, state.itinerary, Trigger(), step) or traversal.items)
         self._choose(traversal, 0, step)
+
+    def _pass_on(self, visits: list[Visit], traversal: Traversal) -> None:
+        """Count the visits of an earlier sweep or walk in the one that follows."""
+        for visit in visits:
+            if visit.closed:
+                traversal.past[visit.status] = traversal.past.get(visit.status, 0) + 1
+                traversal.earlier[visit.target] = visit
 
     def _items(self, state: State, rule: Itinerary, trigger: Trigger, step: Macrostep) -> list[Any]:
         try:

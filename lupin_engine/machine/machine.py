@@ -15,7 +15,7 @@ import math
 from collections.abc import Container, Iterable, Mapping, Sequence
 from typing import Any, cast
 
-from lupin_engine.chart.model import Chart, Invariant, Kind, State, Transition
+from lupin_engine.chart.model import Chart, Invariant, Kind, State, Transition, Use
 from lupin_engine.chart.semantics import ENGINE_EVENTS, EXECUTION_ERROR, FAULT, MIN_PERIOD
 from lupin_engine.errors import reason
 from lupin_engine.machine.actions import ExecutableContent
@@ -31,6 +31,7 @@ from lupin_engine.machine.requests import (
     Possibility,
     Requests,
     consider,
+    read_given,
 )
 from lupin_engine.machine.scope import (
     CONFIGURATION,
@@ -434,6 +435,7 @@ class Machine:
             memory.history,
             memory.budgets,
             memory.handled,
+            memory.given,
         ):
             of_mission.clear()
         memory.current_itinerary = ""
@@ -442,10 +444,39 @@ class Machine:
                 memory.context.pop(variable.name, None)
         memory.broken.clear()  # those left are about these variables
         self._begin_context(self._step)
-        self._content.itineraries.foresee(self._table.walks.get(memory.mission))
+        for walker in self._table.walks:
+            if walker.mission == memory.mission:
+                self._foresee(walker)
         self.scope.touch(CONTEXT | REQUEST | ITINERARY)
         memory.code = memory.detail = ""
         self._inputs.begin_mission(self._step)
+
+    def _foresee(self, state: State) -> None:
+        """Know the targets of a state that walks what the request says, perhaps as a mission is given it."""
+        scope, given = self.scope, self.memory.given
+        for name in reversed(self.chart.lineage[state.name]):
+            use = self.chart.states[name].use
+            if use is not None and name not in given:
+                try:
+                    given[name] = read_given(scope.world, use, scope.see(name, self._step))
+                except ValueError:
+                    return  # entering the state tells
+        self._content.itineraries.foresee(state)
+
+    def _begin_used(self, state: State, use: Use, trigger: Trigger) -> None:
+        """Begin a mission as a part: its request, its variables and those of what it uses, its `entry`."""
+        step, memory = self._step, self.memory
+        memory.given[state.name] = {}
+        try:
+            memory.given[state.name] = read_given(self.world, use, self.scope.see(state.name, step, trigger))
+        except ValueError as problem:
+            step.fail(state.name, str(problem))
+            step.spoilt = state.name
+        for name in use.variables:
+            memory.context.pop(name, None)
+        self._begin_context(step)
+        self.scope.touch(CONTEXT | REQUEST)
+        self._content.run(use.entry, state.name, trigger, step)
 
     # -- invariants -------------------------------------------------------------------------------------
 
@@ -546,6 +577,8 @@ class Machine:
     ) -> None:
         step = self._step
         self.memory.configuration = configuration
+        if state.use is not None:
+            self._content.run(state.use.exit, state.name, trigger, step)
         if state.exit:
             self._content.run(state.exit, state.name, trigger, step)
         if state.invoke is not None or state.for_each is not None:
@@ -578,6 +611,8 @@ class Machine:
             self._content.itineraries.begin(state, trigger, self._step, comes_back)
         if state.entry and not (comes_back and self._is_mission(state)):
             self._content.run(state.entry, state.name, trigger, self._step)
+        if state.use is not None and not comes_back:
+            self._begin_used(state, state.use, trigger)
         if state.invoke is not None:
             self._operations.enter(state.name, trigger.event)
         if state.timers or state.budget is not None:

@@ -36,7 +36,8 @@ class Traversal:
 
     `sweep` counts from 1, `sweeps` is how many there will be (0: no end). `past` counts the visits of earlier
     sweeps by status, `earlier` is the newest of them for each target. With `leaves_open` nobody closes what
-    was not visited.
+    was not visited. One that is not `begun` is known from the request alone. When its state is entered
+    anew it is walked anew; `before` is how many targets it had until then.
     """
 
     state: str
@@ -48,6 +49,8 @@ class Traversal:
     past: dict[str, int] = field(default_factory=dict)
     earlier: dict[str, Visit] = field(default_factory=dict)
     leaves_open: bool = False
+    begun: bool = True
+    before: int = 0
 
     @property
     def item(self) -> Any:
@@ -62,7 +65,9 @@ class Traversal:
     @property
     def outcomes(self) -> tuple[Visit, ...]:
         """What became of each target: its visit in this sweep, or while that is open the newest before it."""
-        return tuple(v if v.closed else self.earlier.get(v.target, v) for v in self.visits)
+        now = {visit.target for visit in self.visits}
+        gone = [visit for target, visit in self.earlier.items() if target not in now]
+        return (*gone, *[v if v.closed else self.earlier.get(v.target, v) for v in self.visits])
 
     @property
     def is_last_sweep(self) -> bool:
@@ -164,7 +169,8 @@ class Memory:
     """The whole state of a machine. `code` is the newest of the worst that were reported, with its detail,
     `codes` how many were reported.
 
-    `timers` are in the order in which they fire. `budgets` is the time that each state with a budget had left
+    `given` is the request of each mission that is used as a part, by the state that uses it. `timers` are in
+    the order in which they fire. `budgets` is the time that each state with a budget had left
     when it was last entered or left, `handled` the keys that each `for_each` has dealt with, both in this
     mission. `asked` are the open questions by their states. `levels` is by `input.NAME.LEVEL`. For inputs
     that are lists about the mission, `heard` is the last report as a whole, `before` that from before it.
@@ -175,6 +181,7 @@ class Memory:
     history: dict[str, tuple[str, ...]] = field(default_factory=dict)
     context: dict[str, Any] = field(default_factory=dict)
     request: dict[str, Any] = field(default_factory=dict)
+    given: dict[str, dict[str, Any]] = field(default_factory=dict)
     mission: str = ""
     mission_id: str = ""
     started_at: float | None = None
@@ -211,3 +218,29 @@ class Memory:
     def traversal(self) -> Traversal | None:
         """The itinerary entered last in this mission."""
         return self.itineraries.get(self.current_itinerary)
+
+    @property
+    def outcomes(self) -> tuple[Visit, ...]:
+        """What became of the targets of all itineraries of this mission, one itinerary after the other.
+
+        Of one that is not begun only those count that no other has.
+        """
+        begun = [visit for walk in self.itineraries.values() if walk.begun for visit in walk.outcomes]
+        return (*begun, *self.ahead)
+
+    @property
+    def ahead(self) -> list[Visit]:
+        """The visits that the request asks for and no itinerary that is begun has, each target once."""
+        walks = self.itineraries.values()
+        known = {visit.target for walk in walks if walk.begun for visit in walk.visits}
+        found: dict[str, Visit] = {}
+        for visit in (visit for walk in walks if not walk.begun for visit in walk.visits):
+            if visit.target not in known:
+                found.setdefault(visit.target, visit)
+        return list(found.values())
+
+    @property
+    def total(self) -> int:
+        """How many targets all itineraries of this mission have, and had before they were begun anew."""
+        begun = [walk for walk in self.itineraries.values() if walk.begun]
+        return sum(walk.before + len(walk.items) for walk in begun) + len(self.ahead)

@@ -12,7 +12,7 @@ from typing import Any
 
 from lupin_engine.chart.expressions.evaluation import Environment, UnknownValue
 from lupin_engine.chart.expressions.names import names_read
-from lupin_engine.chart.model import Field, Invariant, Prompt, Transition
+from lupin_engine.chart.model import Field, Invariant, Prompt, Transition, Use
 from lupin_engine.chart.semantics import ENGINE_EVENTS
 from lupin_engine.errors import nearest, reason, shortened
 from lupin_engine.machine.event import NO_TRIGGER, Event, Trigger
@@ -243,6 +243,22 @@ def read_request(
             return {}, refusal
         values[asked.name] = value
     return values, None
+
+
+def read_given(world: World, use: Use, env: Environment) -> dict[str, Any]:
+    """Return the request of a mission that is used as a part.
+
+    Raises:
+        ValueError: a value is none that the mission would accept; the text has its place.
+    """
+    values = {}
+    for asked in use.request.values():
+        value, refusal = _read_field(world, asked, None, env)
+        if refusal is not None:
+            told = refusal.text.removeprefix(f"{asked.place}: ")
+            raise ValueError(f"{asked.place}: use {use.mission}: {told}")
+        values[asked.name] = value
+    return values
 
 
 def _read_field(world: World, field: Field, given: Any, env: Environment) -> tuple[Any, Refusal | None]:

@@ -51,6 +51,7 @@ _PARTS: Mapping[str, int] = MappingProxyType(
     {
         "context": CONTEXT,
         "request": REQUEST,
+        "given": REQUEST,
         "in_state": CONFIGURATION,
         "held": HELD,
         "target": ITINERARY,
@@ -240,6 +241,7 @@ class EvaluationScope(dict[str, Any]):
         self["input"] = self.inputs
         self["context"] = memory.context
         self["request"] = memory.request
+        self["given"] = memory.given
         self["functions"] = world.functions
 
     def at(self, state: str, now: float, trigger: Trigger = NO_TRIGGER) -> Environment:

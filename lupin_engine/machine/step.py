@@ -130,6 +130,7 @@ class Macrostep:
         "now",
         "queue",
         "refusal",
+        "spoilt",
         "taken",
         "trail",
         "why",
@@ -149,6 +150,8 @@ class Macrostep:
         self.notes: list[str] = []
         self.trail: tuple[Moment, ...] = ()
         self.failed: list[str] = []
+        #: A state whose mission could not begin: what fails in it follows from that.
+        self.spoilt = ""
         self.why: tuple[Considered, ...] = ()
         self.accepted: bool | None = None
         self.refusal: Refusal | None = None
@@ -160,6 +163,8 @@ class Macrostep:
 
     def fail(self, state: str, detail: str) -> None:
         """Something written in `state` raised: an error for its `on_error`, else for the chart."""
+        if self.spoilt and state.startswith(f"{self.spoilt}."):
+            return
         self.note(detail)
         error = {"code": EXECUTION_CODE, "detail": detail}
         self.queue.append(InternalEvent("error", state, Trigger(event=error, error=error)))
@@ -222,7 +227,8 @@ class Question:
 class View:
     """The machine at one moment. `lifecycle` is the published top state, `phase` the innermost phase.
 
-    `counts` says how many visits ended in each of the profile's outcomes, over all sweeps.
+    `total` and `counts` are about all itineraries of the mission: how many targets they have, and how many
+    visits ended in each of the profile's outcomes, over all sweeps.
     `cancelling` are the operations that nobody wants any more and whose end the server has not confirmed.
     `code` and `detail` are the newest of the worst that were reported, `codes` says how many were, ever.
     `paused`: held, or in a state that waits for the operator.
@@ -266,7 +272,7 @@ def moment_of(chart: Chart, memory: Memory) -> Moment:
 def view_of(chart: Chart, memory: Memory) -> View:
     """Return what `memory` shows."""
     moment = moment_of(chart, memory)
-    traversal = memory.traversal
+    walks = memory.itineraries.values()
     return View(
         configuration=memory.configuration,
         lifecycle=moment.lifecycle,
@@ -275,8 +281,8 @@ def view_of(chart: Chart, memory: Memory) -> View:
         mission_id=memory.mission_id,
         started_at=memory.started_at,
         target=moment.target,
-        total=len(traversal.items) if traversal else 0,
-        counts={status: traversal.count(status) if traversal else 0 for status in chart.profile.statuses},
+        total=memory.total,
+        counts={status: sum(walk.count(status) for walk in walks) for status in chart.profile.statuses},
         code=memory.code,
         detail=memory.detail,
         codes=memory.codes,
@@ -292,10 +298,12 @@ def view_of(chart: Chart, memory: Memory) -> View:
 def target_of(memory: Memory) -> str:
     """Return the target that is processed; "" unless the state of its itinerary is active."""
     traversal = memory.traversal
+    if traversal is None or traversal.state not in memory.configuration:
+        # The one that was entered last is over; one around it may go on.
+        walks = memory.itineraries.values()
+        traversal = next((walk for walk in walks if walk.state in memory.configuration), None)
     visit = traversal.visit if traversal is not None else None
-    if traversal is None or visit is None or traversal.state not in memory.configuration:
-        return ""
-    return visit.target
+    return "" if visit is None else visit.target
 
 
 def _asking(chart: Chart, memory: Memory) -> Iterator[Question]:

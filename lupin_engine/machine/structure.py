@@ -342,12 +342,13 @@ class Microstep:
 
 
 def _has_work_at_exit(state: State) -> bool:
-    return bool(state.exit or state.invoke or state.for_each or state.timers or state.budget or state.ask)
+    lasting = state.invoke or state.for_each or state.timers or state.budget or state.ask
+    return bool(state.exit or (state.use and state.use.exit) or lasting)
 
 
 def _has_work_at_entry(state: State) -> bool:
     lasting = state.itinerary or state.invoke or state.timers or state.budget or state.ask
-    return bool(state.entry or lasting or state.kind is Kind.FINAL)
+    return bool(state.entry or state.use or lasting or state.kind is Kind.FINAL)
 
 
 def _is_asked(chart: Chart, state: State) -> bool:
@@ -355,7 +356,9 @@ def _is_asked(chart: Chart, state: State) -> bool:
     if state.itinerary is None or not state.mission:
         return False
     reads = Reads(chart, [state.itinerary.items])
-    return reads.certain and reads.parts == REQUEST
+    uses = [use for name in chart.lineage[state.name] if (use := chart.states[name].use) is not None]
+    given = Reads(chart, [field.default for use in uses for field in use.request.values() if field.default])
+    return reads.certain and reads.parts == REQUEST and given.certain and given.parts in (0, REQUEST)
 
 
 @lru_cache(maxsize=32)
@@ -376,12 +379,10 @@ class DispatchTable:
         levels = [hold.engage for hold in structure.chart.holds.values() if hold.engage.startswith("input.")]
         self.hold_reads = Reads(structure.chart, (), levels)
         self.hold_reads.parts |= HELD
-        #: For a mission the first state that walks what the request alone says.
-        self.walks = {
-            state.mission: state
-            for state in reversed(list(structure.chart.states.values()))
-            if _is_asked(structure.chart, state)
-        }
+        #: The states that walk what the request of their mission alone says, in document order.
+        self.walks = tuple(
+            state for state in structure.chart.states.values() if _is_asked(structure.chart, state)
+        )
         self._beginning: Microstep | None = None
 
     def configuration(self, states: States) -> Configuration:

@@ -23,10 +23,14 @@ PARTS = "parts"
 
 def mission_files(folder: Path) -> list[Path]:
     """Return the missions of a folder, sorted by name."""
-    found = sorted(
-        path for path in folder.glob("*.yaml") if path.name != LIFECYCLE and path.suffixes == [".yaml"]
-    )
-    return [path for path in found if (head(path) or ("mission", ""))[0] == "mission"]
+    return sorted(filter(is_mission, folder.glob("*.yaml")))
+
+
+def is_mission(path: Path) -> bool:
+    """Say whether a file is a mission, as far as its name and its beginning tell."""
+    if path.name == LIFECYCLE or path.suffixes != [".yaml"] or not path.is_file():
+        return False
+    return (head(path) or ("mission", ""))[0] == "mission"
 
 
 def is_missions_folder(folder: Path) -> bool:

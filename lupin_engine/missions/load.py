@@ -21,14 +21,15 @@ from typing import TYPE_CHECKING, Any, Generic, TypeVar
 from lupin_engine.bindings import catalog as bound_catalogs
 from lupin_engine.bindings.catalog import BINDINGS, BoundCatalog, bound_catalog
 from lupin_engine.chart.compose.compose import Composed, compose
+from lupin_engine.chart.compose.tree import UsedNode
 from lupin_engine.chart.documents import FileNode, LifecycleNode, MissionNode, PartNode, StateNode
 from lupin_engine.chart.findings import Findings, LimitedFindings
 from lupin_engine.chart.model import Chart
 from lupin_engine.chart.rules.checks import check_composed
-from lupin_engine.chart.source import parse_bytes, read_bytes
+from lupin_engine.chart.source import head, parse_bytes, read_bytes
 from lupin_engine.chart.validation import read_document
-from lupin_engine.errors import ChartError, Diagnostic, Place, Severity
-from lupin_engine.missions.folders import PARTS, mission_files
+from lupin_engine.errors import MAX_LISTED, ChartError, Diagnostic, Place, Severity, meant
+from lupin_engine.missions.folders import PARTS, is_mission, mission_files
 from lupin_engine.plugin.registry import Catalog
 
 if TYPE_CHECKING:
@@ -45,7 +46,7 @@ _D_co = TypeVar("_D_co", bound=FileNode, covariant=True)
 
 @dataclass(frozen=True, eq=False)
 class _Document(Generic[_D_co]):
-    """What one file says: its words, or None, what is wrong with it, and the parts that its states use.
+    """What one file says: its words, or None, what is wrong with it, and what its states use.
 
     The uses are name, place and state. The same bytes under the same name are the same document.
     """
@@ -215,14 +216,14 @@ def inspect_chart(
     bound = bound_catalog(dict.fromkeys(holders), catalog, texts, findings)
     root = _read(lifecycle, LifecycleNode, findings, texts)
     read_missions = {path: _read(path, MissionNode, findings, texts) for path in missions}
-    parts = _read_parts([(lifecycle, root), *read_missions.items()], findings, texts)
+    parts = _read_used((lifecycle, root), read_missions, findings, texts)
     read = (root, *read_missions.values(), *parts.values())
     documents = {Path(d.node.place.file): d.node for d in read if d.node is not None}
     sources = {d.node.place.file: d.raw for d in read if d.node is not None}
     unread = any(document.node is None for document in read)
     if bound is None or unread or findings.has("unknown-part", "no-file"):
         return Inspection(findings.all, documents, sources, bound=bound)
-    made = _make(root, tuple(read_missions.values()), tuple(parts.values()), bound)
+    made = _make(root, tuple(read_missions.values()), tuple(parts.items()), bound)
     findings.extend(made.found)
     _warn_of_unused_parts(lifecycle, missions, parts, findings, texts)
     return Inspection(findings.all, documents, sources, made.composed, bound)
@@ -232,16 +233,16 @@ def inspect_chart(
 def _make(
     lifecycle: _Document[LifecycleNode],
     missions: tuple[_Document[MissionNode], ...],
-    parts: tuple[_Document[PartNode], ...],
+    parts: tuple[tuple[str, _Document[UsedNode]], ...],
     bound: BoundCatalog,
 ) -> _Made:
     """Compose and check documents that all could be read."""
     root, findings = lifecycle.node, LimitedFindings()
     assert root is not None
-    for document in (lifecycle, *missions, *parts):
+    for document in (lifecycle, *missions, *(used for _, used in parts)):
         findings.extend(document.found)
     whole = [document.node for document in missions if document.node is not None]
-    named = {document.node.part: document.node for document in parts if document.node is not None}
+    named = {name: document.node for name, document in parts if document.node is not None}
     composed = findings.whole(lambda: compose(root, whole, named, bound.catalog, findings))
     if composed is not None:
         check_composed(composed, findings)
@@ -269,29 +270,62 @@ def _document(name: str, model: type[FileNode], raw: bytes) -> _Document[Any]:
     return _Document(node, findings.all, uses, raw)
 
 
-def _read_parts(
-    files: Iterable[tuple[Path, _Document[FileNode]]], findings: Findings, texts: Mapping[Path, bytes]
-) -> dict[str, _Document[PartNode]]:
-    """Read the parts that the files use, and those that these use."""
-    found: dict[str, _Document[PartNode]] = {}
-    waiting = [(path.parent / PARTS, document) for path, document in files]
+def _read_used(
+    lifecycle: tuple[Path, _Document[LifecycleNode]],
+    missions: Mapping[Path, _Document[MissionNode]],
+    findings: Findings,
+    texts: Mapping[Path, bytes],
+) -> dict[str, _Document[UsedNode]]:
+    """Read the parts and missions that the files use, and those that these use."""
+    found: dict[str, _Document[UsedNode]] = {}
+    offered = {path.resolve(): document for path, document in missions.items()}
+    files: list[tuple[Path, _Document[FileNode]]] = [lifecycle, *missions.items()]
+    waiting = [(path.parent, document) for path, document in files]
     while waiting:
         folder, document = waiting.pop(0)
         for name, place, state in document.uses:
             if name not in found:
-                found[name] = part = _read_part(folder, name, place, state, findings, texts)
-                waiting.append((folder, part))
+                path = _find_used(folder, name, place, state, findings)
+                if path is None:
+                    found[name] = _Document(None)
+                    continue
+                known = offered.get(path.resolve())
+                found[name] = used = known or _read_one(path, name, findings, texts)
+                waiting.append((folder, used))
     return found
 
 
-def _read_part(
-    folder: Path, name: str, place: Place, state: str, findings: Findings, texts: Mapping[Path, bytes]
-) -> _Document[PartNode]:
-    path = folder / f"{name}.yaml"
-    known = [file.stem for file in folder.glob("*.yaml")]
-    if name not in known:
-        findings.unknown(place, "unknown-part", state, "part", name, known)
-        return _Document(None)
+def _find_used(folder: Path, name: str, place: Place, state: str, findings: Findings) -> Path | None:
+    """Return the file of a part, or of a mission that is used as one; None after a finding."""
+    part, mission = folder / PARTS / f"{name}.yaml", folder / f"{name}.yaml"
+    found = [*([part] if part.is_file() else []), *([mission] if is_mission(mission) else [])]
+    if len(found) == 1:
+        return found[0]
+    if found:
+        problem = f"{str(name)!r} is both a part and a mission: {part} and {mission}"
+        findings.add(place, "conflicting-definition", state, problem, "rename one of the files")
+    else:
+        problem = f"unknown part or mission {str(name)!r}"
+        findings.add(place, "unknown-part", state, problem, _instead_of(name, folder))
+    return None
+
+
+def _instead_of(name: str, folder: Path) -> str:
+    """Say what can be used instead of what is not there."""
+    parts = sorted(file.stem for file in (folder / PARTS).glob("*.yaml"))
+    missions = {file.stem: (head(file) or ("", ""))[1] for file in mission_files(folder)}
+    stem = next((stem for stem, title in missions.items() if title == name), "")
+    if stem:
+        return f"a mission is used by the name of its file: write 'use: {stem}'"
+    told = [(what, some) for what, some in (("parts", parts), ("missions", list(missions))) if some]
+    lists = [f"the {what} {', '.join(map(repr, some[:MAX_LISTED]))}" for what, some in told]
+    near = meant(name, [*parts, *missions])
+    return near or (f"there are {' and '.join(lists)}" if lists else "there are none here")
+
+
+def _read_one(path: Path, name: str, findings: Findings, texts: Mapping[Path, bytes]) -> _Document[UsedNode]:
+    if path.parent.name != PARTS:
+        return _read(path, MissionNode, findings, texts)
     part = _read(path, PartNode, findings, texts)
     if part.node is not None and part.node.part != name:
         problem = f"the part calls itself {part.node.part!r}, its file {name!r}"
@@ -303,7 +337,7 @@ def _read_part(
 def _uses(
     states: Mapping[str, StateNode | None], holder: FileNode | StateNode, path: str
 ) -> Iterator[tuple[str, Place, str]]:
-    """Yield every use of a part among states: its name, where it is written, and the state."""
+    """Yield every use of a part or mission among states: its name, where it is written, and the state."""
     for name, node in states.items():
         if node is None:
             continue

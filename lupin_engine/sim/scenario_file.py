@@ -347,7 +347,7 @@ class ExpectNode(Node):
         default_factory=list, description="states that follow others every time"
     )
     never: list[NeverNode] = Field(default_factory=list, description="states that are not entered")
-    visits: list[VisitNode] | None = Field(None, description="what became of every target of the itinerary")
+    visits: list[VisitNode] | None = Field(None, description="what became of every target of the itineraries")
     published: list[VisitNode] | None = Field(None, description="the same, in the order of publication")
     statuses: Annotated[dict[str, CountNode], NameOf("status", "expect.statuses")] = Field(
         default_factory=dict, description="how often each status was published"

@@ -160,11 +160,12 @@ class MomentView:
 class Run:
     """What came of a simulation: its history, and where it ended.
 
-    `visits` are what became of the last itinerary, `context` the variables at the end. `cut_off`: the time
-    limit was reached; `stopped`: the state was entered at which it was to stop. `unfired`: happenings that
-    never came to pass; `idle`: those that found nothing to end or to bring back, with the time. `views` is
-    what was seen, by number. `parameters` are the settings that were given. `unspent` says for each rule of
-    which not all outcomes were used, by its number, how many attempts fell under it.
+    `visits` are what became of the targets of all itineraries, `context` the variables at the end.
+    `cut_off`: the time limit was reached; `stopped`: the state was entered at which it was to stop.
+    `unfired`: happenings that never came to pass; `idle`: those that found nothing to end or to bring back,
+    with the time. `views` is what was seen, by number. `parameters` are the settings that were given.
+    `unspent` says for each rule of which not all outcomes were used, by its number, how many attempts fell
+    under it.
     """
 
     chart: Chart
@@ -411,11 +412,10 @@ class Simulation:
                         self._plan(index, happening)
 
     def _result(self, cut_off: bool) -> Run:
-        walk = self._machine.memory.traversal
         return Run(
             chart=self._machine.chart,
             history=self.history,
-            visits=walk.outcomes if walk else (),
+            visits=self._machine.memory.outcomes,
             view=self._machine.view,
             seconds=self._clock.now(),
             cut_off=cut_off,

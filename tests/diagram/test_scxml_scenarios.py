@@ -8,6 +8,7 @@ for the same guards, whose data is ours. Which states are left, entered and reme
 from __future__ import annotations
 
 import re
+import shutil
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
@@ -28,6 +29,7 @@ from lupin_engine.machine.memory import Memory
 from lupin_engine.machine.scope import World
 from lupin_engine.machine.step import Macrostep, Step
 from lupin_engine.machine.structure import Microstep
+from lupin_engine.missions.folders import MISSIONS
 from lupin_engine.sim import simulation
 from lupin_engine.sim.scenario import Missions, load_scenario, scenario_files
 from tests import shipped
@@ -35,6 +37,7 @@ from tests import shipped
 SCXML = "{http://www.w3.org/2005/07/scxml}"
 SCENARIOS = Path(__file__).parents[1] / "scenarios"
 FILES = scenario_files([SCENARIOS / name for name in ("inspection", "exploration", "war_stories")])
+COOKBOOK = Path(__file__).parents[2] / "docs" / "cookbook"
 #: An event that nobody listens to: what needs no event is looked at again.
 NOTHING = "nothing.of.ours"
 
@@ -181,7 +184,7 @@ def document(chart: Chart) -> tuple[Any, Sequence[str]]:
         for child in list(parent):
             name = child.tag.removeprefix(SCXML)
             ours = name == "assign" and not child.attrib["location"].startswith("left_")
-            if ours or name in ("send", "cancel", "invoke", "log"):
+            if ours or name in ("send", "cancel", "invoke", "log", "donedata"):
                 parent.remove(child)
     for rule in tree.iter(f"{SCXML}transition"):
         if "cond" in rule.attrib:
@@ -219,6 +222,19 @@ def ids(names: Iterable[str]) -> set[str]:
 @pytest.mark.parametrize("file", FILES, ids=lambda file: f"{file.parent.name}-{file.stem.partition('.')[0]}")
 def test_the_document_does_what_the_machine_does(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """After every event it is in the same states."""
+    compare(file, missions(), monkeypatch)
+
+
+@pytest.mark.parametrize("name", ["evening", "evening_dock"])
+def test_a_mission_that_is_used_as_a_part(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It begins with the state that uses it, and a history goes back into it."""
+    shutil.copytree(COOKBOOK, tmp_path / MISSIONS)
+    file = tmp_path / MISSIONS / f"{name}.scenario.yaml"
+    compare(file, Missions(shipped.catalog()), monkeypatch)
+
+
+def compare(file: Path, known: Missions, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let both engines do a scenario."""
     every: list[Dealt] = []
 
     def watched(world: World, memory: Memory | None = None) -> Watched:
@@ -227,7 +243,7 @@ def test_the_document_does_what_the_machine_does(file: Path, monkeypatch: pytest
         return machine
 
     monkeypatch.setattr(simulation, "Machine", watched)
-    scenario = load_scenario(file, shipped.catalog(), missions())
+    scenario = load_scenario(file, shipped.catalog(), known)
     other = Other(scenario.run(0).chart, every)
     moved = 0
     for number, dealt in enumerate(every):

@@ -34,7 +34,7 @@ CASES = {
         "unknown function 'tags.numeric_ordr'",
     ),
     "a value": ("default: 15 s", "default: 15", "15", "15 has no unit, but a duration needs one"),
-    "a part": ("visit_targets", "visit_target", "visit_target", "unknown part 'visit_target'"),
+    "a part": ("visit_targets", "visit_target", "visit_target", "unknown part or mission 'visit_target'"),
     "broken YAML": ("{type: final}", "{type: final", "{", "did not find expected ',' or '}'"),
 }
 

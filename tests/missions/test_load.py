@@ -520,7 +520,7 @@ def test_a_part_is_found_wherever_it_is_used(tmp_path: Path, catalog: Catalog) -
     )
     found = check_chart(lifecycle, [mission], catalog)[1]
     assert [str(one) for one in found if one.rule == "unknown-part"] == [
-        f"{mission}:5:37: error: B.C: unknown part 'knok'; did you mean 'knock'? [unknown-part]"
+        f"{mission}:5:37: error: B.C: unknown part or mission 'knok'; did you mean 'knock'? [unknown-part]"
     ]
 
 

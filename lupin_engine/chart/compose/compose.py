@@ -12,14 +12,14 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
-from typing import Any
+from typing import Any, TypeVar
 
 from lupin_engine.chart.compose.actions import ActionReader, raised_events
 from lupin_engine.chart.compose.carried import Carried, carries_something, end_of
 from lupin_engine.chart.compose.declare import Declared, Declarer, level_events
 from lupin_engine.chart.compose.invoke import InvokeReader
 from lupin_engine.chart.compose.transitions import CompositionContext, TransitionReader, any_event, path_of
-from lupin_engine.chart.compose.tree import Draft, Forest
+from lupin_engine.chart.compose.tree import Draft, Forest, UsedNode
 from lupin_engine.chart.documents import (
     ActionNode,
     BudgetNode,
@@ -33,7 +33,7 @@ from lupin_engine.chart.documents import (
     written_in,
 )
 from lupin_engine.chart.expressions.checker import check_expression
-from lupin_engine.chart.expressions.evaluation import Expression, Value
+from lupin_engine.chart.expressions.evaluation import Constant, Expression, Value
 from lupin_engine.chart.expressions.scope import Scope, Typed, Usage, fragment_of, literal
 from lupin_engine.chart.expressions.texts import check_text
 from lupin_engine.chart.expressions.units import with_article
@@ -58,6 +58,7 @@ from lupin_engine.chart.model import (
     Mission,
     State,
     Timer,
+    Use,
 )
 from lupin_engine.chart.semantics import MIN_PERIOD
 from lupin_engine.chart.source import Text
@@ -80,6 +81,7 @@ PERIOD = Type("number", "duration", unit="s", minimum=MIN_PERIOD)
 MAX_LEARNED = 4
 #: What an invariant does not see, because it is told of every moment.
 _MOMENTARY = ("event", "error", "request", "target", "itinerary")
+_F = TypeVar("_F", bound=FileNode)
 _AT_ALL_TIMES = "an invariant holds at every moment, with and without a mission"
 
 
@@ -97,12 +99,13 @@ class Composed:
 def compose(
     lifecycle: LifecycleNode,
     missions: Sequence[MissionNode],
-    parts: Mapping[str, PartNode],
+    parts: Mapping[str, UsedNode],
     catalog: Catalog,
     findings: Findings,
 ) -> Composed | None:
     """Compose the chart of these documents; after errors it has holes, but may be checked further.
 
+    `missions` are those that can be started, `parts` the parts and missions that states use.
     None where nobody knows whose words it is written in: of several profiles the lifecycle must name one.
     """
     profiled = _with_profile(catalog, lifecycle, findings)
@@ -129,7 +132,7 @@ class _Composer:
         self,
         lifecycle: LifecycleNode,
         missions: Sequence[MissionNode],
-        parts: Mapping[str, PartNode],
+        parts: Mapping[str, UsedNode],
         catalog: Catalog,
         findings: Findings,
         carried: Carried | None = None,
@@ -137,13 +140,16 @@ class _Composer:
         self._lifecycle = lifecycle
         self._missions = list(missions)
         self._parts = parts
+        self._files = _each_once([lifecycle, *missions, *parts.values()])
+        #: Those that can be started, and those that are only used.
+        self._requested = [file for file in self._files if isinstance(file, MissionNode)]
         self._catalog = catalog
         self._findings = findings
         self._usage = Usage()
         self._declarer = Declarer(catalog, findings, self._usage)
         self._forest = Forest(parts, findings)
         self._requests: dict[str, dict[str, Field]] = {}
-        self._bases: dict[tuple[str, str], Scope] = {}
+        self._bases: dict[tuple[str, str, str], Scope] = {}
         self._bound: dict[str, list[set[str]]] = {}
         self._codes: dict[str, Code] = {}
         self._events: dict[str, None] = {}
@@ -155,7 +161,7 @@ class _Composer:
 
     def compose(self) -> Composed:
         """Run all steps."""
-        files: list[FileNode] = [self._lifecycle, *self._missions, *self._parts.values()]
+        files = self._files
         self._declarer.name_holds(self._lifecycle)
         self._declarer.read(files)
         self._forest.grow(self._lifecycle, self._missions)
@@ -181,7 +187,7 @@ class _Composer:
         self._transitions = TransitionReader(context, self._actions)
         self._read_requests()
         states = {draft.name: self._state(draft) for draft in self._forest.drafts.values()}
-        holds_scope = self._base(self._lifecycle, "")
+        holds_scope = self._base(self._lifecycle)
         holds = self._declarer.holds(self._lifecycle, holds_scope, self._codes)
         chart = Chart(
             name=self._lifecycle.lifecycle,
@@ -224,7 +230,7 @@ class _Composer:
             operation = self._catalog.operations.get(name)
             for code in operation.codes if operation else ():
                 codes.setdefault(code.name, code)
-        for mission in self._missions:
+        for mission in self._requested:
             for node in mission.request.values():
                 reader = self._catalog.readers.get(node.type.split()[-1] if node.type else "")
                 if reader is not None:
@@ -288,14 +294,18 @@ class _Composer:
     # -- missions ------------------------------------------------------------------------------------------
 
     def _read_requests(self) -> None:
-        for mission in self._missions:
-            scope = self._scope_of(mission, "")
+        for mission in self._requested:
+            scope = self._scope_of(mission)
             fields: dict[str, Field] = {}
             for name, node in mission.request.items():
                 place = mission.key_at("request", name)
                 found = self._declarer.field(name, node, place, scope, set(self._codes))
                 if found is not None:
                     fields[name] = found
+            if mission.name in self._requests:
+                problem = f"a second mission is called {mission.mission!r}"
+                self._findings.add(mission.at("mission"), "conflicting-definition", "mission", problem)
+                continue
             self._requests[mission.name] = fields
 
     def _mission_records(self) -> dict[str, Mission]:
@@ -305,7 +315,7 @@ class _Composer:
                 (
                     d
                     for d in self._forest.drafts.values()
-                    if d.file is mission and d.node is None and d.parent
+                    if d.file is mission and d.parent is not None and d.parent.slot
                 ),
                 None,
             )
@@ -338,7 +348,7 @@ class _Composer:
 
     def _always_true(self, file: FileNode, node: InvariantNode, place: Place, path: str) -> Expression | None:
         """Read the condition of an invariant; it may not read what every use of its part sets otherwise."""
-        scope, usage = self._scope_of(file, ""), Usage()
+        scope, usage = self._scope_of(file), Usage()
         for name in _MOMENTARY:
             scope = scope.without(name, _AT_ALL_TIMES)
         place = node.at("that") if node.written else place
@@ -354,20 +364,22 @@ class _Composer:
 
     # -- scopes --------------------------------------------------------------------------------------------
 
-    def _scope_of(self, file: FileNode, mission: str) -> Scope:
+    def _scope_of(self, file: FileNode, mission: str = "", within: str = "") -> Scope:
         base = self._declarer.base_scope(file)
         states = tuple(name for name in self._forest.drafts if name)
-        scope = replace(base, states=states, open_states=file is self._lifecycle)
-        if not mission or mission not in self._requests:
+        scope = replace(base, states=states, open_states=file is self._lifecycle, within=within)
+        used = self._forest.drafts[within].part if within else None
+        requested = used.name if isinstance(used, MissionNode) else mission
+        if not requested or requested not in self._requests:
             return scope
-        fields = {name: found.type for name, found in self._requests[mission].items()}
+        fields = {name: found.type for name, found in self._requests[requested].items()}
         return scope.with_names({"request": Type("record", "request", fields=fields)})
 
-    def _base(self, file: FileNode, mission: str) -> Scope:
-        """Return what every expression of a file sees within a mission."""
-        key = (file.title, mission)
+    def _base(self, file: FileNode, mission: str = "", within: str = "") -> Scope:
+        """Return what every expression of a file sees in a mission, or in a state that uses one."""
+        key = (file.title, mission, within)
         if key not in self._bases:
-            self._bases[key] = self._scope_of(file, mission)
+            self._bases[key] = self._scope_of(file, mission, within)
         return self._bases[key]
 
     def _outer(self, draft: Draft) -> Scope:
@@ -430,6 +442,8 @@ class _Composer:
         assert draft.scope is not None
         invoke = None
         found: dict[str, Any] = {"summary": node.summary, "phase": node.phase, "paused": node.paused}
+        if isinstance(draft.part, MissionNode):
+            found["use"] = self._use(draft, node, draft.part)
         if node.invoke and works:
             invoke = self._invokes.read(node.invoke, scope, path_of(draft.name, "invoke"))
             found["invoke"] = invoke
@@ -446,7 +460,8 @@ class _Composer:
             found["result"] = self._result(draft, node, scope)
         if node.exit:
             found["exit"] = self._read_actions(node.exit, scope, draft, "exit")
-        found["transitions"] = self._transitions.read(draft, node, invoke, scope)
+        used = self._transitions.of_used(draft)
+        found["transitions"] = (*used, *self._transitions.read(draft, node, invoke, scope))
         if node.after or node.every:
             found["timers"] = tuple(self._timers(draft, node, scope))
         found["resume_at"] = self._transitions.resume_at(draft, node)
@@ -534,12 +549,14 @@ class _Composer:
         part = draft.part
         if part is None:
             return scope
+        if isinstance(part, MissionNode):
+            return self._base(part, draft.mission, draft.name)
         if part.needs == "itinerary" and "itinerary" in scope.absent:
             problem = f"the part {part.part!r} needs an itinerary"
             hint = "add 'itinerary: {items: ...}' to the state that uses it"
             self._findings.add(node.at("use"), "missing-itinerary", draft.name, problem, hint)
             scope = scope.with_names({"target": ANY, "itinerary": ITINERARY})
-        base = self._base(part, draft.mission)
+        base = self._base(part, draft.mission, draft.within)
         handed = {name: scope.names[name] for name in ("target", "itinerary") if name in scope.names}
         bound = self._bind(draft, node, part, scope)
         return replace(base.with_names(handed), bound=bound)
@@ -564,6 +581,62 @@ class _Composer:
                 self._findings.add(node.at("use"), "missing-argument", path, problem, hint)
         self._bound.setdefault(part.title, []).append(set(found))
         return found
+
+    def _use(self, draft: Draft, node: StateNode, mission: MissionNode) -> Use:
+        """Read how a state uses a mission: the fields of its request, what begins anew with it."""
+        path, inside = path_of(draft.name, "use"), draft.inner
+        assert draft.scope is not None
+        assert inside is not None
+        known, given = self._requests[mission.name], dict[str, Field]()
+        for name in node.with_:
+            if name not in mission.request:
+                at, what = node.key_at("with", name), "field of the request"
+                where = path_of(draft.name, f"with.{name}")
+                self._findings.unknown(at, "unknown-argument", where, what, name, mission.request)
+        for name, field in known.items():
+            if name in node.with_:
+                given[name] = self._given(draft, node, field)
+            elif field.default is None:
+                hint = f"add 'with: {{{name}: ...}}'"
+                problem = f"the mission {mission.name!r} needs the field {name!r} of its request"
+                self._findings.add(node.at("use"), "missing-argument", f"{draft.name}.with", problem, hint)
+            else:
+                given[name] = field
+        event = inside.with_event(ANY)
+        return Use(
+            mission.name,
+            given,
+            node.at("use"),
+            tuple(self._begun_anew(draft, mission)),
+            self._actions.read(mission.entry, event, f"{path}.entry"),
+            self._actions.read(mission.exit, event, f"{path}.exit"),
+        )
+
+    def _given(self, draft: Draft, node: StateNode, field: Field) -> Field:
+        """Return a field of a request with the value that a use gives it."""
+        place, path = node.value_at("with", field.name), path_of(draft.name, f"with.{field.name}")
+        scope, raw = any_event(draft), node.with_[field.name]
+        value = read_value(raw, place, field.type, scope, self._findings, path)
+        least = field.minimum
+        if least is not None and isinstance(value, Constant) and value.value < least:
+            problem = f"{field.name} must be at least {least:g} {field.type.unit}".rstrip()
+            self._findings.add(place, "out-of-range", path, problem)
+        return replace(field, place=place, default=value)
+
+    def _begun_anew(self, draft: Draft, mission: MissionNode) -> list[str]:
+        """Return the variables of a mission that is used and of what it uses; its user must not have them."""
+        below = [d for d in self._forest.drafts.values() if draft in d.up() and d.part is not None]
+        names = dict.fromkeys(name for d in below if d.part is not None for name in d.part.context)
+        around = [above.file for above in draft.up() if isinstance(above.file, MissionNode)]
+        for file in _each_once(around):
+            for name in file.context:
+                if name in mission.context:
+                    at, where = file.key_at("context", name), mission.key_at("context", name)
+                    problem = (
+                        f"the mission {mission.name!r} is used here and has its own {name!r}, in {where}"
+                    )
+                    self._findings.add(at, "conflicting-definition", f"context.{name}", problem, "rename one")
+        return [name for name in names if name in self._declared.context]
 
     def _bound_value(self, raw: Any, place: Place, wanted: Type, scope: Scope, path: str) -> Typed | None:
         fragment = fragment_of(raw) if isinstance(raw, Text) and is_expression(raw) else None
@@ -594,6 +667,11 @@ class _Composer:
         scope = draft.scope.without("event", "the time is counted over all visits")
         value = read_key(node, "after", DURATION, scope, self._findings, path_of(draft.name, "budget"))
         return None if value is None else Timer("budget", value, node.place, goes_on=node.during == "divert")
+
+
+def _each_once(files: Iterable[_F]) -> list[_F]:
+    """Return files, each once: a mission may be offered and used."""
+    return list({id(file): file for file in files}.values())
 
 
 def _invoked(draft: Draft) -> Iterator[str]:

@@ -10,7 +10,15 @@ from lupin_engine.chart.compose.carried import Carried, end_of
 from lupin_engine.chart.compose.declare import NAME, Declared, check_code
 from lupin_engine.chart.compose.invoke import names_when_done, names_when_failed
 from lupin_engine.chart.compose.tree import Draft, Forest
-from lupin_engine.chart.documents import AskNode, BudgetNode, FileNode, StateNode, TransitionNode
+from lupin_engine.chart.documents import (
+    AskNode,
+    BudgetNode,
+    FileNode,
+    MissionNode,
+    PartNode,
+    StateNode,
+    TransitionNode,
+)
 from lupin_engine.chart.expressions.evaluation import Expression, never
 from lupin_engine.chart.expressions.scope import Scope
 from lupin_engine.chart.expressions.values import read_guard, read_key
@@ -34,7 +42,8 @@ _Names = Callable[[Invoke | None], Mapping[str, Type]]
 class TransitionSite:
     """The key of a state under which transitions are written, and their event and evaluation scope.
 
-    `owner` writes them and `source` takes them: they differ for copies only.
+    `owner` writes them and `source` takes them: they differ for copies only. `inside`: what is written in the
+    file of the mission that the state uses.
     """
 
     source: Draft
@@ -42,6 +51,7 @@ class TransitionSite:
     key: str
     event: str
     scope: Scope
+    inside: bool = False
 
 
 @dataclass(frozen=True)
@@ -114,31 +124,42 @@ class TransitionReader:
             found = self._after_work[key] = scope.with_names(names(invoke))
         return found
 
+    def of_used(self, draft: Draft) -> list[Transition]:
+        """Compose what the mission that a state uses does in all its states, as its file says."""
+        return self.handlers(draft, draft.part, draft.part.on) if isinstance(draft.part, MissionNode) else []
+
     def handlers(
         self, draft: Draft, holder: StateNode | FileNode, handlers: Mapping[str, list[TransitionNode]]
     ) -> list[Transition]:
+        """Compose what a state does about events: as it says itself, or the file of the mission it uses."""
         found: list[Transition] = []
+        inside = holder is draft.part
         for event, nodes in handlers.items():
             # What an unknown event leads to is read all the same: a slip in its name hides no other.
             known = self._is_event(event, holder, draft) or event.startswith("operator.")
-            found += self._handler(draft, event, nodes, event if known else f"unknown.{event}")
+            heard = event if known else f"unknown.{event}"
+            found += self._handler(draft, event, nodes, heard, inside)
         return found
 
-    def _handler(self, draft: Draft, event: str, nodes: list[TransitionNode], heard: str) -> list[Transition]:
+    def _handler(
+        self, draft: Draft, event: str, nodes: list[TransitionNode], heard: str, inside: bool
+    ) -> list[Transition]:
         copies = [node for node in nodes if node.use is not None]
         if not copies:
-            scope = self._event_scope(draft, event)
-            return self._list(nodes, TransitionSite(draft, draft, f"on.{event}", heard, scope))
+            scope, key = self._event_scope(draft, event, inside), f"{'use.' if inside else ''}on.{event}"
+            return self._list(nodes, TransitionSite(draft, draft, key, heard, scope, inside))
         node, path = copies[0], path_of(draft.name, f"on.{event}")
         if len(nodes) > 1 or node.model_fields_set != {"use"}:
             problem, hint = "'use' copies all that the other state answers", "let it stand alone"
             self._findings.add(node.key_at("use"), "wrong-shape", path, problem, hint)
             return []
-        return self._copy(draft, event, node, path)
+        return self._copy(draft, event, node, path, inside)
 
-    def _copy(self, draft: Draft, event: str, node: TransitionNode, path: str) -> list[Transition]:
+    def _copy(
+        self, draft: Draft, event: str, node: TransitionNode, path: str, inside: bool
+    ) -> list[Transition]:
         """Compose another state's transitions for an event again, with this state as their source."""
-        name = self._forest.resolve(node.use or "", draft, node, "use", path)
+        name = self._forest.resolve(node.use or "", draft, node, "use", path, inside)
         other = self._forest.drafts[name] if name is not None else None
         if other is None:
             return []
@@ -219,12 +240,13 @@ class TransitionReader:
         self._findings.unknown(place, "unknown-event", path, "event", event, allowed)
         return False
 
-    def _event_scope(self, draft: Draft, event: str) -> Scope:
-        assert draft.scope is not None
+    def _event_scope(self, draft: Draft, event: str, inside: bool = False) -> Scope:
+        scope = draft.inner if inside else draft.scope
+        assert scope is not None
         if event not in self._event_types:  # a scope remembers what it derived by the type's identity
             known = event in self._events or event.startswith("operator.")
             self._event_types[event] = event_type(event, self._catalog, self._carried) if known else ANY
-        return draft.scope.with_event(self._event_types[event])
+        return scope.with_event(self._event_types[event])
 
     def _list(self, nodes: Sequence[TransitionNode], site: TransitionSite) -> list[Transition]:
         """Compose the transitions of one key of a state."""
@@ -243,7 +265,7 @@ class TransitionReader:
         target, refuse, code = node.target, node.refuse, node.code
         resolved = None
         if target is not None:
-            resolved = self._forest.resolve(target, site.owner, node, "target", path)
+            resolved = self._forest.resolve(target, site.owner, node, "target", path, site.inside)
         if refuse is not None or code is not None:
             self._check_codes(node, path)
         if refuse is not None or target is None or node.detail is not None:
@@ -311,7 +333,8 @@ class TransitionReader:
 
     def resume_at(self, draft: Draft, node: StateNode) -> tuple[Transition, ...]:
         """Compose which child is entered on coming back; a use may decide otherwise than its part."""
-        own = node.resume_at or (draft.part.resume_at if draft.part else [])
+        part = draft.part if isinstance(draft.part, PartNode) else None
+        own = node.resume_at or (part.resume_at if part else [])
         if not own:
             return ()
         inner = draft.scope if node.resume_at else draft.inner

@@ -5,13 +5,15 @@ all full names are known before the first expression or target is read.
 
 A name is found in the nearest enclosing scope: among a state's own children, then its parent's, up to the
 root's. Further words of a dotted name descend from there. A part's states are the last that the state which
-uses it looks at.
+uses it looks at. A mission that is used as a part sees what it sees where it stands by itself: its own
+states, then those of the lifecycle.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from typing import TypeAlias
 
 from lupin_engine.chart.compose.declare import NAME
 from lupin_engine.chart.documents import FileNode, LifecycleNode, MissionNode, PartNode, StateNode
@@ -32,14 +34,18 @@ _KINDS: Mapping[str | None, Kind] = {
 }
 _DEPTHS: Mapping[str | None, int | None] = {"shallow": 1, "deep": None, None: 1}
 
+#: What a state can use.
+UsedNode: TypeAlias = PartNode | MissionNode
+
 
 @dataclass(slots=True)
 class Draft:
     """A state that is being composed.
 
     `node` is what the file says of it (None for the root, a mission's wrapper and an implied history state);
-    `file` is the file its text stands in, `part` the part whose states stand in it. `scope` is what its own
-    expressions see, `inner` what its children's see; both are filled from the top down.
+    `file` is the file its text stands in, `part` the part or mission whose states stand in it; `within` is
+    the innermost state around that uses a mission. `scope` is what its own expressions see, `inner` what its
+    children's see; both are filled from the top down.
     """
 
     name: str
@@ -48,8 +54,9 @@ class Draft:
     file: FileNode
     parent: Draft | None = None
     node: StateNode | None = None
-    part: PartNode | None = None
+    part: UsedNode | None = None
     mission: str = ""
+    within: str = ""
     slot: bool = False
     label: str = ""
     depth: int | None = None
@@ -83,9 +90,10 @@ class Draft:
 class Forest:
     """Grows the tree of a chart and answers what names in it mean."""
 
-    def __init__(self, parts: Mapping[str, PartNode], findings: Findings) -> None:
+    def __init__(self, parts: Mapping[str, UsedNode], findings: Findings) -> None:
         self._parts = parts
         self._findings = findings
+        self._circles: set[frozenset[Place]] = set()
         self.drafts: dict[str, Draft] = {}
 
     def grow(self, lifecycle: LifecycleNode, missions: list[MissionNode]) -> Draft:
@@ -140,7 +148,8 @@ class Forest:
             problem = f"more than {MAX_STATES} states, parts counted as often as they are used"
             self._findings.add(place, "too-large", "", problem)
             return
-        draft = Draft(full, _KINDS[node.type], place, file, parent, node, None, parent.mission)
+        within = parent.name if isinstance(parent.part, MissionNode) else parent.within
+        draft = Draft(full, _KINDS[node.type], place, file, parent, node, None, parent.mission, within)
         draft.label = _label(parent, name)
         self._check_shape(draft, node)
         self.drafts[full] = parent.children[name] = draft
@@ -196,12 +205,43 @@ class Forest:
             problem = "a state has either states of its own or a part's"
             self._findings.add(node.key_at("states"), "wrong-shape", draft.name, problem, "drop one of them")
             return
-        if any(above.part is part for above in draft.up()):
-            problem = f"the part {name!r} contains itself"
-            self._findings.add(node.at("use"), "part-loop", draft.name, problem)
+        if isinstance(part, MissionNode) and not self._can_use(draft, node, name):
+            return
+        if any(above.part is part or above.file is part for above in draft.up()):
+            self._tell_circle(draft, node, part)
             return
         draft.part = part
         self._children(draft, part.states, part)
+
+    def _can_use(self, draft: Draft, node: StateNode, name: str) -> bool:
+        """Refuse to use a mission where no mission runs, and to begin it in all its states at once."""
+        problem, hint, key = "", "write a part of the states that both need", "use"
+        if not draft.mission:
+            problem = f"{name!r} is a mission, and only a mission can use one"
+        elif draft.kind is Kind.PARALLEL:
+            problem, key = f"the mission {name!r} begins in one of its states, not in all of them", "type"
+            hint = "give it a state of its own inside"
+        if problem:
+            self._findings.add(node.key_at(key), "wrong-shape", draft.name, problem, hint)
+        return not problem
+
+    def _tell_circle(self, draft: Draft, node: StateNode, part: UsedNode) -> None:
+        """Tell of parts and missions that contain each other, once however many of them are loaded."""
+        circle = [draft]
+        for above in draft.up():
+            if above.part is part or above.node is None:
+                break
+            if above.part is not None:
+                circle.append(above)
+        nodes = [each.node for each in reversed(circle) if each.node is not None]
+        if (places := frozenset(node.at("use") for node in nodes)) in self._circles:
+            return
+        self._circles.add(places)
+        what = "part" if isinstance(part, PartNode) else "mission"
+        problem = f"the {what} {str(node.use)!r} contains itself"
+        if len(nodes) > 1:
+            problem += ": " + ", ".join(f"{each.at('use')} uses {str(each.use)!r}" for each in nodes)
+        self._findings.add(node.at("use"), "part-loop", draft.name, problem)
 
     def _add_history(self, draft: Draft, node: StateNode) -> None:
         if "history" in draft.children:
@@ -210,7 +250,7 @@ class Forest:
             return
         depth = None if node.history == "deep" else 2 if draft.slot else 1
         history = Draft(f"{draft.name}.history", Kind.HISTORY, node.key_at("history"), draft.file, draft)
-        history.depth, history.mission = depth, draft.mission
+        history.depth, history.mission, history.within = depth, draft.mission, draft.within
         self._enter(draft, history)
 
     def _check_shape(self, draft: Draft, node: StateNode) -> None:
@@ -281,35 +321,47 @@ class Forest:
 
     # -- names ---------------------------------------------------------------------------------------------
 
-    def find(self, name: str, start: Draft) -> list[Draft]:
-        """Return the states that `name` means seen from `start`, the nearest first.
+    def scopes(self, start: Draft, inside: bool = False) -> Iterator[Draft]:
+        """Yield the states among whose children a name is looked for that is written in `start`.
 
-        A state that uses a part looks around itself first: what a part calls its states is its own affair.
+        A state that uses a part looks around itself: what a part calls its states is its own affair. With
+        `inside` the name is written in the file of the mission that `start` uses.
+        """
+        scope = start if start.part is None or inside else start.parent
+        while scope is not None:
+            yield scope
+            used = isinstance(scope.part, MissionNode)
+            scope = scope.parent
+            while used and scope is not None and scope.mission:
+                scope = scope.parent
+
+    def find(self, name: str, start: Draft, inside: bool = False) -> list[Draft]:
+        """Return the states that `name` means seen from `start`, the nearest first; see `scopes`.
+
+        The states of a part are the last that the state which uses it looks at.
         """
         first, dot, rest = name.partition(".")
-        scope = start if start.part is None else start.parent
-        found = []
-        while scope is not None:
-            if first in scope.children:
-                found.append(scope.children[first])
-            scope = scope.parent
-        if start.part is not None and first in start.children:
+        found = [s.children[first] for s in self.scopes(start, inside) if first in s.children]
+        if isinstance(start.part, PartNode) and first in start.children:
             found.append(start.children[first])
         for word in rest.split(".") if dot else ():
             found = [draft.children[word] for draft in found if word in draft.children]
         return found
 
-    def resolve(self, name: str, start: Draft, node: Node, key: str, path: str) -> str | None:
+    def resolve(
+        self, name: str, start: Draft, node: Node, key: str, path: str, inside: bool = False
+    ) -> str | None:
         """Return the full name of the state that `name` means seen from `start`; None after a finding.
 
-        The name stands in `node` under `key`.
+        The name stands in `node` under `key`; `inside` as in `scopes`.
         """
-        found = self.find(name, start)
+        found = self.find(name, start, inside)
         if len(found) == 1:
             return found[0].name
         place = node.at(key)
         if not found:
-            visible = {child for scope in start.up() for child in scope.children if not scope.slot}
+            scopes = self.scopes(start, inside)
+            visible = {child for scope in scopes for child in scope.children if not scope.slot}
             hint = self._hint(name, start, visible)
             self._findings.add(place, "unknown-state", path, f"no state is called {name!r} here", hint)
             return None

@@ -201,6 +201,8 @@ class _Checker(ExpressionReader):
                 node, "unknown-name", f"unknown name {name!r}: no name begins with an underscore"
             )
         if name in scope.names:
+            if name == "request" and scope.within:
+                return Typed(scope.names[name], f"{environment_code('given')}[{scope.within!r}]")
             if name in ROOTS:
                 return Typed(scope.names[name], environment_code(name))
             code = (

@@ -48,7 +48,7 @@ class Scope:
     there, the rule and the reason. `bound` are parameters of a part that its user has given a value. `states`
     are full names, for in_state; `holds` are names, for held. With `open_states` more states may exist than
     are loaded: the lifecycle also speaks of missions that stand in other files. `item` is what the element of
-    a `for_each` is called.
+    a `for_each` is called. `within` is the state that uses a mission whose file the expression stands in.
     """
 
     names: Mapping[str, Type]
@@ -60,6 +60,7 @@ class Scope:
     usage: Usage = field(default_factory=Usage)
     open_states: bool = False
     item: str = ""
+    within: str = ""
 
     # The states of one family have one scope and say the same in it again and again. So it remembers what
     # was derived from it, and the names and expressions that were read in it.

@@ -220,7 +220,12 @@ class Index:
         """All expressions as text, to find names in."""
         # What is handed to a part is built into the part's expressions and stands in none of them.
         drafts = self.composed.drafts.values()
-        handed = [(d.mission, str(v)) for d in drafts if d.node is not None for v in d.node.with_.values()]
+        handed = [
+            (d.within or d.mission, str(v))
+            for d in drafts
+            if d.node is not None
+            for v in d.node.with_.values()
+        ]
         return Texts([*((read.mission, read.expression.source) for read in self.reads), *handed])
 
 

@@ -42,7 +42,10 @@ class WrittenAction(NamedTuple):
 
 
 class Saying(NamedTuple):
-    """Something that a chart says, with the mission and, within the states, the state that says it."""
+    """Something that a chart says, with the mission and, within the states, the state that says it.
+
+    In place of a mission that is used as a part stands the state that uses it.
+    """
 
     mission: str
     state: State | None
@@ -56,11 +59,14 @@ _ROLES = frozenset({Role.ACTIONS, Role.VALUE, Role.CONDITION, Role.CODE})
 
 def sayings_of(chart: Chart) -> list[Saying]:
     """Return all actions, expressions and codes of a chart, walked once."""
-    found = [
-        Saying(state.mission, state, *said)
-        for state in chart.states.values()
-        for said in walk(state, _ROLES, (state.name,))
-    ]
+    found, readers = list[Saying](), dict[str, str]()
+    for state in chart.states.values():
+        above = chart.states.get(state.parent or "")
+        uses = above is not None and above.use is not None
+        readers[state.name] = reader = (
+            state.parent if uses else readers.get(state.parent or "")
+        ) or state.mission
+        found += [Saying(reader, state, *said) for said in walk(state, _ROLES, (state.name,))]
     for mission in chart.missions.values():
         found += [Saying(mission.name, None, *said) for said in walk(mission, _ROLES)]
     for word in ("holds", "invariants", "inputs", "context"):
