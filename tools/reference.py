@@ -143,11 +143,11 @@ LANGUAGE_HEAD = """\
 
 A mission is a statechart in YAML. There are three kinds of file, told apart by their first key: a *lifecycle*
 is what all missions share (starting up, pausing, driving home), a *mission* is what a robot is asked to do
-and stands in the lifecycle's slot, a *part* is a piece that missions use. `lifecycle.yaml` stands beside the
-missions, the parts in the folder `parts` there. What a mission can do comes from plugins; a service that no
-plugin calls is connected by a [binding](#bindings), a fourth kind of file. The shipped ones in `missions/`
-are the best introduction; this page is for looking things up. What `lupin check` says about a file is
-explained in [rules.md](rules.md).
+and stands in the lifecycle's slot, a *part* is a piece that missions use, as they may use another mission.
+`lifecycle.yaml` stands beside the missions, the parts in the folder `parts` there. What a mission can do
+comes from plugins; a service that no plugin calls is connected by a [binding](#bindings), a fourth kind of
+file. The shipped ones in `missions/` are the best introduction; this page is for looking things up. What
+`lupin check` says about a file is explained in [rules.md](rules.md).
 
 ## How a chart runs
 
@@ -174,10 +174,22 @@ explained in [rules.md](rules.md).
   again in the states that are still active, or ends as its `on_hold` says. A request is answered at once all
   the same: a transition that says `during` or `releases` is taken, anything else refused.
 - A mission begins when its request is accepted: its variables and those of its parts have their defaults,
-  its `entry` runs, its itineraries, budgets and history are new. The targets of an itinerary that depends
-  on the request alone are known from then on: `itinerary.close_rest` closes them however early the mission
-  ends. Coming back by history, as from the dock, is no beginning. Variables of the lifecycle keep their
-  values from mission to mission. While an invariant does not hold no mission begins.
+  its `entry` runs, its itineraries, budgets and history are new. Coming back by history, as from the dock,
+  is no beginning. Variables of the lifecycle keep their values from mission to mission. While an invariant
+  does not hold no mission begins.
+- The itineraries of one mission are counted together, in what is published and in its summary; one that is
+  begun anew adds its targets again. The targets of an itinerary that depends on the request alone are known
+  from the start. `itinerary.close_rest` closes the itinerary around, else those inside the state that it
+  is written in, and in the lifecycle all of the mission, however early that ends: a target that several of
+  them have is told once, as long as none of them is begun.
+- A *mission as a part*: `use: inspection` stands for the states of `inspection.yaml` beside the file, and
+  `with` gives fields of its request; one that is not given has its default. It is what it is by itself: it
+  reads its own request, and names its own states and those of the lifecycle, none of the mission around.
+  Whenever the state is entered, but not by history, it begins: its request, which is an error where the
+  mission would refuse it, its variables and those of its parts, its budgets and its `entry`. Its end is
+  `on_done` of the state, with the `result` of that end. What leads to a state of the lifecycle leads the
+  whole mission there; a history comes back into the mission that was left, however deep it stands. What is
+  reported and observed is of the mission that was started, and `since: mission` counts from its start.
 - A *code* is why something happened, with a detail for people. Each time that one is reported is an event: in
   the log, the live view and the record of the run, with the target that it is about. Of all that a mission
   has reported, the newest of the worst is published with its label, as `last_error`. A refused request is

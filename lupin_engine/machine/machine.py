@@ -474,6 +474,10 @@ class Machine:
             step.spoilt = state.name
         for name in use.variables:
             memory.context.pop(name, None)
+        for of_mission in (memory.budgets, memory.handled, memory.history):
+            for name in [name for name in of_mission if name.startswith(f"{state.name}.")]:
+                of_mission.pop(name)
+                self.scope.timers.disarm("budget", name)
         self._begin_context(step)
         self.scope.touch(CONTEXT | REQUEST)
         self._content.run(use.entry, state.name, trigger, step)

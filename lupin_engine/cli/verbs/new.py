@@ -128,7 +128,7 @@ def _check_name(name: str, files: Iterable[Path]) -> None:
 
 
 def _model(like: str, folder: Path) -> tuple[Path, list[str]]:
-    """Return the file of a mission and its parts, as named beside it."""
+    """Return the file of a mission, and the parts and missions that it uses, as named beside it."""
     from lupin_engine.missions import folders as files
     from lupin_engine.missions.load import inspect_chart
     from lupin_engine.missions.selection import LOCAL
@@ -137,8 +137,9 @@ def _model(like: str, folder: Path) -> tuple[Path, list[str]]:
     folders = [local] if files.is_missions_folder(local) else []
     file = files.find_mission(like, [*folders, files.default_missions_folder()])
     documents = inspect_chart(files.lifecycle_of(file), [file], load_catalog()).documents
-    parts = sorted(path.name for path in documents if path.parent.name == files.PARTS)
-    return file, [f"{files.PARTS}/{part}" for part in parts]
+    own = (files.lifecycle_of(file), file)
+    used = sorted(path.relative_to(file.parent) for path in documents if path not in own)
+    return file, [path.as_posix() for path in used]
 
 
 def _renamed(text: str, title: str) -> str:
