@@ -205,7 +205,7 @@ class Field:
 
 
 @record(frozen=True)
-class Use:
+class UsedMission:
     """A mission whose states stand in a state: with which request, and what begins whenever that is entered.
 
     `variables` are those of the mission and of what it uses; they begin anew. `entry` and `exit` are the
@@ -261,7 +261,7 @@ class State:
     for_each: ForEach | None = field(default=None, metadata=said(Role.INSIDE, "for_each"))
     itinerary: Itinerary | None = field(default=None, metadata=said(Role.INSIDE, "itinerary"))
     ask: Prompt | None = field(default=None, metadata=said(Role.INSIDE, "ask"))
-    use: Use | None = field(default=None, metadata=said(Role.INSIDE, "use"))
+    use: UsedMission | None = field(default=None, metadata=said(Role.INSIDE, "use"))
     resume_at: tuple[Transition, ...] = field(default=(), metadata=said(Role.INSIDE, "resume_at"))
     depth: int | None = field(default=None, metadata=said(Role.PLAIN, "depth"))
     result: Mapping[str, Value] = field(default_factory=dict, metadata=said(Role.VALUE, "result"))

@@ -15,7 +15,7 @@ import math
 from collections.abc import Container, Iterable, Mapping, Sequence
 from typing import Any, cast
 
-from lupin_engine.chart.model import Chart, Invariant, Kind, State, Transition, Use
+from lupin_engine.chart.model import Chart, Invariant, Kind, State, Transition, UsedMission
 from lupin_engine.chart.semantics import ENGINE_EVENTS, EXECUTION_ERROR, FAULT, MIN_PERIOD
 from lupin_engine.errors import reason
 from lupin_engine.machine.actions import ExecutableContent
@@ -463,7 +463,7 @@ class Machine:
                     return  # entering the state tells
         self._content.itineraries.foresee(state)
 
-    def _begin_used(self, state: State, use: Use, trigger: Trigger) -> None:
+    def _begin_used(self, state: State, use: UsedMission, trigger: Trigger) -> None:
         """Begin a mission as a part: its request, its variables and those of what it uses, its `entry`."""
         step, memory = self._step, self.memory
         memory.given[state.name] = {}

@@ -12,7 +12,7 @@ from typing import Any
 
 from lupin_engine.chart.expressions.evaluation import Environment, UnknownValue
 from lupin_engine.chart.expressions.names import names_read
-from lupin_engine.chart.model import Field, Invariant, Prompt, Transition, Use
+from lupin_engine.chart.model import Field, Invariant, Prompt, Transition, UsedMission
 from lupin_engine.chart.semantics import ENGINE_EVENTS
 from lupin_engine.errors import nearest, reason, shortened
 from lupin_engine.machine.event import NO_TRIGGER, Event, Trigger
@@ -245,7 +245,7 @@ def read_request(
     return values, None
 
 
-def read_given(world: World, use: Use, env: Environment) -> dict[str, Any]:
+def read_given(world: World, use: UsedMission, env: Environment) -> dict[str, Any]:
     """Return the request of a mission that is used as a part.
 
     Raises:

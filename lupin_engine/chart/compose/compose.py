@@ -58,7 +58,7 @@ from lupin_engine.chart.model import (
     Mission,
     State,
     Timer,
-    Use,
+    UsedMission,
 )
 from lupin_engine.chart.semantics import MIN_PERIOD
 from lupin_engine.chart.source import Text
@@ -582,7 +582,7 @@ class _Composer:
         self._bound.setdefault(part.title, []).append(set(found))
         return found
 
-    def _use(self, draft: Draft, node: StateNode, mission: MissionNode) -> Use:
+    def _use(self, draft: Draft, node: StateNode, mission: MissionNode) -> UsedMission:
         """Read how a state uses a mission: the fields of its request, what begins anew with it."""
         path, inside = path_of(draft.name, "use"), draft.inner
         assert draft.scope is not None
@@ -603,7 +603,7 @@ class _Composer:
             else:
                 given[name] = field
         event = inside.with_event(ANY)
-        return Use(
+        return UsedMission(
             mission.name,
             given,
             node.at("use"),
