@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from lupin_engine.plugin.contract import Access
+
 #: The orchestrator's node.
 NODE = "mission_orchestrator"
 
@@ -23,3 +25,9 @@ ANSWER_SERVICE = f"/{NODE}/answer/{{}}"
 #: The service by which anything is asked of the orchestrator, and its type.
 COMMAND_SERVICE = f"/{NODE}/command"
 COMMAND_TYPE = "lupin_engine_msgs/srv/Command"
+
+#: Which of these people's pages may use.
+ACCESS = Access(
+    viewer=(STEPS_TOPIC, MISSIONS_TOPIC, CHART_TOPIC, POSSIBLE_TOPIC),
+    operator=(COMMAND_SERVICE, ANSWER_SERVICE.format("*")),
+)

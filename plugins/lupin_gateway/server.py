@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import socket
-from collections.abc import Awaitable, Callable, Sequence
+from collections.abc import Awaitable, Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,13 +15,18 @@ from starlette.requests import Request
 from starlette.responses import JSONResponse
 from starlette.routing import BaseRoute, Mount, Route, WebSocketRoute
 from starlette.staticfiles import StaticFiles
+from starlette.types import ASGIApp
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from lupin_engine.errors import UsageError
+from lupin_gateway.doors import NotAdmitted
 from lupin_gateway.encoding import FrameData
+from lupin_gateway.entrance import Entrance, admit, browser_of, refusal_of
+from lupin_gateway.guard import HouseRules
 from lupin_gateway.hub import Hub, Outbox
 from lupin_gateway.session import Limits, Session
 from lupin_gateway.sides import RosSide
+from lupin_gateway.stop import TELL_HZ
 
 #: The files that are served.
 PAGES = Path(__file__).with_name("pages")
@@ -57,8 +62,10 @@ class Address:
 def _listening(host: str, port: int) -> socket.socket:
     try:
         found = socket.create_server((host, port), backlog=128)
-        # Both are handed on to each connection: the outbox is where a client's frames wait, and who does not
-        # read at all is let go.
+        # All are handed on to each connection: the outbox is where a client's frames wait, who does not read
+        # at all is let go, and no answer waits 40 ms until the one before it is acknowledged. (asyncio sees
+        # to that for sockets that it makes itself.)
+        found.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         found.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, KERNEL_BUFFER)
         found.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, GONE_AFTER_MS)
         return found
@@ -73,13 +80,18 @@ def _listening(host: str, port: int) -> socket.socket:
 class Gateway:
     """All connections of one process."""
 
-    def __init__(self, ros: RosSide, hub: Hub, limits: Limits) -> None:
+    def __init__(
+        self, ros: RosSide, hub: Hub, limits: Limits, rules: HouseRules, tls: Mapping[str, str]
+    ) -> None:
+        """`tls` are the files of the server's certificate, by uvicorn's names; none: nothing is encrypted."""
+        self.rules = rules
+        self.tls = tls
         self._ros = ros
         self._hub = hub
         self._limits = limits
         self._clients = 0
 
-    def application(self) -> Starlette:
+    def application(self) -> ASGIApp:
         """Return what answers the first port."""
         routes: list[BaseRoute] = [
             WebSocketRoute("/_ros", self._connect),
@@ -87,9 +99,9 @@ class Gateway:
             Route("/status", self._status),
             Mount("/", StaticFiles(directory=PAGES, html=True)),
         ]
-        return Starlette(routes=routes)
+        return Entrance(Starlette(routes=routes), self.rules.doors)
 
-    def protocol_only(self) -> Starlette:
+    def protocol_only(self) -> ASGIApp:
         """Return what answers the second port: any path, as rosbridge does."""
         return Starlette(routes=[WebSocketRoute("/{path:path}", self._connect)])
 
@@ -97,13 +109,20 @@ class Gateway:
         return JSONResponse({"clients": self._clients, "topics": self._hub.topics()})
 
     async def _connect(self, socket_: WebSocket) -> None:
-        await socket_.accept()
+        try:
+            visitor = admit(self.rules.doors, socket_.headers)
+        except NotAdmitted as refused:
+            await socket_.send_denial_response(refusal_of(refused))
+            return
+        browser, known = browser_of(socket_.headers, secure=bool(self.tls))
+        await socket_.accept(headers=known)
+        guard = self.rules.enter(visitor, socket_.client.host if socket_.client else "", browser)
 
         def stop_sending() -> None:
             sending.cancel()
 
         outbox = Outbox(stop_sending)
-        session = Session(self._ros, self._hub, outbox, self._limits)
+        session = Session(self._ros, self._hub, outbox, self._limits, guard)
         sending = asyncio.ensure_future(_send_all(outbox, socket_))
         self._clients += 1
         try:
@@ -145,20 +164,30 @@ async def _send_away(socket_: WebSocket) -> None:
 async def serve(gateway: Gateway, sockets: Sequence[socket.socket], until: Awaitable[None]) -> None:
     """Serve on the sockets (the first one: files too) until told to stop, then close all connections."""
     applications = [gateway.application(), *(gateway.protocol_only() for _ in sockets[1:])]
-    servers = [uvicorn.Server(_configuration(application)) for application in applications]
+    servers = [uvicorn.Server(_configuration(application, gateway.tls)) for application in applications]
     running = [
         asyncio.ensure_future(server.serve(sockets=[each]))
         for server, each in zip(servers, sockets, strict=True)
     ]
+    telling = asyncio.ensure_future(_tell_steadily(gateway.rules))
     await until
+    telling.cancel()
     for server in servers:
         server.should_exit = True
     await asyncio.gather(*running)
 
 
-def _configuration(application: Starlette) -> uvicorn.Config:
+async def _tell_steadily(rules: HouseRules) -> None:
+    while True:
+        rules.tick()
+        await asyncio.sleep(1.0 / TELL_HZ)
+
+
+def _configuration(application: ASGIApp, tls: Mapping[str, str]) -> uvicorn.Config:
     return uvicorn.Config(
         application,
+        ssl_certfile=tls.get("ssl_certfile"),
+        ssl_keyfile=tls.get("ssl_keyfile"),
         log_config=None,
         access_log=False,
         ws="websockets-sansio",

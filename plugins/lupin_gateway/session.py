@@ -13,6 +13,7 @@ from typing import Any
 from lupin_gateway import protocol
 from lupin_gateway.doors import STOP_TOPIC
 from lupin_gateway.encoding import Compression, reply, status
+from lupin_gateway.guard import RESET_STOP, Guard
 from lupin_gateway.hub import Hub, Outbox, Subscriber
 from lupin_gateway.sides import CallFailed, GoalEnd, RosSide
 
@@ -58,11 +59,12 @@ class _Wishes:
 class Session:
     """The operations of one client, until it goes."""
 
-    def __init__(self, ros: RosSide, hub: Hub, outbox: Outbox, limits: Limits) -> None:
+    def __init__(self, ros: RosSide, hub: Hub, outbox: Outbox, limits: Limits, guard: Guard) -> None:
         self._ros = ros
         self._hub = hub
         self._outbox = outbox
         self._limits = limits
+        self._guard = guard
         self._level = protocol.LEVELS.index("info")
         self._wishes: dict[str, _Wishes] = {}
         self._advertised: set[str] = set()
@@ -71,11 +73,16 @@ class Session:
 
     def receive(self, frame: str | bytes) -> None:
         """Begin what a frame asks for."""
+        refused = self._guard.frame_refusal(frame)
+        if refused:
+            self.tell("error", refused)
+            return
         operation = protocol.parse(frame)
         if isinstance(operation, protocol.BadFrame):
             self._tell_bad(operation)
             return
-        refused = self._refused(operation)
+        subscriptions = sum(len(wishes.by_id) for wishes in self._wishes.values())
+        refused = self._guard.refusal(operation, subscriptions)
         if refused:
             self._tell_bad(_as_bad(operation, refused))
             return
@@ -84,22 +91,13 @@ class Session:
     def close(self) -> None:
         """The client has gone: end its subscriptions and goals; answers to come are dropped."""
         self._closed = True
+        self._guard.leave()
         for wishes in self._wishes.values():
             self._hub.unsubscribe(wishes.subscriber)
         for topic in self._advertised:
             self._ros.unadvertise(topic)
         for cancel in list(self._goals.values()):
             cancel()
-
-    # --- two places where others decide
-
-    def _refused(self, operation: protocol.Operation) -> str:
-        """Return why an operation is not permitted to this client; '' when it is."""
-        return ""
-
-    def _stop(self, operation: protocol.PublishMessage) -> None:
-        """Carry out a publication on the topic of the software stop."""
-        self._ros.publish(operation.topic, operation.message, partial(self.tell, "error", about=operation.id))
 
     # --- what is told
 
@@ -149,6 +147,8 @@ class Session:
             self._hub.unsubscribe(wishes.subscriber)
 
     def _advertise(self, operation: protocol.Advertise) -> None:
+        if operation.topic == STOP_TOPIC:
+            return  # pages tell it to the gateway, which alone tells ROS
         if operation.topic in self._advertised:
             self._ros.unadvertise(operation.topic)
         self._advertised.add(operation.topic)
@@ -162,14 +162,18 @@ class Session:
 
     def _publish(self, operation: protocol.PublishMessage) -> None:
         if operation.topic == STOP_TOPIC:
-            self._stop(operation)
+            self.tell("error", self._guard.told_stop(operation.message), operation.id)
             return
+        self._guard.published(operation)
         self._ros.publish(operation.topic, operation.message, partial(self.tell, "error", about=operation.id))
 
     # --- services
 
     def _call(self, operation: protocol.CallService) -> None:
-        answer = partial(self._answer, operation)
+        answer = partial(self._answered, operation)
+        if operation.service == RESET_STOP:
+            answer(self._guard.reset_stop(operation.arguments))
+            return
         if operation.service.startswith(ROSAPI):
             question = operation.service[len(ROSAPI) :]
             if not self._ros.ask(question, operation.arguments, answer):
@@ -177,6 +181,10 @@ class Session:
             return
         limit = self._limits.of(operation.service, operation.timeout)
         self._ros.call(operation.service, operation.arguments, limit, answer)
+
+    def _answered(self, operation: protocol.CallService, outcome: Any) -> None:
+        self._guard.answered(operation, outcome.text if isinstance(outcome, CallFailed) else outcome)
+        self._answer(operation, outcome)
 
     def _answer(self, operation: protocol.CallService, outcome: Any) -> None:
         failed = isinstance(outcome, CallFailed)
@@ -207,6 +215,7 @@ class Session:
         done = partial(self._ended, operation)
         cancel = self._ros.send_goal(operation.action, operation.arguments, feedback, done)
         self._goals[operation.id] = cancel
+        self._guard.answered(operation, None)
 
     def _cancel_goal(self, operation: protocol.CancelGoalById) -> None:
         cancel = self._goals.get(operation.id)
@@ -214,6 +223,7 @@ class Session:
             known = f"{operation.action}: no goal with the id {operation.id!r} is under way"
             self.tell("error", known, operation.id)
             return
+        self._guard.answered(operation, None)
         cancel()
 
     def _tell_feedback(self, operation: protocol.SendGoal, values: Mapping[str, Any]) -> None:
@@ -221,6 +231,7 @@ class Session:
 
     def _ended(self, operation: protocol.SendGoal, outcome: GoalEnd | CallFailed) -> None:
         self._goals.pop(operation.id, None)
+        self._guard.answered(operation, _told(outcome))
         self._end(operation, outcome)
 
     def _end(self, operation: protocol.SendGoal, outcome: GoalEnd | CallFailed) -> None:
@@ -238,6 +249,13 @@ class Session:
 
     def _set_level(self, operation: protocol.SetLevel) -> None:
         self._level = protocol.LEVELS.index(operation.level)
+
+
+def _told(outcome: GoalEnd | CallFailed) -> str | Mapping[str, Any]:
+    """Return the end of a goal for the log."""
+    if isinstance(outcome, CallFailed):
+        return outcome.text
+    return {"accepted": True, "message": f"ended with status {outcome.status}"}
 
 
 def _nobody(_: Mapping[str, Any]) -> None:

@@ -162,14 +162,15 @@ class StopArbiter:
             "on_link_lost": self._on_link_lost.value,
         }
 
-    def kept(self) -> list[str]:
-        """Return the names of the stops that are engaged, to be kept for a gateway that starts again."""
-        return sorted({*self._left, *(p.name for p in self._pages.values() if p.stopped_at is not None)})
+    def kept(self) -> list[tuple[str, str]]:
+        """Return name and browser of the stops that are engaged, for a gateway that starts again."""
+        pages = [(one.name, one.browser) for one in self._pages.values() if one.stopped_at is not None]
+        return sorted([*((left.name, left.browser) for left in self._left.values()), *pages])
 
-    def restore(self, names: Iterable[str], now: float) -> None:
+    def restore(self, kept: Iterable[tuple[str, str]], now: float) -> None:
         """Engage the stops that an earlier gateway had: its pages are gone, and none said all is well."""
-        for name in names:
-            self._leave(name, "", now)
+        for name, browser in kept:
+            self._leave(name, browser, now)
 
     def _leave(self, name: str, browser: str, since: float) -> None:
         """Keep a stop that nobody tells any more, under a name that no other has: a reset is of one alone."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import socket
 import sys
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -11,6 +12,7 @@ from lupin_engine.plugin.types import COUNT, DURATION, TEXT, list_of
 from lupin_engine.ros import names
 from lupin_engine.ros.adapter.node import RosNode
 from lupin_gateway.hub import Backlog, Hub
+from lupin_gateway.node import house
 from lupin_gateway.node.loop import LoopThread
 from lupin_gateway.node.ros import NodeSide
 from lupin_gateway.server import Address, Gateway, serve
@@ -41,6 +43,7 @@ PARAMETERS = {
         ["/floranova/observations=50", f"{names.STEPS_TOPIC}=50", "/tf_static=100", "/rosout=100"],
         "topics of which every message counts, each with how many a page gets that comes later",
     ),
+    **house.PARAMETERS,
 }
 
 
@@ -64,11 +67,14 @@ def kept_by(values: Mapping[str, Any]) -> Mapping[str, Backlog]:
 def check(values: Mapping[str, Any]) -> None:
     """Check the parameters together; see `ros.launch.nodes`."""
     kept_by(values)
+    house.check(values)
 
 
 def addresses(values: Mapping[str, Any]) -> list[str]:
     """Return where browsers find the pages; see `ros.launch.nodes`."""
-    return [f"pages at http://{values['host']}:{values['port']}"]
+    if not values["open"]:
+        return [f"pages at http://{values['host']}:{values['port']}"]
+    return [f"pages at https://{socket.gethostname()}:{values['port']}, for who has a token"]
 
 
 def main(arguments: Sequence[str]) -> int:
@@ -76,14 +82,15 @@ def main(arguments: Sequence[str]) -> int:
     sys.setswitchinterval(SWITCH_INTERVAL_S)
     with RosNode("lupin_gateway", arguments, PARAMETERS) as ros:
         values = ros.parameters()
+        check(values)
         kept = kept_by(values)
-        address = Address(values["host"], values["port"], values["rosbridge_port"])
+        address = Address(house.host(values), values["port"], values["rosbridge_port"])
         sockets = address.sockets()
         loop = LoopThread(ros.stop)
         side = NodeSide(ros, loop.post)
         limits = Limits(values["call_timeout"], values["slow_call_timeout"], tuple(values["slow_services"]))
         hub = Hub(side.listen, lambda topic: kept.get(topic, Backlog()))
-        gateway = Gateway(side, hub, limits)
+        gateway = Gateway(side, hub, limits, house.house_rules(ros, side, values), house.tls(values))
         loop.start(lambda until: serve(gateway, sockets, until))
         ros.on_stop(loop.stop)
         ros.log.info(

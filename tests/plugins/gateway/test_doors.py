@@ -10,6 +10,7 @@ import pytest
 from lupin_engine.errors import LupinError
 from lupin_engine.plugin.contract import Access
 from lupin_engine.plugin.registry import Catalog, load_catalog
+from lupin_engine.ros.names import ACCESS
 from lupin_gateway.doors import (
     LONGEST_FRAME,
     MOST_SUBSCRIPTIONS,
@@ -236,7 +237,7 @@ def test_what_is_declared_is_there(catalog: Catalog) -> None:
     assert named - topics - services == cancels
     # The servos themselves are the arm's node's alone.
     closed = ("/io/servo/", "/mirte_master_", "/enable_arm_control")
-    allowed = AllowList(declared_access(catalog))
+    allowed = AllowList([*declared_access(catalog), ACCESS])
     unnamed = {name for name in services if not name.startswith(closed) and not allowed.least(Use.CALL, name)}
     assert unnamed == set()
 

@@ -1,0 +1,211 @@
+"""What stands between pages and the robot: the house rules of all connections, and the guard of each.
+
+A guard says what its client may do, keeps its stop, and writes down its commands. Nothing here waits.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from lupin_engine.plugin.contract import Access
+from lupin_gateway import protocol
+from lupin_gateway.audit import AuditLog, Repetitions, command_line
+from lupin_gateway.doors import STOP_TOPIC, Allowance, AllowList, Doors, Use, UserRole, Visitor
+from lupin_gateway.stop import OnLinkLost, StopArbiter, stop_of
+
+#: Which stops are engaged, and the link (JSON in a std_msgs/String); the service that resets one by name.
+STOPS_TOPIC, RESET_STOP = "/lupin/hmi/stops", "/lupin/hmi/reset_stop"
+#: What the gateway itself has for pages.
+OWN_ACCESS = Access(viewer=(STOP_TOPIC, STOPS_TOPIC, "/rosapi/*"), operator=(RESET_STOP,))
+#: A frame that says stop is shorter than this, in bytes: a client that is too fast has no longer one read.
+STOP_FRAME = 4_000
+
+
+@dataclass(frozen=True)
+class Hands:
+    """What the rules do to the robot: tell it the stop, tell pages which stops there are, ask for a pause."""
+
+    tell_stop: Callable[[bool], None]
+    tell_state: Callable[[str], None]
+    pause: Callable[[Callable[[Any], None]], None]
+    keep: Callable[[list[tuple[str, str]]], object]
+
+
+@dataclass(frozen=True)
+class TwoClocks:
+    """Seconds of a clock that never goes back, and of the wall's (UNIX)."""
+
+    steady: Callable[[], float]
+    wall: Callable[[], float]
+
+
+class HouseRules:
+    """What holds for all connections of the gateway."""
+
+    def __init__(
+        self,
+        doors: Doors,
+        allowed: AllowList,
+        stops: StopArbiter,
+        log: AuditLog,
+        clocks: TwoClocks,
+        hands: Hands,
+    ) -> None:
+        self.doors = doors
+        self.allowed = allowed
+        self.stops = stops
+        self.clocks = clocks
+        self._log = log
+        self._hands = hands
+        self._connections = 0
+        self._told: tuple[bool, str] | None = None
+        self._kept = stops.kept()
+
+    def enter(self, visitor: Visitor, address: str, browser: str) -> Guard:
+        """Return the guard of a client that has connected; its `leave` is to be called."""
+        self._connections += 1
+        guard = Guard(self, self._connections, visitor, address, browser)
+        self.tell_changes()
+        return guard
+
+    def tick(self) -> None:
+        """Tell the stop, and decide about a lost link; to be called `TELL_HZ` times a second."""
+        decision = self.stops.link_lost(self.clocks.steady())
+        if decision is OnLinkLost.PAUSE:
+            self._hands.pause(lambda answer: self._decided("pause", answer))
+        elif decision is OnLinkLost.STOP:
+            self._decided("stop", {"accepted": True})
+        self._hands.tell_stop(self.stops.stopped)
+        self.tell_changes()
+
+    def _decided(self, what: str, answer: Any) -> None:
+        who = {"who": "gateway", "role": "", "from": "", "page": ""}
+        told = answer if isinstance(answer, Mapping) else str(getattr(answer, "text", answer))
+        self.write(who, "on_link_lost", what, {}, told)
+
+    def tell_changes(self) -> None:
+        """Tell what has changed: the stop first of all."""
+        now, stopped = self.clocks.steady(), self.stops.stopped
+        state = dict(self.stops.state(now))
+        stops = [{**stop, "age": 0.0} for stop in state["stops"]]
+        told = (stopped, json.dumps({**state, "stops": stops}))
+        before, self._told = self._told, told
+        if before is None or before[0] is not stopped:
+            self._hands.tell_stop(stopped)
+        if before != told:
+            self._hands.tell_state(json.dumps(state))
+        if (kept := self.stops.kept()) != self._kept:
+            self._kept = kept
+            self._hands.keep(kept)
+
+    def write(self, who: Mapping[str, str], what: str, name: str, sent: Any, answer: Any) -> None:
+        """Write a line of the audit log."""
+        self._log.write(command_line(self.clocks.wall(), who, what, name, sent, answer))
+
+
+class Guard:
+    """One connection: who is there, and what that client may do."""
+
+    def __init__(self, rules: HouseRules, number: int, visitor: Visitor, address: str, browser: str) -> None:
+        self._rules = rules
+        self._number = number
+        self._visitor = visitor
+        self._allowance = Allowance()
+        self._repetitions = Repetitions()
+        #: The name of the connection, by which its stop is reset.
+        self.name = f"{visitor.name}-{number}"
+        self._who = {"who": visitor.name, "role": visitor.role.word, "from": address, "page": self.name}
+        self._was_stopped = False
+        operator = visitor.role >= UserRole.OPERATOR
+        rules.stops.joined(number, self.name, operator=operator, browser=browser)
+
+    # -- what it may ----------------------------------------------------------------------------------------
+
+    def frame_refusal(self, frame: str | bytes) -> str:
+        """Return why a frame is not even read; '' where it is. It is one operation."""
+        size = len(frame) if isinstance(frame, bytes) or frame.isascii() else len(frame.encode())
+        self._too_fast = self._allowance.operation(self._rules.clocks.steady())
+        return self._allowance.frame(size) or (self._too_fast if size > STOP_FRAME else "")
+
+    def refusal(self, operation: protocol.Operation, subscriptions: int) -> str:
+        """Return why an operation is not carried out; '' where it is. `subscriptions` are those it has."""
+        if isinstance(operation, protocol.PublishMessage) and operation.topic == STOP_TOPIC:
+            return (
+                self._visitor.has_expired(self._rules.clocks.wall()) if not stop_of(operation.message) else ""
+            )
+        if self._too_fast:
+            return self._too_fast
+        refused = self._visitor.has_expired(self._rules.clocks.wall()) or self._name_refusal(operation)
+        if refused and (named := _command(operation)):
+            self._rules.write(self._who, *named, refused)
+        if not refused and isinstance(operation, protocol.SubscribeTopic):
+            return self._allowance.subscription(subscriptions)
+        return refused
+
+    def _name_refusal(self, operation: protocol.Operation) -> str:
+        match operation:
+            case protocol.SubscribeTopic(topic=name):
+                use = Use.SUBSCRIBE
+            case protocol.PublishMessage(topic=name) | protocol.Advertise(topic=name):
+                use = Use.PUBLISH
+            case protocol.CallService(service=name):
+                use = Use.CALL
+            case protocol.SendGoal(action=name) | protocol.CancelGoalById(action=name):
+                use = Use.ACTION
+            case _:
+                return ""
+        return self._rules.allowed.refusal(self._visitor, use, name)
+
+    # -- what it does -----------------------------------------------------------------------------------
+
+    def told_stop(self, message: Any) -> str:
+        """Take what the page says of its stop; return why it is not taken, '' where it is."""
+        rules, stopped = self._rules, stop_of(message)
+        refused = rules.stops.told(self._number, stopped, rules.clocks.steady())
+        rules.tell_changes()
+        if stopped is not self._was_stopped:
+            rules.write(self._who, "publish", STOP_TOPIC, {"data": stopped}, refused or None)
+        self._was_stopped = stopped
+        return refused
+
+    def reset_stop(self, arguments: Any) -> Mapping[str, Any]:
+        """Release a stop by its name, and return the response of `RESET_STOP`."""
+        name = arguments.get("name", "") if isinstance(arguments, Mapping) else ""
+        refused = self._rules.stops.reset(str(name))
+        self._rules.tell_changes()
+        return {"success": not refused, "message": refused or f"the stop of {name} is released"}
+
+    def published(self, operation: protocol.PublishMessage) -> None:
+        """Write down a publication, unless it repeats the last one."""
+        if self._repetitions.is_command(operation.topic, operation.message, self._rules.clocks.steady()):
+            self._rules.write(self._who, "publish", operation.topic, operation.message, None)
+
+    def answered(self, operation: protocol.Operation, answer: Any) -> None:
+        """Write down a command with its answer: fields by name, or why there are none."""
+        if named := _command(operation):
+            what, name, _ = named
+            if what != "call_service" or self._rules.allowed.least(Use.CALL, name) is not UserRole.VIEWER:
+                self._rules.write(self._who, *named, answer)
+
+    def leave(self) -> None:
+        """The client has gone; its stop stays."""
+        self._rules.stops.gone(self._number, self._rules.clocks.steady())
+        self._rules.tell_changes()
+
+
+def _command(operation: protocol.Operation) -> tuple[str, str, Any] | None:
+    """Return what a command is called, of what, with what was sent; None for what commands nothing."""
+    match operation:
+        case protocol.CallService(service=name, arguments=sent):
+            return "call_service", name, sent
+        case protocol.PublishMessage(topic=name, message=sent):
+            return "publish", name, sent
+        case protocol.SendGoal(action=name, arguments=sent):
+            return "send_action_goal", name, sent
+        case protocol.CancelGoalById(action=name, id=sent):
+            return "cancel_action_goal", name, {"id": sent}
+        case _:
+            return None

@@ -1,0 +1,181 @@
+"""The house rules as parameters of the node: doors, names, what a lost link does, and where the log is."""
+
+from __future__ import annotations
+
+import json
+import ssl
+import time
+from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from std_msgs.msg import Bool, String
+
+from lupin_engine.errors import LupinError, Problems, UsageError
+from lupin_engine.plugin.contract import Access, Parameter
+from lupin_engine.plugin.files import ros_domain, user_folder, write_atomically
+from lupin_engine.plugin.registry import Catalog, load_catalog
+from lupin_engine.plugin.types import BOOL, TEXT, list_of, one_of
+from lupin_engine.ros import names
+from lupin_engine.ros.adapter.node import Qos, RosNode
+from lupin_engine.ros.folder import MissionsFolder
+from lupin_gateway.audit import AuditLog
+from lupin_gateway.doors import STOP_TOPIC, AllowList, Doors, declared_access, open_problems, read_tokens
+from lupin_gateway.guard import OWN_ACCESS, STOPS_TOPIC, Hands, HouseRules, TwoClocks
+from lupin_gateway.sides import CallFailed, RosSide
+from lupin_gateway.stop import OnLinkLost, StopArbiter
+
+#: Addresses at which only this machine is heard.
+LOOPBACK = ("127.0.0.1", "localhost", "::1")
+#: The request that `on_link_lost: pause` sends, and how long its answer may take, in seconds.
+PAUSE, PAUSE_S = "pause", 5.0
+
+PARAMETERS = {
+    "open": Parameter(
+        BOOL, False, "whether other machines may reach it; then it needs tls_certificate, tls_key and tokens"
+    ),
+    "tls_certificate": Parameter(TEXT, "", "file with the certificate of this machine (PEM)"),
+    "tls_key": Parameter(TEXT, "", "file with its key (PEM)"),
+    "tokens": Parameter(
+        TEXT, "", "file of who may come in: lines of NAME ROLE EXPIRES TOKEN; empty: all of this machine"
+    ),
+    "origins": Parameter(
+        list_of(TEXT), [], "origins of pages that other servers serve, such as https://hmi.example:8443"
+    ),
+    "viewer_names": Parameter(
+        list_of(TEXT), [], "topics that viewers may read beside those that are declared; * is any letters"
+    ),
+    "operator_names": Parameter(
+        list_of(TEXT), [], "topics, services and actions that operators may use beside those declared"
+    ),
+    "engineer_names": Parameter(
+        list_of(TEXT), [], "topics, services and actions that engineers may use beside those declared"
+    ),
+    "viewers_stop": Parameter(BOOL, True, "whether a viewer may stop the robot, too"),
+    "on_link_lost": Parameter(
+        one_of(*(one.value for one in OnLinkLost)),
+        OnLinkLost.CONTINUE.value,
+        "what is done when the last operator's page is gone",
+    ),
+    "audit_file": Parameter(
+        TEXT, "", "file with a line for each command; empty: one in the user's state folder"
+    ),
+    "missions_path": Parameter(
+        TEXT, "", "folder whose bindings name more; empty: the orchestrator's default"
+    ),
+}
+
+
+def check(values: Mapping[str, Any]) -> None:
+    """Check the parameters together.
+
+    Raises:
+        UsageError: everything that is wrong with them.
+    """
+    problems = Problems(UsageError)
+    if values["open"]:
+        problems.add(*open_problems(values["tls_certificate"], values["tls_key"], values["tokens"]))
+    elif values["host"] not in LOOPBACK:
+        problems.add(f"host {values['host']}: others can reach it there: write open: true, or leave host out")
+    if values["tokens"] and Path(values["tokens"]).is_file():
+        with problems.collecting():
+            read_tokens(Path(values["tokens"]))
+    if not problems:
+        with problems.collecting():
+            tls(values)
+    problems.tell()
+
+
+def tls(values: Mapping[str, Any]) -> Mapping[str, str]:
+    """Return what the server's TLS is made of; nothing where there is none.
+
+    Raises:
+        UsageError: the files are no certificate with its key.
+    """
+    certificate, key = values["tls_certificate"], values["tls_key"]
+    if not (certificate and key):
+        return {}
+    try:
+        ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER).load_cert_chain(certificate, key)
+    except (OSError, ssl.SSLError) as problem:
+        reason = problem.strerror or str(problem)
+        raise UsageError(f"{certificate} and {key} are no certificate with its key: {reason}") from None
+    return {"ssl_certfile": certificate, "ssl_keyfile": key}
+
+
+def host(values: Mapping[str, Any]) -> str:
+    """Return the address to listen on: an open gateway is heard at all of them, unless one is named."""
+    named: str = values["host"]
+    return "0.0.0.0" if values["open"] and named in LOOPBACK else named
+
+
+def house_rules(ros: RosNode, side: RosSide, values: Mapping[str, Any]) -> HouseRules:
+    """Return the rules, with the stops that an earlier gateway of this domain has left."""
+    catalog, folder = load_catalog(), state_folder()
+    tokens = Path(values["tokens"]) if values["tokens"] else None
+    doors = Doors(partial(read_tokens, tokens) if tokens else None, values["origins"])
+    stops = StopArbiter(OnLinkLost(values["on_link_lost"]), values["viewers_stop"])
+    stops_file, disk = folder / "stops.json", ThreadPoolExecutor(1, "stops")
+    stops.restore(_read_stops(ros, stops_file), time.monotonic())
+    told = ros.publisher(Bool, STOP_TOPIC, Qos.EVENT)
+    shown = ros.publisher(String, STOPS_TOPIC, Qos.LATCHED)
+    hands = Hands(
+        tell_stop=lambda stopped: told.publish(Bool(data=stopped)),
+        tell_state=lambda state: shown.publish(String(data=state)),
+        pause=_pausing(side, catalog),
+        keep=lambda kept: disk.submit(_keep_stops, ros, stops_file, kept),
+    )
+    log = AuditLog(Path(values["audit_file"]) if values["audit_file"] else folder / "audit.jsonl")
+    allowed = AllowList([*declared_access(catalog), *_own(ros, catalog, values)])
+    ros.on_stop(log.close)
+    return HouseRules(doors, allowed, stops, log, TwoClocks(time.monotonic, time.time), hands)
+
+
+def state_folder() -> Path:
+    """Return the folder of what the gateway of this ROS domain keeps, made if need be."""
+    domain = ros_domain()
+    folder = user_folder("XDG_STATE_HOME", ".local/state") / (f"gateway-{domain}" if domain else "gateway")
+    folder.mkdir(parents=True, exist_ok=True)
+    return folder
+
+
+def _own(ros: RosNode, catalog: Catalog, values: Mapping[str, Any]) -> Iterator[Access]:
+    """Yield what no catalog declares: the gateway's own names, the engine's, bindings, and settings."""
+    yield names.ACCESS
+    yield OWN_ACCESS
+    yield Access(*(tuple(values[f"{role}_names"]) for role in ("viewer", "operator", "engineer")))
+    try:
+        bindings = MissionsFolder(values, catalog).load()
+    except LupinError as problem:
+        ros.log.warning(f"names of bindings are not offered to pages: {problem}")
+        return
+    called = (call.endpoint.name for one in bindings.bindings.values() for call in one.calls.values())
+    yield Access(viewer=tuple(bindings.heard), engineer=tuple(called))
+
+
+def _pausing(side: RosSide, catalog: Catalog) -> Callable[[Callable[[Any], None]], None]:
+    wire = catalog.profile.wire
+    if wire is None or PAUSE not in catalog.profile.requests:
+        return lambda done: done(CallFailed("no request of this profile pauses a mission"))
+    service = wire.requests.format(PAUSE)
+    return lambda done: side.call(service, {}, PAUSE_S, done)
+
+
+def _read_stops(ros: RosNode, file: Path) -> list[tuple[str, str]]:
+    """Return the stops that were kept; what cannot be read is one."""
+    try:
+        return [(str(name), str(browser)) for name, browser in json.loads(file.read_text(encoding="utf-8"))]
+    except FileNotFoundError:
+        return []
+    except (OSError, ValueError, TypeError) as problem:
+        ros.log.error(f"{file}: {problem}: the robot is stopped until somebody resets the stop 'unknown'")
+        return [("unknown", "")]
+
+
+def _keep_stops(ros: RosNode, file: Path, kept: list[tuple[str, str]]) -> None:
+    try:
+        write_atomically(file, json.dumps(kept).encode())
+    except OSError as problem:
+        ros.log.error(f"{file}: the stops cannot be kept for a gateway that starts again: {problem}")
