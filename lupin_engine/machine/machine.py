@@ -338,7 +338,7 @@ class Machine:
         elif internal.state is not None and internal.state not in self.memory.configuration and not raised:
             self._step.note(f"dropped: {internal.name} of {internal.state}, which was left")
         elif internal.name == "error":
-            self._step.queue.append(InternalEvent(EXECUTION_ERROR, None, trigger))
+            self._step.queue.insert(0, InternalEvent(EXECUTION_ERROR, None, trigger))
         elif internal.name == EXECUTION_ERROR:
             self._step.note(f"nobody handles the error {trigger.error.get('detail', '')}")
         else:

@@ -192,6 +192,17 @@ def test_the_queue_is_kept_when_an_action_fails() -> None:
     assert (bench.commands, bench.leaves) == (["act heard"], ["FAULT"])
 
 
+def test_an_error_that_nobody_handles_keeps_its_turn() -> None:
+    """As in SCXML, what was raised after it is dealt with after it: in FAULT, and not before that."""
+    states: dict[str, Any] = {
+        "A": {"exit": BAD, "on": {"go": "B"}},
+        "B": {"entry": ("raise", {"event": "later"}), "on": {"later": "C"}},
+        "C": {},
+        "FAULT": {},
+    }
+    assert go(chart(states)).steps[-1].entered == ("B", "FAULT")
+
+
 @pytest.mark.parametrize(
     "call",
     [
