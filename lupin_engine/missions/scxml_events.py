@@ -1,0 +1,246 @@
+"""The events of an SCXML document: who raises them, who listens, and what an expression sees of them.
+
+A descriptor (`a`, `a.*`) is written under each event of the document that it covers, so that the order of the
+document decides. First words that the language keeps for itself get another: `error.execution` becomes
+`failed.execution`, the end of a state that is heard elsewhere `STATE_done`.
+"""
+
+from __future__ import annotations
+
+import re
+from collections import defaultdict
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import accumulate, pairwise
+
+from lupin_engine.missions.scxml_elements import Element
+from lupin_engine.missions.scxml_expressions import UNDEFINED, Operand, constant
+from lupin_engine.plugin.registry import RESERVED_EVENTS
+
+PROCESSOR = "http://www.w3.org/TR/scxml/#SCXMLEventProcessor"
+PROCESSORS = ("", "scxml", PROCESSOR)
+REGIONS = ("state", "parallel", "final")
+STATES = (*REGIONS, "history")
+QUOTED = re.compile(r"'[^']*'|\"[^\"]*\"")
+_DONE = "done.state."
+#: First words of events that the language keeps for itself, and what stands for them.
+_RENAMED = {first: f"{first}_" for first in RESERVED_EVENTS} | {"error": "failed", "done": "ended"}
+
+#: The events that may have led to where an expression stands; None: nobody knows.
+Seen = frozenset[str] | None
+
+
+def word(text: str) -> str:
+    """Return a name that the language accepts."""
+    found = re.sub(r"\W", "_", text, flags=re.ASCII)
+    return found if found[:1].isalpha() else f"x{found}"
+
+
+def snake(text: str) -> str:
+    """Return a name in words of lower case: `waitForUser` is `wait_for_user`."""
+    return re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", word(text)).lower()
+
+
+def split(rule: Element) -> list[str]:
+    """Return the event descriptors of a transition."""
+    return rule.get("event").split()
+
+
+def is_to_itself(send: Element) -> bool:
+    """Say whether a `send` goes to the document's own session."""
+    to = send.get("target") or send.get("targetexpr")
+    return to in ("", "#_internal", "'#_internal'") and send.get("type") in PROCESSORS
+
+
+def params_of(element: Element) -> set[str]:
+    """Return the fields that an event or a result carries; a `content` is one of that name."""
+    names = {word(param.get("name")) for param in element.all("param")}
+    return names | set(map(word, element.get("namelist").split())) | {c.kind for c in element.all("content")}
+
+
+class Events:
+    """The events of one document."""
+
+    def __init__(self, root: Element, own: bool) -> None:
+        """Look through a document; `own` is one that the engine exported."""
+        self._own = own
+        #: By event, what raises it; of the end of a state its `donedata`, of an error nothing.
+        self._sources: defaultdict[str, list[Element]] = defaultdict(list)
+        #: By event descriptor, the events that it matches, and the states with a transition on it.
+        self._matched: defaultdict[str, list[str]] = defaultdict(list)
+        self.listening: defaultdict[str, set[Element]] = defaultdict(set)
+        #: What is always an error.
+        self.failing: set[Element] = set()
+        #: Events that nothing raises, because what would comes after an error.
+        self.never: set[str] = set()
+        self._original: dict[str, str] = {}
+        #: By variable, the texts that it can have; None stands for what is no literal.
+        self._texts: defaultdict[str, list[str | None]] = defaultdict(list)
+        for element in root.every("data", "assign"):
+            given = (element.get("expr") or element.text).strip()
+            text = given[1:-1] if QUOTED.fullmatch(given) else None
+            self._texts[element.get("id") or element.get("location")].append(text)
+        for element in root.every("raise", "send"):
+            for event in self.raised_by(element).values():
+                self._sources[event].append(element)
+        self._states = {state.get("id"): state for state in root.every(*STATES) if state.get("id")}
+        for rule in root.every("transition"):
+            for descriptor in split(rule):
+                if rule.parent is not None:
+                    self.listening[self.name(descriptor)].add(rule.parent)
+        #: States whose end is heard elsewhere than in them and around them, and the event that tells of it.
+        self.told_ends = {} if own else dict(self._ends_heard_elsewhere(root))
+        for state, event in self.told_ends.items():
+            self._sources[event] += [data for final in state.all("final") for data in final.all("donedata")]
+        for event in sorted(self._sources):
+            self._match(event)
+
+    def _ends_heard_elsewhere(self, root: Element) -> Iterator[tuple[Element, str]]:
+        for rule in root.every("transition"):
+            for descriptor in split(rule):
+                state = (
+                    self._states.get(descriptor.removeprefix(_DONE)) if descriptor.startswith(_DONE) else None
+                )
+                if state is not None and state.kind == "state" and rule.parent not in (state, *state.around):
+                    yield state, f"{word(state.get('id'))}_done"
+
+    def _match(self, event: str) -> None:
+        for descriptor in accumulate(event.split("."), "{}.{}".format):
+            if event not in self._matched[descriptor]:
+                self._matched[descriptor].append(event)
+
+    def raised_by(self, element: Element) -> dict[str, str]:
+        """Return the events that a `raise` or `send` may raise, by the texts that name them."""
+        text = element.get("eventexpr").strip()
+        texts: list[str | None] = [element.get("event") or None]
+        if text and not element.get("event"):
+            texts = [text[1:-1]] if QUOTED.fullmatch(text) else self._texts[text]
+        return {one: self.name(one) for one in texts if one} if all(texts) else {}
+
+    def is_sent_once(self, event: str) -> bool:
+        """Say whether there is but one place that raises an event."""
+        return len(self._sources[event]) == 1
+
+    def fails(self, element: Element, event: str) -> str:
+        """Take note that something always raises an error; return the event that stands for it."""
+        self.failing.add(element)
+        found = self.name(event)
+        self._sources.setdefault(found, [])
+        self._match(found)
+        return found
+
+    def cut(self, action: Element) -> None:
+        """Take note that an action is never carried out."""
+        for element in action.every("raise", "send"):
+            for name in self.raised_by(element).values():
+                sources = self._sources.get(name, [])
+                if element in sources:
+                    sources.remove(element)
+                if not sources and name in self._sources:
+                    del self._sources[name]
+                    self.never.add(name)
+                    for matched in self._matched.values():
+                        if name in matched:
+                            matched.remove(name)
+
+    def name(self, text: str) -> str:
+        """Return an event's name, or a descriptor without the `.*` or `.` at its end."""
+        text = re.sub(r"\.\*?$", "", text.strip())
+        if text in ("*", ""):
+            return "*"
+        first, *rest = map(word, text.split("."))
+        found = ".".join((first if self._own else _RENAMED.get(first, first), *rest))
+        self._original[found] = text
+        return found
+
+    def end(self, descriptor: str) -> str:
+        """Return the event that tells of the end of a state, where somebody elsewhere hears it; else ''."""
+        state = self._states.get(descriptor.removeprefix(_DONE)) if descriptor.startswith(_DONE) else None
+        return self.told_ends.get(state, "") if state is not None else ""
+
+    @property
+    def all(self) -> list[str]:
+        """All events that the document raises."""
+        return sorted(self._sources)
+
+    def matched(self, descriptor: str) -> list[str]:
+        """Return the events of the document that a descriptor covers."""
+        if self._own:
+            return []
+        end = self.end(descriptor)
+        return [end] if end else self._matched[self.name(descriptor)]
+
+    def heard_by(self, event: str) -> set[Element]:
+        """Return the states with a transition on an event, other than by `*`."""
+        descriptors = accumulate(event.split("."), "{}.{}".format)
+        return {state for descriptor in descriptors for state in self.listening[descriptor]}
+
+    # -- what an expression sees ----------------------------------------------------------------------------
+
+    def seen_by(self, descriptor: str) -> Seen:
+        """Return the events that may be seen where a transition on a descriptor is taken."""
+        if not descriptor or descriptor == "*":
+            return None
+        if descriptor.startswith(_DONE):
+            return frozenset({descriptor})
+        return frozenset(self.matched(descriptor) or {self.name(descriptor)})
+
+    def seen_in(self, state: Element, ways: Sequence[Element]) -> Seen:
+        """Return the events that may be seen on entering a state to which these transitions lead.
+
+        Where the document begins there is none.
+        """
+        around = (state, *state.around)
+        if not ways and all(one in outer.all(*REGIONS)[:1] for one, outer in pairwise(around)):
+            return frozenset()
+        found: set[str] = set()
+        for rule in ways:
+            for descriptor in split(rule) or [""]:
+                seen = self.seen_by(descriptor)
+                if seen is None:
+                    return None
+                found |= seen
+        beginning = state.parent is None or state.parent.all(*REGIONS)[:1] == [state]
+        return frozenset(found) if found and not beginning else None
+
+    def _senders(self, seen: Seen) -> list[Element] | None:
+        """Return what may have raised the event that is seen; None where nobody knows."""
+        found: list[Element] = []
+        for event in seen or ():
+            state = self._states.get(event.removeprefix(_DONE)) if event.startswith(_DONE) else None
+            if state is not None:
+                finals = state.all("final")
+                found += [(final.all("donedata") or [final])[0] for final in finals]
+            elif event not in self._sources:
+                return None
+            else:
+                found += self._sources[event]
+        return found or None
+
+    def carried(self, seen: Seen) -> set[str] | None:
+        """Return the fields that the event which is seen has in every case; None where nobody knows."""
+        senders = self._senders(seen)
+        fields = [set() if sender in self.failing else params_of(sender) for sender in senders or ()]
+        return set.intersection(*fields) if fields else None
+
+    def property(self, name: str, seen: Seen) -> Operand | None:
+        """Return what `_event.NAME` is, where it is the same for all events that may be seen."""
+        if name == "name":
+            names = {self._original.get(event, event) for event in seen or ()}
+            return constant(names.pop()) if len(names) == 1 else None
+        senders = self._senders(seen)
+        found = {_properties(sender).get(name, "") for sender in senders or ()}
+        if len(found) != 1 or name not in _PROPERTIES or (name == "origin" and found != {""}):
+            return None
+        value = found.pop()
+        return constant(value) if value else UNDEFINED
+
+
+_PROPERTIES = ("type", "sendid", "origintype", "invokeid", "origin")
+
+
+def _properties(sender: Element) -> Mapping[str, str]:
+    """Return what SCXML says of an event beside its name and data."""
+    if sender.kind == "send" and sender.get("target") != "#_internal":
+        told = {"type": "external", "origintype": PROCESSOR, "origin": "the session"}
+        return {**told, "sendid": sender.get("id") or sender.get("idlocation")}
+    return {"type": "internal" if sender.kind in ("raise", "send") else "platform"}

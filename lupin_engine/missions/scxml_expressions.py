@@ -1,0 +1,402 @@
+"""Read ECMAScript as charts use it: an expression becomes one of the language, with its type.
+
+Numbers, texts, lists, variables, arithmetic, comparisons, `&&`, `||`, `!`, `?:`, `In()`, a few of `Math` and
+`typeof x === 'undefined'`. ECMAScript takes any value for a truth value; here a number is compared with 0, a
+text with ''. A statement (`return`) is no expression in any engine: where one stands, SCXML makes an error.
+"""
+
+from __future__ import annotations
+
+import ast
+import re
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from lupin_engine.missions.scxml_notes import AlwaysFails, CannotSay
+
+#: Longer or deeper expressions are none that a mission can say.
+MAX_CHARACTERS, MAX_DEPTH = 2000, 40
+_TOKEN = re.compile(
+    r"""\s*(?:(?P<number>(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)(?![\w$])|(?P<text>'[^'\\$\n]*'|"[^"\\$\n]*")"""
+    r"""|(?P<name>[A-Za-z_$][\w$]*)|(?P<sign>[=!]==?|<=|>=|&&|\|\||[-+*/%<>!?:()\[\]{},.]))"""
+)
+#: Words that begin or end statements and so are no expression.
+_STATEMENTS = frozenset(
+    (
+        *("break", "case", "catch", "continue", "default", "do", "else", "export", "finally", "for", "if"),
+        *("import", "return", "switch", "throw", "try", "var", "while", "with"),
+    )
+)
+_LEVELS = {"||": 1, "or": 1, "&&": 2, "and": 2, **dict.fromkeys(("==", "===", "!=", "!=="), 3)}
+_LEVELS |= {**dict.fromkeys(("<", "<=", ">", ">="), 4), "+": 5, "-": 5, "*": 6, "/": 6, "%": 6}
+_ARITHMETIC: Mapping[str, type[ast.operator]] = {
+    "+": ast.Add,
+    "-": ast.Sub,
+    "*": ast.Mult,
+    "/": ast.Div,
+    "%": ast.Mod,
+}
+_COMPARISONS: Mapping[str, type[ast.cmpop]] = {
+    **dict.fromkeys(("==", "==="), ast.Eq),
+    **dict.fromkeys(("!=", "!=="), ast.NotEq),
+    "<": ast.Lt,
+    "<=": ast.LtE,
+    ">": ast.Gt,
+    ">=": ast.GtE,
+}
+#: Functions of `Math` that the language has, too.
+_MATH = {"Math.max": "max", "Math.min": "min", "Math.abs": "abs", "Math.round": "round"}
+_TYPEOF = {"number": "number", "text": "string", "bool": "boolean", "undefined": "undefined"}
+_ASSIGNMENT = re.compile(
+    r"(?:(?:var|let)\s+)?([A-Za-z_$][\w$.]*)\s*([-+*/]?=(?!=)|\+\+|--)\s*(.*)", re.DOTALL
+)
+
+
+@dataclass
+class Operand:
+    """A part of an expression: its tree, and its type; '' is not known.
+
+    Beside the types of the language there are `undefined`, `typeof` and `object`, which has fields. A text
+    that is put together has parts.
+    """
+
+    node: ast.expr
+    type: str = ""
+    fields: Mapping[str, Operand] = field(default_factory=dict)
+    parts: tuple[Operand, ...] = ()
+    #: It may be undefined for a while, though it has a type.
+    is_optional: bool = False
+
+
+UNDEFINED = Operand(ast.Constant(None), "undefined")
+
+#: Says what a name with dots means, and how many of its words it used.
+Resolve = Callable[[list[str]], tuple[Operand, int]]
+
+
+def constant(value: Any) -> Operand:
+    """Return the meaning of a literal."""
+    if isinstance(value, bool):
+        return Operand(ast.Name("true" if value else "false"), "bool")
+    return Operand(ast.Constant(value), "text" if isinstance(value, str) else "number")
+
+
+def read(text: str, resolve: Resolve) -> Operand:
+    """Return what an expression means.
+
+    Raises:
+        CannotSay: it is more than the language's.
+        AlwaysFails: it is no expression in ECMAScript either.
+    """
+    if len(text) > MAX_CHARACTERS:
+        raise CannotSay(f"an expression of {len(text)} characters")
+    try:
+        reader = _EcmaReader(text, resolve)
+        found = reader.expression()
+        reader.expect("")
+    except RecursionError:
+        raise CannotSay(f"the expression {text!r}") from None
+    return found
+
+
+def truth(found: Operand) -> ast.expr:
+    """Return a value as a condition: whether ECMAScript takes it for true."""
+    if found.type in ("number", "text"):
+        zero = ast.Constant(0 if found.type == "number" else "")
+        return ast.Compare(found.node, [ast.NotEq()], [zero])
+    if found.type.startswith("list"):
+        return constant(True).node
+    return constant(False).node if found.type == "undefined" else found.node
+
+
+def written(node: ast.expr) -> str:
+    """Return the text of an expression."""
+    return ast.unparse(node)
+
+
+def value_of(found: Operand) -> Any:
+    """Return a literal as it is, and any other expression as `${ ... }`.
+
+    Raises:
+        CannotSay: no variable can have this value.
+    """
+    if found.parts:
+        return "".join(_spelled(part) for part in found.parts)
+    if found.type in ("undefined", "typeof", "object"):
+        raise CannotSay(f"a value that is {found.type}")
+    text = written(found.node)
+    try:
+        return ast.literal_eval({"true": "True", "false": "False"}.get(text, text))
+    except (ValueError, TypeError, SyntaxError):
+        return f"${{ {text} }}"
+
+
+def assignments(script: str) -> Iterator[tuple[str, str]]:
+    """Yield location and expression of each statement of a script.
+
+    Raises:
+        CannotSay: it does more than assign.
+    """
+    text = re.sub(r"//[^\n]*|/\*.*?\*/", "", script, flags=re.DOTALL)
+    for statement in filter(None, map(str.strip, re.split(r"[;\n]", text))):
+        found = _ASSIGNMENT.fullmatch(statement)
+        if found is None or (found[2] in ("++", "--")) is bool(found[3]):
+            raise CannotSay("a script")
+        name, sign, given = found.groups()
+        yield name, given if sign == "=" else f"{name} {sign[0]} {f'({given})' if given else 1}"
+
+
+def _known(node: ast.expr) -> bool | None:
+    """Return what a condition is that is the same whenever it is asked."""
+    return {"true": True, "false": False}.get(node.id) if isinstance(node, ast.Name) else None
+
+
+def _spelled(part: Operand) -> str:
+    return part.node.value if _is_text(part) else f"${{ {written(part.node)} }}"  # type: ignore[attr-defined]
+
+
+def _is_text(part: Operand) -> bool:
+    return isinstance(part.node, ast.Constant) and isinstance(part.node.value, str)
+
+
+class _EcmaReader:
+    """Reads by descent: each method one form, with what binds closer below it."""
+
+    def __init__(self, text: str, resolve: Resolve) -> None:
+        self._text = text
+        self._resolve = resolve
+        self._tokens = list(self._split(text.strip()))
+        self._at = 0
+        self._depth = 0
+
+    def _split(self, text: str) -> Iterator[tuple[str, str]]:
+        at = 0
+        while at < len(text):
+            found = _TOKEN.match(text, at)
+            if found is None or found.lastgroup is None:
+                raise self._no()
+            yield found.lastgroup, found[found.lastgroup]
+            at = found.end()
+
+    def _no(self) -> CannotSay:
+        return CannotSay(f"the expression {' '.join(self._text.split())!r}")
+
+    @property
+    def _next(self) -> str:
+        return self._tokens[self._at][1] if self._at < len(self._tokens) else ""
+
+    def _take(self, *signs: str) -> str:
+        """Return the next token and go on if it is one of these."""
+        found = self._next
+        if found not in signs or not found or self._tokens[self._at][0] in ("text", "number"):
+            return ""
+        self._at += 1
+        return found
+
+    def expect(self, sign: str) -> None:
+        """Go on after a sign, or with '' make sure that this is the end."""
+        if not self._take(sign) if sign else self._next:
+            raise self._no()
+
+    def expression(self) -> Operand:
+        self._depth += 1
+        if self._depth > MAX_DEPTH:
+            raise self._no()
+        found = self._binary(1)
+        if self._take("?"):
+            then = self.expression()
+            self.expect(":")
+            other = self.expression()
+            node = ast.IfExp(truth(found), self._plain(then), self._plain(other))
+            found = Operand(node, then.type if then.type == other.type else "")
+        self._depth -= 1
+        return found
+
+    def _plain(self, found: Operand) -> ast.expr:
+        """Return the tree of what can stand inside of an expression."""
+        if found.parts or found.type in ("undefined", "typeof", "object"):
+            raise self._no()
+        return found.node
+
+    def _binary(self, level: int) -> Operand:
+        left = self._unary()
+        while (sign := self._next) and _LEVELS.get(sign, 0) >= level and self._take(sign):
+            left = self._joined(left, sign, self._binary(_LEVELS[sign] + 1))
+        return left
+
+    def _joined(self, left: Operand, sign: str, right: Operand) -> Operand:
+        if sign in ("&&", "and", "||", "or"):
+            is_and = sign in ("&&", "and")
+            sides = [truth(left), truth(right)]
+            for side, other in (sides, sides[::-1]):
+                if (known := _known(side)) is not None:
+                    return Operand(other if known is is_and else side, "bool")
+            both = ast.And() if is_and else ast.Or()
+            first = sides[0]
+            if isinstance(first, ast.BoolOp) and type(first.op) is type(both):
+                sides = [*first.values, sides[1]]
+            return Operand(ast.BoolOp(both, sides), "bool")
+        if sign in _COMPARISONS:
+            return self._compared(left, sign, right)
+        if sign == "+" and "text" in (left.type, right.type):
+            parts = [part for side in (left, right) for part in side.parts or (side,)]
+            if any(part.type == "undefined" for part in parts):
+                raise self._no()
+            return Operand(ast.Constant(""), "text", parts=tuple(parts))
+        known = left.type == right.type == "number"
+        node = ast.BinOp(self._plain(left), _ARITHMETIC[sign](), self._plain(right))
+        return Operand(node, "number" if known else "")
+
+    def _compared(self, left: Operand, sign: str, right: Operand) -> Operand:
+        same = sign in ("==", "===")
+        if left.type == "typeof" and _is_text(right):
+            kind = left.fields["of"].type
+            if kind not in _TYPEOF or left.fields["of"].is_optional:
+                raise self._no()
+            return constant((_TYPEOF[kind] == ast.literal_eval(right.node)) is same)
+        if "undefined" in (left.type, right.type) and sign[0] in "=!" and left.type and right.type:
+            return constant((left.type == right.type) is same)
+        types = {left.type, right.type} - {""}
+        if len(types) > 1:  # ECMAScript converts one of them
+            raise self._no()
+        return Operand(ast.Compare(self._plain(left), [_COMPARISONS[sign]()], [self._plain(right)]), "bool")
+
+    def _unary(self) -> Operand:
+        sign = self._take("!", "-", "+", "typeof", "not")
+        if not sign:
+            return self._postfix()
+        self._depth += 1
+        if self._depth > MAX_DEPTH:
+            raise self._no()
+        found = self._binary(3) if sign == "not" else self._unary()
+        self._depth -= 1
+        if sign == "typeof":
+            return Operand(found.node, "typeof", {"of": found})
+        if sign in ("!", "not"):
+            known = _known(truth(found))
+            return (
+                Operand(ast.UnaryOp(ast.Not(), truth(found)), "bool")
+                if known is None
+                else constant(not known)
+            )
+        if sign == "-" and isinstance(found.node, ast.Constant) and found.type == "number":
+            return constant(-found.node.value)  # type: ignore[operator]
+        return found if sign == "+" else Operand(ast.UnaryOp(ast.USub(), self._plain(found)), found.type)
+
+    def _postfix(self) -> Operand:
+        found = self._primary()
+        while True:
+            if found.type.startswith("list") and self._take("["):
+                index = self._plain(self.expression())
+                self.expect("]")
+                found = Operand(ast.Subscript(found.node, index), found.type.removeprefix("list of "))
+            elif self._next == "." and found.type.startswith("list"):
+                self._take(".")
+                found = self._of_list(found)
+            else:
+                return found
+
+    def _of_list(self, found: Operand) -> Operand:
+        if self._take("length"):
+            return Operand(ast.Call(ast.Name("len"), [found.node], []), "number")
+        if self._take("includes"):
+            self.expect("(")
+            wanted = self._plain(self.expression())
+            self.expect(")")
+            return Operand(ast.Compare(wanted, [ast.In()], [found.node]), "bool")
+        raise self._no()
+
+    def _primary(self) -> Operand:
+        if self._take("("):
+            found = self.expression()
+            self.expect(")")
+            return found
+        if self._take("["):
+            return self._list()
+        if self._take("{"):
+            return self._object()
+        if not self._next:
+            raise self._no()
+        kind, text = self._tokens[self._at]
+        self._at += 1
+        if kind == "number":
+            return constant(float(text) if re.search(r"[.eE]", text) else int(text))
+        if kind == "text":
+            return constant(text[1:-1])
+        if kind == "name":
+            return self._name(text)
+        raise self._no()
+
+    def _list(self) -> Operand:
+        elements: list[Operand] = []
+        while not self._take("]"):
+            if elements:
+                self.expect(",")
+            elements.append(self.expression())
+        kinds = {element.type for element in elements}
+        if len(kinds) > 1 or not kinds <= {"number", "text", "bool"}:
+            raise self._no()
+        return Operand(
+            ast.List([self._plain(e) for e in elements]), f"list of {kinds.pop() if kinds else 'number'}"
+        )
+
+    def _object(self) -> Operand:
+        fields: dict[str, Operand] = {}
+        while not self._take("}"):
+            if fields:
+                self.expect(",")
+            kind, text = self._tokens[self._at] if self._next else ("", "")
+            self._at += 1
+            self.expect(":")
+            fields[text[1:-1] if kind == "text" else text] = self.expression()
+        return Operand(ast.Constant(None), "object", fields)
+
+    def _name(self, first: str) -> Operand:
+        if first in _STATEMENTS:
+            raise AlwaysFails(f"{first!r} is no expression")
+        if first in ("true", "false", "True", "False"):
+            return constant(first.lower() == "true")
+        if first in ("undefined", "null", "None"):
+            return UNDEFINED
+        words = [first]
+        while (after := self._field()) is not None:
+            words.append(after)
+        if self._take("("):
+            return self._call(".".join(words))
+        found, used = self._resolve(words)
+        for word in words[used:]:
+            if found.type == "object" and word in found.fields:
+                found = found.fields[word]
+            elif word == "length" and found.type.startswith("list"):
+                found = Operand(ast.Call(ast.Name("len"), [found.node], []), "number")
+            else:
+                raise self._no()
+        return found
+
+    def _field(self) -> str | None:
+        """Return the word of `.word` or `['word']` that comes next; methods of lists are read elsewhere."""
+        ahead = self._tokens[self._at : self._at + 3]
+        if len(ahead) > 1 and ahead[0][1] == "." and ahead[1][0] == "name" and ahead[1][1] != "includes":
+            self._at += 2
+            return ahead[1][1]
+        if len(ahead) > 2 and ahead[0] == ("sign", "[") and ahead[1][0] == "text" and ahead[2][1] == "]":
+            self._at += 3
+            return ahead[1][1][1:-1]
+        return None
+
+    def _call(self, name: str) -> Operand:
+        given: list[Operand] = []
+        while not self._take(")"):
+            if given:
+                self.expect(",")
+            given.append(self.expression())
+        plain = [self._plain(one) for one in given]
+        if name == "In" and len(given) == 1 and _is_text(given[0]):
+            state, _ = self._resolve(["In", ast.literal_eval(plain[0])])
+            return Operand(ast.Call(ast.Name("in_state"), [state.node], []), "bool")
+        if name == "Math.floor" and len(given) == 1:
+            return Operand(ast.BinOp(plain[0], ast.FloorDiv(), ast.Constant(1)), "number")
+        if name in _MATH and given:
+            return Operand(ast.Call(ast.Name(_MATH[name]), list(plain), []), "number")
+        raise self._no()

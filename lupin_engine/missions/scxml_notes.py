@@ -1,0 +1,56 @@
+"""What an import tells about the lines of a document, and why something cannot be said."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import NamedTuple
+
+from lupin_engine.missions.scxml_elements import Element
+
+
+class Note(NamedTuple):
+    """A message about a line; `lost` if something is left out, else it is converted with another meaning."""
+
+    line: int
+    text: str
+    lost: bool
+
+
+class CannotSay(Exception):
+    """The language has no equivalent of this."""
+
+
+class AlwaysFails(Exception):
+    """SCXML makes an error of this whenever it is carried out; `event` is what it raises then."""
+
+    def __init__(self, text: str, event: str = "error.execution") -> None:
+        super().__init__(text)
+        self.event = event
+
+
+class Notes:
+    """The notes of one import, each once."""
+
+    def __init__(self) -> None:
+        self._notes: set[Note] = set()
+
+    def sorted(self) -> tuple[Note, ...]:
+        """Return all of them, by line."""
+        return tuple(sorted(self._notes))
+
+    def tell(self, element: Element, text: str) -> None:
+        """Say that something is converted with another meaning."""
+        self._notes.add(Note(element.line, text, False))
+
+    def lose(self, element: Element, what: str) -> None:
+        """Say that something is left out."""
+        self._notes.add(Note(element.line, f"{what} cannot be said; it is left out", True))
+
+    @contextmanager
+    def or_lost(self, element: Element, role: str = "") -> Iterator[None]:
+        """Note what the block cannot convert, and go on after it."""
+        try:
+            yield
+        except CannotSay as problem:
+            self.lose(element, f"{problem}{role}")
