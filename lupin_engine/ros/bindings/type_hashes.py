@@ -43,9 +43,15 @@ def installed(kind: str) -> Iterator[tuple[str, str]]:
 
 def local_source(type_name: str) -> str:
     """Return what the author of a type wrote, its .msg, .srv or .action; '' where that is not installed."""
+    file = find_source(type_name)
+    return file.read_text(encoding="utf-8") if file else ""
+
+
+def find_source(type_name: str) -> Path | None:
+    """Return the file that the author of a type wrote; None where it is not installed."""
     package, kind, name = _split(type_name)
     files = (prefix / "share" / package / kind / f"{name}.{kind}" for prefix in _prefixes())
-    return next((file.read_text(encoding="utf-8") for file in files if file.is_file()), "")
+    return next((file for file in files if file.is_file()), None)
 
 
 @functools.cache
