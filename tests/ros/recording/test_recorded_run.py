@@ -25,15 +25,10 @@ SHOWN = {
     "/floranova/observations": "lupin_msgs/msg/Observation",
     "/twin/state": "lupin_msgs/msg/TwinState",
     "/mission_orchestrator/steps": "std_msgs/msg/String",
+    "/mission_orchestrator/chart": "std_msgs/msg/String",
     "/mission_orchestrator/missions": "std_msgs/msg/String",
     "/rosout": "rcl_interfaces/msg/Log",
 }
-
-
-def numbers(file: Path) -> list[int]:
-    """Return the numbers of the steps that a recording has."""
-    found = whole(file)["/mission_orchestrator/steps"]
-    return [json.loads(one.value.data)["step"]["sequence"] for one in found]
 
 
 def test_a_run_is_recorded_from_within_and_from_beside(lupin: Start, tmp_path: Path) -> None:
@@ -49,7 +44,11 @@ def test_a_run_is_recorded_from_within_and_from_beside(lupin: Start, tmp_path: P
         found = whole(file)
         assert {name: schema.name for name, (_, schema) in channels(file).items()}.items() >= SHOWN.items()
         assert found.keys() >= SHOWN.keys()
-        assert [number for number in numbers(file) if number >= seen[0]] == seen
+        charts = {json.loads(one.value.data)["hash"] for one in found["/mission_orchestrator/chart"]}
+        steps = [json.loads(one.value.data) for one in found["/mission_orchestrator/steps"]]
+        assert {record["chart"] for record in steps} == charts
+        numbers = [record["step"]["sequence"] for record in steps]
+        assert [number for number in numbers if number >= seen[0]] == seen
         assert {one.value.lifecycle_state for one in found["/mission/state"]} >= {"INSPECTING", "DONE"}
         assert {one.value.status for one in found["/floranova/observations"]} == {0}
         times = [one.heard for messages in found.values() for one in messages]
