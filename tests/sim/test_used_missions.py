@@ -283,23 +283,27 @@ def test_a_divert_returns_however_deep_the_mission_stands(load: Load) -> None:
     assert (run.ended, run.context["seen"], run.context["begun"]) == (True, 4, 1)
 
 
-WALKED = """\
-mission: Evening
+REQUEST = """\
 request:
   tag_sequence: {type: list of tag, default: "${ tags.named(['1', '5']) }"}
-context:
-  rounds: {type: count, default: 0}
+"""
+GIVEN = """\
+    with: {tag_sequence: "${ request.tag_sequence }"}
+"""
+WALKED = f"""\
+mission: Evening
+{REQUEST}context:
+  rounds: {{type: count, default: 0}}
 states:
   PATROL:
     use: inspection
-    with: {tag_sequence: "${ request.tag_sequence }"}
-    entry:
-      - set: {rounds: "${ rounds + 1 }"}
+{GIVEN}    entry:
+      - set: {{rounds: "${{ rounds + 1 }}"}}
     on_done:
-      - {target: RESTING, guard: rounds < 3}
+      - {{target: RESTING, guard: rounds < 3}}
       - target: done
-  RESTING: {after: {10 s: PATROL}}
-  done: {type: final}
+  RESTING: {{after: {{10 s: PATROL}}}}
+  done: {{type: final}}
 initial: PATROL
 """
 
@@ -327,3 +331,57 @@ def test_what_is_told_of_the_world_is_shared(load: Load) -> None:
     battery = (Happening(Tell("robot.battery", 0.1), 4.0), Happening(Tell("robot.battery", 1.0), 60.0))
     run = evening(load(), *battery, asked("resume", 100.0))
     assert (run.ended, told(run), run.view.counts["OK"]) == (True, EVERY, 5)
+
+
+TIMED = """\
+mission: Timed
+codes: {too_long: {label: too long}}
+states:
+  LOOKING:
+    budget: {after: 25 s, code: too_long, target: late}
+    states:
+      WAITING: {after: {20 s: enough}}
+      enough: {type: final}
+    on_done: done
+  late: {type: final, result: {late: true}}
+  done: {type: final, result: {late: false}}
+"""
+
+
+def test_a_budget_is_that_of_one_use(load: Load) -> None:
+    """The second time the states have all their time again; it is no mission's time in all."""
+    text = WALKED.replace("use: inspection", "use: timed").replace(GIVEN, "").replace(REQUEST, "")
+    run = evening(load(text, timed=TIMED))
+    assert (run.ended, run.view.code, run.context["rounds"]) == (True, "", 3)
+
+
+HOME = """\
+mission: Home
+states:
+  WAITING:
+    on:
+      operator.skip_current: RETURNING
+    after: {10 s: done}
+  done: {type: final}
+"""
+AROUND = """\
+mission: Evening
+states:
+  FIRST: {use: home, on_done: RETURNING}
+  RETURNING: {after: {1 s: done}}
+  done: {type: final}
+initial: FIRST
+"""
+
+
+def test_a_mission_that_is_used_names_no_state_around_it(load: Load) -> None:
+    """Its `RETURNING` is that of the lifecycle, as where it stands by itself; its user's is its own."""
+    chart = load(AROUND, home=HOME)
+    states = chart.states
+    ways = {rule.event: rule.target for rule in states["MISSION.Evening.FIRST.WAITING"].transitions}
+    assert ways["operator.skip_current"] == "RETURNING"
+    (done,) = states["MISSION.Evening.FIRST"].transitions
+    assert done.target == "MISSION.Evening.RETURNING"
+    run = evening(chart, asked("skip_current", 5.0))
+    assert run.history.lifecycles == ["BOOT", "READY", "FIRST", "RETURNING", "DONE"]
+    assert "MISSION.Evening.RETURNING" not in {name for step in run.steps for name in step.entered}

@@ -12,14 +12,15 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
-from typing import Any, TypeVar
+from typing import Any
 
 from lupin_engine.chart.compose.actions import ActionReader, raised_events
 from lupin_engine.chart.compose.carried import Carried, carries_something, end_of
 from lupin_engine.chart.compose.declare import Declared, Declarer, level_events
 from lupin_engine.chart.compose.invoke import InvokeReader
 from lupin_engine.chart.compose.transitions import CompositionContext, TransitionReader, any_event, path_of
-from lupin_engine.chart.compose.tree import Draft, Forest, UsedNode
+from lupin_engine.chart.compose.tree import Draft, Forest, UsedNode, each_once
+from lupin_engine.chart.compose.used import UsedMissionReader
 from lupin_engine.chart.documents import (
     ActionNode,
     BudgetNode,
@@ -33,7 +34,7 @@ from lupin_engine.chart.documents import (
     written_in,
 )
 from lupin_engine.chart.expressions.checker import check_expression
-from lupin_engine.chart.expressions.evaluation import Constant, Expression, Value
+from lupin_engine.chart.expressions.evaluation import Expression, Value
 from lupin_engine.chart.expressions.scope import Scope, Typed, Usage, fragment_of, literal
 from lupin_engine.chart.expressions.texts import check_text
 from lupin_engine.chart.expressions.units import with_article
@@ -58,7 +59,6 @@ from lupin_engine.chart.model import (
     Mission,
     State,
     Timer,
-    UsedMission,
 )
 from lupin_engine.chart.semantics import MIN_PERIOD
 from lupin_engine.chart.source import Text
@@ -81,7 +81,6 @@ PERIOD = Type("number", "duration", unit="s", minimum=MIN_PERIOD)
 MAX_LEARNED = 4
 #: What an invariant does not see, because it is told of every moment.
 _MOMENTARY = ("event", "error", "request", "target", "itinerary")
-_F = TypeVar("_F", bound=FileNode)
 _AT_ALL_TIMES = "an invariant holds at every moment, with and without a mission"
 
 
@@ -140,7 +139,7 @@ class _Composer:
         self._lifecycle = lifecycle
         self._missions = list(missions)
         self._parts = parts
-        self._files = _each_once([lifecycle, *missions, *parts.values()])
+        self._files = each_once([lifecycle, *missions, *parts.values()])
         #: Those that can be started, and those that are only used.
         self._requested = [file for file in self._files if isinstance(file, MissionNode)]
         self._catalog = catalog
@@ -185,6 +184,7 @@ class _Composer:
             self._findings,
         )
         self._transitions = TransitionReader(context, self._actions)
+        self._uses = UsedMissionReader(context, self._actions, self._requests)
         self._read_requests()
         states = {draft.name: self._state(draft) for draft in self._forest.drafts.values()}
         holds_scope = self._base(self._lifecycle)
@@ -443,7 +443,7 @@ class _Composer:
         invoke = None
         found: dict[str, Any] = {"summary": node.summary, "phase": node.phase, "paused": node.paused}
         if isinstance(draft.part, MissionNode):
-            found["use"] = self._use(draft, node, draft.part)
+            found["use"] = self._uses.read(draft, node, draft.part)
         if node.invoke and works:
             invoke = self._invokes.read(node.invoke, scope, path_of(draft.name, "invoke"))
             found["invoke"] = invoke
@@ -582,62 +582,6 @@ class _Composer:
         self._bound.setdefault(part.title, []).append(set(found))
         return found
 
-    def _use(self, draft: Draft, node: StateNode, mission: MissionNode) -> UsedMission:
-        """Read how a state uses a mission: the fields of its request, what begins anew with it."""
-        path, inside = path_of(draft.name, "use"), draft.inner
-        assert draft.scope is not None
-        assert inside is not None
-        known, given = self._requests[mission.name], dict[str, Field]()
-        for name in node.with_:
-            if name not in mission.request:
-                at, what = node.key_at("with", name), "field of the request"
-                where = path_of(draft.name, f"with.{name}")
-                self._findings.unknown(at, "unknown-argument", where, what, name, mission.request)
-        for name, field in known.items():
-            if name in node.with_:
-                given[name] = self._given(draft, node, field)
-            elif field.default is None:
-                hint = f"add 'with: {{{name}: ...}}'"
-                problem = f"the mission {mission.name!r} needs the field {name!r} of its request"
-                self._findings.add(node.at("use"), "missing-argument", f"{draft.name}.with", problem, hint)
-            else:
-                given[name] = field
-        event = inside.with_event(ANY)
-        return UsedMission(
-            mission.name,
-            given,
-            node.at("use"),
-            tuple(self._begun_anew(draft, mission)),
-            self._actions.read(mission.entry, event, f"{path}.entry"),
-            self._actions.read(mission.exit, event, f"{path}.exit"),
-        )
-
-    def _given(self, draft: Draft, node: StateNode, field: Field) -> Field:
-        """Return a field of a request with the value that a use gives it."""
-        place, path = node.value_at("with", field.name), path_of(draft.name, f"with.{field.name}")
-        scope, raw = any_event(draft), node.with_[field.name]
-        value = read_value(raw, place, field.type, scope, self._findings, path)
-        least = field.minimum
-        if least is not None and isinstance(value, Constant) and value.value < least:
-            problem = f"{field.name} must be at least {least:g} {field.type.unit}".rstrip()
-            self._findings.add(place, "out-of-range", path, problem)
-        return replace(field, place=place, default=value)
-
-    def _begun_anew(self, draft: Draft, mission: MissionNode) -> list[str]:
-        """Return the variables of a mission that is used and of what it uses; its user must not have them."""
-        below = [d for d in self._forest.drafts.values() if draft in d.up() and d.part is not None]
-        names = dict.fromkeys(name for d in below if d.part is not None for name in d.part.context)
-        around = [above.file for above in draft.up() if isinstance(above.file, MissionNode)]
-        for file in _each_once(around):
-            for name in file.context:
-                if name in mission.context:
-                    at, where = file.key_at("context", name), mission.key_at("context", name)
-                    problem = (
-                        f"the mission {mission.name!r} is used here and has its own {name!r}, in {where}"
-                    )
-                    self._findings.add(at, "conflicting-definition", f"context.{name}", problem, "rename one")
-        return [name for name in names if name in self._declared.context]
-
     def _bound_value(self, raw: Any, place: Place, wanted: Type, scope: Scope, path: str) -> Typed | None:
         fragment = fragment_of(raw) if isinstance(raw, Text) and is_expression(raw) else None
         if fragment is not None:
@@ -667,11 +611,6 @@ class _Composer:
         scope = draft.scope.without("event", "the time is counted over all visits")
         value = read_key(node, "after", DURATION, scope, self._findings, path_of(draft.name, "budget"))
         return None if value is None else Timer("budget", value, node.place, goes_on=node.during == "divert")
-
-
-def _each_once(files: Iterable[_F]) -> list[_F]:
-    """Return files, each once: a mission may be offered and used."""
-    return list({id(file): file for file in files}.values())
 
 
 def _invoked(draft: Draft) -> Iterator[str]:

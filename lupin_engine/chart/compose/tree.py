@@ -11,9 +11,9 @@ states, then those of the lifecycle.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import TypeAlias
+from typing import TypeAlias, TypeVar
 
 from lupin_engine.chart.compose.declare import NAME
 from lupin_engine.chart.documents import FileNode, LifecycleNode, MissionNode, PartNode, StateNode
@@ -36,6 +36,7 @@ _DEPTHS: Mapping[str | None, int | None] = {"shallow": 1, "deep": None, None: 1}
 
 #: What a state can use.
 UsedNode: TypeAlias = PartNode | MissionNode
+_F = TypeVar("_F", bound=FileNode)
 
 
 @dataclass(slots=True)
@@ -399,6 +400,11 @@ class Forest:
         if elsewhere:
             return f"{elsewhere[0]!r} is out of scope from here"
         return nearest(name, visible)
+
+
+def each_once(files: Iterable[_F]) -> list[_F]:
+    """Return files, each once: a mission may be offered and used."""
+    return list({id(file): file for file in files}.values())
 
 
 def _apart(one: Draft, other: Draft) -> bool:
