@@ -23,11 +23,13 @@ from lupin_engine.errors import UsageError
 from lupin_engine.machine.event import Start
 from lupin_engine.machine.step import Step
 from lupin_engine.plugin.profile import START, Publish
+from lupin_engine.replay.rebuilt import rebuilt
 from lupin_engine.replay.yaml_text import yaml_text
 from lupin_engine.runtime.history import AttemptHistory, History
 from lupin_engine.runtime.record import read_step
 from lupin_engine.runtime.setup import check_parameters
 from lupin_engine.sim.scenario import Missions, load_scenario_text
+from lupin_engine.sim.scripted import contains
 from lupin_engine.sim.simulation import Run, is_named, label_of
 
 #: To how many digits times are written: the first that makes the run come out the same will do.
@@ -344,14 +346,17 @@ def expectations(run: Run) -> dict[str, Any]:
 
 def difference(recording: RunRecord, run: Run) -> str:
     """Say where a run first differs from the record in what it led to; '' when nowhere."""
-    recorded = [fact for step in recording.steps for fact in _facts(step)]
-    simulated = [fact for step in run.steps for fact in _facts(step)]
+    recorded, simulated = _all_facts(recording.steps), _all_facts(run.steps)
     for index in range(max(len(recorded), len(simulated))):
         was = recorded[index] if index < len(recorded) else "nothing more"
         now = simulated[index] if index < len(simulated) else "nothing more"
         if was != now:
             return f"recorded: {was}; simulated: {now}"
     return ""
+
+
+def _all_facts(steps: Iterable[Step]) -> list[str]:
+    return [fact for step in steps for fact in _facts(step)]
 
 
 def _facts(step: Step) -> Iterator[str]:
@@ -413,4 +418,21 @@ class _Maker:
         return load_scenario_text(text, self._file, self._missions).run()
 
     def _differs(self, recording: RunRecord, digits: int) -> str:
-        return difference(self._recording, self._run(self._parts(recording, digits)))
+        run = self._run(self._parts(recording, digits))
+        return difference(self._recording, run) or self._variable_that_differs(run)
+
+    def _variable_that_differs(self, run: Run) -> str:
+        """Say which variable has another value at the end than in the machine of the record; '' when none.
+
+        Where the record does not tell all that its machine went by, nobody knows what they were.
+        """
+        chart, recording = run.chart, self._recording
+        world = self._missions.world(chart, recording.parameters)
+        variables, steps = rebuilt(recording.steps, replace(world, seed=recording.seed))
+        if _all_facts(steps) != _all_facts(recording.steps):
+            return ""
+        for name, was in variables.items():
+            now = run.context.get(name)
+            if not (contains(now, was) and contains(was, now)):
+                return f"recorded: the variable {name} is {was}; simulated: it is {now}"
+        return ""

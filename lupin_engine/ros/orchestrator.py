@@ -46,9 +46,10 @@ from lupin_engine.ros.bindings.definitions import interface_class
 from lupin_engine.ros.commands import STALE, STALE_AFTER_S, CommandAnswer, CommandMemory, CommandRequest
 from lupin_engine.ros.folder import LOOK_PERIOD_S, MissionsFolder
 from lupin_engine.ros.names import ANSWER_SERVICE, COMMAND_SERVICE, COMMAND_TYPE, NODE
+from lupin_engine.ros.outlet import NodeClock, RosOutlet
 from lupin_engine.ros.readiness import Readiness
 from lupin_engine.ros.telling import Telling
-from lupin_engine.runtime.engine import Engine, EngineOutlet
+from lupin_engine.runtime.engine import Engine
 from lupin_engine.runtime.setup import make_machine, make_world
 
 #: Parameters of the node itself, beside those of the missions.
@@ -60,44 +61,6 @@ OWN_PARAMETERS: Mapping[str, Parameter] = {
     "state_publish_rate_hz": Parameter(NUMBER, 5.0, "how often the state is repeated, in Hz", minimum=0.1),
     "mission_id_prefix": Parameter(TEXT, "lupin", "what mission ids begin with"),
 }
-
-
-class NodeClock:
-    """The loop's clock: the one of the node's timers, which neither steps nor goes back."""
-
-    def __init__(self, ros: RosNode) -> None:
-        self._ros = ros
-
-    def now(self) -> float:
-        """Return seconds of an origin of its own."""
-        return self._ros.elapsed()
-
-    def from_ros(self, stamp: float) -> float:
-        """Return seconds of the node's clock as a moment of this clock."""
-        return self.now() - (self._ros.now() - stamp)
-
-
-class RosOutlet(EngineOutlet):
-    """Where the clients report; a value's stamp is turned into the loop's time."""
-
-    def __init__(self, engine: Engine, clock: NodeClock, wake: Callable[[], None]) -> None:
-        super().__init__(engine, wake)
-        self._clock = clock
-        self._last: dict[str, tuple[float, float, Any]] = {}
-
-    def value(self, name: str, value: Any, stamp: float) -> None:
-        """A live value changed; `stamp` is of the node's clock."""
-        # What is told again keeps its moment: reading two clocks a second time would give another one.
-        known = self._last.get(name)
-        at = known[1] if known is not None and known[0] == stamp else self._clock.from_ros(stamp)
-        self._last[name] = stamp, at, value
-        super().value(name, value, at)
-
-    def tell_again(self, names: Iterable[str]) -> None:
-        """Tell what was reported last of these live values: some topics speak only once."""
-        for name in self._last.keys() & set(names):
-            _, at, value = self._last[name]
-            super().value(name, value, at)
 
 
 class Orchestrator:
@@ -112,7 +75,6 @@ class Orchestrator:
         given = ros.parameters()
         self._prefix = str(given["mission_id_prefix"])
         machine = make_machine(chart, {name: given[name] for name in chart.parameters})
-        self._machine = machine
         drivers: dict[str, Driver] = {}
         self._engine = Engine(machine, self._clock, drivers, ros.guarded(self._stepped))
         self._outlet = RosOutlet(self._engine, self._clock, self._work)
@@ -127,7 +89,9 @@ class Orchestrator:
         drivers[BUILTIN] = Readiness(drivers, self._outlet, ros.steady_timer, ros.now)
         self._drivers = drivers
         ros.on_stop(self._close)
-        ros.on_parameter(self._set)
+        #: What goes on from here as soon as ROS has stored the values that it was made for.
+        self._prepared: Machine | None = None
+        ros.on_parameter(self._prepare, self._set)
         self._answers: set[str] = set()
         self._commands = CommandMemory()
         self._origin: tuple[Event | None, Mapping[str, str]] = (None, {})
@@ -141,6 +105,11 @@ class Orchestrator:
         self._offer()
         self._telling.chart()
         ros.steady_timer(LOOK_PERIOD_S, self._look)
+
+    @property
+    def _machine(self) -> Machine:
+        """The machine that runs."""
+        return self._engine.machine
 
     def _close(self) -> None:
         for driver in self._drivers.values():
@@ -285,15 +254,14 @@ class Orchestrator:
 
     def _take_over(self, machine: Machine) -> None:
         """Go on with another machine of the chart."""
-        self._machine = machine
         self._engine.go_on_with(machine)
         heard = {name for name, found in machine.memory.inputs.items() if found.reported}
         self._outlet.tell_again(spec.value for spec in self._chart.inputs.values() if spec.name not in heard)
         self._work()
 
-    def _set(self, values: Mapping[str, Any]) -> str | None:
-        """Take new values of the missions' parameters, or say why not."""
-        chart = self._chart
+    def _prepare(self, values: Mapping[str, Any]) -> str | None:
+        """Make a machine for new values of the missions' parameters, or say why not; nothing else changes."""
+        chart, self._prepared = self._chart, None
         of_plugins = {name for plugin in chart.plugins for name in chart.catalog.plugins[plugin].parameters}
         fixed = [name for name in values if name not in chart.parameters or name in of_plugins]
         if fixed:
@@ -303,11 +271,17 @@ class Orchestrator:
             return f"{', '.join(values)}: can be set where a mission can be started, which is not so in {now}"
         try:
             world = make_world(chart, {**self._machine.world.parameters, **values})
-            self._take_over(successor(self._machine, world))
+            self._prepared = successor(self._machine, world)
         except LupinError as problem:
             return str(problem)
-        self._offer()
         return None
+
+    def _set(self, _: Mapping[str, Any]) -> None:
+        """Go on with the machine that was made for values which ROS has stored now."""
+        machine, self._prepared = self._prepared, None
+        if machine is not None:
+            self._take_over(machine)
+            self._offer()
 
     def _offer(self) -> None:
         """Tell which missions there are and what they ask for, and what is wrong with the files."""

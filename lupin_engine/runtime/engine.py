@@ -51,8 +51,9 @@ class Engine:
 
     def go_on_with(self, machine: Machine) -> None:
         """Run another machine from here on, which goes on from this one's memory."""
+        step = machine.go_on(self.clock.now())
         self.machine = machine
-        self._carry_out(machine.go_on(self.clock.now()))
+        self._carry_out(step)
         self.drain()
 
     def post(self, event: Event) -> None:

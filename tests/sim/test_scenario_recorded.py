@@ -163,6 +163,33 @@ def test_values_that_change_nothing_are_left_out() -> None:
         assert remade(steps_of(scenario), {}).count("robot.battery") == count
 
 
+NOTES = """\
+mission: Notes
+context: {level: {type: number, default: 0}}
+initial: LOOKING
+states:
+  LOOKING:
+    after:
+      1 s:
+        target: done
+        do:
+          - set: {level: "${ input.battery.value }"}
+  done: {type: final, result: {level: "${ level }"}}
+"""
+
+
+def test_values_that_a_variable_keeps_are_not_left_out(tmp_path: Path) -> None:
+    """Nothing else comes of the report, and the scenario would end with another value without it."""
+    (tmp_path / "missions").mkdir()
+    (tmp_path / "missions" / "notes.yaml").write_text(NOTES, encoding="utf-8")
+    told = "when: [{on: LOOKING, value: {battery: 60 %}}]\nexpect: {}\n"
+    made = tmp_path / "made.scenario.yaml"
+    scenario = load_scenario_text(f"scenario: x\nmission: notes\n{told}", made, MISSIONS)
+    record = read_recording(json.dumps({"steps": steps_of(scenario)}), "run.json")
+    text = scenario_text(record, "as recorded", made, MISSIONS)
+    assert "value: {robot.battery: 0.6}" in text
+
+
 def test_a_record_that_breaks_off_ends_there(tmp_path: Path) -> None:
     """What came after it is not guessed."""
     scenario = load_scenario(SCENARIOS / "three_tags.scenario.yaml", shipped.catalog(), MISSIONS)

@@ -167,13 +167,18 @@ class RosNode:
         """Return the current values of the declared parameters as plain data in base units."""
         return self._declared.values()
 
-    def on_parameter(self, callback: Callable[[Mapping[str, Any]], str | None]) -> None:
+    def on_parameter(
+        self,
+        callback: Callable[[Mapping[str, Any]], str | None],
+        stored: Callable[[Mapping[str, Any]], None] | None = None,
+    ) -> None:
         """Allow changes at run time: `callback` gets the new values (checked, base units) by name.
 
         It returns None to take them or a text that says why not. Without any callback every change is
-        refused, because a value that is only read at the start would seem to have been set.
+        refused, because a value that is only read at the start would seem to have been set. ROS may still
+        refuse what was taken: `stored` gets values that count from now on.
         """
-        self._declared.on_change(callback)
+        self._declared.on_change(callback, stored and self.guarded(stored))
 
     def set_parameter(self, name: str, value: Any) -> None:
         """Correct a declared parameter from inside the node; the `on_parameter` callbacks hear of it."""

@@ -170,6 +170,8 @@ def _hint(kind: Type, value: Any) -> str:
 Declared = Mapping[str, Parameter]
 #: Gets new values by name; returns None to take them or a text that says why not.
 OnChange = Callable[[Mapping[str, Any]], str | None]
+#: Hears of values that ROS has stored.
+Stored = Callable[[Mapping[str, Any]], None]
 
 #: Parameters that ROS itself reads from the command line.
 _ROS_OWN = ("use_sim_time", "start_type_description_service")
@@ -189,12 +191,14 @@ class DeclaredParameters:
         self._log = log
         self._specs = dict(declared(self._given()) if callable(declared) else declared)
         self._on_change: list[OnChange] = []
+        self._hear_of_stored: list[Stored] = []
         self._refuse_unknown(_names_said(arguments))
         values = starting_values(self._specs, self._given())
         for name, spec in self._specs.items():
             self._declare(name, spec, values[name])
         node.add_pre_set_parameters_callback(lambda changes: [self._retyped(one) for one in changes])
         node.add_on_set_parameters_callback(self._on_set)
+        node.add_post_set_parameters_callback(self._on_stored)
 
     def values(self) -> dict[str, Any]:
         """Return the current values as plain data in base units."""
@@ -203,9 +207,11 @@ class DeclaredParameters:
             for name, spec in self._specs.items()
         }
 
-    def on_change(self, callback: OnChange) -> None:
-        """Allow changes at run time if `callback` accepts them."""
+    def on_change(self, callback: OnChange, stored: Stored | None = None) -> None:
+        """Allow changes at run time if `callback` accepts them; `stored` hears of those that were made."""
         self._on_change.append(callback)
+        if stored is not None:
+            self._hear_of_stored.append(stored)
 
     def set(self, name: str, value: Any) -> None:
         """Correct a parameter from inside the node."""
@@ -226,6 +232,7 @@ class DeclaredParameters:
             self._node.undeclare_parameter(name)
         # These values were checked just now, and no callback needs to hear of them.
         self._node.remove_on_set_parameters_callback(self._on_set)
+        self._node.remove_post_set_parameters_callback(self._on_stored)
         try:
             self._specs = dict(specs)
             for name in specs:
@@ -233,6 +240,7 @@ class DeclaredParameters:
                     self._declare(name, specs[name], values[name])
         finally:
             self._node.add_on_set_parameters_callback(self._on_set)
+            self._node.add_post_set_parameters_callback(self._on_stored)
 
     def _declare(self, name: str, spec: Parameter, value: Any) -> None:
         kind = ros_type(name, spec.type)
@@ -279,6 +287,12 @@ class DeclaredParameters:
         mine = [change for change in changes if change.name in self._specs]
         reason = self._refusal(mine) if mine else None
         return SetParametersResult(successful=reason is None, reason=reason or "")
+
+    def _on_stored(self, changes: list[RosParameter]) -> None:
+        mine = [change for change in changes if change.name in self._specs]
+        values = {change.name: read(change.name, self._specs[change.name], change.value) for change in mine}
+        for callback in self._hear_of_stored if values else ():
+            callback(values)
 
     def _refusal(self, changes: list[RosParameter]) -> str | None:
         names = ", ".join(change.name for change in changes)

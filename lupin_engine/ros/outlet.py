@@ -1,0 +1,47 @@
+"""Between the loop and the node: the clock that the loop goes by, and where the clients of plugins report."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from typing import Any
+
+from lupin_engine.ros.adapter.node import RosNode
+from lupin_engine.runtime.engine import Engine, EngineOutlet
+
+
+class NodeClock:
+    """The loop's clock: the one of the node's timers, which neither steps nor goes back."""
+
+    def __init__(self, ros: RosNode) -> None:
+        self._ros = ros
+
+    def now(self) -> float:
+        """Return seconds of an origin of its own."""
+        return self._ros.elapsed()
+
+    def from_ros(self, stamp: float) -> float:
+        """Return seconds of the node's clock as a moment of this clock."""
+        return self.now() - (self._ros.now() - stamp)
+
+
+class RosOutlet(EngineOutlet):
+    """Where the clients report; a value's stamp is turned into the loop's time."""
+
+    def __init__(self, engine: Engine, clock: NodeClock, wake: Callable[[], None]) -> None:
+        super().__init__(engine, wake)
+        self._clock = clock
+        self._last: dict[str, tuple[float, float, Any]] = {}
+
+    def value(self, name: str, value: Any, stamp: float) -> None:
+        """A live value changed; `stamp` is of the node's clock."""
+        # What is told again keeps its moment: reading two clocks a second time would give another one.
+        known = self._last.get(name)
+        at = known[1] if known is not None and known[0] == stamp else self._clock.from_ros(stamp)
+        self._last[name] = stamp, at, value
+        super().value(name, value, at)
+
+    def tell_again(self, names: Iterable[str]) -> None:
+        """Tell what was reported last of these live values: some topics speak only once."""
+        for name in self._last.keys() & set(names):
+            _, at, value = self._last[name]
+            super().value(name, value, at)
