@@ -206,7 +206,7 @@ def reached(run: Run) -> Counts:
         if refusing:
             found[TRANSITION, refusing, ""] += 1
     for attempt in run.history.attempts.values():
-        found.update(_ends_of(attempt))
+        found.update(_ends_of(attempt, run))
     return found
 
 
@@ -225,13 +225,27 @@ def _refusing(step: Step, refusals: Mapping[str, str]) -> str:
     return next((name for name in able if refusals.get(name) == step.refusal.code), "")
 
 
-def _ends_of(attempt: AttemptHistory) -> Iterator[Key]:
+def _ends_of(attempt: AttemptHistory, run: Run) -> Iterator[Key]:
     """Yield the ends of an operation that an attempt came to, as long as somebody waited for it."""
     if attempt.timed_out:
         yield OUTCOME, attempt.state, f"{attempt.operation} {TIMEOUT}"
-    if attempt.answer in (DONE, FAILED) and not attempt.late:
+    if _is_done_by_hold(attempt, run):
+        yield OUTCOME, attempt.state, f"{attempt.operation} {DONE}"
+    elif attempt.answer in (DONE, FAILED) and not attempt.late:
         word = DONE if attempt.answer == DONE else attempt.data["code"]
         yield OUTCOME, attempt.state, f"{attempt.operation} {word}"
+
+
+def _is_done_by_hold(attempt: AttemptHistory, run: Run) -> bool:
+    """Say whether what a hold cut short counted as done, by `on_hold: continue`."""
+    state = run.chart.states[attempt.state]
+    goes_on = state.invoke is not None and state.invoke.on_hold == "continue"
+    if attempt.cancelled is None or attempt.timed_out or not goes_on:
+        return False
+    ways = {rule.id for rule in state.transitions if rule.event == "done"}
+    after = (step for step in run.steps if step.time >= (attempt.cancelled or 0.0))
+    left = next((step for step in after if state.name in step.exited), None)
+    return left is not None and not ways.isdisjoint(left.taken)
 
 
 # -- the sum ---------------------------------------------------------------------------------------------

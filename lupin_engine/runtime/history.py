@@ -24,8 +24,8 @@ class AttemptHistory:
     """What became of one attempt; times are those of the steps, None: that did not happen.
 
     `ended` is when its server told the end, `answer` what it told (done, failed or cancelled) and `data` with
-    which fields; `late`: nobody waited for it any more. `abandoned`: the server did not confirm a cancel in
-    time, and nobody listens to it any more.
+    which fields; `late`: after its cancel, when nobody waits for it but who has cut it short. `abandoned`:
+    the server did not confirm a cancel in time, and nobody listens to it any more.
     """
 
     operation: str

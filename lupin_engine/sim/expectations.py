@@ -114,7 +114,7 @@ class Comparison:
             "phase": view.phase,
             "target": view.target,
             "paused": view.paused,
-            "asked": view.asking[0].question if view.asking else "",
+            "asked": [question.question for question in view.asking],
             "held": list(view.held),
             "last_error": _error(view, node.last_error),
             "running": sorted(attempt.operation for attempt in view.attempts),

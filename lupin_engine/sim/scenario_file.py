@@ -27,6 +27,10 @@ def _to_list(value: Any) -> Any:
     return value if isinstance(value, list) else [value]
 
 
+def _to_questions(value: Any) -> Any:
+    return [] if value == "" else value if value is None else _to_list(value)
+
+
 @dataclass(frozen=True)
 class NameOf:
     """Marks a field whose text, elements or keys are names of `what`; errors about them begin with `path`."""
@@ -189,7 +193,9 @@ class MomentNode(Node):
     )
     target: str | None = Field(None, description="the itinerary's current target; empty: none")
     paused: bool | None = Field(None, description="whether the mission waits for the operator")
-    asked: str | None = Field(None, description="question that is asked; empty: none")
+    asked: Annotated[
+        list[str] | None, BeforeValidator(_to_questions, json_schema_input_type=str | list[str] | None)
+    ] = Field(None, description="questions that are open, all of them, in the order of asking; empty: none")
     held: Annotated[list[str] | None, NameOf("hold", "expect.held")] = Field(
         None, description="holds that are engaged, all of them, in their order"
     )

@@ -596,3 +596,55 @@ def test_of_several_transitions_of_a_step_the_one_that_led_there_is_shown(tmp_pa
         "the state RETURNING",
         "taken at 3.7 s: MISSION.on_done.0",
     ]
+
+
+# -- questions --------------------------------------------------------------------------------------------
+
+TWO_QUESTIONS = """\
+mission: Ask
+initial: BOTH
+states:
+  BOTH:
+    type: parallel
+    states:
+      L:
+        initial: FIRST
+        states:
+          FIRST:
+            ask: {question: "left?", choices: {yes: Yes}, default: yes, after: 1 min}
+            on: {answer.yes: done}
+          done: {type: final}
+      R:
+        initial: SECOND
+        states:
+          SECOND:
+            ask: {question: "right?", choices: {no: No}, default: no, after: 2 min}
+            on: {answer.no: done}
+          done: {type: final}
+    on_done: done
+  done: {type: final}
+"""
+
+
+@pytest.mark.parametrize(
+    ("asked", "told"),
+    [
+        ("[left?, right?]", []),
+        ("left?", ["asked at 10.0 s", "expected: left?\n", "actual:   left?, right?\n"]),
+        ('""', ["asked at 10.0 s", "actual:   left?, right?\n"]),
+    ],
+)
+def test_every_question_that_is_open_is_expected(tmp_path: Path, asked: str, told: list[str]) -> None:
+    """In the order in which they were asked; one of them alone is not all."""
+    (tmp_path / "missions").mkdir()
+    (tmp_path / "missions" / "ask.yaml").write_text(TWO_QUESTIONS, encoding="utf-8")
+    text = (
+        "scenario: x\nmission: ask\nwhen:\n"
+        f"  - {{on: FIRST, after: 10 s, expect: {{asked: {asked}}}}}\n"
+        "  - {on: FIRST, after: 90 s, expect: {asked: right?}}\n"
+        '  - {on: DONE, expect: {asked: ""}}\nexpect: {}\n'
+    )
+    scenario = load_scenario(written(tmp_path, text), shipped.catalog(), Missions(shipped.catalog()))
+    found = "\n".join(map(str, scenario.failures(scenario.run())))
+    assert all(part in found for part in told)
+    assert bool(found) == bool(told)

@@ -5,6 +5,8 @@ from __future__ import annotations
 import shutil
 from pathlib import Path
 
+import pytest
+
 from lupin_engine.missions.folders import default_missions_folder, lifecycle_in
 from lupin_engine.missions.load import load_files
 from lupin_engine.replay.coverage import (
@@ -24,6 +26,7 @@ from lupin_engine.sim.scenario import load_scenario
 from lupin_engine.sim.suite import ScenarioResult, Suite
 from tests import shipped
 
+COOKBOOK = Path(__file__).parents[2] / "docs" / "cookbook"
 HEAD = 'scenario: a test\nmission: inspection\nrequest: {tag_sequence: ["1"]}\n'
 INSPECTING = "MISSION.InspectionMission.INSPECTING"
 SKIP = f"{INSPECTING}.SCANNING.on.operator.skip_current.0"
@@ -83,6 +86,37 @@ def test_an_end_that_nobody_waits_for_is_none(tmp_path: Path) -> None:
     counts = result(tmp_path, text + "limit: 1 h\nwhen: [{at: 20 s, restart: true}]\n").counts
     assert counts[OUTCOME, state, "bridge.read_tag timeout"] == 1
     assert counts[OUTCOME, state, "bridge.read_tag done"] == 0
+
+
+@pytest.mark.parametrize(
+    ("on_hold", "mock", "done"),
+    [
+        ("continue", "cut_short: {flowed: 150 ml}", 1),
+        ("continue", "cancel: 2 s", 0),  # without a result it fails
+        ("fail", "cut_short: {flowed: 150 ml}", 0),
+    ],
+)
+def test_what_a_hold_cuts_short_is_done_where_it_counts_as_done(
+    tmp_path: Path, on_hold: str, mock: str, done: int
+) -> None:
+    """Its answer comes after the cancel, and is waited for."""
+    shutil.copytree(COOKBOOK / "bindings", tmp_path / "missions" / "bindings")
+    shutil.copytree(COOKBOOK / "parts", tmp_path / "missions" / "parts")
+    text = (COOKBOOK / "pour.yaml").read_text(encoding="utf-8")
+    assert text.count("on_hold: fail") == 1
+    pour = tmp_path / "missions" / "pour.yaml"
+    pour.write_text(text.replace("on_hold: fail", f"on_hold: {on_hold}"), encoding="utf-8")
+    file = tmp_path / "x.scenario.yaml"
+    file.write_text(
+        "scenario: x\nmission: pour\n"
+        f"mocks: [{{do: pump.give, with: {{amount: 400 ml}}, then: {{{mock}}}}}]\n"
+        "when:\n  - {on: POURING, after: 3 s, request: operator.pause}\n"
+        "  - {on: POURING, after: 20 s, request: operator.resume}\n"
+        "  - {on: POURING, nth: 2, after: 1 s, request: operator.abort}\nexpect: {}\n",
+        encoding="utf-8",
+    )
+    run = load_scenario(file, shipped.catalog()).run()
+    assert reached(run)[OUTCOME, "MISSION.Pour.POURING", "pump.give done"] == done
 
 
 def test_guards_are_counted_as_often_as_with_a_plain_chart(tmp_path: Path) -> None:
