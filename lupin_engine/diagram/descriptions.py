@@ -16,6 +16,7 @@ from lupin_engine.chart.model import (
     Itinerary,
     State,
     Transition,
+    UsedMission,
 )
 from lupin_engine.diagram.picture import Label, LineRole, TextLine, TransitionCause
 from lupin_engine.plugin.types import in_unit
@@ -46,6 +47,8 @@ class ElementTexts:
 
     def lines(self, state: State) -> Iterator[TextLine]:
         """Yield the lines of a state, without its transitions."""
+        if state.use is not None:
+            yield TextLine(_cut(self._use(state.use)), LineRole.NOTE)
         if state.itinerary is not None:
             yield from (TextLine(text, LineRole.NOTE) for text in self._itinerary(state.itinerary))
         if state.for_each is not None:
@@ -55,7 +58,8 @@ class ElementTexts:
             yield TextLine(f"{state.ask.default} after {self.duration(state.ask.after)}", LineRole.NOTE)
         if state.invoke is not None:
             yield from self._invoke(state.invoke)
-        yield from _doings(("entry", state.entry), ("exit", state.exit))
+        begins, leaves = (state.use.entry, state.use.exit) if state.use else ((), ())
+        yield from _doings(("entry", (*state.entry, *begins)), ("exit", (*leaves, *state.exit)))
         if state.result:
             given = ", ".join(_write("set", name, value) for name, value in state.result.items())
             yield TextLine(f"result / {_cut(given)}", LineRole.ACTION)
@@ -89,6 +93,15 @@ class ElementTexts:
         if itinerary.sweeps is not None:
             sweeps = self._short(itinerary.sweeps)
             yield f"sweeps: {'without end' if sweeps == '0' else sweeps}"
+
+    def _use(self, use: UsedMission) -> str:
+        """Return which mission stands in a state, with what its user gives it."""
+        given = [
+            f"{name} {self.duration(field.default) if field.type.unit == 's' else self._short(field.default)}"
+            for name, field in use.request.items()
+            if field.default is not None and field.place.file == use.place.file
+        ]
+        return f"mission {use.mission}" + (f": {', '.join(given)}" if given else "")
 
     def _for_each(self, found: ForEach) -> Iterator[TextLine]:
         limit = f", {self._short(found.limit)} at a time" if found.limit else ""

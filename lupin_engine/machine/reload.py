@@ -57,8 +57,8 @@ def _forget(memory: Memory, before: Chart, chart: Chart) -> None:
     }
     if memory.mission not in chart.missions:
         memory.mission = memory.mission_id = ""
-    memory.history.clear()
-    memory.budgets.clear()
+    for of_mission in (memory.history, memory.budgets, memory.given):
+        of_mission.clear()
     memory.asked = _kept(memory.asked, _asking_the_same(before, chart))
     memory.handled.clear()
     walking = {name for name, state in chart.states.items() if state.itinerary}

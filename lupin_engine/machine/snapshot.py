@@ -98,6 +98,7 @@ def _mentions(chart: Chart, memory: Memory) -> Mapping[str, tuple[Iterable[str],
     ageing = {spec.name for spec in chart.inputs.values() if spec.freshness is not None}
     return {
         "state": ({*memory.configuration, *memory.history, *past}, chart.states),
+        "mission in state": (memory.given, _with(chart, "use")),
         "mission": ({memory.mission} - {""}, chart.missions),
         "variable": (memory.context, chart.context),
         "hold": (memory.held, chart.holds),

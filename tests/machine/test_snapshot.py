@@ -246,6 +246,7 @@ STRANGERS: list[tuple[dict[str, Any], str]] = [
     ({"invocations": {"P[a]": {"id": "i1", "state": "P", "key": "a"}}}, "there is no for_each in state 'P'"),
     ({"timers": [[1.0, 1, "after", ["P", "after.0"]]]}, "there is no timer in state 'P'"),
     ({"frozen": [[1.0, 1, "fresh", ["charge", ""]]]}, "there is no freshness of input 'charge'"),
+    ({"given": {"P": {}}}, "there is no mission in state 'P'"),
     ({"budgets": {"P": 1.0}}, "there is no budget in state 'P'"),
     ({"timers": [[1.0, 1, "budget", ["P", "budget"]]]}, "there is no budget in state 'P'"),
     ({"configuration": ["", "P", "READY"]}, "these states are never active together: P, READY"),

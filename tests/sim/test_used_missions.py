@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -9,10 +10,17 @@ from pathlib import Path
 import pytest
 
 from lupin_engine.chart.model import Chart
+from lupin_engine.machine.machine import Machine
+from lupin_engine.machine.reload import successor
+from lupin_engine.machine.snapshot import restore
 from lupin_engine.missions.folders import LIFECYCLE, default_missions_folder
 from lupin_engine.missions.load import load_chart
+from lupin_engine.replay.reconstruction import read_recording, scenario_text
+from lupin_engine.runtime.record import step_record
+from lupin_engine.runtime.setup import make_world
+from lupin_engine.sim.scenario import Missions, load_scenario_text
 from lupin_engine.sim.scripted import MockOutcome, Rule
-from lupin_engine.sim.simulation import Ask, Happening, Restart, Run, Script, Tell, simulate
+from lupin_engine.sim.simulation import Ask, Happening, Restart, Run, Script, Simulation, Tell, simulate
 from tests import shipped
 
 Load = Callable[..., Chart]
@@ -45,7 +53,8 @@ def load(tmp_path: Path) -> Load:
     def loaded(text: str = EVENING, *others: str, **files: str) -> Chart:
         shutil.copytree(default_missions_folder(), tmp_path, dirs_exist_ok=True)
         for name, content in {"evening": text, **files}.items():
-            (tmp_path / f"{name}.yaml").write_text(content, encoding="utf-8")
+            folder = tmp_path / "parts" if content.startswith("part:") else tmp_path
+            (folder / f"{name}.yaml").write_text(content, encoding="utf-8")
         names = [tmp_path / f"{name}.yaml" for name in ("evening", *others)]
         return load_chart(tmp_path / LIFECYCLE, names, shipped.catalog())
 
@@ -385,3 +394,55 @@ def test_a_mission_that_is_used_names_no_state_around_it(load: Load) -> None:
     run = evening(chart, asked("skip_current", 5.0))
     assert run.history.lifecycles == ["BOOT", "READY", "FIRST", "RETURNING", "DONE"]
     assert "MISSION.Evening.RETURNING" not in {name for step in run.steps for name in step.entered}
+
+
+PART = """\
+part: counted
+params:
+  most: {type: count}
+states:
+  COUNTING: {use: counting, with: {most: "${ param.most }", names: "${ request.names }"}, on_done: over}
+  over: {type: final}
+"""
+THROUGH = """\
+mission: Evening
+request:
+  names: {type: list of text, default: ["x", "y"]}
+states:
+  FIRST: {use: counted, with: {most: "${ len(request.names) + 2 }"}, on_done: done}
+  done: {type: final}
+"""
+
+
+def test_a_part_uses_a_mission_with_the_request_of_the_mission_around(load: Load) -> None:
+    """What the part reads is of who uses it; what the mission reads is what the part gave it."""
+    run = evening(load(THROUGH, counted=PART, counting=COUNTING))
+    assert (run.ended, run.context["seen"], run.seconds) == (True, 4, 40.0 + 3.0)
+
+
+def test_a_run_can_be_made_a_scenario(load: Load, tmp_path: Path) -> None:
+    """The record of the steps says all that is needed."""
+    run = evening(load(), asked("dock", 8.0), asked("resume", 100.0))
+    (tmp_path / "missions").mkdir()
+    steps = json.loads(json.dumps([step_record(step) for step in run.steps]))
+    place = tmp_path / "made.scenario.yaml"
+    missions = Missions(shipped.catalog())
+    text = scenario_text(read_recording(json.dumps({"steps": steps}), "run.json"), "it", place, missions)
+    made = load_scenario_text(text, place, missions)
+    again = made.run()
+    assert (made.failures(again), told(again)) == ([], EVERY)
+
+
+def test_missions_are_loaded_anew_between_two_runs(load: Load) -> None:
+    """What the mission of before was given is forgotten with its states; what was told stays in view."""
+    before, after = load(), load(EVENING.replace("PATROL", "ROUND").replace("AGAIN", "MORE"))
+    memory = restore(before, evening_of(before).snapshot())
+    machine = successor(Machine(make_world(before, {}), memory), make_world(after, {}))
+    assert (machine.view.lifecycle, machine.memory.given) == ("DONE", {})
+
+
+def evening_of(chart: Chart) -> Machine:
+    """Return the machine at the end of an evening."""
+    running = Simulation(chart, Script("Evening"), {})
+    running.run()
+    return running.machine
