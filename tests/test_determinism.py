@@ -28,7 +28,7 @@ def records(steps: tuple[Step, ...]) -> list[str]:
 
 def replay(machine: Machine, steps: tuple[Step, ...]) -> list[Step]:
     """Feed a fresh machine with what the journal says that came in."""
-    found: list[Step | None] = [machine.start(steps[0].time)]
+    found: list[Step | None] = [machine.start(steps[0].time, steps[0].event.data.get("ahead"))]
     for step in steps[1:]:
         if step.event.name.startswith("timer."):
             found.append(machine.advance(step.time))

@@ -231,6 +231,44 @@ colon stand the digits of a number (`.1f`), another unit of its dimension (`min`
 
 What can be read, besides variables of the context and the element of a `for_each`, by their names:
 """
+TIME_OF_DAY_HEAD = """\
+## Time of day
+
+A mission reads the robot's clock in the time zone of the parameter `time_zone`, an IANA name such as
+`Europe/Amsterdam`. Where nobody sets it, that is UTC, so that a mission does the same on every computer.
+What stands under `at` happens each time that this clock comes to a time of day while the state is active. A
+time at which the guard is false is dealt with for that day.
+"""
+#: What becomes of a time of day where it is not simply come to.
+TIMES = (
+    ("the state is entered at that time or later", "tomorrow is the first day"),
+    (
+        "a hold is engaged",
+        "the clock goes on: what it comes to waits for the release and happens once then, or at its time "
+        "where the transition says `during`",
+    ),
+    (
+        "the clock is set forward over the time",
+        "it happens at once, once for all the days that are left out",
+    ),
+    (
+        "the clock is set back",
+        "a state does not deal with a time twice on one date of one mission, also when it was left and "
+        "entered again",
+    ),
+    ("the summer leaves the time out (02:30)", "it happens when the clock leaps over it, at 03:00"),
+    ("the winter brings the time twice", "the first counts"),
+)
+TIME_OF_DAY_REST = """\
+That the clock was set is noted in the step, which the log, the record and the story of the run show. A
+computed time (`"${ param.end }"`, of type `time_of_day`) is looked at when the state is entered and then
+every day.
+
+`clock.today` and `clock.time` are texts that have an order: `clock.time >= '22:00' or clock.time < '06:00'`.
+That time goes by is no event: a guard of an `always` that reads the clock is looked at when something else
+happens. With `use_sim_time` the clock is the simulated time, counted from 1970 in UTC. A simulation begins on
+2026-01-01 at 00:00, or as [its scenario](testing-missions.md) says, never today.
+"""
 TYPES_HEAD = """\
 ## Types and units
 
@@ -254,6 +292,8 @@ ROOT_TEXTS: Mapping[str, str] = {
     "event": "what the event carries, as `event.FIELD`; in `on_done` the result",
     "error": "in `on_error`: `error.code`, `error.detail`; `error.result` of an operation that was cut short",
     "target": "the element of the itinerary that is being visited",
+    "clock": "the robot's clock ([Time of day](#time-of-day)): `clock.today`, such as '2026-11-22', and "
+    "`clock.time`, such as '06:30'",
     "itinerary": "`itinerary.open` (the visit has no outcome yet), `.remaining` (targets after this one), "
     "`.total`, `.closed`, `.sweep` (1 in the first)",
 }
@@ -356,6 +396,9 @@ def language() -> Iterator[str]:
     yield from ("", "## Events", "", "Under `on`:", "")
     yield from _table(("event", "what it is"), EVENTS)
     yield from _expressions()
+    yield from ("", *TIME_OF_DAY_HEAD.splitlines(), "")
+    yield from _table(("where", "what happens"), TIMES)
+    yield from ("", *TIME_OF_DAY_REST.splitlines())
     yield from _types()
     yield from ("", *BINDINGS_HEAD.splitlines(), "")
     yield from _block("yaml", BINDING.read_text(encoding="utf-8"))
@@ -528,7 +571,7 @@ def _type_text(name: str) -> str:
     if found.fields:
         return "a record of " + ", ".join(f"`{word}` ({kind})" for word, kind in found.fields.items())
     text = {"bool": "`true` or `false`", "integer": "a whole number", "any": "anything"}.get(
-        found.kind, found.kind
+        found.kind, f"a text such as `{found.example}`" if found.example else found.kind
     )
     text = f"a number in `{found.unit}`" if found.unit else text
     return f"{text}, at least {found.minimum:g}" if found.minimum is not None else text

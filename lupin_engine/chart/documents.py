@@ -24,6 +24,7 @@ from pydantic import (
 )
 
 from lupin_engine.chart.nodes import Keyed, Meaning, Named, Node, show, wrong_shape
+from lupin_engine.chart.semantics import MIN_PERIOD
 from lupin_engine.chart.source import Map
 
 
@@ -371,8 +372,13 @@ class StateNode(Node):
         "by duration: what happens when the state has been active that long"
     )
     every: Annotated[dict[str, Transitions], Keyed(Meaning.VALUE)] = _by_name(
-        "by duration, 100 ms or more: what happens at that rate while the state is active; late ticks do not "
-        "shift the next ones, missed ones are left out, a hold stops this clock too"
+        f"by duration, {MIN_PERIOD * 1000:.0f} ms or more: what happens at that rate while the state is "
+        "active; late ticks do not shift the next ones, missed ones are left out, a hold stops this clock too"
+    )
+    at_: Annotated[dict[str, Transitions], Keyed(Meaning.VALUE)] = _by_name(
+        'by time of day, such as "06:30": what happens each time that the clock comes to it while the state '
+        "is active",
+        alias="at",
     )
     budget: BudgetNode | None = Field(None, description="time that this state has in one mission")
     for_each: ForEachNode | None = Field(None, description="one operation for every element of a list")

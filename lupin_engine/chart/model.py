@@ -60,9 +60,10 @@ class Transition:
 
     `event` is a name (`operator.abort`), a prefix (`nav.*`), any (`*`), or one of the engine's own: ``
     (eventless, written `always`), `done`, `error` (the end of the state's invocation, or for `done` of the
-    state), `after.N` (the state's N-th timer), `budget` (the state's time is used up). Event names starting
-    `input.` stand for a level: the transition is taken whenever that live value is true. No target and no
-    refusal: actions only. A `refuse` transition answers a request with that code and changes nothing.
+    state), `after.N`, `every.N`, `at.N` (the N-th of the state's timers of that word), `budget` (its time is
+    used up). Event names starting `input.` stand for a level: the transition is taken whenever that live
+    value is true. No target and no refusal: actions only. A `refuse` transition answers a request with that
+    code and changes nothing.
     """
 
     KEY: ClassVar[str] = "id"
@@ -84,18 +85,22 @@ class Transition:
 
 @record(frozen=True)
 class Timer:
-    """A clock of a state: `after`, `budget` or `every`, which repeats. Its transitions listen to `event`.
+    """A clock of a state: `after`, `every`, `at` or `budget`. Its transitions listen to `event`.
 
-    A budget that `goes_on` counts the time of a divert as well.
+    `due` is a duration, of `at` a time of day. A budget that `goes_on` counts the time of a divert as well.
     """
 
     KEY: ClassVar[str] = "event"
 
     event: str
-    after: Value = field(metadata=said(Role.VALUE))
+    due: Value = field(metadata=said(Role.VALUE))
     place: Place
-    repeats: bool = False
     goes_on: bool = False
+
+    @property
+    def word(self) -> str:
+        """What it is called in missions."""
+        return self.event.partition(".")[0]
 
 
 @record(frozen=True)

@@ -21,8 +21,10 @@ FAULT = "FAULT"
 EXECUTION_ERROR = "error.execution"
 #: The shortest time between two ticks of an `every`, in seconds.
 MIN_PERIOD = 0.1
+#: Beginnings of the events of a state's timers.
+TIMERS = ("after.", "every.", "at.")
 #: First words of the events that the engine makes for one state.
-ENGINE_EVENTS = frozenset({"done", "error", "after", "budget"})
+ENGINE_EVENTS = frozenset({"done", "error", "after", "every", "at", "budget"})
 
 
 def matches(pattern: str, event: str) -> bool:

@@ -160,6 +160,7 @@ _SHAPES: Mapping[str, str] = {
 _MAPPINGS: Mapping[str, str] = {
     "after": "{DURATION: STATE}",
     "every": "{DURATION: {do: ACTION}}",
+    "at": '{"06:30": STATE}',
     "on": "{EVENT: STATE}",
 }
 

@@ -18,6 +18,7 @@ from lupin_engine.chart.model import (
     Transition,
     UsedMission,
 )
+from lupin_engine.chart.semantics import TIMERS
 from lupin_engine.diagram.picture import Label, LineRole, TextLine, TransitionCause
 from lupin_engine.plugin.types import in_unit
 
@@ -78,12 +79,13 @@ class ElementTexts:
         state = self._states[rule.source]
         if rule in state.resume_at:
             return "resume"
-        if rule.event.startswith("after."):
+        if rule.event.startswith(TIMERS):
             timer = next(timer for timer in state.timers if timer.event == rule.event)
-            return f"{'every' if timer.repeats else 'after'} {self.duration(timer.after)}"
+            when = self._short(timer.due) if timer.word == "at" else self.duration(timer.due)
+            return f"{timer.word} {when}"
         if rule.event == "budget" and state.budget is not None:
             also = ", diverts included" if state.budget.goes_on else ""
-            return f"budget {self.duration(state.budget.after)}{also}"
+            return f"budget {self.duration(state.budget.due)}{also}"
         return plain_event(rule.event)
 
     def _itinerary(self, itinerary: Itinerary) -> Iterator[str]:
@@ -145,7 +147,7 @@ def hold_line(hold: Hold) -> TextLine:
 
 
 def _cause(event: str) -> TransitionCause:
-    if event.startswith("after.") or event == "budget":
+    if event.startswith(TIMERS) or event == "budget":
         return TransitionCause.TIME
     if event.startswith(_PREFIXES):
         return TransitionCause.OPERATOR

@@ -1,9 +1,9 @@
 """A picture as SCXML 1.0, for other statechart tools: every state and transition of the chart, refusals too.
 
 Expressions stay in the language of the chart, a small part of Python's. For what SCXML has no word, its
-extension points serve: an operation is an `invoke` of type `x-lupin`, an action is a `send` of that type, a
-refusal is a transition that logs its code. Holds and itineraries are comments. Names have hyphens instead of
-dots, because dots separate the parts of an event in SCXML.
+extension points serve: an operation is an `invoke` of type `x-lupin`, an action is a `send` of that type, as
+is what a time of day makes; a refusal is a transition that logs its code. Holds and itineraries are comments.
+Names have hyphens instead of dots, because dots separate the parts of an event in SCXML.
 
 What the machine adds to SCXML is written out: the level of an input is a condition without an event, a hold
 keeps eventless transitions back by a condition, an error that nobody handles leads to FAULT, a mission begins
@@ -33,7 +33,7 @@ from lupin_engine.chart.model import (
     Transition,
 )
 from lupin_engine.chart.records import Role, parts_of, walk
-from lupin_engine.chart.semantics import FAULT
+from lupin_engine.chart.semantics import FAULT, TIMERS
 from lupin_engine.diagram.outline import find_state
 from lupin_engine.diagram.picture import LineRole, Picture, StateBox
 from lupin_engine.diagram.xml_text import escape, quoted
@@ -101,7 +101,7 @@ class _ScxmlWriter:
         entry, leave = () if wraps else state.entry, state.use.exit if state.use else ()
         inside += _element("onentry", {}, [*self._timers(state), *self._actions(entry)])
         sent = [self._timer(state, timer) for timer in _clocks(state)]
-        sent += [f"{self._timer(state, timer)}.again" for timer in state.timers if timer.repeats]
+        sent += [f"{self._timer(state, timer)}.again" for timer in state.timers if timer.word == "every"]
         cancels = [f"<cancel{_attributes(sendid=each)}/>" for each in sent]
         inside += _element(
             "onexit", {}, [*cancels, *self._actions((*leave, *state.exit)), *self._keep(state)]
@@ -240,13 +240,14 @@ class _ScxmlWriter:
             else None,
             **_extensions(rule),
         }
-        again = [self._send(state, t, ".again") for t in state.timers if t.repeats and t.event == rule.event]
+        ticks = [timer for timer in state.timers if timer.word == "every" and timer.event == rule.event]
+        again = [self._send(state, timer, ".again") for timer in ticks]
         inside = [*refusal, *again, *self._actions(rule.actions)]
         yield from _element("transition", attributes, inside, always=True)
 
     def _event(self, state: State, event: str) -> str | None:
         name = _id(state.name)
-        if event.startswith("after.") or event == "budget":
+        if event.startswith(TIMERS) or event == "budget":
             return f"{event}.{name}"
         if event == "done" and state.invoke is None:
             # A slot is done when the mission in it is.
@@ -273,7 +274,10 @@ class _ScxmlWriter:
     def _send(self, state: State, timer: Timer, mark: str = "") -> str:
         """Return what sets a deadline; one that is set in two places has two ids, as XML wants it."""
         event = self._timer(state, timer)
-        delay, expression = self._seconds(timer.after)
+        if timer.word == "at":  # SCXML knows no time of day: who has a clock sends it then
+            time = {"lupin:at": _written(timer.due)}
+            return f"<send{_all_attributes({'type': _TYPE, 'event': event, 'id': event, **time})}/>"
+        delay, expression = self._seconds(timer.due)
         return f"<send{_attributes(event=event, id=event + mark, delay=delay, delayexpr=expression)}/>"
 
     @staticmethod

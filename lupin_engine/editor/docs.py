@@ -71,6 +71,7 @@ ROOTS: Mapping[str, str] = MappingProxyType(
         "event": "What came with the event, or the result of the operation or state that has ended.",
         "error": "Why the operation failed: `code` and `detail`; `result`, if it was cut short.",
         "target": "The element of the itinerary that is visited now.",
+        "clock": "What the robot's clock shows in the zone `param.time_zone`: `today` and `time`.",
         "itinerary": "How far the itinerary is: `open`, `remaining`, `total`, `closed`, `sweep`.",
     }
 )

@@ -34,6 +34,8 @@ class Event:
         return self.name.startswith("attempt.")
 
 
+#: How far the robot's clock is ahead of the machine's, when that has changed.
+CLOCK = "clock"
 #: The fields of what servers and sensors say, and of which type they are.
 _FIELDS: Mapping[str, Mapping[str, type | tuple[type, ...]]] = MappingProxyType(
     {
@@ -43,10 +45,12 @@ _FIELDS: Mapping[str, Mapping[str, type | tuple[type, ...]]] = MappingProxyType(
         "attempt.failed": {"attempt": str, "code": str, "detail": str},
         "attempt.cancelled": {"attempt": str},
         "value": {"name": str, "value": object, "stamp": (int, float)},
+        CLOCK: {"ahead": (int, float)},
     }
 )
-#: No clock shows more seconds than that; it keeps sums of times finite and exact enough.
-_END_OF_TIME = 1e12
+#: Those that are times. No clock shows more seconds; it keeps sums finite and exact enough, and dates ours.
+_TIMES: Mapping[str, str] = MappingProxyType({"value": "stamp", CLOCK: "ahead"})
+_END_OF_TIME = 1e11
 
 
 class Failure(dict[str, Any]):
@@ -96,8 +100,9 @@ def flaw(event: Event) -> str:
             return f"{event.name} has no {name}"
         if not isinstance(data[name], kind):
             return f"{event.name} has a wrong {name}: {reprlib.repr(data[name])}"
-    if event.name == "value" and (isinstance(data["stamp"], bool) or not abs(data["stamp"]) <= _END_OF_TIME):
-        return f"value has a wrong stamp: {reprlib.repr(data['stamp'])}"
+    time = _TIMES.get(event.name)
+    if time is not None and (isinstance(data[time], bool) or not abs(data[time]) <= _END_OF_TIME):
+        return f"{event.name} has a wrong {time}: {reprlib.repr(data[time])}"
     if event.name == START and not isinstance(data.get("mission_type", ""), str):
         return f"mission.start has a wrong mission_type: {reprlib.repr(data['mission_type'])}"
     return ""
@@ -132,6 +137,11 @@ def cancelled(attempt: str, result: Mapping[str, Any] | None = None) -> Event:
 def observed(name: str, value: Any, stamp: float) -> Event:
     """The live value `name` (the plugin's name for it) was `value` at time `stamp`."""
     return Event("value", {"name": name, "value": value, "stamp": stamp})
+
+
+def clock(ahead: float) -> Event:
+    """The robot's clock, in POSIX time, is so many seconds ahead of the machine's."""
+    return Event(CLOCK, {"ahead": ahead})
 
 
 @record(frozen=True)

@@ -1,9 +1,10 @@
 """Holds: suspensions of the whole chart. The rule of holds, all of it kept here:
 
 * a request or the level of an input engages one; a level goes before everything else in a step;
-* while any is engaged, eventless transitions, levels, timers about the chart, the ends of operations and the
-  events of plugins wait, and no element of a `for_each` is taken up; what moves the robot is cancelled, or
-  waits if it would begin now (operations with `on_hold: cancel`, actions that move);
+* while any is engaged, eventless transitions, levels, timers about the chart, what times of day lead to, the
+  ends of operations and the events of plugins wait, and no element of a `for_each` is taken up; what moves
+  the robot is cancelled, or waits if it would begin now (operations with `on_hold: cancel`, and actions that
+  move);
 * a transition is taken all the same where it says `during` (the hold stays) or `releases` for every engaged
   hold; an event or an end waits unless all transitions that listen to it may pass;
 * when the last hold is released, timers and actions go on, then events, in the order in which they came;
@@ -57,7 +58,7 @@ def defer(memory: Memory, event: Event, step: Macrostep) -> None:
     deferred = memory.deferred
     deferred.append(event)
     step.note(f"{event.name} waits for the release")
-    waiting = [index for index, other in enumerate(deferred) if not other.is_attempt_event]
+    waiting = [i for i, other in enumerate(deferred) if not other.name.startswith(("attempt.", "timer."))]
     if len(waiting) > MAX_DEFERRED:
         oldest = deferred.pop(waiting[0])
         step.note(f"dropped: {oldest.name}, because more than {MAX_DEFERRED} events wait")

@@ -1,18 +1,18 @@
-"""Live values: taken in, bounded, compared with their levels, and growing old."""
+"""What comes by itself: live values (bounded, compared with their levels, growing old), and times of day."""
 
 from __future__ import annotations
 
 import reprlib
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import Any
 
-from lupin_engine.chart.model import Input, Level
+from lupin_engine.chart.model import Input, Level, Timer
 from lupin_engine.errors import reason
 from lupin_engine.machine.event import Event
 from lupin_engine.machine.memory import Reported
 from lupin_engine.machine.scope import EvaluationScope, input_part
 from lupin_engine.machine.step import Macrostep
-from lupin_engine.plugin.types import Notation, problems
+from lupin_engine.plugin.types import TIME_OF_DAY, Notation, fitted, problems
 
 
 class Inputs:
@@ -147,6 +147,102 @@ class Inputs:
             step.note(f"input.{name} is unknown: last reported {step.now - found.stamp:g} s ago")
 
 
+class WallClock:
+    """The robot's clock: when it comes to the times of day that active states wait for (`at`).
+
+    It goes on during a hold; what it comes to then waits for the release, once. A state deals with a time
+    once on a date, also where the clock is set back. A time that it is set forward over is come to at once.
+    """
+
+    __slots__ = ("_scope", "_timers")
+
+    def __init__(self, scope: EvaluationScope) -> None:
+        self._scope = scope
+        timed = ((s.name, [t for t in s.timers if t.word == "at"]) for s in scope.chart.states.values())
+        self._timers = {name: timers for name, timers in timed if timers}
+
+    def set(self, event: Event, step: Macrostep) -> None:
+        """Take in how far the robot's clock is ahead of the machine's: at the start, or when it was set."""
+        if "ahead" not in event.data:
+            return
+        memory, calendar = self._scope.memory, self._scope.world.calendar
+        before, memory.wall = memory.wall, float(event.data["ahead"])
+        told = f"the clock says {calendar.told(step.now + memory.wall)}" if calendar is not None else ""
+        passed = []
+        if before is not None:
+            ahead = memory.wall - before
+            step.note(f"the clock was set {abs(ahead):.6g} s {'forward' if ahead > 0 else 'back'}")
+            passed = [
+                about for due, _, kind, about in memory.timers if kind == "at" and due - ahead <= step.now
+            ]
+        if told:
+            step.note(told)
+        self.arm_all(step, passed)
+
+    def arm_all(self, step: Macrostep, passed: Collection[tuple[str, str]] = ()) -> None:
+        """Set the deadlines of the active states anew; those that the clock has `passed` over are due now."""
+        memory = self._scope.memory
+        memory.timers[:] = [timer for timer in memory.timers if timer[2] != "at"]
+        for state, about in passed:
+            step.note(f"it has passed {about.partition(' ')[2]}")
+            self._scope.timers.arm("at", state, step.now, 0.0, about)
+        for state in self._timers:
+            if state in memory.configuration:
+                self.arm(state, step, [about.partition(" ")[0] for owner, about in passed if owner == state])
+
+    def arm(self, state: str, step: Macrostep, without: Collection[str] = ()) -> None:
+        """Set the deadlines of a state, but for those of the events `without`."""
+        for timer in self._timers.get(state, ()):
+            if timer.event not in without:
+                self._arm(state, timer, step)
+
+    def _arm(self, state: str, timer: Timer, step: Macrostep) -> None:
+        scope = self._scope
+        try:
+            time = fitted(timer.due.evaluate(scope.see(state, step)), TIME_OF_DAY)
+            wall, calendar = scope.wall, scope.world.calendar
+            if wall is None or calendar is None:
+                return
+            dealt_with = scope.memory.reached.get(state, {}).get(time, ())
+            moment, date = calendar.next(time, wall, dealt_with)
+        except Exception as problem:
+            step.fail(state, f"{timer.place}: at: {reason(problem)}")
+            return
+        scope.timers.arm("at", state, step.now, moment - wall, f"{timer.event} {date} {time}")
+
+    def came_to(self, state: str, about: str, step: Macrostep) -> None:
+        """Note that a state has dealt with a time on a date, and wait for the next."""
+        event, date, time = about.split(" ")
+        dates = self._scope.memory.reached.setdefault(state, {}).setdefault(time, [])
+        dates[:] = [*dates, date][-MOST_DATES:]
+        for timer in self._timers[state]:
+            if timer.event == event:
+                self._arm(state, timer, step)
+
+    def defer(self, state: str, event: str, step: Macrostep) -> None:
+        """Keep what a time leads to for the release, once however often it comes."""
+        waiting = Event(WAITS, {"owner": state, "event": event})
+        if waiting not in self._scope.memory.deferred:
+            self._scope.memory.deferred.append(waiting)
+            step.note(f"{step.event.data['time']} waits for the release")
+
+    def leave(self, state: str) -> None:
+        """Forget what a state that is left waits for."""
+        self._scope.timers.disarm("at", state)
+        deferred = self._scope.memory.deferred
+        deferred[:] = [e for e in deferred if e.name != WAITS or e.data["owner"] != state]
+
+    def begin_mission(self) -> None:
+        """Forget the dates on which states of a mission have dealt with their times."""
+        reached, states = self._scope.memory.reached, self._scope.chart.states
+        for state in [state for state in reached if states[state].mission]:
+            del reached[state]
+
+
+#: So many dates a state remembers: no clock is set back by more than a year.
+MOST_DATES = 366
+#: What is kept of a time that came during a hold.
+WAITS = "timer.at"
 #: What a value of a kind is made of.
 _MADE_OF: Mapping[str, type | tuple[type, ...]] = {
     "bool": bool,

@@ -15,14 +15,16 @@ import math
 from collections.abc import Container, Iterable, Mapping, Sequence
 from typing import Any, cast
 
-from lupin_engine.chart.model import Chart, Invariant, Kind, State, Transition, UsedMission
+from lupin_engine.chart.expressions.evaluation import Environment
+from lupin_engine.chart.model import Chart, Invariant, Kind, State, Timer, Transition, UsedMission
 from lupin_engine.chart.semantics import ENGINE_EVENTS, EXECUTION_ERROR, FAULT, MIN_PERIOD
 from lupin_engine.errors import reason
 from lupin_engine.machine.actions import ExecutableContent
-from lupin_engine.machine.event import NO_TRIGGER, NOTHING, Event, InternalEvent, Trigger, flaw
+from lupin_engine.machine.event import CLOCK, NO_TRIGGER, NOTHING, Event, InternalEvent, Trigger, flaw
 from lupin_engine.machine.holds import Holds, defer, passes
-from lupin_engine.machine.inputs import Inputs
-from lupin_engine.machine.memory import Memory, Timer
+from lupin_engine.machine.inputs import WAITS, Inputs, WallClock
+from lupin_engine.machine.memory import Memory
+from lupin_engine.machine.memory import Timer as Deadline
 from lupin_engine.machine.operations import Operations
 from lupin_engine.machine.requests import (
     BAD_REQUEST,
@@ -85,6 +87,8 @@ class Machine:
         "_requests",
         "_step",
         "_table",
+        "_wall",
+        "_without_mission",
         "memory",
         "scope",
     )
@@ -104,7 +108,9 @@ class Machine:
         self._holds = Holds(scope, self._table.hold_reads, self._operations.suspend, self._content.resume)
         self._requests = Requests(scope, self._holds, self._table.structure)
         self._inputs = Inputs(scope)
+        self._wall = WallClock(scope)
         self._has_invariants = bool(world.chart.invariants)
+        self._without_mission = world.chart.profile.stages.without_mission
         self._level_watch = Watch()
         scope.watches.append(self._level_watch)
         self._active = self._table.configuration(self.memory.configuration)
@@ -122,9 +128,16 @@ class Machine:
         """The chart that it runs."""
         return self.scope.chart
 
-    def start(self, now: float) -> Step:
-        """Enter the chart's initial states at time `now`, in seconds of the caller's clock."""
-        step = self._open(Event("start"), now)
+    def start(self, now: float, ahead: float | None = None) -> Step:
+        """Enter the chart's initial states.
+
+        Args:
+            now: the time, in seconds of the caller's clock.
+            ahead: how far the robot's clock, in POSIX time, is ahead of that one; without, nobody knows what
+                time of day it is.
+        """
+        step = self._open(Event("start") if ahead is None else Event("start", {"ahead": ahead}), now)
+        self._wall.set(step.event, step)
         self._begin_context(step)
         self._inputs.begin(step)
         self._microstep(self._table.beginning(), NO_TRIGGER)
@@ -135,6 +148,7 @@ class Machine:
         step = self._open(Event("loaded"), now)
         self._begin_context(step)
         self._inputs.go_on(step)
+        self._wall.arm_all(step)
         return self._finish()
 
     def _begin_context(self, step: Macrostep) -> None:
@@ -160,6 +174,8 @@ class Machine:
             step.note(f"dropped: {wrong}")
         elif name == "value":
             self._inputs.observe(event, step)
+        elif name == CLOCK:
+            self._wall.set(event, step)
         elif event.is_attempt_event:
             self._operations.report(event, step)
         elif event.is_request:
@@ -231,14 +247,17 @@ class Machine:
             self._active.known.add(event.name)
         step.queue.append(_as_internal(event))
 
-    def _fire(self, timer: Timer, now: float) -> Step:
+    def _fire(self, timer: Deadline, now: float) -> Step:
         due, _, kind, (owner, name) = timer
-        step = self._open(Event(f"timer.{kind}", {"owner": owner}), now)
+        data = {"owner": owner, "time": name.rpartition(" ")[2]} if kind == "at" else {"owner": owner}
+        step = self._open(Event(f"timer.{kind}", data), now)
         if kind == "budget" and owner not in self.memory.configuration:
             self.memory.budgets[owner] = 0.0  # told when the robot comes back
         elif kind in ("after", "budget"):
             self._tick_again(owner, name, due)
             step.queue.append(InternalEvent(name, owner))
+        elif kind == "at":
+            self._came_to(owner, name)
         elif kind == "ask":
             self._requests.questions.answered(Event(name))
             step.queue.append(InternalEvent(name, None, Trigger(event=BY_DEFAULT)))
@@ -251,6 +270,15 @@ class Machine:
         else:
             self._operations.abandon(owner, step)
         return self._finish()
+
+    def _came_to(self, state: str, about: str) -> None:
+        """Take what an `at` leads to; during a hold it waits, unless all that listens may pass."""
+        event, held = about.partition(" ")[0], self.memory.held
+        self._wall.came_to(state, about, self._step)
+        if held and not all(passes(r, held) for some in self._active.rules_of(state, event) for r in some):
+            self._wall.defer(state, event, self._step)
+        else:
+            self._step.queue.append(InternalEvent(event, state))
 
     def _finish(self) -> Step:
         step, memory = self._step, self.memory
@@ -322,6 +350,8 @@ class Machine:
         """Deal with what waited for the release."""
         if event.is_attempt_event:
             self._operations.report(event, self._step)
+        elif event.name == WAITS:
+            self._step.queue.append(InternalEvent(event.data["event"], event.data["owner"]))
         else:
             self._step.queue.append(_as_internal(event))
 
@@ -427,8 +457,7 @@ class Machine:
         memory.started_at = self._step.now
         memory.request.clear()
         memory.request.update(values)
-        for state in memory.budgets.keys() - set(memory.configuration):
-            self.scope.timers.disarm("budget", state)
+        self._stop_budgets()
         for of_mission in (
             memory.waiting_actions,
             memory.itineraries,
@@ -438,6 +467,7 @@ class Machine:
             memory.given,
         ):
             of_mission.clear()
+        self._wall.begin_mission()
         memory.current_itinerary = ""
         for variable in self.chart.context.values():
             if variable.of_mission:
@@ -450,6 +480,11 @@ class Machine:
         self.scope.touch(CONTEXT | REQUEST | ITINERARY)
         memory.code = memory.detail = ""
         self._inputs.begin_mission(self._step)
+
+    def _stop_budgets(self) -> None:
+        """Stop the clocks of states that are not active: what they counted is over."""
+        for state in self.memory.budgets.keys() - set(self.memory.configuration):
+            self.scope.timers.disarm("budget", state)
 
     def _foresee(self, state: State) -> None:
         """Know the targets of a state that walks what the request says, perhaps as a mission is given it."""
@@ -474,7 +509,7 @@ class Machine:
             step.spoilt = state.name
         for name in use.variables:
             memory.context.pop(name, None)
-        for of_mission in (memory.budgets, memory.handled, memory.history):
+        for of_mission in (memory.budgets, memory.handled, memory.history, memory.reached):
             for name in [name for name in of_mission if name.startswith(f"{state.name}.")]:
                 of_mission.pop(name)
                 self.scope.timers.disarm("budget", name)
@@ -553,6 +588,8 @@ class Machine:
             self.scope.calm_until = -math.inf
         self._active = active
         memory.configuration = active.states
+        if memory.budgets and plan.moves and active.label in self._without_mission:
+            self._stop_budgets()
         if step.taken or step.exited or step.entered:
             step.taken += plan.taken
             step.exited += plan.exited
@@ -589,6 +626,7 @@ class Machine:
             self._operations.end(state, step)
         if state.timers:
             self.scope.timers.disarm("after", state.name)
+            self._wall.leave(state.name)
         if state.budget is not None:
             self._keep_budget(state, exited)
         if state.ask is not None:
@@ -621,6 +659,7 @@ class Machine:
             self._operations.enter(state.name, trigger.event)
         if state.timers or state.budget is not None:
             self._arm_timers(state, trigger)
+            self._wall.arm(state.name, self._step)
         if state.ask is not None:
             self._requests.questions.ask(state.name, state.ask, trigger, self._step)
         if state.kind is Kind.FINAL:
@@ -634,14 +673,16 @@ class Machine:
         step, known = self._step, self.memory.budgets
         for timer in (*state.timers, *((state.budget,) if state.budget else ())):
             kind = "budget" if timer is state.budget else "after"
+            if timer.word == "at":
+                continue
             if timer.goes_on and self.scope.timers.left(kind, state.name, step.now) is not None:
                 continue
             try:
                 delay = known.get(state.name) if kind == "budget" else None
                 if delay is None:
-                    delay = seconds(timer.after.evaluate(self.scope.see(state.name, step, trigger)))
+                    delay = _delay(timer, self.scope.see(state.name, step, trigger))
             except Exception as problem:
-                step.fail(state.name, f"{timer.place}: {kind}: {reason(problem)}")
+                step.fail(state.name, f"{timer.place}: {timer.word}: {reason(problem)}")
                 continue
             if kind == "budget":
                 known[state.name] = delay
@@ -655,11 +696,9 @@ class Machine:
         """Set the next tick of an `every`, by when this one was due; what was missed is left out."""
         step = self._step
         for timer in self.chart.states[state].timers:
-            if timer.repeats and timer.event == event:
+            if timer.word == "every" and timer.event == event:
                 try:
-                    period = seconds(timer.after.evaluate(self.scope.see(state, step)))
-                    if period < MIN_PERIOD:
-                        raise ValueError(f"{period:g} s is too often, the shortest is {MIN_PERIOD:g} s")
+                    period = _delay(timer, self.scope.see(state, step))
                 except Exception as problem:
                     step.fail(state, f"{timer.place}: every: {reason(problem)}")
                     return
@@ -703,6 +742,14 @@ class Machine:
             self.chart.states[child].kind is Kind.FINAL and child in self.memory.configuration
             for child in state.children
         )
+
+
+def _delay(timer: Timer, env: Environment) -> float:
+    """Return how long a timer takes; ValueError: no clock could wait that long, or tick so often."""
+    found = seconds(timer.due.evaluate(env))
+    if timer.word == "every" and found < MIN_PERIOD:
+        raise ValueError(f"{found:g} s is too often, the shortest is {MIN_PERIOD:g} s")
+    return found
 
 
 def _as_internal(event: Event) -> InternalEvent:

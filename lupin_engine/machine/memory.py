@@ -151,8 +151,9 @@ class Invocation:
 
 
 #: A deadline: when it is due, its number, its kind, and what it is about: the state, attempt, invocation or
-#: input that it belongs to, with the event that it makes there. `due` is a time of the caller's clock; of a
-#: frozen timer the time that is left. A plain tuple, because thousands of them a second may be made.
+#: input that it belongs to, with the event that it makes there (of an `at`, date and time of day follow).
+#: `due` is a time of the caller's clock; of a frozen timer the time that is left. A plain tuple, because
+#: thousands of them a second may be made.
 Timer = tuple[float, int, str, tuple[str, str]]
 
 
@@ -174,7 +175,9 @@ class Memory:
     when it was last entered or left, `handled` the keys that each `for_each` has dealt with, both in this
     mission. `asked` are the open questions by their states. `levels` is by `input.NAME.LEVEL`. For inputs
     that are lists about the mission, `heard` is the last report as a whole, `before` that from before it.
-    `broken` names the invariants that do not hold.
+    `broken` names the invariants that do not hold. `wall` is how far the robot's clock, in POSIX time, is
+    ahead of the caller's; nobody may have told. `reached` are the dates on which each state has dealt with
+    each time of day of its `at`: those of a mission's states in this mission.
     """
 
     configuration: tuple[str, ...] = ()
@@ -202,6 +205,8 @@ class Memory:
     heard: dict[str, list[Any]] = field(default_factory=dict)
     before: dict[str, list[Any]] = field(default_factory=dict)
     broken: list[str] = field(default_factory=list)
+    wall: float | None = None
+    reached: dict[str, dict[str, list[str]]] = field(default_factory=dict)
     code: str = ""
     detail: str = ""
     codes: int = 0

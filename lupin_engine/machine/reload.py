@@ -63,6 +63,7 @@ def _forget(memory: Memory, before: Chart, chart: Chart) -> None:
     memory.handled.clear()
     walking = {name for name, state in chart.states.items() if state.itinerary}
     memory.itineraries = _kept(memory.itineraries, dict.fromkeys(walking))
+    memory.reached = _kept(memory.reached, {n: s for n, s in chart.states.items() if s.timers})
     memory.context = _kept(memory.context, same_variables)
     heard = {name: found for name, found in memory.inputs.items() if found.reported}
     memory.inputs = _kept(heard, same_inputs)
@@ -91,7 +92,8 @@ def _asking_the_same(before: Chart, chart: Chart) -> dict[str, object]:
 def _goes_on(timer: Timer, memory: Memory, chart: Chart) -> bool:
     """Tell whether a deadline goes on; those of live values are set anew."""
     _, _, kind, (owner, event) = timer
-    if kind == "after":
+    if kind in ("after", "at"):
+        event = event.partition(" ")[0]
         return owner in chart.states and any(event == own.event for own in chart.states[owner].timers)
     if kind == "budget":  # that of a mission runs on where it is diverted, and ends with it
         return owner in memory.configuration and owner in chart.states and bool(chart.states[owner].budget)

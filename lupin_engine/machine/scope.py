@@ -5,11 +5,11 @@ from __future__ import annotations
 import ast
 import math
 from collections import ChainMap
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
 from types import MappingProxyType
-from typing import Any
+from typing import Any, Protocol
 
 from lupin_engine.chart.expressions.evaluation import (
     Compiled,
@@ -29,11 +29,31 @@ from lupin_engine.plugin.contract import Argument, classify
 from lupin_engine.plugin.types import Notation, problems
 
 
+class Calendar(Protocol):
+    """What clocks show in one time zone, of moments in POSIX time, to the millisecond.
+
+    Dates and times of day are texts as `plugin.types` has them.
+    """
+
+    def shown(self, moment: float) -> tuple[str, str]:
+        """Return date and time of day."""
+
+    def next(self, time: str, after: float, without: Collection[str]) -> tuple[float, str]:
+        """Return the first moment after another one at which clocks come to a time of day, and its date.
+
+        That is a date that is not among those `without`. A time that is left out on a date is come to when
+        the clock leaps over it, one that comes twice counts the first time.
+        """
+
+    def told(self, moment: float) -> str:
+        """Return a moment as people write it, with the zone."""
+
+
 @dataclass(frozen=True)
 class World:
     """What never changes while a machine lives: chart, checked parameters, bound functions and readers.
 
-    `seed` is what the jitter of retries is drawn from.
+    `seed` is what the jitter of retries is drawn from. Without a `calendar` nobody knows what time it is.
     """
 
     chart: Chart
@@ -41,6 +61,7 @@ class World:
     functions: Mapping[str, Callable[..., Any]] = field(default_factory=dict)
     readers: Mapping[str, Callable[[Any], Any]] = field(default_factory=dict)
     seed: int = 0
+    calendar: Calendar | None = None
 
 
 #: Parts of what expressions see, as bits; every input has one of its own after them.
@@ -57,7 +78,7 @@ _PARTS: Mapping[str, int] = MappingProxyType(
         "target": ITINERARY,
         "itinerary": ITINERARY,
         # Constant while conditions are watched, or a function of its arguments.
-        **dict.fromkeys(("param", "functions", "event", "error", "item"), 0),
+        **dict.fromkeys(("param", "functions", "event", "error", "item", "clock"), 0),
     }
 )
 
@@ -93,6 +114,8 @@ class Reads:
             self.parts |= input_part(chart, name)
         for root, _ in found:
             self.parts |= _PARTS.get(root, 0 if root in ("input", "known") else _EVERYTHING)
+        # The clock goes on by itself: what reads it is looked at in every step.
+        self.certain = self.certain and not any(root == "clock" for root, _ in found)
         self.ageing = tuple(name for name in inputs if chart.inputs[name].freshness is not None)
 
 
@@ -299,6 +322,20 @@ class EvaluationScope(dict[str, Any]):
         if found.severity >= max(least, classify(memory.code, self.chart.codes).severity):
             memory.code, memory.detail = code, detail
 
+    @property
+    def wall(self) -> float | None:
+        """What the robot's clock shows where expressions look, in POSIX time; None: nobody has told."""
+        ahead = self.memory.wall
+        return None if ahead is None or self.world.calendar is None else self.inputs.now + ahead
+
+    def clock(self) -> Mapping[str, str]:
+        """Return what the robot's clock shows."""
+        wall = self.wall
+        if wall is None or self.world.calendar is None:
+            raise UnknownValue("clock is unknown: nobody has told the time")
+        today, time = self.world.calendar.shown(wall)
+        return {"today": today, "time": time}
+
     def __missing__(self, root: str) -> Any:
         found = _ASKED_SELDOM.get(root)
         if found is None:
@@ -325,6 +362,7 @@ _ASKED_SELDOM: Mapping[str, Callable[[EvaluationScope], Any]] = MappingProxyType
         "item": lambda env: env._trigger.item,
         "target": lambda env: getattr(env.traversal(), "item", None),
         "itinerary": lambda env: _itinerary(env.traversal()),
+        "clock": EvaluationScope.clock,
         "known": lambda env: env.inputs.known,
         "held": lambda env: env.memory.held.__contains__,
         "in_state": lambda env: env.in_state,

@@ -56,6 +56,8 @@ def shift(memory: Memory, seconds: float) -> None:
         memory.inputs[name] = found._replace(stamp=found.stamp + seconds)
     if memory.started_at is not None:
         memory.started_at += seconds
+    if memory.wall is not None:
+        memory.wall -= seconds
 
 
 def _later(timer: Timer, seconds: float) -> Timer:
@@ -108,7 +110,10 @@ def _mentions(chart: Chart, memory: Memory) -> Mapping[str, tuple[Iterable[str],
         "operation in state": ({i.state for i in invocations if i.key is None}, _with(chart, "invoke")),
         "question in state": (memory.asked, _with(chart, "ask")),
         "for_each in state": ({i.state for i in invocations if i.key is not None}, _with(chart, "for_each")),
-        "timer in state": ((owner for kind, owner in timers if kind == "after"), _with(chart, "timers")),
+        "timer in state": (
+            {*memory.reached, *(owner for kind, owner in timers if kind in ("after", "at"))},
+            _with(chart, "timers"),
+        ),
         "budget in state": (
             {*memory.budgets, *(owner for kind, owner in timers if kind == "budget")},
             _with(chart, "budget"),

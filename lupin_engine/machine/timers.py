@@ -8,8 +8,9 @@ from typing import Any
 
 from lupin_engine.machine.memory import Memory
 
-#: Deadlines about the world go on while the chart is held: a server answers or it doesn't, a value grows old.
-NEVER_FROZEN = frozenset({"cancel", "fresh"})
+#: Deadlines about the world go on while the chart is held: a server answers or it doesn't, a value grows old,
+#: it becomes half past six.
+NEVER_FROZEN = frozenset({"cancel", "fresh", "at"})
 
 
 def seconds(value: Any) -> float:

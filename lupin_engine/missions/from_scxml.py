@@ -17,13 +17,11 @@ from typing import Any, NamedTuple
 
 from lupin_engine.missions.scxml_content import TYPE, AfterEntry, Content
 from lupin_engine.missions.scxml_data import DataModel, measure
-from lupin_engine.missions.scxml_elements import Element, elements
+from lupin_engine.missions.scxml_elements import OURS, Element, elements
 from lupin_engine.missions.scxml_events import REGIONS, STATES, Events, Seen, snake, split
 from lupin_engine.missions.scxml_notes import AlwaysFails, CannotSay, Note, Notes
 from lupin_engine.missions.scxml_sends import DelayedSends
 from lupin_engine.missions.scxml_targets import Targets, first_way
-
-_OURS = "urn:lupin-engine:chart "
 
 
 class Imported(NamedTuple):
@@ -40,7 +38,7 @@ def from_scxml(text: bytes, name: str) -> Imported:
     Raises:
         UsageError: it is no XML, no SCXML, or beyond the bounds.
     """
-    return _Importer(elements(text), _OURS.strip().encode() in text).mission(name)
+    return _Importer(elements(text), OURS.strip().encode() in text).mission(name)
 
 
 class _Importer:
@@ -203,13 +201,13 @@ class _Importer:
         """Return an operation; an invoke of another type has no equivalent."""
         if invoke.get("type") != TYPE:
             raise CannotSay(f"an invoke of type {invoke.get('type') or 'scxml'!r}")
-        after, code = invoke.get(f"{_OURS}timeout"), invoke.get(f"{_OURS}timeout.code")
-        tries = {key: invoke.get(_OURS + key) for key in ("attempts", "backoff", "factor", "jitter")}
+        after, code = invoke.get(f"{OURS}timeout"), invoke.get(f"{OURS}timeout.code")
+        tries = {key: invoke.get(OURS + key) for key in ("attempts", "backoff", "factor", "jitter")}
         retry: dict[str, Any] = {key: measure(text) for key, text in tries.items() if text}
-        retry |= _slim({"unless": invoke.get(f"{_OURS}unless").split()})
+        retry |= _slim({"unless": invoke.get(f"{OURS}unless").split()})
         timeout = {"after": measure(after), "code": code} if after else "never"
         given = {
-            "do": invoke.get(f"{_OURS}do"),
+            "do": invoke.get(f"{OURS}do"),
             "with": self._content.params(invoke, None),
             "timeout": timeout,
         }
@@ -284,7 +282,8 @@ class _Importer:
         elif event.partition(".")[0] == "error":
             yield from self._errors(state, event)
         elif timer is not None and self._is_only_timer(state, name, after[timer]):
-            yield "after", timer
+            clock = name.partition(".")[0]
+            yield (clock if self._own and clock in ("every", "at") else "after"), timer
         elif name == "*":
             yield from (("on", other) for other in self._any(state, after))
         elif matched := self._events.matched(event):
@@ -325,8 +324,8 @@ class _Importer:
         found = {
             "target": target and self._targets.path(state, target),
             "guard": cond and self._data.condition(cond, seen),
-            **{key: rule.get(_OURS + key) for key in ("refuse", "code")},
-            **{key: rule.get(_OURS + key).split() for key in ("during", "releases")},
+            **{key: rule.get(OURS + key) for key in ("refuse", "code")},
+            **{key: rule.get(OURS + key).split() for key in ("during", "releases")},
             "internal": (target and rule.get("type") == "internal") or None,
         }
         if found["guard"] == "true":

@@ -12,8 +12,8 @@ from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 from lupin_engine.missions.scxml_data import DataModel, content_text, measure
-from lupin_engine.missions.scxml_elements import Element
-from lupin_engine.missions.scxml_events import PROCESSORS, Events, Seen, is_to_itself, word
+from lupin_engine.missions.scxml_elements import OURS, Element
+from lupin_engine.missions.scxml_events import PROCESSORS, QUOTED, Events, Seen, is_to_itself, word
 from lupin_engine.missions.scxml_expressions import assignments, value_of
 from lupin_engine.missions.scxml_notes import AlwaysFails, CannotSay, Notes
 from lupin_engine.missions.scxml_sends import Delay, DelayedSends, Region, cancelled
@@ -209,7 +209,8 @@ class Content:
             raise CannotSay(f"<cancel> of {name!r}, which is known only when it is carried out,")
         if not regions:
             why = "a timer ends when its state is left" if sends else "nothing is sent under that id"
-            self._notes.tell(action, f"cancel of {name!r}: {why}")
+            if not self._own:
+                self._notes.tell(action, f"cancel of {name!r}: {why}")
             return []
         for region in regions:
             region.is_stopped = True
@@ -219,6 +220,12 @@ class Content:
     # -- sends ----------------------------------------------------------------------------------------------
 
     def _send(self, send: Element, seen: Seen, after: AfterEntry | None) -> list[Any]:
+        if self._own and send.get("id").endswith(".again"):
+            return []  # a tick of `every`, which sets the next one
+        if send.get(f"{OURS}at") and after is not None:
+            time = self._time_of_day(send.get(f"{OURS}at"), seen)
+            after.setdefault(time, []).append({"event": self._events.name(send.get("event"))})
+            return []
         if send.get("type") == TYPE:
             params = self.params(send, seen)
             return [{send.get("event"): params} if params else send.get("event")]
@@ -270,6 +277,9 @@ class Content:
         if to.startswith("#_scxml_"):
             return AlwaysFails(f"there is no session {to!r}", "error.communication")
         return CannotSay("a send to others")
+
+    def _time_of_day(self, text: str, seen: Seen) -> str:
+        return text[1:-1] if QUOTED.fullmatch(text) else f"${{ {self._data.condition(text, seen)} }}"
 
     def _delay(self, send: Element, seen: Seen) -> str:
         literal, computed = DelayedSends.delay(send)

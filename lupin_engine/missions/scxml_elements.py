@@ -11,6 +11,8 @@ from lupin_engine.errors import UsageError
 #: A larger or deeper document is refused.
 MAX_BYTES = 1_000_000
 MAX_DEPTH = 60
+#: What attributes of ours begin with, in a document that the engine exported.
+OURS = "urn:lupin-engine:chart "
 _SCXML = "http://www.w3.org/2005/07/scxml "
 
 

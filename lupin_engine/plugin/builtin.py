@@ -1,19 +1,21 @@
 """The plugin that is always there: what the engine itself offers to charts.
 
-Both are about the same list: what the plugins that the loaded missions use wait for (servers, topics).
-`plugins.missing` tells it all the time, `plugins.ready` ends as soon as it is empty. Whoever runs the chart
-answers both, so there is no client.
+Operation and live value are about the same list: what the plugins that the loaded missions use wait for
+(servers, topics). `plugins.missing` tells it all the time, `plugins.ready` ends as soon as it is empty.
+Whoever runs the chart answers both, so there is no client. Charts that read the clock have the parameter.
 """
 
 from __future__ import annotations
 
-from lupin_engine.plugin.contract import LiveValue, Mock, OnHold, Operation, Plugin
+from lupin_engine.plugin.contract import LiveValue, Mock, OnHold, Operation, Parameter, Plugin
 from lupin_engine.plugin.types import TEXT, list_of
 
 #: The name of the built-in plugin; charts do not list it among the plugins they need.
 BUILTIN = "plugins"
 #: The full names of what it offers.
 READY, MISSING = f"{BUILTIN}.ready", f"{BUILTIN}.missing"
+#: The parameter that says in which time zone the clock is read.
+TIME_ZONE = "time_zone"
 
 PLUGIN = Plugin(
     name=BUILTIN,
@@ -31,4 +33,5 @@ PLUGIN = Plugin(
             list_of(TEXT),
         )
     },
+    parameters={TIME_ZONE: Parameter(TEXT, "UTC", "zone of `at` and of the clock, such as Europe/Amsterdam")},
 )

@@ -110,6 +110,11 @@ DURATION = Type("number", "duration", unit="s", minimum=0)
 LENGTH = Type("number", "length", unit="m")
 ANGLE = Type("number", "angle", unit="rad")
 ANY = Type("any", "any")
+#: What a clock shows; they are ordered as they come.
+TIME_OF_DAY = Type("text", "time_of_day", pattern=r"([01][0-9]|2[0-3]):[0-5][0-9]", example="06:30")
+DATE = Type(
+    "text", "date", pattern=r"[0-9]{4}-(0[1-9]|1[0-2])-(0[1-9]|[12][0-9]|3[01])", example="2026-11-22"
+)
 
 #: What a topic, service or action is called; relative ones are in the namespace of the node that uses them.
 ROS_NAME = Type(
@@ -123,8 +128,16 @@ ROS_NAME = Type(
 POSE = Type("record", "pose", fields={"x": LENGTH, "y": LENGTH, "yaw": ANGLE})
 
 BUILTIN_TYPES: Mapping[str, Type] = MappingProxyType(
-    {t.name: t for t in (BOOL, TEXT, NUMBER, INTEGER, COUNT, DURATION, LENGTH, ANGLE, POSE, ANY)}
+    {
+        t.name: t
+        for t in (BOOL, TEXT, NUMBER, INTEGER, COUNT, DURATION, LENGTH, ANGLE, POSE, TIME_OF_DAY, DATE, ANY)
+    }
 )
+
+
+def is_moment(kind: Type) -> bool:
+    """Tell whether a type is a time of day or a date."""
+    return kind.name in (TIME_OF_DAY.name, DATE.name)
 
 
 def list_of(item: Type) -> Type:
@@ -355,6 +368,8 @@ def fitted(value: Any, kind: Type) -> Any:
             raise ValueError(f"a {kind} of at least {low:g}, got {value!r}")
         if high is not None and value > high:
             raise ValueError(f"a {kind} of at most {high:g}, got {value!r}")
+        if kind.pattern and not re.fullmatch(kind.pattern, value):
+            raise ValueError(f"a {kind} such as {kind.example}, got {value!r}")
         return value
     kept = unique(value) if kind.distinct else list(value)
     if kind.maximum is not None and len(kept) > kind.maximum:

@@ -113,9 +113,7 @@ def _rule_text(chart: Chart, rule: Transition) -> str:
         leads = f"refused: {rule.refuse}"
     else:
         leads = f"-> {short_name(chart, rule.target)}" if rule.target is not None else "-> actions"
-    key = rule.id.removeprefix(f"{rule.source}.")
-    cause = key if key.startswith("every.") else rule.event or "always"
-    return f"{short_name(chart, rule.source)}: {cause} {leads}"
+    return f"{short_name(chart, rule.source)}: {rule.event or 'always'} {leads}"
 
 
 def _guards_of_hold(hold: Hold) -> Iterator[tuple[Expression | None, str]]:

@@ -20,6 +20,7 @@ from lupin_engine.plugin.types import ANY, DURATION, Type, convert
 from lupin_engine.replay import panels
 from lupin_engine.replay.rewind import Move, Rewindable, effect, go_on, wait_until
 from lupin_engine.replay.story import TonedLine, laid_out, usual_columns
+from lupin_engine.runtime.clock import UTC, calendar_of
 from lupin_engine.sim.narration import tell
 from lupin_engine.sim.simulation import (
     Ask,
@@ -27,6 +28,7 @@ from lupin_engine.sim.simulation import (
     End,
     Happen,
     Script,
+    SetClock,
     Simulation,
     Tell,
     is_named,
@@ -350,6 +352,16 @@ class Debugger:
     def _done(self, words: list[str]) -> Effect:
         operation = self._under_way(words)
         return End(operation, result=self._fields(words[1:], self._results(operation)))
+
+    @_command("clock [DATE TIME]", "what the robot's clock shows; with a date and a time of day it is set")
+    def _clock(self, words: list[str]) -> list[TonedLine] | Effect:
+        if not words:
+            return [[(self.simulation.clock, "")]]
+        try:
+            calendar_of(UTC).moment(" ".join(words))
+        except ValueError as problem:
+            raise Wrong(str(problem)) from None
+        return SetClock(" ".join(words))
 
     @_command("step [N]", "let the next thing happen")
     def _steps(self, words: list[str]) -> list[TonedLine]:

@@ -167,4 +167,5 @@ _TIMERS = {
     "budget": "the budget is up",
     "retry": "next try",
     "ask": "the default counts",
+    "at": "the clock has come to it",
 }

@@ -20,17 +20,19 @@ from typing import Any
 
 from lupin_engine.chart.model import Chart
 from lupin_engine.errors import UsageError
-from lupin_engine.machine.event import Start
+from lupin_engine.machine.event import CLOCK, Start
 from lupin_engine.machine.step import Step
+from lupin_engine.plugin.builtin import TIME_ZONE
 from lupin_engine.plugin.profile import START, Publish
 from lupin_engine.replay.rebuilt import rebuilt
 from lupin_engine.replay.yaml_text import yaml_text
+from lupin_engine.runtime.clock import UTC, calendar_of
 from lupin_engine.runtime.history import AttemptHistory, History
 from lupin_engine.runtime.record import read_step
 from lupin_engine.runtime.setup import check_parameters
 from lupin_engine.sim.scenario import Missions, load_scenario_text
 from lupin_engine.sim.scripted import contains
-from lupin_engine.sim.simulation import Run, is_named, label_of
+from lupin_engine.sim.simulation import NEW_YEAR, Run, is_named, label_of
 
 #: To how many digits times are written: the first that makes the run come out the same will do.
 _DIGITS = (3, 6, 12)
@@ -218,6 +220,7 @@ class _Happenings:
         self._anchor: tuple[str, float] | None = None
         self._origin = recording.steps[0].time
         self._values: dict[str, Mapping[str, Any]] = {}
+        self._calendar = calendar_of(recording.parameters.get(TIME_ZONE, UTC))
 
     def happenings(self, starts: bool) -> list[Mapping[str, Any]]:
         """Return what happened; with `starts` the first start of a mission is none of it."""
@@ -236,6 +239,8 @@ class _Happenings:
                 starts = False
             elif step.accepted is not None:
                 found.append(self._when(step, {"request": self._request(event, data)}))
+            elif event == CLOCK:
+                found.append(self._when(step, {"clock": self.clock(step)}))
             elif event in self._catalog.events:
                 found.append(self._when(step, {"event": {event: dict(data)} if data else event}))
             self._enter(step)
@@ -252,6 +257,11 @@ class _Happenings:
         )
         rest = {name: value for name, value in data.items() if name not in ("mission_type", "mission_id")}
         return {**named, **rest}
+
+    def clock(self, step: Step) -> str:
+        """Return what the robot's clock showed at a step that told it; '' at one that did not."""
+        ahead = step.event.data.get("ahead")
+        return "" if ahead is None else self._calendar.written(step.time + ahead)
 
     def _enter(self, step: Step) -> None:
         """Keep the state that was entered last, to count from there."""
@@ -303,12 +313,13 @@ def script_of(recording: RunRecord, mission: str, promise: str, chart: Chart, di
         "request": happenings.request(asked[0].event.data) if starts else {},
         "parameters": dict(recording.parameters),
         "seed": recording.seed,
+        "clock": happenings.clock(recording.steps[0]),
         "start": "ready" if starts else "never",
         "limit": _limit(recording, chart, digits, starts),
         "mocks": list(_Mocks(chart, recording, digits).mocks()),
         "when": happenings.happenings(starts),
     }
-    usual = {"start": "ready"}
+    usual = {"start": "ready", "clock": NEW_YEAR}
     return {name: value for name, value in parts.items() if value and value != usual.get(name)}
 
 

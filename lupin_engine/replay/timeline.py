@@ -218,12 +218,14 @@ def _curves(run: Run) -> Iterator[Curve]:
 
 
 def _ticks(run: Run) -> Iterator[Tick]:
-    """Yield the requests, what plugins told, and the codes; those of holds and of attempts have lanes."""
+    """Yield requests, what plugins and clocks told, and the codes; those of holds and attempts have lanes."""
     lanes = {hold.code for hold in run.chart.holds.values()}
     for step in run.steps:
         name = step.event.name
         if step.accepted is not None:
             yield Tick(step.time, name.rpartition(".")[2], not step.accepted)
+        elif name == "timer.at":
+            yield Tick(step.time, str(step.event.data["time"]))
         elif name != "start" and name != "value" and name.partition(".")[0] not in ("attempt", "timer"):
             yield Tick(step.time, name)
         for code in own_codes(step)[name == "timer.timeout" :]:

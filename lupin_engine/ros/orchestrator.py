@@ -76,7 +76,8 @@ class Orchestrator:
         self._prefix = str(given["mission_id_prefix"])
         machine = make_machine(chart, {name: given[name] for name in chart.parameters})
         drivers: dict[str, Driver] = {}
-        self._engine = Engine(machine, self._clock, drivers, ros.guarded(self._stepped))
+        # With `use_sim_time` the robot's clock is the simulated one.
+        self._engine = Engine(machine, self._clock, drivers, ros.guarded(self._stepped), ros.now)
         self._outlet = RosOutlet(self._engine, self._clock, self._work)
         self._wire = messages.wire_of(chart.profile)
         self._state = _Publisher(ros, self._wire.state)
@@ -212,7 +213,11 @@ class Orchestrator:
     # -- missions that come and go ----------------------------------------------------------------------
 
     def _look(self) -> None:
-        """Take over missions that were added, changed or removed, unless one is running."""
+        """Take over missions that were added, changed or removed, unless one is running.
+
+        However quiet it is, the robot's clock is looked at as well.
+        """
+        self._work()
         if not is_idle(self._machine):
             return
         loaded = self._folder.changed(self._loaded)

@@ -18,6 +18,9 @@ from lupin_engine.plugin.contract import Driver
 from lupin_engine.runtime.clock import Clock
 from lupin_engine.runtime.declared import DRIVER_CODE, DRIVER_FAILED, as_declared
 
+#: By so much the robot's clock may come to differ from what the machine was told, in seconds.
+CLOCK_TOLERANCE_S = 0.5
+
 
 class Engine:
     """Runs a machine against drivers on a clock."""
@@ -28,6 +31,7 @@ class Engine:
         clock: Clock,
         drivers: Mapping[str, Driver],
         listener: Callable[[Step], None],
+        wall: Callable[[], float] | None = None,
     ) -> None:
         """Make a loop that is not started.
 
@@ -36,17 +40,20 @@ class Engine:
             clock: what steps are stamped with.
             drivers: by plugin name; may be filled after this call, because drivers need the engine's outlet.
             listener: told of every step, before its commands are carried out; only cancels go first.
+            wall: the robot's clock, in POSIX time; without, charts do not know what time of day it is.
         """
         self.machine = machine
         self.clock = clock
         self.drivers = drivers
         self.listener = listener
+        self._wall = wall
         self._queue: deque[Event] = deque()
         self._stepping = False
 
     def start(self) -> None:
         """Enter the chart's initial states."""
-        self._carry_out(self.machine.start(self.clock.now()))
+        now = self.clock.now()
+        self._carry_out(self.machine.start(now, None if self._wall is None else self._wall() - now))
         self.drain()
 
     def go_on_with(self, machine: Machine) -> None:
@@ -72,8 +79,20 @@ class Engine:
         """Fire what is due and step every queued event; events queued meanwhile are stepped as well."""
         if self._stepping:
             return
-        while self._fire_due() or self._take_next():
+        while self._set_clock() or self._fire_due() or self._take_next():
             pass
+
+    def _set_clock(self) -> bool:
+        """Tell the machine when the robot's clock was set."""
+        told = self.machine.memory.wall
+        if self._wall is None or told is None:
+            return False
+        now = self.clock.now()
+        ahead = self._wall() - now
+        if abs(ahead - told) <= CLOCK_TOLERANCE_S:
+            return False
+        self._carry_out(self.machine.handle(events.clock(ahead), now))
+        return True
 
     @property
     def next_deadline(self) -> float | None:

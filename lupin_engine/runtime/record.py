@@ -19,7 +19,7 @@ from pydantic import (
 )
 from pydantic_core.core_schema import ValidationInfo
 
-from lupin_engine.machine.event import Act, Cancel, Command, Event, Report, Start
+from lupin_engine.machine.event import CLOCK, Act, Cancel, Command, Event, Report, Start
 from lupin_engine.machine.step import Considered, Step, View
 from lupin_engine.plugin.profile import START, Profile, Publish
 
@@ -122,6 +122,10 @@ class _ValueData(_Data):
     value: Any
 
 
+class _ClockData(_Data):
+    ahead: float
+
+
 class _StartData(_Data):
     mission_type: str
 
@@ -130,6 +134,7 @@ class _StartData(_Data):
 _DATA: Mapping[str, type[_Data]] = MappingProxyType(
     {
         "value": _ValueData,
+        CLOCK: _ClockData,
         START: _StartData,
         "attempt.progress": _ProgressData,
         "attempt.failed": _FailedData,

@@ -9,8 +9,10 @@ from lupin_engine.chart.model import Chart
 from lupin_engine.errors import UsageError
 from lupin_engine.machine.machine import Machine
 from lupin_engine.machine.scope import World
+from lupin_engine.plugin.builtin import TIME_ZONE
 from lupin_engine.plugin.contract import Parameter
 from lupin_engine.plugin.parameters import sorted_out
+from lupin_engine.runtime.clock import calendar_of
 
 
 def make_machine(chart: Chart, given: Mapping[str, Any]) -> Machine:
@@ -39,7 +41,8 @@ def make_world(chart: Chart, given: Mapping[str, Any]) -> World:
         if plugin.name in used
         for name, reader in plugin.readers.items()
     }
-    return World(chart, parameters, functions, readers)
+    calendar = calendar_of(parameters[TIME_ZONE]) if TIME_ZONE in chart.parameters else None
+    return World(chart, parameters, functions, readers, calendar=calendar)
 
 
 def check_parameters(declared: Mapping[str, Parameter], given: Mapping[str, Any]) -> dict[str, Any]:
@@ -49,6 +52,11 @@ def check_parameters(declared: Mapping[str, Parameter], given: Mapping[str, Any]
         UsageError: naming every unknown name with the nearest one, and every wrong value with its range.
     """
     values, problems = sorted_out(declared, given)
+    if TIME_ZONE in declared and TIME_ZONE in values:
+        try:
+            calendar_of(values[TIME_ZONE])
+        except ValueError as problem:
+            problems.append(f"parameter {TIME_ZONE!r}: {problem}")
     if problems:
         raise UsageError("\n".join(problems))
     return {name: values.get(name, parameter.default) for name, parameter in declared.items()}

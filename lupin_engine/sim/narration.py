@@ -132,6 +132,8 @@ class _Narrator:
         if kind in ("after", "budget"):
             what = "time" if kind == "after" else "the budget"
             return f"{what} is up in {short_name(self._chart, owner)}"
+        if kind == "at":
+            return f"it is {event.data['time']} in {short_name(self._chart, owner)}"
         if kind == "ask":
             return f"nobody has answered in {short_name(self._chart, owner)}"
         if kind == "fresh":

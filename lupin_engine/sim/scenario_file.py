@@ -43,11 +43,19 @@ class IsDuration:
     """Marks a field that is a duration and no more."""
 
 
+class IsClock:
+    """Marks a field that is a date with a time of day."""
+
+
 STATE = NameOf("state")
 OPERATION = NameOf("operation")
 _SECONDS = WithJsonSchema({"type": ["string", "integer"], "examples": ["5 s", "2 min"]})
 #: `5 s`, or 0.
 Duration = Annotated[Any, IsDuration(), _SECONDS]
+#: `2026-11-22 22:00`.
+WallTime = Annotated[
+    str | None, IsClock(), WithJsonSchema({"type": "string", "examples": ["2026-11-22 22:00"]})
+]
 #: A duration, or `{between: [1 s, 3 s]}`: another one each time.
 Latency = Annotated[
     Any,
@@ -233,6 +241,7 @@ class WhenNode(Node):
     server_back: Annotated[Names, OPERATION] = Field(
         default_factory=list, description="operations whose server answers again"
     )
+    clock: WallTime = Field(None, description="the robot's clock is set, to a date and a time of day")
     restart: bool = Field(False, description="the machine is made anew from its snapshot, as after a crash")
     expect: MomentNode | None = Field(None, description="what must be so then, after what happens here")
 
@@ -400,6 +409,10 @@ class ScenarioNode(Node):
     request: dict[str, Any] = Field(default_factory=dict, description="what the request carries")
     parameters: dict[str, Written] = Field(default_factory=dict, description="settings")
     seed: int = Field(0, description="what everything that comes by chance is drawn from")
+    clock: WallTime = Field(
+        None,
+        description="date and time of day of the beginning, in the mission's zone; else 2026-01-01 00:00",
+    )
     start: Literal["ready", "never"] = Field(
         "ready", description="whether the mission is started when possible"
     )

@@ -14,14 +14,17 @@ from lupin_engine.chart.model import Chart
 from lupin_engine.chart.nodes import Node, show
 from lupin_engine.chart.source import Map, Seq
 from lupin_engine.errors import Place
+from lupin_engine.plugin.builtin import TIME_ZONE
 from lupin_engine.plugin.contract import OPERATION_CODES, Operation
 from lupin_engine.plugin.parameters import accepted
 from lupin_engine.plugin.types import DURATION, NUMBER, Type, convert
+from lupin_engine.runtime.clock import UTC, calendar_of
 from lupin_engine.sim.scenario_file import (
     END,
     EVERY,
     OPEN,
     EndNode,
+    IsClock,
     IsDuration,
     MockNode,
     MomentNode,
@@ -33,6 +36,7 @@ from lupin_engine.sim.scenario_file import (
 from lupin_engine.sim.scripted import AnyOf, Between, MockOutcome, OnCancel, Rule
 from lupin_engine.sim.simulation import (
     LIMIT,
+    NEW_YEAR,
     Ask,
     ComeBack,
     Effect,
@@ -42,6 +46,7 @@ from lupin_engine.sim.simulation import (
     Leave,
     Restart,
     Script,
+    SetClock,
     TakeView,
     Tell,
     is_named,
@@ -58,6 +63,7 @@ _EFFECTS = (
     "finish",
     "server_gone",
     "server_back",
+    "clock",
     "restart",
     "expect",
 )
@@ -200,6 +206,13 @@ class ScenarioNames:
             self.findings.add(place, "wrong-type", path, problem, "write a duration such as '5 s'")
             return None
 
+    def clock(self, place: Place, path: str, value: str | None) -> None:
+        """Look at a date with a time of day."""
+        try:
+            calendar_of(UTC).moment(value or NEW_YEAR)
+        except ValueError as problem:
+            self.findings.add(place, "wrong-type", path, *str(problem).split("; "))
+
     def latency(self, place: Place, path: str, value: Any) -> float | Between | None:
         """Read a duration or two that it lies between."""
         if not isinstance(value, Mapping):
@@ -240,6 +253,7 @@ class ScriptReader:
             limit=LIMIT if limit is None else limit,
             starts=node.start == "ready",
             seed=node.seed,
+            clock=node.clock or NEW_YEAR,
         )
 
     def parameters(self) -> dict[str, Any]:
@@ -252,6 +266,8 @@ class ScriptReader:
                 continue
             try:
                 found[name] = accepted(declared[name], value)
+                if name == TIME_ZONE:
+                    calendar_of(found[name])
             except ValueError as problem:
                 place = self._node.value_at("parameters", name)
                 self._words.findings.add(place, "wrong-type", f"parameters.{name}", str(problem))
@@ -378,6 +394,8 @@ class ScriptReader:
             yield self._end(node.finish, needs_code=False)
         for key, effect in (("server_gone", Leave), ("server_back", ComeBack)):
             yield from map(effect, getattr(node, key))
+        if node.clock is not None:
+            yield SetClock(node.clock)
         if node.restart:
             yield Restart()
 
@@ -427,11 +445,18 @@ def _has_state(chart: Chart, name: str) -> bool:
     return any(is_named(state, name) for state in chart.states if state)
 
 
+#: What fields are marked with.
+_MARKS = (NameOf, IsDuration, IsClock)
+
+
 @cache
-def _marks(model: type[Node]) -> Mapping[str, tuple[str, Sequence[NameOf | IsDuration]]]:
+def _marks(model: type[Node]) -> Mapping[str, tuple[str, Sequence[NameOf | IsDuration | IsClock]]]:
     """Return the key of each field of a model, and how it is marked."""
     return {
-        name: (field.alias or name, [m for m in field.metadata if isinstance(m, (NameOf, IsDuration))])
+        name: (
+            field.alias or name,
+            [m for m in field.metadata if isinstance(m, (NameOf, IsDuration, IsClock))],
+        )
         for name, field in model.model_fields.items()
     }
 
@@ -444,6 +469,8 @@ def check_names(node: Node, names: ScenarioNames) -> None:
         for mark in marks:
             if isinstance(mark, NameOf):
                 names.look_up(node, key, value, mark)
+            elif isinstance(mark, IsClock):
+                names.clock(node.at(key), key, value)
             else:
                 names.duration(node.at(key), key, value)
         for inner in value if isinstance(value, list) else [value]:

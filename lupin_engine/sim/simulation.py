@@ -19,8 +19,9 @@ from lupin_engine.machine.memory import Visit
 from lupin_engine.machine.scope import World
 from lupin_engine.machine.snapshot import restore
 from lupin_engine.machine.step import Step, View, target_of
+from lupin_engine.plugin.builtin import TIME_ZONE
 from lupin_engine.plugin.profile import START
-from lupin_engine.runtime.clock import VirtualClock
+from lupin_engine.runtime.clock import UTC, VirtualClock, calendar_of
 from lupin_engine.runtime.engine import Engine, EngineOutlet
 from lupin_engine.runtime.history import History
 from lupin_engine.runtime.setup import make_world
@@ -29,6 +30,8 @@ from lupin_engine.sim.scripted import MockOutcome, Rule, Stage
 
 #: How long a simulation goes on when nobody says otherwise, in seconds of virtual time.
 LIMIT = 24 * 3600.0
+#: What the robot's clock shows at the beginning when nobody says otherwise: never the computer's own date.
+NEW_YEAR = "2026-01-01 00:00"
 #: How many things may happen at one moment; more are a mission that goes in circles in no time.
 MOST_AT_ONCE = 10_000
 #: Steps in which a circle is looked for.
@@ -84,6 +87,13 @@ class ComeBack:
 
 
 @dataclass(frozen=True)
+class SetClock:
+    """The robot's clock is set, to a date with a time of day."""
+
+    to: str
+
+
+@dataclass(frozen=True)
 class Restart:
     """The machine is made anew from its snapshot: what a crash and a restart do."""
 
@@ -93,7 +103,7 @@ class TakeView:
     """Nothing happens; what there is to see is kept."""
 
 
-Effect = Ask | Tell | Happen | End | Leave | ComeBack | Restart | TakeView
+Effect = Ask | Tell | Happen | End | Leave | ComeBack | SetClock | Restart | TakeView
 
 
 @dataclass(frozen=True)
@@ -129,6 +139,7 @@ class Script:
 
     With `starts` the mission is started as soon as the chart can take the request. `seed` is what is drawn
     from by the servers and by the jitter of retries. With `stop_at` it is over when that state is entered.
+    `clock` is what the robot's clock shows at the beginning.
     """
 
     mission: str
@@ -139,6 +150,7 @@ class Script:
     starts: bool = True
     seed: int = 0
     stop_at: str = ""
+    clock: str = NEW_YEAR
 
     @property
     def is_random(self) -> bool:
@@ -223,9 +235,10 @@ class Simulation:
     ) -> None:
         self._script = script
         self._parameters = parameters
-        self._clock = VirtualClock()
         self._agenda = Agenda()
         self._world = replace(world or make_world(chart, parameters), seed=script.seed)
+        self._calendar = calendar_of(self._world.parameters.get(TIME_ZONE, UTC))
+        self._clock = VirtualClock(0.0, self._calendar.moment(script.clock))
         self._machine = Machine(self._world)
         self._stage = Stage(
             self._world,
@@ -235,7 +248,7 @@ class Simulation:
             lambda: target_of(self._machine.memory),
         )
         drivers: dict[str, Any] = {}
-        self._engine = Engine(self._machine, self._clock, drivers, self._stepped)
+        self._engine = Engine(self._machine, self._clock, drivers, self._stepped, self._clock.wall)
         # Nobody needs waking: the loop below drains after everything that it lets happen.
         drivers.update(self._stage.drivers(EngineOutlet(self._engine, lambda: None)))
         self.history = History()
@@ -299,6 +312,11 @@ class Simulation:
     def now(self) -> float:
         """The time."""
         return self._clock.now()
+
+    @property
+    def clock(self) -> str:
+        """What the robot's clock shows."""
+        return self._calendar.told(self._clock.wall())
 
     @property
     def steps(self) -> Sequence[Step]:
@@ -370,6 +388,9 @@ class Simulation:
         memory = restore(self._machine.chart, self._machine.snapshot())
         self._machine = self._engine.machine = Machine(self._world, memory)
 
+    def _set_clock(self, effect: SetClock) -> None:
+        self._clock.set_wall(self._calendar.moment(effect.to))
+
     def _take_view(self, number: int) -> None:
         machine, steps = self._machine, len(self.history.steps)
         seen = MomentView(self._clock.now(), steps, machine.view, dict(machine.memory.context))
@@ -437,6 +458,7 @@ _EFFECTS: Mapping[type, Callable[[Simulation, Any], object]] = {
     End: Simulation._end,
     Leave: lambda simulation, effect: simulation._stage.leave(effect.operation),
     ComeBack: lambda simulation, effect: simulation._stage.come_back(effect.operation),
+    SetClock: Simulation._set_clock,
     Restart: Simulation._restart,
 }
 

@@ -58,7 +58,8 @@ IN_TYPES = ("unit", "max", "distinct")
 ELSEWHERE = {
     (d.TransitionNode, "use"): "the other state's transitions are composed again",
     **{
-        (d.StateNode, key): "transitions" for key in ("on", "on_done", "on_error", "always", "after", "every")
+        (d.StateNode, key): "transitions"
+        for key in ("on", "on_done", "on_error", "always", "after", "every", "at")
     },
     (d.StateNode, "states"): "children",
     (d.StateNode, "use"): "the part's states",

@@ -142,9 +142,9 @@ def test_a_budget_is_a_timer_and_a_transition(words: Chart) -> None:
     """Both stand where it is written; the time has a unit."""
     starting = state(words, "STARTING")
     assert starting.budget is not None
-    assert (starting.budget.event, shown(starting.budget.after)) == ("budget", "param.patience * 10")
-    assert starting.budget.after.type.unit == "s"
-    assert starting.budget.after.evaluate({"param": {"patience": 3.0}}) == 30.0
+    assert (starting.budget.event, shown(starting.budget.due)) == ("budget", "param.patience * 10")
+    assert starting.budget.due.type.unit == "s"
+    assert starting.budget.due.evaluate({"param": {"patience": 3.0}}) == 30.0
     (rule,) = (t for t in starting.transitions if t.event == "budget")
     assert rule.id == "MISSION.Words.STARTING.budget"
     assert (rule.source, rule.target, rule.code) == (starting.name, "MISSION.Words.BOTH", "slow")

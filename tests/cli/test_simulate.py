@@ -352,7 +352,11 @@ def test_a_timeline_goes_to_the_terminal() -> None:
         (["--timeline", "folder.svg"], "cannot write 'folder.svg': Is a directory"),
         (["--until", "SCANING"], "--until: no state 'SCANING'; did you mean 'SCANNING'?"),
         (["--until", "5 parsecs"], "write a duration such as '90 s' or '20 min'"),
-        (["--interactive", "--json"], "--interactive goes with --tags, --goal, --set and --seed only"),
+        (
+            ["--interactive", "--json"],
+            "--interactive goes with --tags, --goal, --set, --clock and --seed only",
+        ),
+        (["--clock", "22:00"], "--clock: expected a date with a time of day, got '22:00'"),
         (["--seed", "x"], "'x' is not a valid integer"),
         (["--speed", "-1"], "not in the range"),
     ],
@@ -395,7 +399,7 @@ def test_all_wrong_options_are_told_at_once(
     ]
     assert main(["simulate", str(SCENARIOS / "three_tags.scenario.yaml"), "-i", *wrong]) == 2
     assert capsys.readouterr().err.splitlines() == [
-        "lupin: --interactive goes with --tags, --goal, --set and --seed only",
+        "lupin: --interactive goes with --tags, --goal, --set, --clock and --seed only",
         both[0].removeprefix("lupin: "),
         "a scenario names its own request and parameters; --tags, --goal and --set are for missions",
         both[1],

@@ -292,12 +292,22 @@ def test_a_question_and_its_default_are_in_the_document() -> None:
     assert sent.get("delay") == "5s"
 
 
+def test_a_time_of_day_is_sent_by_who_has_a_clock() -> None:
+    """SCXML has none: the `send` is of our type, and leaving the state takes it back."""
+    name = "at.0.MISSION-Words-STARTING-LOOKING"
+    document = tree("words")
+    (sent,) = (found for found in document.iter(f"{SCXML}send") if found.get("event") == name)
+    assert (sent.get("type"), sent.get(f"{LUPIN}at"), sent.get("delay")) == ("x-lupin", "'06:30'", None)
+    assert name in [found.get("sendid") for found in document.iter(f"{SCXML}cancel")]
+    assert name in [found.get("event") for found in document.iter(f"{SCXML}transition")]
+
+
 def test_a_tick_sets_the_next_one() -> None:
     """SCXML has no clock that repeats: what a tick does begins with a `send` of the next."""
     (rule,) = (
         found
         for found in tree("words").iter(f"{SCXML}transition")
-        if found.get("event") == "after.1.MISSION-Words-STARTING-LOOKING"
+        if found.get("event") == "every.0.MISSION-Words-STARTING-LOOKING"
     )
     assert [(child.tag.removeprefix(SCXML), child.get("delay")) for child in rule] == [
         ("send", "0.2s"),

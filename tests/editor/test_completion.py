@@ -58,7 +58,7 @@ CASES = {
     ),
     "keys of a state": (
         INSPECTION, "        on_error: FAULT", "        |",
-        ["summary", "type", "depth", "initial", "states", "entry", "exit", "on_error", "on"], 23,
+        ["summary", "type", "depth", "initial", "states", "entry", "exit", "on_error", "on"], 24,
     ),
     "keys of a file": (INSPECTION, "initial: PREPARE", "|", ["inputs", "context", "invariants"], 0),
     "operations": (INSPECTION, "do: nav.localize", "do: na|", OPERATIONS, 7),
@@ -125,7 +125,7 @@ CASES = {
     ),
     "what an expression begins with": (
         PART, "guard: itinerary.open}", "guard: |}",
-        ["param", "input", "reason", "home", "request", "target", "itinerary", "event"], 0,
+        ["param", "input", "reason", "home", "clock", "request", "target", "itinerary", "event"], 0,
     ),
     "what an expression goes on with": (
         PART, "guard: itinerary.open              #", "guard: itinerary.open and | #",

@@ -1,10 +1,10 @@
 """Charts from nested dicts, for tests of the machine that should not depend on the loader.
 
-A state is a dict: `initial`, `states`, `on` (event to rules), `always`, `on_done`, `on_error`, `after` and
-`budget` (seconds to rules), `entry`, `exit`, `invoke`, `for_each`, `itinerary`, `kind`, and any plain field
-of `chart.model.State`. A rule is a target, or a dict with fields of `Transition`; targets are found in the
-nearest enclosing scope. Guards and argument values may be functions of the environment, or expressions. An
-action is a name, or (name, arguments).
+A state is a dict: `initial`, `states`, `on` (event to rules), `always`, `on_done`, `on_error`, `after`,
+`every` and `budget` (seconds to rules), `at` (times of day to rules), `entry`, `exit`, `invoke`, `for_each`,
+`itinerary`, `kind`, and any plain field of `chart.model.State`. A rule is a target, or a dict with fields of
+`Transition`; targets are found in the nearest enclosing scope. Guards and argument values may be functions of
+the environment, or expressions. An action is a name, or (name, arguments).
 """
 
 from __future__ import annotations
@@ -43,6 +43,7 @@ from lupin_engine.machine.step import Step
 from lupin_engine.plugin.contract import Action, Argument, Code, OnHold, Operation
 from lupin_engine.plugin.registry import Catalog
 from lupin_engine.plugin.types import ANY, BOOL, NUMBER, within
+from lupin_engine.runtime.clock import calendar_of
 from lupin_greenhouse.profile import PROFILE
 
 PLACE = Place("test.yaml", 1, 1)
@@ -130,10 +131,10 @@ class Builder:
 
     def _build(self, name: str, described: Mapping[str, Any]) -> None:
         kind = described.get("kind") or ("compound" if described.get("states") else "atomic")
-        delays = [*described.get("after", {}), *described.get("every", {})]
-        once = len(described.get("after", {}))
         timers = tuple(
-            Timer(f"after.{index}", value(delay), PLACE, index >= once) for index, delay in enumerate(delays)
+            Timer(f"{word}.{index}", value(due), PLACE)
+            for word in ("after", "every", "at")
+            for index, due in enumerate(described.get(word, {}))
         )
         initial = described.get("initial")
         top = name.partition(".")[0]
@@ -173,9 +174,9 @@ class Builder:
             found.extend(self._rules_of(name, event, rules))
         found.extend(self._rules_of(name, "done", described.get("on_done", ())))
         found.extend(self._rules_of(name, "error", described.get("on_error", ())))
-        timed = [*described.get("after", {}).values(), *described.get("every", {}).values()]
-        for index, rules in enumerate(timed):
-            found.extend(self._rules_of(name, f"after.{index}", rules))
+        for word in ("after", "every", "at"):
+            for index, rules in enumerate(described.get(word, {}).values()):
+                found.extend(self._rules_of(name, f"{word}.{index}", rules))
         for rules in described.get("budget", {}).values():
             found.extend(self._rules_of(name, "budget", rules))
         return tuple(found)
@@ -371,10 +372,23 @@ class Bench:
 
     machine_type: type[Machine] = Machine
 
-    def __init__(self, given: Chart, /, *, seed: int = 0, **parameters: Any) -> None:
-        self.machine = self.machine_type(World(given, parameters, {}, {}, seed))
+    def __init__(
+        self, given: Chart, /, *, seed: int = 0, clock: str = "", zone: str = "UTC", **parameters: Any
+    ) -> None:
+        calendar = calendar_of(zone)
+        self.machine = self.machine_type(World(given, parameters, {}, {}, seed, calendar))
+        self.calendar = calendar
         self.now = 0.0
-        self.steps: list[Step] = [self.machine.start(0.0)]
+        self.steps: list[Step] = [self.machine.start(0.0, calendar.moment(clock) if clock else None)]
+
+    def set_clock(self, text: str) -> Step:
+        """Set the robot's clock."""
+        return self.send(events.clock(self.calendar.moment(text) - self.now))
+
+    @property
+    def clock(self) -> str:
+        """What the robot's clock shows."""
+        return self.calendar.told(self.now + (self.machine.memory.wall or 0.0))
 
     def send(self, name: str | Event, /, **data: Any) -> Step:
         """Let an event happen now."""

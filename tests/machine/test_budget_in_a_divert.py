@@ -22,7 +22,7 @@ def working(**more: Any) -> Bench:
     mission = {
         "mission": "M",
         "states": {"WORK": work, "REST": {"on": {"work": "WORK"}, "mission": "M"}, "OVER": {"mission": "M"}},
-        "on": {"operator.dock": "DOCK"},
+        "on": {"operator.dock": "DOCK", "operator.abort": "READY"},
     }
     slot = {"slot": True, "states": {"M": mission, "history": {"kind": "history", "depth": 2}}}
     states = {
@@ -80,6 +80,14 @@ def test_another_start_has_its_whole_time() -> None:
     assert bench.leaves == ["MISSION.M.WORK.B"]
     bench.wait(1.0)
     assert bench.leaves == ["MISSION.M.OVER"]
+
+
+def test_the_end_of_the_mission_stops_the_clock() -> None:
+    """Nothing is counted in READY."""
+    bench = working(during="divert")
+    bench.send("operator.abort")
+    bench.wait(3.0)  # until the drive must have ended
+    assert (bench.leaves, bench.machine.next_deadline) == (["READY"], None)
 
 
 def test_missions_that_are_loaded_anew_forget_what_ran_on() -> None:

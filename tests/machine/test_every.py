@@ -76,5 +76,6 @@ def test_no_period_is_too_short_to_end(period: float) -> None:
     bench = ticking(lambda _: period)
     bench.wait(1.0)
     assert bench.leaves == ["FAULT"]
+    assert bench.context["n"] == 0
     problem = f"every: {period:g} s is too often, the shortest is 0.1 s"
     assert bench.machine.view.detail == f"test.yaml:1:1: {problem}"

@@ -68,7 +68,7 @@ def made(
     for name, state in node.get("states", {}).items():
         kind = state.get("type", "state")
         groups = [state.get(word, []) for word in ("always", "on_done", "on_error")]
-        groups += [rules for word in ("on", "after") for rules in state.get(word, {}).values()]
+        groups += [rules for word in ("on", "after", "every", "at") for rules in state.get(word, {}).values()]
         rules = [rule for some in groups for rule in (some if isinstance(some, list) else [some])]
         here = (*path, name)
         around = (*inner, (here, state))
@@ -94,6 +94,20 @@ def test_what_is_exported_comes_back(name: str) -> None:
     mission = from_scxml(document, "Again").mission
     wanted = {path: (kind, targets) for path, kind, targets in drawn(elements(document))}
     assert {path: (kind, targets) for path, kind, targets in made(mission)} == wanted
+
+
+def test_what_clocks_do_comes_back() -> None:
+    """Each under its word, with its time; nothing is noted as lost."""
+    document = scxml(outline(pictured.chart("words"), whole=True)).encode()
+    found = from_scxml(document, "Again")
+    looking = found.mission["states"]["MISSION"]["states"]["Words"]["states"]["STARTING"]["states"]["LOOKING"]
+    assert {word: list(looking[word]) for word in ("after", "every", "at")} == {
+        "after": ["1 s"],
+        "every": ["0.2 s"],
+        "at": ["06:30"],
+    }
+    assert looking["every"]["0.2 s"] == {"do": [{"set": {"read": "${ read + 1 }"}}]}
+    assert [note for note in found.notes if "again" in note.text or "delayed" in note.text] == []
 
 
 # -- what is the same in both -------------------------------------------------------------------------------

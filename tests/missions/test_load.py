@@ -354,7 +354,7 @@ def test_a_part_is_composed_once_for_every_use(catalog: Catalog) -> None:
     chart = good("knocks", catalog)
     first, second = (chart.states[f"MISSION.Knocks.{name}.RESTING"].timers[0] for name in ("FIRST", "SECOND"))
     env = {"request": {"pause": 3.0}, "param": {"knock_pause_s": 1.0}}
-    assert (first.after.evaluate(env), second.after.evaluate(env)) == (6.0, 1.0)
+    assert (first.due.evaluate(env), second.due.evaluate(env)) == (6.0, 1.0)
     invoke = chart.states["MISSION.Knocks.FIRST.KNOCKING"].invoke
     assert invoke is not None
     assert invoke.arguments["pose"].evaluate({}) == {"x": 1.0, "y": 2.0, "yaw": 0.0}

@@ -648,3 +648,45 @@ def test_every_question_that_is_open_is_expected(tmp_path: Path, asked: str, tol
     found = "\n".join(map(str, scenario.failures(scenario.run())))
     assert all(part in found for part in told)
     assert bool(found) == bool(told)
+
+
+# -- the robot's clock ------------------------------------------------------------------------------------
+
+
+def test_a_clock_has_a_date_and_a_zone_a_name(tmp_path: Path) -> None:
+    """At the start and when it is set; what is none is told at its place."""
+    text = HEAD + "clock: 22:00\nwhen:\n  - {at: 1 s, clock: tomorrow}\nexpect: {}\n"
+    hint = "write one such as '2026-11-22 22:00'"
+    assert problems(tmp_path, text) == [
+        f"4:8: error: clock: expected a date with a time of day, got '22:00'; {hint} [wrong-type]",
+        f"6:22: error: clock: expected a date with a time of day, got 'tomorrow'; {hint} [wrong-type]",
+    ]
+    (tmp_path / "w.yaml").write_text(WAKE, encoding="utf-8")
+    (tmp_path / "lifecycle.yaml").symlink_to(default_missions_folder() / LIFECYCLE)
+    wrong = "scenario: x\nmission: w.yaml\nparameters: {time_zone: Europe/Amsterdm}\nexpect: {}\n"
+    assert problems(tmp_path, wrong) == [
+        "3:25: error: parameters.time_zone: there is no time zone 'Europe/Amsterdm'; "
+        "did you mean 'Europe/Amsterdam'? [wrong-type]"
+    ]
+
+
+WAKE = """mission: Wake
+states:
+  ASLEEP: {at: {"06:30": done}}
+  done: {type: final}
+"""
+
+
+def test_a_simulation_has_a_date_of_its_own_and_a_clock_that_is_set(tmp_path: Path) -> None:
+    """Never the computer's; the mission's zone counts."""
+    (tmp_path / "w.yaml").write_text(WAKE, encoding="utf-8")
+    (tmp_path / "lifecycle.yaml").symlink_to(default_missions_folder() / LIFECYCLE)
+    head = "scenario: x\nmission: w.yaml\n"
+    assert loaded(tmp_path, head + "expect: {}\n").run().seconds == pytest.approx(6.5 * 3600 + 3.0)
+    zone = head + 'clock: "2026-03-29 01:00"\nparameters: {time_zone: Europe/Amsterdam}\n'
+    assert loaded(tmp_path, zone + "expect: {}\n").run().seconds == pytest.approx(4.5 * 3600 + 3.0)
+    set_back = zone + 'when: [{at: 1 h, clock: "2026-03-29 00:30"}]\nexpect: {notes: [5400 s back]}\n'
+    scenario = loaded(tmp_path, set_back)
+    run = scenario.run()
+    assert scenario.failures(run) == []
+    assert run.seconds == pytest.approx(6 * 3600 + 3.0)

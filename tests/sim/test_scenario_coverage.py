@@ -7,8 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from lupin_engine.missions.folders import default_missions_folder, lifecycle_in
-from lupin_engine.missions.load import load_files
+from lupin_engine.missions.folders import default_missions_folder
 from lupin_engine.replay.coverage import (
     GUARD,
     OUTCOME,
@@ -25,6 +24,7 @@ from lupin_engine.replay.coverage import (
 from lupin_engine.sim.scenario import load_scenario
 from lupin_engine.sim.suite import ScenarioResult, Suite
 from tests import shipped
+from tests.diagram import pictured
 
 COOKBOOK = Path(__file__).parents[2] / "docs" / "cookbook"
 HEAD = 'scenario: a test\nmission: inspection\nrequest: {tag_sequence: ["1"]}\n'
@@ -135,12 +135,11 @@ def test_every_piece_has_its_own_key() -> None:
 
 
 def test_a_transition_is_called_by_what_is_written() -> None:
-    """`every` and `after` of one state are counted on by the machine, not for people."""
-    file = Path(__file__).parents[2] / "examples" / "night_watch" / "missions" / "night_watch.yaml"
-    chart = load_files(lifecycle_in(file.parent), [file], shipped.catalog()).chart
-    told = [item.text for item in items(chart) if item.text.startswith("WATCHING: ")]
-    assert "WATCHING: every.0 -> actions" in told
-    assert "WATCHING: budget -> done" in told
+    """By the word of its clock, counted from 0."""
+    told = [item.text for item in items(pictured.chart("words"))]
+    assert "STARTING.LOOKING: every.0 -> actions" in told
+    assert "STARTING.LOOKING: at.0 -> STARTING.RESTING" in told
+    assert "STARTING: budget -> BOTH" in told
 
 
 def test_the_sum_is_a_table_and_a_list(tmp_path: Path) -> None:

@@ -63,11 +63,11 @@ from lupin_engine.chart.model import (
 from lupin_engine.chart.semantics import MIN_PERIOD
 from lupin_engine.chart.source import Text
 from lupin_engine.errors import Place
-from lupin_engine.plugin.builtin import BUILTIN
+from lupin_engine.plugin.builtin import BUILTIN, TIME_ZONE
 from lupin_engine.plugin.contract import Code, Parameter
 from lupin_engine.plugin.profile import ANSWER
 from lupin_engine.plugin.registry import Catalog
-from lupin_engine.plugin.types import ANY, BOOL, COUNT, DURATION, Type
+from lupin_engine.plugin.types import ANY, BOOL, COUNT, DURATION, TIME_OF_DAY, Type
 
 #: What expressions see of the itinerary around them.
 ITINERARY = Type(
@@ -288,6 +288,8 @@ class _Composer:
                 )
                 if not elsewhere:
                     self._declared.parameters.pop(name, None)
+        if TIME_ZONE in self._usage.parameters:
+            found[TIME_ZONE] = self._catalog.parameters[TIME_ZONE]
         found.update(self._declared.parameters)
         return found
 
@@ -462,7 +464,7 @@ class _Composer:
             found["exit"] = self._read_actions(node.exit, scope, draft, "exit")
         used = self._transitions.of_used(draft)
         found["transitions"] = (*used, *self._transitions.read(draft, node, invoke, scope))
-        if node.after or node.every:
+        if node.after or node.every or node.at_:
             found["timers"] = tuple(self._timers(draft, node, scope))
         found["resume_at"] = self._transitions.resume_at(draft, node)
         return found
@@ -592,19 +594,22 @@ class _Composer:
         return literal(constant.value, wanted) if constant else None
 
     def _timers(self, draft: Draft, node: StateNode, scope: Scope) -> Iterator[Timer]:
-        for index, key in enumerate(node.after):
-            text, event = node.text_of_key("after", key), f"after.{index}"
-            place = text.place
-            value = read_value(text, place, DURATION, scope, self._findings, path_of(draft.name, event))
-            if value is not None:
-                yield Timer(event, value, place)
-        steady = draft.scope.without("event", "it is looked at again at every tick") if draft.scope else scope
-        for index, key in enumerate(node.every):
-            text, event = node.text_of_key("every", key), f"after.{len(node.after) + index}"
-            path = path_of(draft.name, f"every.{index}")
-            value = read_value(text, text.place, PERIOD, steady, self._findings, path)
-            if value is not None:
-                yield Timer(event, value, text.place, repeats=True)
+        assert draft.scope is not None
+        each_tick = draft.scope.without("event", "it is looked at again at every tick")
+        each_day = draft.scope.without("event", "it is looked at again every day")
+        if node.at_:
+            self._usage.parameters.add(TIME_ZONE)
+        for word, keys, wanted, seen in (
+            ("after", node.after, DURATION, scope),
+            ("every", node.every, PERIOD, each_tick),
+            ("at", node.at_, TIME_OF_DAY, each_day),
+        ):
+            for index, key in enumerate(keys):
+                text, event = node.text_of_key(word, key), f"{word}.{index}"
+                path = path_of(draft.name, event)
+                value = read_value(text, text.place, wanted, seen, self._findings, path)
+                if value is not None:
+                    yield Timer(event, value, text.place)
 
     def _budget(self, draft: Draft, node: BudgetNode) -> Timer | None:
         assert draft.scope is not None

@@ -35,8 +35,10 @@ from lupin_engine.plugin.registry import Catalog
 from lupin_engine.plugin.types import (
     BOOL,
     COUNT,
+    DATE,
     DURATION,
     NUMBER,
+    TIME_OF_DAY,
     UNITS,
     Type,
     innermost,
@@ -49,6 +51,8 @@ from lupin_engine.plugin.types import (
 
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 
+#: What the robot's clock shows.
+CLOCK = Type("record", "clock", fields={"today": DATE, "time": TIME_OF_DAY})
 #: How bad a code is, by the word that files have for it.
 SEVERITIES: Mapping[str, Severity] = {"info": Severity.INFO, "warn": Severity.WARN, "error": Severity.ERROR}
 
@@ -150,6 +154,7 @@ class Declarer:
                 "record", "input", fields={n: input_type(i) for n, i in self.declared.inputs.items()}
             ),
             **{name: variable.type for name, variable in self.declared.context.items()},
+            "clock": CLOCK,
         }
         absent = {
             "error": ("unknown-name", "only an on_error has one"),

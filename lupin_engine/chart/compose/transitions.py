@@ -24,6 +24,7 @@ from lupin_engine.chart.expressions.scope import Scope
 from lupin_engine.chart.expressions.values import read_guard, read_key
 from lupin_engine.chart.findings import Findings
 from lupin_engine.chart.model import Invoke, Prompt, Transition
+from lupin_engine.chart.semantics import TIMERS
 from lupin_engine.errors import Place, Severity, nearest
 from lupin_engine.plugin.contract import Code
 from lupin_engine.plugin.profile import ANSWER
@@ -105,13 +106,10 @@ class TransitionReader:
             found += self.handlers(draft, node, node.on)
         if node.always:
             found += self._list(node.always, TransitionSite(draft, draft, "always", "", any_event))
-        for index, nodes in enumerate(node.after.values()):
-            found += self._list(
-                nodes, TransitionSite(draft, draft, f"after.{index}", f"after.{index}", any_event)
-            )
-        for index, nodes in enumerate(node.every.values()):
-            event = f"after.{len(node.after) + index}"
-            found += self._list(nodes, TransitionSite(draft, draft, f"every.{index}", event, any_event))
+        for word, timed in (("after", node.after), ("every", node.every), ("at", node.at_)):
+            for index, nodes in enumerate(timed.values()):
+                event = f"{word}.{index}"
+                found += self._list(nodes, TransitionSite(draft, draft, event, event, any_event))
         if node.budget is not None:
             found.append(self._when_used_up(draft, node.budget))
         return tuple(found)
@@ -253,7 +251,7 @@ class TransitionReader:
         self.heard.add(site.event)
         prefix, found = path_of(site.source.name, site.key), []
         for index, node in enumerate(nodes):
-            id = prefix if index == 0 and site.key.startswith(("after.", "every.")) else f"{prefix}.{index}"
+            id = prefix if index == 0 and site.key.startswith(TIMERS) else f"{prefix}.{index}"
             found.append(self._transition(node, id, site))
         return found
 

@@ -56,6 +56,7 @@ from lupin_engine.chart.expressions.scope import (
 )
 from lupin_engine.chart.findings import Findings
 from lupin_engine.errors import declared_as, nearest, or_else
+from lupin_engine.plugin.builtin import TIME_ZONE
 from lupin_engine.plugin.contract import Function
 from lupin_engine.plugin.types import (
     ANY,
@@ -67,6 +68,7 @@ from lupin_engine.plugin.types import (
     UNITS,
     Type,
     innermost,
+    is_moment,
     list_of,
 )
 
@@ -263,6 +265,8 @@ class _Checker(ExpressionReader):
             self.scope.usage.parameters.add(name)
         elif root == "input":
             self.scope.usage.inputs.add(name)
+        elif root == "clock":
+            self.scope.usage.parameters.add(TIME_ZONE)
 
     def _unknown_field(self, node: ast.Attribute, record: Type, root: str) -> Typed:
         if root == "param":
@@ -374,8 +378,20 @@ class _Checker(ExpressionReader):
         """Check two operands that meet; a text that is a quantity becomes a number beside one with a unit."""
         first, second = self.visit(left), self.visit(right)
         if "text" in (first.type.kind, second.type.kind):
-            return as_quantity(first, second.type), as_quantity(second, first.type)
+            return (
+                self._as_moment(left, as_quantity(first, second.type), second.type),
+                self._as_moment(right, as_quantity(second, first.type), first.type),
+            )
         return first, second
+
+    def _as_moment(self, node: ast.expr, typed: Typed, other: Type) -> Typed:
+        """Read a written text as the date or time of day that it meets."""
+        if not is_moment(other) or typed.type is not TEXT or not isinstance(typed.written, str):
+            return typed
+        if not re.fullmatch(other.pattern, typed.written):
+            problem = f"{typed.written!r} is no {other}"
+            self.wrong(node, "wrong-type", problem, f"write one such as '{other.example}'")
+        return Typed(other, typed.code)
 
     def _compare(self, node: ast.Compare) -> Typed:
         left = node.left
@@ -398,6 +414,8 @@ class _Checker(ExpressionReader):
             return  # what is compared has been told to be wrong already
         if isinstance(operator, (ast.In, ast.NotIn)):
             self._check_membership(left, right, first, second)
+        elif isinstance(operator, _ORDERINGS) and is_moment(first) and first == second:
+            return
         elif isinstance(operator, _ORDERINGS) and not (orderable(first) and orderable(second)):
             wrong, kind = (left, first) if not orderable(first) else (right, second)
             self.no_number(wrong, kind)

@@ -13,9 +13,9 @@ from lupin_engine.plugin.types import MAX_TEXT, UNITS, Type, in_base, in_unit
 #: Integers up to this size are told apart by a float.
 MAX_INTEGER = 2**53
 
-#: What an expression sees: the records param, request, input, event, error, target and itinerary; `item`
-#: (what a `for_each` is at); `context` (variables by name); and the callables `known(input)`, `held(hold)`,
-#: `in_state(full_names)` and, in `functions`, those of the plugins by full name.
+#: What an expression sees: the records param, request, input, event, error, target, itinerary and clock;
+#: `item` (what a `for_each` is at); `context` (variables by name); and the callables `known(input)`,
+#: `held(hold)`, `in_state(full_names)` and, in `functions`, those of the plugins by full name.
 Environment = Mapping[str, Any]
 
 

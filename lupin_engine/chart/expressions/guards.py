@@ -244,8 +244,8 @@ def _comparison(left: ast.expr, op: type[ast.cmpop], right: ast.expr, wanted: bo
     if second is None and first is not None:
         left, right, first, second = right, left, second, first
         op = _MIRRORED.get(op, op)
-    if second is None:
-        return _relation(ast.unparse(left), op, ast.unparse(right))
+    if second is None or (isinstance(second, str) and first is None and op not in (ast.Eq, ast.NotEq)):
+        return _relation(ast.unparse(left), op, ast.unparse(right))  # also to a date or time of day
     values = _compared(op, second)
     if first is not None:
         return TRUE if values.holds(first) else FALSE

@@ -35,6 +35,7 @@ from lupin_engine.plugin.types import (
     ValueProblem,
     convert,
     converted,
+    is_moment,
     list_of,
     number_in,
     parse_quantity,
@@ -262,7 +263,7 @@ def _tell(problem: ValueProblem, raw: Any, place: Place, findings: Findings, pat
         findings.add(raw.place, "wrong-type", path, f"this {wanted} has no {missing}")
     elif wanted.kind in ("integer", "number"):
         findings.add(place, *_wrong_number(problem, path))
-    elif fault is Fault.KIND:
+    elif fault is Fault.KIND or is_moment(wanted):
         text = f"expected {describe(wanted)}, got {show(raw)}"
         findings.add(place, "wrong-type", path, text, _instead(raw, wanted))
     else:
@@ -271,6 +272,8 @@ def _tell(problem: ValueProblem, raw: Any, place: Place, findings: Findings, pat
 
 def _instead(raw: Any, wanted: Type) -> str:
     """Return what to write where a value is of another kind."""
+    if is_moment(wanted):
+        return f'write it in quotes, such as "{wanted.example}"'
     if wanted.kind == "text" and isinstance(raw, (int, float)):
         return f"quote it: '{show(raw)}'"
     if wanted.kind == "bool":

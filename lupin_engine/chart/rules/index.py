@@ -24,11 +24,11 @@ from lupin_engine.chart.rules.written import (
     reads_of,
     sayings_of,
 )
-from lupin_engine.chart.semantics import FAULT, Semantics, matches
+from lupin_engine.chart.semantics import FAULT, TIMERS, Semantics, matches
 from lupin_engine.errors import Diagnostic, Place
 
 #: Beginnings of events that only the state they belong to hears.
-OF_ONE_STATE = ("done", "error", "after.", "budget")
+OF_ONE_STATE = ("done", "error", "budget", *TIMERS)
 
 
 @dataclass(frozen=True)
@@ -279,8 +279,8 @@ def local(name: str) -> str:
 
 def told(event: str) -> str:
     """Return what an author calls an event of the engine's own."""
-    if event.startswith("after."):
-        return "after"
+    if event.startswith(TIMERS):
+        return event.partition(".")[0]
     return {"": "always", "done": "on_done", "error": "on_error"}.get(event, event)
 
 

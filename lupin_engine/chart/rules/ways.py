@@ -92,9 +92,9 @@ def _does_something(index: Index, state: State) -> bool:
 
 
 def _ends_in_time(state: State) -> bool:
-    """Tell whether a clock leads out of a state; a tick that leads nowhere does not."""
+    """Tell whether a clock leads out of a state; one that comes again and leads nowhere does not."""
     leaving = {transition.event for transition in state.transitions if transition.target is not None}
-    return any(not timer.repeats or timer.event in leaving for timer in state.timers)
+    return any(timer.word == "after" or timer.event in leaving for timer in state.timers)
 
 
 def _comes_from_the_world(event: str, raised: set[str]) -> bool:

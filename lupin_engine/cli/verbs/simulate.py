@@ -34,6 +34,11 @@ if TYPE_CHECKING:
     help="A parameter, such as nav_timeout_s='90 s'.",
 )
 @click.option(
+    "--clock",
+    metavar="DATE TIME",
+    help="What the robot's clock shows at the beginning, such as '2026-11-22 22:00'.",
+)
+@click.option(
     "--until",
     metavar="DURATION|STATE",
     help="Stop after so much virtual time, such as '20 min', or when a state is entered.",
@@ -60,6 +65,7 @@ def simulate(
     mission: str,
     request: dict[str, Any],
     settings: tuple[str, ...],
+    clock: str | None,
     until: str | None,
     seed: int | None,
     speed: float,
@@ -83,14 +89,18 @@ def simulate(
     problems = Problems(UsageError)
     if interactive and (as_json or quiet or speed or picture or until is not None):
         allowed = ", ".join((*options.request_options(), "--set"))
-        problems.add(f"--interactive goes with {allowed} and --seed only")
+        problems.add(f"--interactive goes with {allowed}, --clock and --seed only")
     with problems.collecting():
         _check_picture(picture)
     with problems.collecting():
         subject = _subject(problems, mission, request, settings, until)
+    with problems.collecting():
+        _check_clock(clock)
     problems.tell()
     if seed is not None:
         subject = replace(subject, script=replace(subject.script, seed=seed))
+    if clock is not None:
+        subject = replace(subject, script=replace(subject.script, clock=clock))
     if interactive:
         return _interact(subject)
     began = time.perf_counter()
@@ -200,6 +210,17 @@ def _until(chart: Chart, text: str | None) -> float | str | None:
         local = {state.rpartition(".")[2] for state in names}
         raise UsageError(f"--until: no state {text!r}; {nearest(text, local)}")
     return text
+
+
+def _check_clock(text: str | None) -> None:
+    """Check that a text is a date with a time of day."""
+    from lupin_engine.runtime.clock import UTC, calendar_of
+
+    try:
+        if text is not None:
+            calendar_of(UTC).moment(text)
+    except ValueError as problem:
+        raise UsageError(f"--clock: {problem}") from None
 
 
 def _check_picture(name: str | None) -> None:

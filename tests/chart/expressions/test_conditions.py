@@ -269,8 +269,10 @@ def test_what_two_sets_have_in_common() -> None:
 
 
 def test_a_bound_of_something_that_is_no_number_says_nothing() -> None:
-    """`t < 'b'` is refused where it is typed; a rule that sees it all the same claims nothing."""
-    assert condition_of("t < 'b'") == Fact("t", ValueSet())
+    """It may be a date or a time of day: what is compared with the same text is the same fact, no more."""
+    assert condition_of("t < 'b'") == Fact("'b' ? t", ValueSet(frozenset(">")))
+    assert exclusive(condition_of("t < 'b'"), condition_of("t >= 'b'"))
+    assert not exclusive(condition_of("t < 'b'"), condition_of("t > 'c'"))
     assert exclusive(condition_of("t == 'a'"), condition_of("t > 3"))
     assert condition_of("t is 3") == fact("t is 3", True)
     assert condition_of("not t is 3") == fact("t is 3", False)
