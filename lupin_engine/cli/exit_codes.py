@@ -1,4 +1,4 @@
-"""The exit code of verbs that carry out a mission, when they fail."""
+"""Exit codes: one table for the verbs of the operator, and what verbs that carry out a mission fail with."""
 
 from __future__ import annotations
 
@@ -6,6 +6,10 @@ import contextlib
 from collections.abc import Iterator
 
 from lupin_engine.errors import LupinError
+
+#: How a verb of the operator ends. The orchestrator said yes, or there was something to show; it said no, or
+#: there was nothing; nobody was asked, because no orchestrator is there or the command line is wrong.
+ACCEPTED, REFUSED, NOBODY = 0, 1, 2
 
 
 @contextlib.contextmanager

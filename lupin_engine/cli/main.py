@@ -37,7 +37,6 @@ VERBS: Mapping[str, str] = MappingProxyType(
         "new": "Begin a mission: its file, the lifecycle around it, a scenario.",
         "import": "Make a mission of a chart by others (SCXML).",
         "check": "Check missions and tell everything that is wrong with them.",
-        "answer": "Show what a mission asks the operator, and answer it.",
         "simulate": "Run a mission in virtual time, without ROS.",
         "test": "Run scenarios against missions, without ROS.",
         "diagram": "Draw a mission.",
@@ -49,6 +48,14 @@ VERBS: Mapping[str, str] = MappingProxyType(
         "schema": "Print the JSON Schema of the files, for editors.",
         "lsp": "Serve editors: completion, hover, definition, rename, findings as you type.",
         "doctor": "Look at this machine and say what is missing.",
+    }
+)
+#: The same for an operator, in `lupin_engine.cli.operator.VERB`; requests of the installed profiles are more.
+OPERATOR_VERBS: Mapping[str, str] = MappingProxyType(
+    {
+        "start": "Start a mission of the orchestrator that runs.",
+        "state": "Show where the orchestrator stands, and what can be asked of it.",
+        "answer": "Show what a mission asks the operator, and answer it.",
     }
 )
 
@@ -64,26 +71,32 @@ class Verbs(click.Group):
     """A group that imports a verb only when it is called."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
-        """Return the verbs in the order of the table, and those of installed packages."""
-        return [*VERBS, *_points_of_plugins()]
+        """Return the verbs in the order of the tables, and those of installed packages."""
+        return [*VERBS, *OPERATOR_VERBS, *_request_verbs(), *_points_of_plugins()]
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         """Import a verb."""
-        if cmd_name not in VERBS:
-            from lupin_engine.cli.plugin_verbs import load_verb
+        if cmd_name in VERBS:
+            folder = "verbs.programs" if cmd_name in PROGRAMS else "verbs"
+            return _load(folder, f"{cmd_name}_" if keyword.iskeyword(cmd_name) else cmd_name)
+        if cmd_name in OPERATOR_VERBS:
+            return _load("operator", cmd_name)
+        asked = _request_verbs()
+        if cmd_name in asked:
+            from lupin_engine.cli.operator.ask import request_command
 
-            points = _points_of_plugins().get(cmd_name)
-            return load_verb(points) if points else None
-        name = f"{cmd_name}_" if keyword.iskeyword(cmd_name) else cmd_name
-        folder = "lupin_engine.cli.verbs" + (".programs" if cmd_name in PROGRAMS else "")
-        command = getattr(importlib.import_module(f"{folder}.{name}"), name)
-        assert isinstance(command, click.Command)
-        return command
+            return request_command(cmd_name, asked[cmd_name])
+        from lupin_engine.cli.plugin_verbs import load_verb
+
+        points = _points_of_plugins().get(cmd_name)
+        return load_verb(points) if points else None
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """List the verbs, without importing them."""
         with formatter.section("Commands"):
             formatter.write_dl(list(VERBS.items()))
+        with formatter.section("Operator"):
+            formatter.write_dl([*OPERATOR_VERBS.items(), *_request_verbs().items()])
         others = _points_of_plugins()
         if others:
             from lupin_engine.cli.plugin_verbs import summary
@@ -95,18 +108,33 @@ class Verbs(click.Group):
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
         """Find the verb; an unknown one is answered with the nearest spelling."""
-        if args and args[0] not in VERBS and not args[0].startswith("-"):
+        if args and args[0] not in {*VERBS, *OPERATOR_VERBS} and not args[0].startswith("-"):
             known = self.list_commands(ctx)
             if args[0] not in known:
                 raise click.UsageError(f"unknown command {args[0]!r}; {nearest(args[0], known)}", ctx)
         return super().resolve_command(ctx, args)
 
 
+def _load(folder: str, name: str) -> click.Command:
+    command = getattr(importlib.import_module(f"lupin_engine.cli.{folder}.{name}"), name)
+    assert isinstance(command, click.Command)
+    return command
+
+
+def _request_verbs() -> Mapping[str, str]:
+    """Return the verbs of the installed profiles' requests, each with its line."""
+    from lupin_engine.cli.plugin_verbs import request_verbs
+
+    own = {*VERBS, *OPERATOR_VERBS}
+    return {verb: doc for verb, doc in request_verbs().items() if verb not in own}
+
+
 def _points_of_plugins() -> Mapping[str, Sequence[EntryPoint]]:
     """Return the verbs of installed packages."""
     from lupin_engine.cli.plugin_verbs import plugin_verbs
 
-    return {verb: points for verb, points in plugin_verbs().items() if verb not in VERBS}
+    own = {*VERBS, *OPERATOR_VERBS, *_request_verbs()}
+    return {verb: points for verb, points in plugin_verbs().items() if verb not in own}
 
 
 def _author(arguments: Sequence[str] | None) -> str:

@@ -1,18 +1,23 @@
-"""Verbs that installed packages bring: entry points of the group `lupin.verbs`, each naming a click command.
+"""Verbs that installed packages bring.
 
-A package is imported when its verb is called, not before. So the line in the list of verbs comes from the
-source: the first paragraph of the docstring of the function that the entry point names.
+A profile brings one for each request of an operator. Other verbs are entry points of the group
+`lupin.verbs`, each naming a click command. Such a package is imported when its verb is called, not before. So
+the line in the list of verbs comes from the source: the first paragraph of the docstring of the function that
+the entry point names.
 """
 
 from __future__ import annotations
 
 import ast
+import contextlib
+import functools
 from collections.abc import Mapping, Sequence
 
 import click
 
 from lupin_engine.errors import PluginError
-from lupin_engine.plugin.discovery import VERBS, EntryPoint, entry_points, source_file
+from lupin_engine.plugin.discovery import PROFILES, VERBS, EntryPoint, entry_points, source_file
+from lupin_engine.plugin.profile import Profile
 
 
 def plugin_verbs() -> Mapping[str, Sequence[EntryPoint]]:
@@ -20,6 +25,18 @@ def plugin_verbs() -> Mapping[str, Sequence[EntryPoint]]:
     found: dict[str, list[EntryPoint]] = {}
     for point in entry_points(group=VERBS):
         found.setdefault(point.name, []).append(point)
+    return found
+
+
+@functools.cache
+def request_verbs() -> Mapping[str, str]:
+    """Return the verbs, each with the line that tells what it does; of two profiles the first says it."""
+    found: dict[str, str] = {}
+    for point in entry_points(PROFILES):
+        with contextlib.suppress(PluginError):  # whatever needs the profile says what is wrong with it
+            profile = point.load_as(Profile, "profile", "a Profile")
+            for name, verb in profile.verbs.items():
+                found.setdefault(verb, profile.requests[name].doc)
     return found
 
 

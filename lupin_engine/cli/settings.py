@@ -33,7 +33,7 @@ def settings_in(
         node: whose parameters they are; '' for the mission's.
         elsewhere: says where a name belongs that is not declared here (see `plugin.parameters.sorted_out`).
     """
-    texts, problems = _split(option, given, f"{node}." if node else "")
+    texts, problems = split(option, given, f"{node}." if node else "")
     types = {name: declared[name].type if name in declared else TEXT for name in texts}
     data = {name: read_value(text, types[name]) for name, text in texts.items()}
     values, wrong = sorted_out(declared, data, partial(named, notation=Notation.FILE), elsewhere)
@@ -41,7 +41,7 @@ def settings_in(
     return values, [f"{where}: {problem}" for problem in [*problems, *wrong]]
 
 
-def _split(option: str, given: Iterable[str], before: str) -> tuple[dict[str, str], list[str]]:
+def split(option: str, given: Iterable[str], before: str = "") -> tuple[dict[str, str], list[str]]:
     """Return the texts by name, and the problems; `before` is the prefix of each name on the command line."""
     texts: dict[str, str] = {}
     problems = []

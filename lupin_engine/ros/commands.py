@@ -210,5 +210,6 @@ def answered(asked: CommandRequest, step: Step) -> CommandAnswer:
     if not step.accepted:
         return refused(step.refusal or Refusal("", f"{asked.verb} refused"), step.sequence)
     mission_id = str(step.event.data.get("mission_id", "")) if step.event.name == START else ""
-    said = f"{asked.mission} {mission_id} started" if mission_id else f"{asked.verb} accepted"
+    name = step.event.name.rpartition(".")[2]
+    said = f"{asked.mission} {mission_id} started" if mission_id else f"{name} accepted"
     return CommandAnswer(True, "", said, mission_id, step.sequence)

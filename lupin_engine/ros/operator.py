@@ -6,28 +6,44 @@ owner calls `spin` from its own loop; there is no thread.
 
 from __future__ import annotations
 
+import getpass
 import json
 import os
+import socket
 import time
+import uuid
+from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property, partial
 from typing import Any
 
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
+from lupin_engine.machine.event import NOTHING
 from lupin_engine.plugin.profile import Profile, StartRequest
 from lupin_engine.ros.adapter.network import Kind, interfaces
 from lupin_engine.ros.adapter.node import CallFailure, Qos, RosNode, ServiceCaller
 from lupin_engine.ros.bindings.definitions import interface_class
 from lupin_engine.ros.messages import read, wire_of, write
-from lupin_engine.ros.names import ANSWER_SERVICE, STEPS_TOPIC
+from lupin_engine.ros.names import (
+    COMMAND_SERVICE,
+    COMMAND_TYPE,
+    MISSIONS_TOPIC,
+    POSSIBLE_TOPIC,
+    STEPS_TOPIC,
+)
 from lupin_engine.runtime.record import OpenQuestion, open_questions
 
 _START = "start"
-#: How long more of the last steps are waited for, in seconds.
+#: How long more of the last steps are waited for, in seconds, and how many are kept.
 SETTLE_S = 0.3
+MAX_STEPS = 50
+#: How long the orchestrator may take to be found, and to answer a command each time, in seconds.
+ANSWER_S = 3.0
+#: How often a condition is looked at while nothing arrives, in seconds.
+POLL_S = 0.1
 
 
 @dataclass(frozen=True)
@@ -41,78 +57,157 @@ class Arrival:
 
 @dataclass(frozen=True)
 class Answer:
-    """What the orchestrator said to a request; `reached` is false when it did not say anything in time."""
+    """What the orchestrator said to a request.
+
+    `reached` is false when it did not say anything in time, `found` when there is none to ask.
+    """
 
     accepted: bool
     text: str
     mission_id: str = ""
     reached: bool = True
+    found: bool = True
 
 
-def _spin(ros: RosNode, seconds: float) -> None:
-    """Work for at least `seconds`: a wait that is cut short by a message goes on."""
-    until = time.monotonic() + seconds
-    while (left := until - time.monotonic()) > 0:
-        ros.spin_once(left)
+class Commander:
+    """A node that commands the orchestrator, whatever its profile; closed with `close`."""
+
+    def __init__(self) -> None:
+        self._ros = RosNode(f"lupin_operator_{os.getpid()}")
+
+    @cached_property
+    def _commands(self) -> ServiceCaller:
+        return self._ros.service(interface_class(COMMAND_TYPE), COMMAND_SERVICE)
+
+    def command(
+        self,
+        verb: str,
+        mission: str = "",
+        request: Mapping[str, Any] = NOTHING,
+        timeout: float = ANSWER_S,
+    ) -> Answer:
+        """Command something; what is not answered in `timeout` seconds is asked once more.
+
+        Both have the same id, so that nothing is done twice.
+
+        Raises:
+            LupinError: the interface of commands is not installed.
+        """
+        fields = {"verb": verb, "mission": mission, "request": json.dumps(dict(request))}
+        who = {"command_id": str(uuid.uuid4()), "by": operator_name()}
+        asked = write(interface_class(COMMAND_TYPE).Request(), {**fields, **who})
+        if not self._until(self._commands.ready, timeout):
+            return Answer(False, f"{COMMAND_SERVICE}: no server", reached=False, found=False)
+        answer = self._call(self._commands, asked, timeout, _of_command)
+        return answer if answer.reached else self._call(self._commands, asked, timeout, _of_command)
+
+    def spin(self, seconds: float) -> None:
+        """Work for at least `seconds`: a wait that is cut short by a message goes on."""
+        self._until(lambda: False, seconds)
+
+    def _until(self, condition: Callable[[], Any], seconds: float) -> bool:
+        """Work until a condition holds, at most so long; say whether it does."""
+        until = time.monotonic() + seconds
+        while not condition() and (left := until - time.monotonic()) > 0:
+            if not self._ros.spin_once(min(left, POLL_S)):
+                break
+        return bool(condition())
+
+    def _call(
+        self, caller: ServiceCaller, request: Any, timeout: float, meaning: Callable[[Any], Answer]
+    ) -> Answer:
+        """Return what the response of a service means, or why there is none."""
+        answers: list[Any] = []
+        call = caller.call(request, timeout, answers.append)
+        # The call has its own deadline; this one is for a spin that is stuck.
+        self._until(lambda: answers, timeout + 0.5)
+        call.cancel()
+        if answers and not isinstance(answers[0], CallFailure):
+            return meaning(answers[0])
+        return Answer(False, answers[0].detail if answers else f"{caller.name}: no answer", reached=False)
+
+    def is_published(self, topic: str) -> bool:
+        """Say whether somebody publishes a topic."""
+        return bool(self._ros.node.count_publishers(topic))
+
+    def close(self) -> None:
+        """Leave the network; nothing can be asked any more."""
+        self._ros.leave()
 
 
-def _call(
-    ros: RosNode, caller: ServiceCaller, request: Any, timeout: float, meaning: Callable[[Any], Answer]
-) -> Answer:
-    """Return what the response of a service means, or why there is none."""
-    answers: list[Any] = []
-    call = caller.call(request, timeout, answers.append)
-    # The call has its own deadline; this one is for a spin that is stuck.
-    until = time.monotonic() + timeout + 0.5
-    while not answers and time.monotonic() < until and ros.spin_once(0.1):
-        pass
-    call.cancel()
-    if answers and not isinstance(answers[0], CallFailure):
-        return meaning(answers[0])
-    return Answer(False, answers[0].detail if answers else f"{caller.name}: no answer", reached=False)
+def operator_name() -> str:
+    """Return who commands from this terminal: the user and the computer."""
+    try:
+        user = getpass.getuser()
+    except (KeyError, OSError):  # a container's user without a name
+        user = str(os.getuid())
+    return f"{user}@{socket.gethostname()}"
 
 
 def _of_trigger(response: Any) -> Answer:
     return Answer(response.success, response.message)
 
 
-class Respondent:
-    """A node that sees what is asked and answers it, whatever the profile; closed with `close`."""
+def _of_command(response: Any) -> Answer:
+    return Answer(response.accepted, response.message, response.mission_id)
+
+
+class Attendant(Commander):
+    """A commander who also hears where the orchestrator stands, and what can be asked of it."""
 
     def __init__(self) -> None:
-        self._ros = RosNode(f"lupin_answer_{os.getpid()}")
-        self._newest: dict[str, Any] = {}
-        self._ros.subscribe(String, STEPS_TOPIC, Qos.BACKLOG, self._take)
+        super().__init__()
+        #: The last steps, oldest first; what each request would do now; the missions. Empty until told.
+        self.steps: deque[dict[str, Any]] = deque(maxlen=MAX_STEPS)
+        self.possible: dict[str, Any] = {}
+        self.missions: list[dict[str, Any]] = []
+        self._ros.subscribe(String, STEPS_TOPIC, Qos.BACKLOG, self._take_step)
+        self._ros.subscribe(String, POSSIBLE_TOPIC, Qos.LATCHED, self._take_possible)
+        self._ros.subscribe(String, MISSIONS_TOPIC, Qos.LATCHED, self._take_missions)
 
-    def _take(self, message: Any) -> None:
-        self._newest = json.loads(message.data)
+    def _take_step(self, message: Any) -> None:
+        step = json.loads(message.data)
+        if self.steps and self.steps[-1].get("boot") != step.get("boot"):
+            self.steps.clear()  # the orchestrator was started again
+        self.steps.append(step)
 
-    def asked(self, timeout: float) -> list[OpenQuestion] | None:
-        """Return what is asked now; None when no orchestrator has said anything in time."""
-        until = time.monotonic() + timeout
-        while not self._newest and (left := until - time.monotonic()) > 0:
-            self._ros.spin_once(left)
-        if not self._newest:
-            return None
-        _spin(self._ros, SETTLE_S)  # the last steps come in one burst, the oldest first
-        age = self._ros.now() - float(self._newest["stamp"])
-        return open_questions(self._newest["view"], float(self._newest["time"]) + age)
+    def _take_possible(self, message: Any) -> None:
+        self.possible = json.loads(message.data)
 
-    def answer(self, choice: str, timeout: float) -> Answer:
-        """Answer with a choice."""
-        caller = self._ros.service(Trigger, ANSWER_SERVICE.format(choice))
-        return _call(self._ros, caller, Trigger.Request(), timeout, _of_trigger)
+    def _take_missions(self, message: Any) -> None:
+        self.missions = json.loads(message.data)["missions"]
 
-    def close(self) -> None:
-        """Leave the network."""
-        self._ros.leave()
+    def hear(self, timeout: float) -> bool:
+        """Wait for the orchestrator to have told where it stands; say whether it has."""
+        if not self._until(lambda: self.steps, timeout):
+            return False
+        self.spin(SETTLE_S)  # the last steps come in one burst, the oldest first
+        return True
+
+    def hear_missions(self, timeout: float) -> bool:
+        """Wait for the orchestrator to have told its missions; say whether it has."""
+        return self._until(lambda: self.missions, timeout)
+
+    def is_there(self) -> bool:
+        """Say whether an orchestrator is on the network; one that was killed still is for some seconds."""
+        return self.is_published(STEPS_TOPIC)
+
+    @property
+    def now(self) -> float:
+        """The time of the orchestrator's loop, which its deadlines are told in; there must be a step."""
+        newest = self.steps[-1]
+        return float(newest["time"]) + self._ros.now() - float(newest["stamp"])
+
+    def asked(self) -> list[OpenQuestion]:
+        """Return what is asked now; there must be a step."""
+        return open_questions(self.steps[-1]["view"], self.now)
 
 
-class Operator:
+class Operator(Commander):
     """A node that watches and asks; closed with `close`."""
 
     def __init__(self, profile: Profile) -> None:
-        self._ros = RosNode(f"lupin_operator_{os.getpid()}")
+        super().__init__()
         self._arrived: list[Arrival] = []
         self._wire = wire = wire_of(profile)
         self._start_type = interface_class(wire.start.type)
@@ -134,10 +229,6 @@ class Operator:
     def _keep(self, kind: str, data: dict[str, Any]) -> None:
         self._arrived.append(Arrival(kind, data, time.monotonic()))
 
-    def spin(self, seconds: float) -> None:
-        """Work for at least `seconds`: a wait that is cut short by a message goes on."""
-        _spin(self._ros, seconds)
-
     def take(self) -> list[Arrival]:
         """Return what has arrived since the last call, in order."""
         arrived, self._arrived = self._arrived, []
@@ -153,10 +244,6 @@ class Operator:
     def count(self, name: str) -> int:
         """Return how many nodes have that name, namespaces aside."""
         return sum(1 for found, _ in self._ros.node.get_node_names_and_namespaces() if found == name)
-
-    def is_published(self, topic: str) -> bool:
-        """Say whether somebody publishes a topic."""
-        return bool(self._ros.node.count_publishers(topic))
 
     def services(self) -> frozenset[str]:
         """Return the full names of all services that somebody serves."""
@@ -181,16 +268,12 @@ class Operator:
         """Ask for a mission; fields of the request that are not given mean the mission's own defaults."""
         fields = self._wire.start.request_fields(StartRequest(mission, given))
         request = write(self._start_type.Request(), fields)
-        return _call(self._ros, self._callers[_START], request, timeout, self._started)
+        return self._call(self._callers[_START], request, timeout, self._started)
 
     def ask(self, name: str, timeout: float) -> Answer:
         """Send an operator's request: abort, pause, resume, ..."""
-        return _call(self._ros, self._callers[name], Trigger.Request(), timeout, _of_trigger)
+        return self._call(self._callers[name], Trigger.Request(), timeout, _of_trigger)
 
     def _started(self, response: Any) -> Answer:
         answer = self._wire.start.read_answer(read(response))
         return Answer(answer.accepted, answer.reason, answer.mission_id)
-
-    def close(self) -> None:
-        """Leave the network; nothing can be asked any more."""
-        self._ros.leave()

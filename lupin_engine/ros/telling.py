@@ -80,7 +80,7 @@ class Telling:
             "chart": self._loaded.hash,
             **({"command": origin} if origin else {}),
             "step": step_record(step),
-            "view": view_record(view, self._loaded.chart.profile),
+            "view": view_record(view, self._loaded.chart),
         }
         self._steps.publish(_text(record))
 

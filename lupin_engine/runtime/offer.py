@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import PurePath
 from typing import Any
 
 from lupin_engine.chart.expressions.evaluation import Constant
@@ -11,7 +12,7 @@ from lupin_engine.plugin.types import Type
 
 
 def offered(machine: Machine, now: float) -> list[dict[str, Any]]:
-    """Return every mission with its summary and the fields of its request, as JSON data.
+    """Return every mission with its file's name, its summary and the fields of its request, as JSON data.
 
     A field has a name, a type with its base unit, a default where it has one, and its smallest value. A
     default that is computed is told as it would be now, and as it is written (`computed`).
@@ -19,6 +20,7 @@ def offered(machine: Machine, now: float) -> list[dict[str, Any]]:
     return [
         {
             "mission": mission.name,
+            "file": PurePath(mission.file).stem,
             "summary": mission.summary,
             "request": [_field(field, machine, now) for field in mission.request.values()],
         }

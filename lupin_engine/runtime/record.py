@@ -19,9 +19,11 @@ from pydantic import (
 )
 from pydantic_core.core_schema import ValidationInfo
 
+from lupin_engine.chart.model import Chart
 from lupin_engine.machine.event import CLOCK, Act, Cancel, Command, Event, Report, Start
 from lupin_engine.machine.step import Considered, Step, View
-from lupin_engine.plugin.profile import START, Profile, Publish
+from lupin_engine.plugin.contract import classify
+from lupin_engine.plugin.profile import START, Publish
 
 _NAMES = {Start: "start", Cancel: "cancel", Act: "act", Publish: "publish", Report: "report"}
 #: The parts of a step that are recorded as they are; the trail is made again from the rest.
@@ -50,13 +52,17 @@ def command_record(command: Command) -> dict[str, Any]:
     return {"command": _NAMES[type(command)], **asdict(command)}
 
 
-def view_record(view: View, profile: Profile) -> dict[str, Any]:
-    """Return a view as JSON data; its counts stand under the names that the profile has for them."""
-    counts = {outcome.counter: view.counts.get(outcome.name, 0) for outcome in profile.outcomes}
+def view_record(view: View, chart: Chart) -> dict[str, Any]:
+    """Return a view as JSON data; its counts stand under the names that the profile has for them.
+
+    `holds` are the held ones, each with the label of its code.
+    """
+    counts = {outcome.counter: view.counts.get(outcome.name, 0) for outcome in chart.profile.outcomes}
     record: dict[str, Any] = {}
     for name, value in asdict(view).items():
         record.update(counts if name == "counts" else {name: value})
-    return record
+    codes = {name: chart.holds[name].code for name in view.held}
+    return {**record, "holds": {name: classify(code, chart.codes).label for name, code in codes.items()}}
 
 
 @dataclass(frozen=True)

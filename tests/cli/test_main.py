@@ -13,10 +13,14 @@ import pytest
 
 from lupin_engine.cli import crash
 from lupin_engine.cli import main as entry
-from lupin_engine.cli.main import VERBS, lupin, main
+from lupin_engine.cli.main import OPERATOR_VERBS, VERBS, lupin, main
 from lupin_engine.errors import ChartError, Diagnostic, LupinError, Place, UsageError
 
 HEAVY = ("numpy", "pydantic", "rich", "structlog", "transitions", "yaml", "rclpy", "lupin_engine.chart")
+
+ALL_VERBS = {**VERBS, **OPERATOR_VERBS}
+#: Those of the greenhouse's requests.
+REQUESTS = ("abort", "dock", "pause", "reset", "resume", "skip")
 
 
 def test_help_imports_nothing_heavy() -> None:
@@ -29,14 +33,15 @@ def test_help_imports_nothing_heavy() -> None:
         [sys.executable, "-c", program], capture_output=True, text=True, check=True
     ).stdout
     assert output.splitlines()[-1] == "HEAVY []"
-    assert all(f"  {verb} " in output for verb in VERBS)
+    assert all(f"  {verb} " in output for verb in (*ALL_VERBS, *REQUESTS))
+    assert "\nOperator:\n  start " in output
 
 
 def test_the_help_of_a_verb_imports_nothing_heavy() -> None:
     """What a verb works with is imported when it works."""
     program = (
-        "import sys; from lupin_engine.cli.main import VERBS, main\n"
-        "for verb in VERBS:\n"
+        "import sys; from lupin_engine.cli.main import OPERATOR_VERBS, VERBS, main\n"
+        f"for verb in (*VERBS, *OPERATOR_VERBS, *{REQUESTS}):\n"
         "    code = main([verb, '--help'])\n"
         f"    print('HEAVY', verb, code, sorted(set({HEAVY!r}) & set(sys.modules)))"
     )
@@ -44,16 +49,16 @@ def test_the_help_of_a_verb_imports_nothing_heavy() -> None:
         [sys.executable, "-c", program], capture_output=True, text=True, check=True
     ).stdout
     said = [line for line in output.splitlines() if line.startswith("HEAVY")]
-    assert said == [f"HEAVY {verb} 0 []" for verb in VERBS]
-    assert all(f"Usage: lupin {verb} " in output for verb in VERBS)
+    assert said == [f"HEAVY {verb} 0 []" for verb in (*ALL_VERBS, *REQUESTS)]
+    assert all(f"Usage: lupin {verb} " in output for verb in (*ALL_VERBS, *REQUESTS))
 
 
-@pytest.mark.parametrize("verb", VERBS)
+@pytest.mark.parametrize("verb", ALL_VERBS)
 def test_the_table_says_what_the_verb_says(verb: str) -> None:
     """The one-line help stands in two places, so that the list needs no import."""
     command = lupin.get_command(click.Context(lupin), verb)
     assert command is not None
-    assert VERBS[verb].removesuffix(".") == command.get_short_help_str(limit=200).removesuffix(".")
+    assert ALL_VERBS[verb].removesuffix(".") == command.get_short_help_str(limit=200).removesuffix(".")
 
 
 def test_an_unknown_verb_gets_the_nearest(capsys: pytest.CaptureFixture[str]) -> None:

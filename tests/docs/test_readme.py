@@ -49,8 +49,9 @@ def test_the_missions_have_the_lines_that_are_told() -> None:
 
 def commands() -> list[str]:
     """Return the commands of the README's list, without what is said beside them."""
-    (block,) = re.findall(r"^```sh\n(lupin .*?)```", README, re.MULTILINE | re.DOTALL)
-    return [line.partition("  #")[0].strip() for line in block.splitlines()]
+    blocks = re.findall(r"^```sh\n(lupin .*?)```", README, re.MULTILINE | re.DOTALL)
+    assert len(blocks) == 2
+    return [line.partition("  #")[0].strip() for line in "".join(blocks).splitlines()]
 
 
 @pytest.mark.parametrize("command", commands())

@@ -19,7 +19,6 @@ from lupin_engine.runtime.clock import VirtualClock
 from lupin_engine.runtime.engine import Engine, EngineOutlet
 from lupin_engine.runtime.record import step_record, view_record
 from lupin_engine.runtime.setup import check_parameters, make_machine
-from lupin_greenhouse.profile import PROFILE
 from tests import shipped
 from tests.machine.charts import Bench, chart
 
@@ -204,7 +203,7 @@ def test_a_record_is_json_without_what_is_empty() -> None:
         "accepted": False,
         "refusal": {"code": "not_possible", "text": "abort is not possible in A"},
     }
-    assert json.loads(json.dumps(view_record(bench.machine.view, PROFILE)))["lifecycle"] == "A"
+    assert json.loads(json.dumps(view_record(bench.machine.view, bench.machine.chart)))["lifecycle"] == "A"
 
 
 # -- setup ------------------------------------------------------------------------------------------------

@@ -161,7 +161,7 @@ def record(run: Run, lanes: Timeline, seed: int) -> dict[str, Any]:
         "exit_code": verdict(run),
         "lifecycles": run.history.lifecycles,
         "summary": asdict(summarise(run, lanes)),
-        "view": view_record(run.view, run.chart.profile),
+        "view": view_record(run.view, run.chart),
         "context": dict(run.context),
         "visits": [asdict(visit) for visit in run.visits],
         "published": [

@@ -60,7 +60,7 @@ def _serve(
         bringup.bring_up(given.plugins, catalog, loaded.heard)
         for line in given.addresses(bringup.description.launches):
             observer.note(line)
-        observer.note("\n".join(served(loaded, str(current_domain()))))
+        observer.note("\n".join(served(loaded, current_domain())))
         bringup.watch(_StateLines(observer, loaded.chart.profile))
     except Interrupted:
         return 0  # the way to end it
@@ -85,16 +85,14 @@ class _StateLines:
             self._observer.note(view.plain_state(progress, self._profile))
 
 
-def served(loaded: LoadedMissions, domain: str) -> list[str]:
-    """Return what to tell an operator: the missions, and how each is started."""
-    from lupin_engine.plugin.profile import StartRequest
-    from lupin_engine.ros.messages import wire_of
-
-    lines = [f"ready in ROS domain {domain}; start a mission from the HMI, or with"]
-    start = wire_of(loaded.chart.profile).start
-    for name, file in zip(loaded.names, loaded.files, strict=True):
-        fields = start.request_fields(StartRequest(name, {}))
-        request = f'"{{{", ".join(f"{key}: {value}" for key, value in fields.items())}}}"'
-        lines.append(f"  lupin run {file.stem} --domain {domain}")
-        lines.append(f"  ros2 service call {start.name} {start.type} {request}")
-    return [*lines, "Ctrl-C stops everything"]
+def served(loaded: LoadedMissions, domain: int) -> list[str]:
+    """Return what to tell an operator: how each mission is started, and what else can be asked for."""
+    option = f" --domain {domain}" if domain else ""  # which a shell of its own does not know
+    start = [f"  lupin start {file.stem}{option}" for file in loaded.files]
+    verbs = ", ".join(["state", "answer", *loaded.chart.profile.verbs.values()])
+    return [
+        f"ready in ROS domain {domain}; start a mission from the HMI, or with",
+        *start,
+        f"and operate it with lupin {verbs}{f'; all of them with{option}' if option else ''}",
+        "Ctrl-C stops everything",
+    ]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import signal
+import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -157,6 +158,28 @@ def test_an_order_that_is_called_off(clerk: Clerk) -> None:
     clerk.until(lambda: len(clerk.outcomes) >= 3, "three outcomes")
     assert [(o.name, o.message) for o in clerk.outcomes] == [("A1", "PICKED"), (FAR, "LEFT"), ("C3", "LEFT")]
     assert told(clerk.states[-1])["code"] == "called_off"
+
+
+def test_the_requests_of_the_profile_are_verbs(clerk: Clerk) -> None:
+    """Each by the name that the profile gives it for the terminal, and the fields of a start as options."""
+
+    def lupin(*words: str) -> tuple[int, str]:
+        command = [str(Path(sys.executable).with_name("lupin")), *words]
+        done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE, check=False)
+        return done.returncode, done.stdout + done.stderr
+
+    assert lupin("halt") == (1, "halt refused: no order is being picked\n")
+    assert lupin("start", "fetch") == (1, "the order names no shelf\n")
+    code, said = lupin("start", "fetch", "--shelves", f"{FAR},C3")
+    assert (code, said.startswith("FetchOrder order-")) == (0, True), said
+    clerk.in_state("FETCHING", phase="DRIVING")
+    assert lupin("halt") == (0, "halt accepted\n")
+    code, said = lupin("state")
+    assert (code, said.splitlines()[0]) == (0, f"FETCHING DRIVING  target {FAR}")
+    assert "  possible   go-on, call-off\n" in said
+    assert lupin("go-on") == (0, "go_on accepted\n")
+    assert lupin("call-off") == (0, "call_off accepted\n")
+    clerk.in_state("PARKED")
 
 
 # -- `lupin run` ----------------------------------------------------------------------------------------

@@ -1,0 +1,1 @@
+"""The verbs of an operator, one a file: against whatever orchestrator is on the network."""

@@ -1,0 +1,101 @@
+"""Where an orchestrator stands, made of what it told: as data, and as lines for people."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import fields
+from typing import Any
+
+from lupin_engine.cli.terminal.view import clock, default_text
+from lupin_engine.machine.step import View
+from lupin_engine.plugin.profile import ANSWER, ANSWER_VERB, START_VERB
+from lupin_engine.runtime.record import OpenQuestion, open_questions
+
+#: How many of the codes that were reported last are shown.
+SHOWN_CODES = 3
+#: What a view has beside the counters, whose names are the profile's.
+_NO_COUNTERS = {field.name for field in fields(View)} | {"holds"}
+
+
+def look(
+    steps: Iterable[Mapping[str, Any]], possible: Mapping[str, Any], missions: Mapping[str, str], now: float
+) -> dict[str, Any]:
+    """Return where the orchestrator stands, as JSON data.
+
+    Args:
+        steps: its last records, oldest first; at least one.
+        possible: what it told of its requests; empty where it told nothing.
+        missions: what a mission is called for `lupin start`, by its name.
+        now: the time of its loop.
+    """
+    records = list(steps)
+    view = records[-1]["view"]
+    told = ("lifecycle", "phase", "target", "mission", "mission_id", "total", "paused", "code", "detail")
+    began = view["started_at"]
+    codes = [code for record in records for code in record["step"].get("codes", ())]
+    return {
+        **{name: view[name] for name in told},
+        "seconds": None if began is None or not view["mission_id"] else round(now - began, 1),
+        "counts": {name: count for name, count in view.items() if name not in _NO_COUNTERS},
+        "holds": view.get("holds", dict.fromkeys(view["held"], "")),
+        "asking": [_question(asked) for asked in open_questions(view, now)],
+        "operations": [each["operation"] for each in view["attempts"]],
+        "codes": codes[-SHOWN_CODES:],
+        "requests": [
+            {**request, "start": missions.get(request["mission"], request["mission"])}
+            for request in possible.get("requests", ())
+        ],
+    }
+
+
+def _question(asked: OpenQuestion) -> dict[str, Any]:
+    choices = [{"name": name, "label": label} for name, label in asked.choices]
+    return {"question": asked.question, "choices": choices, "default": default_text(asked)}
+
+
+def lines(standing: Mapping[str, Any], verbs: Mapping[str, str]) -> Iterator[str]:
+    """Yield what `look` found; `verbs` are those of the command line by request."""
+    now = [standing["lifecycle"], standing["phase"]]
+    target = f"target {standing['target']}" if standing["target"] else ""
+    yield "  ".join(filter(None, (" ".join(filter(None, now)) or "no state", target)))
+    for name, texts in _rows(standing, verbs):
+        for row, text in enumerate(texts):
+            yield f"  {'' if row else name:<10} {text}"
+
+
+def _rows(standing: Mapping[str, Any], verbs: Mapping[str, str]) -> Iterator[tuple[str, list[str]]]:
+    if standing["mission_id"]:
+        since = "" if standing["seconds"] is None else f", for {clock(standing['seconds'])}"
+        yield "mission", [f"{standing['mission']} {standing['mission_id']}{since}"]
+        counts = [f"{count} {name}" for name, count in standing["counts"].items() if count]
+        yield "done", [f"{', '.join(counts) or 'none'} of {standing['total']} targets"]
+    yield "doing", [", ".join(standing["operations"])] if standing["operations"] else []
+    yield "paused", [label or name for name, label in standing["holds"].items()]
+    for asked in standing["asking"]:
+        answers = [f"lupin answer {choice['name']}: {choice['label']}" for choice in asked["choices"]]
+        yield "asks", [asked["question"], *answers, asked["default"]]
+    yield "last", [_code(code) for code in standing["codes"]] or [standing["code"]] * bool(standing["code"])
+    possible: list[str] = []
+    refused: dict[str, list[str]] = {}
+    for request in standing["requests"]:
+        if request["possible"]:
+            possible.append(_command(request, verbs))
+        elif request["verb"] != ANSWER_VERB:  # one that is not asked for says nothing
+            refused.setdefault(request["reason"], []).append(_command(request, verbs))
+    yield "possible", [", ".join(possible)] if possible else []
+    yield "not now", [f"{', '.join(commands)}: {reason}" for reason, commands in refused.items()]
+
+
+def _code(code: Mapping[str, Any]) -> str:
+    detail = f": {code['detail']}" if code["detail"] else ""
+    target = f", target {code['target']}" if code["target"] else ""
+    return f"{code['label']} ({code['code']}{detail}){target}"
+
+
+def _command(request: Mapping[str, Any], verbs: Mapping[str, str]) -> str:
+    """Return what stands after `lupin` to make a request."""
+    if request["verb"] == START_VERB:
+        return f"{START_VERB} {request['start']}"
+    if request["verb"] == ANSWER_VERB:
+        return f"{ANSWER_VERB} {request['request'].removeprefix(ANSWER)}"
+    return verbs.get(request["verb"], str(request["verb"]))

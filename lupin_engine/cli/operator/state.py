@@ -1,0 +1,85 @@
+"""`lupin state`: where the orchestrator on the network stands, and what can be asked of it."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from lupin_engine.cli import options
+from lupin_engine.cli.exit_codes import ACCEPTED
+from lupin_engine.cli.operator.network import PATIENCE_S, attendant, nobody
+from lupin_engine.plugin.registry import load_profiles
+
+if TYPE_CHECKING:
+    from lupin_engine.ros.operator import Attendant
+
+#: How often what is watched is looked at, in seconds.
+WATCH_PERIOD_S = 0.25
+
+
+@click.command(short_help="Show where the orchestrator stands, and what can be asked of it.")
+@click.option("--watch", is_flag=True, help="Show it again whenever it changes, until Ctrl-C.")
+@click.option("--json", "as_json", is_flag=True, help="Write it as a JSON object; with --watch, one a line.")
+@options.domain
+def state(watch: bool, as_json: bool, domain: int | None) -> int:
+    """Show where the orchestrator stands, and what can be asked of it.
+
+    Exit code: 0 shown; 2 nobody is there.
+    """
+    with attendant(domain) as orchestrator:
+        if not orchestrator.hear(PATIENCE_S):
+            raise nobody()
+        if not watch:
+            found = _look(orchestrator)
+            click.echo(json.dumps(found, indent=2) if as_json else _text(found))
+        else:
+            with contextlib.suppress(KeyboardInterrupt):
+                _watch(orchestrator, as_json)
+    return ACCEPTED
+
+
+def _look(orchestrator: Attendant) -> dict[str, Any]:
+    from lupin_engine.cli.operator.look import look
+
+    missions = {one["mission"]: one.get("file") or one["mission"] for one in orchestrator.missions}
+    return look(orchestrator.steps, orchestrator.possible, missions, orchestrator.now)
+
+
+def _text(found: Mapping[str, Any]) -> str:
+    from lupin_engine.cli.operator.look import lines
+
+    verbs = {name: verb for profile in load_profiles() for name, verb in profile.verbs.items()}
+    return "\n".join(lines(found, verbs))
+
+
+def _watch(orchestrator: Attendant, as_json: bool) -> None:
+    """Show it again and again, also when the orchestrator goes and comes back; never returns."""
+    from rich.console import Console
+    from rich.live import Live
+    from rich.text import Text
+
+    console = Console(highlight=False)
+    in_place = console.is_terminal and not console.is_dumb_terminal and not as_json
+    shown: Any = None
+    with Live(console=console, auto_refresh=False) if in_place else contextlib.nullcontext() as live:
+        while True:
+            found = _look(orchestrator) if orchestrator.is_there() else None
+            if live is not None:
+                live.update(Text(_text(found) if found else str(nobody())), refresh=True)
+            elif (news := _lasting(found)) != shown:
+                shown = news
+                text = _text(found) if found else str(nobody())
+                click.echo(json.dumps(found or {"lifecycle": ""}) if as_json else f"{text}\n")
+            orchestrator.spin(WATCH_PERIOD_S)
+
+
+def _lasting(found: Mapping[str, Any] | None) -> Any:
+    """Return what is worth showing when it changes: all but what the passing of time does."""
+    if found is None:
+        return None
+    asked = [question["question"] for question in found["asking"]]
+    return {**found, "seconds": None, "asking": asked}

@@ -1,0 +1,150 @@
+"""The verbs of an operator, as far as that needs no network: what is shown, and what is sent."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from lupin_engine.cli.operator.look import lines, look
+from lupin_engine.cli.operator.start import _offer, _read, _together
+from lupin_engine.errors import UsageError
+from lupin_engine.machine.event import Event
+from lupin_engine.runtime.possible import Foresight
+from lupin_engine.runtime.record import step_record, view_record
+from lupin_engine.runtime.setup import make_machine
+from tests import shipped
+
+VERBS = {"skip_current": "skip"}
+MISSIONS = [
+    {"mission": "WaterMission", "file": "water", "request": [
+        {"name": "plants", "type": "list of tag"},
+        {"name": "amount", "type": "number in l"},
+        {"name": "rounds", "type": "count"},
+        {"name": "dry", "type": "bool"},
+        {"name": "to", "type": "pose"},
+        {"name": "why", "type": "text"},
+    ]},
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("mission", ["WaterMission", "water", "missions/water.yaml"])
+def test_a_mission_goes_by_its_name_and_by_its_file(mission: str) -> None:
+    """As it does for `lupin run`."""
+    assert _offer(mission, MISSIONS) is MISSIONS[0]
+    assert _offer("Water", MISSIONS) is None
+
+
+def test_a_field_is_read_as_its_type() -> None:
+    """What does not fit is sent as it is: the orchestrator says what is wrong with it."""
+    given = (
+        "plants=1, 5",
+        "amount=300 ml",
+        "rounds=3",
+        "dry=yes",
+        "to={x: 1 m, y: 2 m, yaw: 0 rad}",
+        "why=1,2",
+    )
+    assert _read(given, MISSIONS[0]["request"]) == {
+        "plants": ["1", "5"],
+        "amount": "300 ml",
+        "rounds": 3,
+        "dry": True,
+        "to": {"x": "1 m", "y": "2 m", "yaw": "0 rad"},
+        "why": "1,2",
+    }
+    assert _read(["rounds=many", "palnts=1"], MISSIONS[0]["request"]) == {"rounds": "many", "palnts": "1"}
+    with pytest.raises(UsageError, match=r"^'plants' has no '='; write --request NAME=VALUE$"):
+        _read(["plants"], ())
+
+
+def test_a_field_is_given_once() -> None:
+    """By its option or by --request."""
+    with pytest.raises(UsageError, match=r"^tags: given by an option of its own and by --request"):
+        _together({"tags": ["1"]}, {"tags": ["2"]})
+
+
+# -- what is shown ----------------------------------------------------------------------------------------
+
+
+def standing(*events: str) -> dict[str, Any]:
+    """Return the look at the inspection after some requests at 1 s, at 11 s."""
+    machine = make_machine(shipped.mission("inspection"), {})
+    steps = [machine.start(0.0), *(machine.handle(Event(name), 1.0) for name in events)]
+    shown = view_record(machine.view, machine.chart)
+    records = [{"step": step_record(step), "view": shown} for step in steps]
+    possible = {"requests": Foresight(machine).news(11.0)}
+    return look(records, possible, {"InspectionMission": "inspection"}, 11.0)
+
+
+def test_what_is_possible_is_told_as_commands() -> None:
+    """And why the rest is not, in the sentences that it would be refused with."""
+    assert list(lines(standing(), VERBS)) == [
+        "BOOT",
+        "  doing      plugins.ready",
+        "  not now    abort: abort is not possible in BOOT; it is possible in RETURNING, a running mission",
+        "             dock: dock is not possible in BOOT; it is possible in a running mission",
+        "             pause: pause refused: no mission is running",
+        "             reset: reset is not possible in BOOT; it is possible in FAULT",
+        "             resume: resume is not possible in BOOT because nothing is paused",
+        "             skip: skip_current is not possible in BOOT; it is possible in INSPECTING",
+        "             start inspection: start refused: the robot is still starting up",
+    ]
+
+
+BUSY = "start refused: a mission is already running"
+VIEW = {
+    **standing(),
+    "lifecycle": "WATERING",
+    "phase": "ASKING",
+    "target": "7",
+    "mission": "WaterMission",
+    "mission_id": "lupin-1",
+    "total": 9,
+    "seconds": 83.4,
+    "counts": {"completed": 4, "failed": 0, "skipped": 1},
+    "holds": {"pause": "paused by the operator", "stop": "e-stop engaged"},
+    "asking": [
+        {
+            "question": "Go on?",
+            "choices": [{"name": "go_on", "label": "Go on"}, {"name": "stay", "label": "Stay here"}],
+            "default": "else stay in 00:09.0",
+        }
+    ],
+    "operations": [],
+    "codes": [
+        {"code": "tap_dry", "label": "no water", "severity": 1, "detail": "tap 3", "target": "6"},
+        {"code": "paused", "label": "paused by the operator", "severity": 0, "detail": "", "target": ""},
+    ],
+    "requests": [
+        {"request": "answer.stay", "verb": "answer", "possible": True, "reason": ""},
+        {"request": "answer.leave", "verb": "answer", "possible": False, "reason": "not asked"},
+        {"request": "operator.skip_current", "verb": "skip_current", "possible": True, "reason": ""},
+        {"request": "mission.start", "verb": "start", "start": "water", "possible": False, "reason": BUSY},
+        {"request": "mission.start", "verb": "start", "start": "weed", "possible": False, "reason": BUSY},
+    ],
+}  # fmt: skip
+
+
+def test_what_holds_a_mission_and_what_it_asks_is_told() -> None:
+    """With the reason of each hold, the counters, and the codes that were reported last."""
+    assert list(lines(VIEW, VERBS)) == [
+        "WATERING ASKING  target 7",
+        "  mission    WaterMission lupin-1, for 01:23.4",
+        "  done       4 completed, 1 skipped of 9 targets",
+        "  paused     paused by the operator",
+        "             e-stop engaged",
+        "  asks       Go on?",
+        "             lupin answer go_on: Go on",
+        "             lupin answer stay: Stay here",
+        "             else stay in 00:09.0",
+        "  last       no water (tap_dry: tap 3), target 6",
+        "             paused by the operator (paused)",
+        "  possible   answer stay, skip",
+        "  not now    start water, start weed: start refused: a mission is already running",
+    ]
+
+
+def test_what_an_orchestrator_does_not_tell_is_not_shown() -> None:
+    """One of an older version tells nothing of what is possible."""
+    assert list(lines({**standing(), "requests": []}, VERBS)) == ["BOOT", "  doing      plugins.ready"]
