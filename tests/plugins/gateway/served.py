@@ -158,6 +158,8 @@ class OpenPage:
             additional_headers={name.replace("_", "-"): value for name, value in headers.items()},
             max_size=None,
             compression=None,
+            # Its thread would draw random numbers in the middle of other tests.
+            ping_interval=None,
             **more,  # type: ignore[arg-type]
         ).__enter__()
         self.frames: list[dict[str, Any]] = []
