@@ -7,9 +7,6 @@ so the one before the newest is tried as well, with the charts that are hardest 
 from __future__ import annotations
 
 import json
-import os
-import shutil
-import subprocess
 import tempfile
 from collections.abc import Mapping
 from functools import cache
@@ -22,6 +19,7 @@ from lupin_engine.diagram.mermaid import mermaid
 from lupin_engine.diagram.outline import outline
 from lupin_engine.diagram.picture import Picture
 from tests.diagram import pictured
+from tests.npm import installed, run_node
 
 LIMITS: dict[str, dict[str, Any]] = {"focus": {"focus": "SCANNING"}, "depth": {"depth": 1}}
 CHARTS = {"12.3.0": (*pictured.NAMES, *LIMITS), "11.17.2": ("inspection", "exploration", "regions")}
@@ -32,33 +30,6 @@ SCRIPT = Path(__file__).with_name("render_mermaid.mjs")
 pytestmark = [pytest.mark.node, pytest.mark.timeout(400)]
 
 
-def installed(version: str) -> Path:
-    """The folder with a version of Mermaid, installed when it is not there yet."""
-    npm = shutil.which("npm")
-    if npm is None or shutil.which("node") is None:
-        pytest.skip("Node.js is not installed")
-    cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-    folder = cache / "lupin-tests" / f"mermaid-{version}-{JSDOM}"
-    done = folder / "installed"
-    if not done.is_file():
-        folder.mkdir(parents=True, exist_ok=True)
-        command = [
-            npm,
-            "install",
-            "--no-audit",
-            "--no-fund",
-            "--silent",
-            "--ignore-scripts",
-            "--prefix",
-            folder,
-        ]
-        packages = [f"mermaid@{version}", f"jsdom@{JSDOM}"]
-        ran = subprocess.run([*command, *packages], capture_output=True, text=True, timeout=300)
-        assert ran.returncode == 0, f"npm cannot install Mermaid: {ran.stderr.strip()[-300:]}"
-        done.touch()
-    return folder
-
-
 def picture(name: str) -> Picture:
     """What is drawn under a name."""
     return outline(pictured.chart("inspection" if name in LIMITS else name), **LIMITS.get(name, {}))
@@ -67,16 +38,12 @@ def picture(name: str) -> Picture:
 @cache
 def drawn(version: str) -> Mapping[str, Any]:
     """What a version of Mermaid made of its charts, by their names."""
-    folder, node = installed(version), shutil.which("node")
-    assert node is not None
+    folder = installed(f"mermaid@{version}", f"jsdom@{JSDOM}")
     with tempfile.TemporaryDirectory() as texts:
         files = {name: Path(texts) / f"{name}.mmd" for name in CHARTS[version]}
         for name, file in files.items():
             file.write_text(mermaid(picture(name)), encoding="utf-8")
-        command = [node, str(SCRIPT), str(folder), *map(str, files.values())]
-        ran = subprocess.run(command, capture_output=True, text=True, timeout=200)
-        assert ran.returncode == 0, ran.stderr
-        found = json.loads(ran.stdout.splitlines()[-1])
+        found = json.loads(run_node(SCRIPT, folder, *files.values()).splitlines()[-1])
     return {name: found[str(file)] for name, file in files.items()}
 
 

@@ -1,13 +1,11 @@
 """The schema in the server that editors use for YAML: redhat's yaml-language-server.
 
-It is installed once into a cache outside of the repository; its version is fixed here.
+Its version is fixed here.
 """
 
 from __future__ import annotations
 
-import os
 import shutil
-import subprocess
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -17,6 +15,7 @@ import pytest
 from lupin_engine.cli.verbs.programs.schema import schemas
 from lupin_engine.editor.schema import ANY_KIND, text_of
 from tests.editor.client import Client, at
+from tests.npm import installed
 
 VERSION = "2.0.0"
 #: What a modern editor says that it can show.
@@ -32,33 +31,21 @@ pytestmark = [pytest.mark.node, pytest.mark.timeout(400)]
 
 
 @pytest.fixture(scope="session")
-def installed() -> Path:
-    """The program of the server, installed when it is not there yet."""
-    npm = shutil.which("npm")
-    if npm is None or shutil.which("node") is None:
-        pytest.skip("Node.js is not installed")
-    cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-    folder = cache / "lupin-tests" / f"yaml-language-server-{VERSION}"
-    program = folder / "node_modules" / "yaml-language-server" / "bin" / "yaml-language-server"
-    if not program.is_file():
-        folder.mkdir(parents=True, exist_ok=True)
-        command = [npm, "install", "--no-audit", "--no-fund", "--silent", "--prefix", str(folder)]
-        command.append(f"yaml-language-server@{VERSION}")
-        done = subprocess.run(command, capture_output=True, text=True, timeout=300)
-        if done.returncode:
-            pytest.skip(f"the npm registry cannot be reached: {done.stderr.strip()[-200:]}")
-    return program
+def program() -> Path:
+    """The program of the server."""
+    folder = installed(f"yaml-language-server@{VERSION}")
+    return folder / "node_modules" / "yaml-language-server" / "bin" / "yaml-language-server"
 
 
 @pytest.fixture(scope="module")
-def server(installed: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Client]:
+def server(program: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Client]:
     """One server that reads our schema for all YAML."""
     root = tmp_path_factory.mktemp("workspace")
     schema = root / "lupin.schema.json"
     schema.write_text(text_of(schemas()[ANY_KIND]), encoding="utf-8")
     node = shutil.which("node")
     assert node is not None
-    client = Client([node, str(installed), "--stdio"], root, CAPABILITIES)
+    client = Client([node, str(program), "--stdio"], root, CAPABILITIES)
     settings = {
         "schemas": {schema.as_uri(): "*.yaml"},
         "validate": True,
@@ -191,7 +178,7 @@ def test_marks_what_is_wrong(case: str, server: Client, missions: Path) -> None:
 
 
 def test_completes_names_of_plugins(
-    installed: Path, missions: Path, tmp_path_factory: pytest.TempPathFactory
+    program: Path, missions: Path, tmp_path_factory: pytest.TempPathFactory
 ) -> None:
     """With the schema that knows the catalog: operations, and what they say of themselves."""
     root = tmp_path_factory.mktemp("catalog")
@@ -199,7 +186,7 @@ def test_completes_names_of_plugins(
     schema.write_text(text_of(schemas(with_names=True)[ANY_KIND]), encoding="utf-8")
     node = shutil.which("node")
     assert node is not None
-    client = Client([node, str(installed), "--stdio"], root, CAPABILITIES)
+    client = Client([node, str(program), "--stdio"], root, CAPABILITIES)
     client.settings({"yaml": {"schemas": {schema.as_uri(): "*.yaml"}, "completion": True, "hover": True}})
     path = missions / "inspection.yaml"
     until_it_knows_the_schema(client, root / "wrong.yaml")

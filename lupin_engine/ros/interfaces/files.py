@@ -61,7 +61,7 @@ class FieldType:
     @property
     def is_base64(self) -> bool:
         """Whether it travels as a text in base64: an array of bytes."""
-        return self.is_array and self.base in ("uint8", "char")
+        return self.is_array and self.base in ("uint8", "char", "byte")
 
     @property
     def span(self) -> tuple[int, int] | None:

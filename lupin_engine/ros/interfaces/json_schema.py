@@ -16,7 +16,7 @@ def json_schema(interfaces: InterfaceSet) -> str:
         "$schema": DRAFT,
         "title": "Interfaces of ROS 2 as they travel through rosbridge in JSON",
         "description": "Made by `lupin types json-schema` from the interface files. NaN and infinity are "
-        "null, arrays of uint8 texts in base64. Of a request or a goal, what is left out has its default.",
+        "null, arrays of bytes texts in base64. Of a request or a goal, what is left out has its default.",
         "$defs": {name: _message(message) for name, message in interfaces.messages.items()},
     }
     return json.dumps(document, indent=2, ensure_ascii=False) + "\n"

@@ -12,7 +12,7 @@ from lupin_engine.ros.interfaces.files import FieldType, InterfaceSet, WrittenFi
 _HEAD = """\
 // Made by `lupin types ts` from the interface files of ROS 2. Do not edit it: make it anew.
 //
-// Values as they travel through rosbridge in JSON. NaN and infinity are null. Arrays of uint8 are texts in
+// Values as they travel through rosbridge in JSON. NaN and infinity are null. Arrays of bytes are texts in
 // base64. Integers of 64 bits are numbers, exact up to Number.MAX_SAFE_INTEGER. Of a request or a goal, what
 // is left out has its default."""
 #: Names that mean something else to whoever reads TypeScript; they get their package in front.

@@ -2,54 +2,37 @@
 
 from __future__ import annotations
 
-import base64
 import json
 import math
-import os
 import re
-import shutil
-import subprocess
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import jsonschema
 import pytest
+from rclpy.serialization import serialize_message
 
 from lupin_engine.ros.bindings.definitions import interface_class
 from lupin_engine.ros.interfaces.files import InterfaceSet, names_in, read_interfaces
 from lupin_engine.ros.interfaces.json_schema import json_schema, reference
 from lupin_engine.ros.interfaces.typescript import type_names, typescript
 from lupin_engine.ros.interfaces.used import used_interfaces
+from lupin_gateway.encoding import as_json
+from lupin_gateway.node.types import decode
 from lupin_msgs.msg import MissionState, Observation, SensorReading, TagReading
 from lupin_msgs.srv import StartMission
+from tests.npm import installed, run_node
 
+#: The last one whose compiler is a library of JavaScript.
 VERSION = "5.9.3"
 #: Also what a run has none of: bytes, arrays of fixed length and with a limit, constants of other kinds.
 PACKAGES = ("sensor_msgs", "diagnostic_msgs", "rcl_interfaces", "geometry_msgs", "lupin_msgs", "std_msgs")
 #: A field as rclpy tells it: `sequence<float, 3>`, `double[36]`, `string<12>`, `geometry_msgs/Point`.
 LISTED = re.compile(r"sequence<(?P<many>.+?)(?:, (?P<most>\d+))?>|(?P<some>.+)\[(?P<size>\d+)\]")
+#: Arrays of these are texts in base64.
+BYTES = ("uint8", "octet")
 BOUNDED = re.compile(r"w?string<(\d+)>")
-
-
-@pytest.fixture(scope="session")
-def compiler() -> Path:
-    """TypeScript, installed when it is not there yet."""
-    npm = shutil.which("npm")
-    if npm is None or shutil.which("node") is None:
-        pytest.skip("Node.js is not installed")
-    cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-    folder = cache / "lupin-tests" / f"typescript-{VERSION}"
-    found = folder / "node_modules" / "typescript"
-    if not (found / "package.json").is_file():
-        folder.mkdir(parents=True, exist_ok=True)
-        command = [npm, "install", "--no-audit", "--no-fund", "--silent", "--prefix", str(folder)]
-        done = subprocess.run(
-            [*command, f"typescript@{VERSION}"], capture_output=True, text=True, timeout=300
-        )
-        if done.returncode:
-            pytest.skip(f"the npm registry cannot be reached: {done.stderr.strip()[-200:]}")
-    return found
 
 
 @pytest.fixture(scope="module")
@@ -83,7 +66,7 @@ def in_typescript(declared: str, names: Mapping[str, str]) -> str:
     """Return what a field of rclpy is in TypeScript."""
     kind, _, most = element(declared)
     is_array = most != 0
-    if is_array and kind == "uint8":
+    if is_array and kind in BYTES:
         return "string"
     if BOUNDED.fullmatch(kind) or kind in ("string", "wstring"):
         base = "string"
@@ -102,16 +85,13 @@ def constants_of(name: str) -> dict[str, Any]:
 
 @pytest.mark.node
 @pytest.mark.timeout(400)
-def test_typescript_has_what_rclpy_has(compiler: Path, many: InterfaceSet, tmp_path: Path) -> None:
+def test_typescript_has_what_rclpy_has(many: InterfaceSet, tmp_path: Path) -> None:
     """TypeScript's own compiler takes the module under --strict, and finds every field of every class."""
     module = tmp_path / "ros.ts"
     module.write_text(typescript(many), encoding="utf-8")
     script = Path(__file__).with_name("members.cjs")
-    node = shutil.which("node")
-    assert node is not None
-    done = subprocess.run([node, script, compiler, module], capture_output=True, text=True, timeout=120)
-    assert done.returncode == 0, done.stderr
-    found = json.loads(done.stdout)
+    compiler = installed(f"typescript@{VERSION}") / "node_modules" / "typescript"
+    found = json.loads(run_node(script, compiler, module))
     assert found["problems"] == []
     names = type_names(many.messages)
     assert len(names) > 180
@@ -141,7 +121,7 @@ def test_json_schema_has_what_rclpy_has(many: InterfaceSet) -> None:
         assert list(schema["properties"]) == list(declared), name
         for field, written in schema["properties"].items():
             kind, least, most = element(declared[field])
-            if most != 0 and kind == "uint8":
+            if most != 0 and kind in BYTES:
                 assert written["contentEncoding"] == "base64"
                 continue
             assert (written.get("minItems"), written.get("maxItems")) == (least or None, most or None), name
@@ -153,23 +133,10 @@ def test_json_schema_has_what_rclpy_has(many: InterfaceSet) -> None:
         assert kept == constants_of(name), name
 
 
-def as_json(value: Any) -> Any:
-    """Return a message as rosbridge sends it."""
-    if hasattr(value, "get_fields_and_field_types"):
-        declared = value.get_fields_and_field_types()
-        return {
-            name: base64.b64encode(bytes(part)).decode()
-            if element(kind)[0] == "uint8" and element(kind)[2] != 0
-            else as_json(part)
-            for name, kind in declared.items()
-            for part in [getattr(value, name)]
-        }
-    if isinstance(value, bytes):
-        return value[0]
-    if isinstance(value, str) or not hasattr(value, "__iter__"):
-        plain = value.item() if hasattr(value, "item") else value
-        return None if isinstance(plain, float) and not math.isfinite(plain) else plain
-    return [as_json(part) for part in value]
+def sent(name: str, value: Any) -> Any:
+    """Return a message as our gateway sends it."""
+    interface, part = name.rsplit("_", 1) if "/msg/" not in name else (name, "")
+    return json.loads(as_json(decode(interface, part)(serialize_message(value))))
 
 
 def validator(many: InterfaceSet, name: str) -> Any:
@@ -183,17 +150,18 @@ def test_an_empty_message_of_every_type_is_valid(many: InterfaceSet) -> None:
     document = json.loads(json_schema(many))
     for name in many.messages:
         schema = jsonschema.Draft202012Validator({**document, "$ref": reference(name)})
-        assert [error.message for error in schema.iter_errors(as_json(class_of(name)()))] == [], name
+        assert [error.message for error in schema.iter_errors(sent(name, class_of(name)()))] == [], name
 
 
 def test_real_messages_are_valid_and_wrong_ones_are_not(many: InterfaceSet) -> None:
     """NaN, what is left out of a request, a field that nobody knows."""
-    reading = SensorReading(type="temperature", value=math.nan, unit="°C")
+    reading = SensorReading(name="temperature", value=math.nan)
     told = Observation(tag_reading=TagReading(tag_id="5", readings=[reading]))
     valid = validator(many, "lupin_msgs/msg/Observation")
-    assert list(valid.iter_errors(as_json(told))) == []
-    assert as_json(told)["tag_reading"]["readings"][0]["value"] is None
-    state = as_json(MissionState(targets_total=3))
+    arrived = sent("lupin_msgs/msg/Observation", told)
+    assert list(valid.iter_errors(arrived)) == []
+    assert arrived["tag_reading"]["readings"][0]["value"] is None
+    state = sent("lupin_msgs/msg/MissionState", MissionState(targets_total=3))
     wrong = {**state, "targets_total": -1, "paused": "no", "lost": 1}
     del wrong["mission_id"]
     errors = validator(many, "lupin_msgs/msg/MissionState").iter_errors(wrong)
@@ -205,7 +173,9 @@ def test_real_messages_are_valid_and_wrong_ones_are_not(many: InterfaceSet) -> N
     ]
     request = validator(many, "lupin_msgs/srv/StartMission_Request")
     assert list(request.iter_errors({"mission_type": "InspectionMission"})) == []
-    assert list(request.iter_errors(as_json(StartMission.Request()))) == []
+    assert (
+        list(request.iter_errors(sent("lupin_msgs/srv/StartMission_Request", StartMission.Request()))) == []
+    )
     assert [error.message for error in request.iter_errors({"mission": ""})] == [
         "Additional properties are not allowed ('mission' was unexpected)"
     ]
