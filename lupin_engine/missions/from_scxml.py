@@ -25,38 +25,48 @@ from lupin_engine.missions.scxml_targets import Targets, first_way
 
 
 class Imported(NamedTuple):
-    """A mission as YAML data, the ids that were renamed, and the notes by line."""
+    """A mission as YAML data, the ids that were renamed, and the notes by line.
+
+    `binding` declares the events that nothing in the document raises; it is empty if there are none.
+    """
 
     mission: dict[str, Any]
     names: Mapping[str, str]
     notes: tuple[Note, ...]
+    binding: dict[str, Any]
 
 
-def from_scxml(text: bytes, name: str) -> Imported:
-    """Return the mission `name` that an SCXML document describes.
+def from_scxml(text: bytes, name: str, binding: str = "") -> Imported:
+    """Return the mission that an SCXML document describes.
+
+    Args:
+        text: the document.
+        name: what the mission is called.
+        binding: what the binding is called that tells of events from outside; without, they are as they are.
 
     Raises:
         UsageError: it is no XML, no SCXML, or beyond the bounds.
     """
-    return _Importer(elements(text), OURS.strip().encode() in text).mission(name)
+    return _Importer(elements(text), OURS.strip().encode() in text, binding).mission(name)
 
 
 class _Importer:
-    def __init__(self, root: Element, own: bool) -> None:
+    def __init__(self, root: Element, own: bool, binding: str) -> None:
         self._root = root
+        self._binding = binding
         self._own = own
         self._notes = Notes()
         self._names: dict[Element, str] = {}
         self._name_states(root, set())
         self._targets = Targets(root, self._names)
-        self._events = Events(root, own)
+        self._events = Events(root, own, binding)
         names = {old: self._names[state] for old, state in self._targets.states.items()}
         self._data = DataModel(root, own, self._events, names, self._notes)
         self._content = Content(own, self._events, self._data, Notes())
         self._find_errors()
         self._content = Content(own, self._events, self._data, self._notes)
-        self._timers = DelayedSends(root, own, self._events)
-        self._content.timers = self._timers
+        self._sends = DelayedSends(root, own, self._events)
+        self._content.sends = self._sends
 
     def _find_errors(self) -> None:
         """Convert all content once, to know which of it is always an error."""
@@ -74,7 +84,7 @@ class _Importer:
 
     def mission(self, name: str) -> Imported:
         inside = self._inside(self._root)
-        if self._timers.regions:
+        if self._sends.regions:
             inside = self._with_clocks(inside)
         entry = [] if self._own else [*self._data.beginning(), *self._top_scripts()]
         for script in self._root.all("script") if self._own else ():
@@ -83,7 +93,20 @@ class _Importer:
         states = {old: self._names[state] for old, state in self._targets.states.items()}
         variables = {old: variable.name for old, variable in self._data.variables.items()}
         renamed = {old: new for old, new in (*states.items(), *variables.items()) if old != new}
-        return Imported({**head, **inside}, renamed, self._notes.sorted())
+        return Imported({**head, **inside}, renamed, self._notes.sorted(), self._outside())
+
+    def _outside(self) -> dict[str, Any]:
+        """Return a binding that tells of the events from outside."""
+        events = {}
+        for event, fields in self._events.outside.items():
+            name = event.partition(".")[2]
+            kind = "String" if fields else "Empty"
+            topic = {"name": f"/{self._binding}/{name}", "type": f"std_msgs/msg/{kind}"}
+            found = {field: {"type": "any", "from": "${ message.data }"} for field in sorted(fields)}
+            summary = f"The event {self._events.original(event)} of the chart."
+            events[name] = _slim({"summary": summary, "topic": topic, "fields": found})
+        summary = "What the chart hears from outside; say which topics tell of it."
+        return {"binding": self._binding, "summary": summary, "events": events} if events else {}
 
     def _top_scripts(self) -> list[Any]:
         return self._content.block(self._root.all("script"), None)
@@ -95,7 +118,7 @@ class _Importer:
         chart = {**inside, "states": states}
         taken = set(self._names.values())
         whole, part = (_free(name, taken) for name in ("RUNNING", "CHART"))
-        clocks = {region.name: region.state() for region in self._timers.regions.values() if region.delay}
+        clocks = {region.name: region.state() for region in self._sends.regions.values() if region.delay}
         around = {whole: {"type": "parallel", "states": {part: chart, **clocks}}}
         return {
             "initial": whole,
@@ -136,6 +159,9 @@ class _Importer:
             with self._notes.or_lost(parent, " as the beginning"):
                 initial = self._targets.path(parent, wanted)
                 actions = self._content.block(rule.children, None) if rule else []
+                for child in () if actions else parent.all(*REGIONS):
+                    if any(state.get("id") == wanted for state in self._targets.begun(child)):
+                        initial = self._names[child]  # it begins there anyway
                 if actions or "." in initial or states.get(initial, {}).get("type") == "history":
                     helper = _free("begin", set(states))
                     states = {helper: {"always": _short({"target": initial, "do": actions})}, **states}
@@ -282,8 +308,9 @@ class _Importer:
         elif event.partition(".")[0] == "error":
             yield from self._errors(state, event)
         elif timer is not None and self._is_only_timer(state, name, after[timer]):
-            clock = name.partition(".")[0]
-            yield (clock if self._own and clock in ("every", "at") else "after"), timer
+            yield "at" if self._own and name.startswith("at.") else "after", timer
+        elif name in self._sends.ticks.get(state, {}):
+            yield "every", self._content.delay(self._sends.ticks[state][name], None)
         elif name == "*":
             yield from (("on", other) for other in self._any(state, after))
         elif matched := self._events.matched(event):
@@ -304,19 +331,20 @@ class _Importer:
 
     def _any(self, state: Element, after: AfterEntry) -> list[str]:
         """Return the events that `*` is written under; all are named beside clocks, whose events are ours."""
-        if self._timers.regions:
+        if self._sends.regions:
             sent = {told[0]["event"]: told for told in after.values()}
             return [
                 e for e in self._events.all if e not in sent or not self._is_only_timer(state, e, sent[e])
             ]
-        listed = {self._events.name(each) for rule in state.all("transition") for each in split(rule)}
-        return [*sorted(listed & set(self._events.all)), "*"]
+        descriptors = [each for rule in state.all("transition") for each in split(rule) if each != "*"]
+        return [*sorted({event for each in descriptors for event in self._events.matched(each)}), "*"]
 
     def _errors(self, state: Element, event: str) -> Iterator[tuple[str, str]]:
         matched = self._events.matched(event)
         if not matched or event in ("error", "error.execution", "error.*"):
             rule = next(rule for rule in state.all("transition") if event in split(rule))
-            self._notes.tell(rule, f"{event!r}: what fails when the mission runs leads to FAULT instead")
+            told = f"{event!r}: what fails only when the mission runs leads to FAULT instead"
+            self._notes.tell_once(rule, told)
         yield from (("on", other) for other in matched)
 
     def _transition(self, state: Element, rule: Element, seen: Seen) -> dict[str, Any]:

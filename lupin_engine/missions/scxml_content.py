@@ -11,7 +11,7 @@ import re
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
-from lupin_engine.missions.scxml_data import DataModel, content_text, measure
+from lupin_engine.missions.scxml_data import DataModel, content_text, measure, spelled
 from lupin_engine.missions.scxml_elements import OURS, Element
 from lupin_engine.missions.scxml_events import PROCESSORS, QUOTED, Events, Seen, is_to_itself, word
 from lupin_engine.missions.scxml_expressions import assignments, value_of
@@ -45,7 +45,7 @@ class Content:
         self._data = data
         self._notes = notes
         #: What becomes of sends; set when it is known what fails.
-        self.timers: DelayedSends | None = None
+        self.sends: DelayedSends | None = None
         self._kinds: Mapping[str, Callable[[Element, Seen, AfterEntry | None], list[Any]]] = {
             "raise": self._raise,
             "assign": self._assign,
@@ -71,6 +71,8 @@ class Content:
             action = rest.pop(0)
             try:
                 with self._notes.or_lost(action):
+                    if action.kind.endswith(" editorinfo"):  # where Qt's editor draws it
+                        continue
                     if action.kind not in self._kinds:
                         raise CannotSay(f"<{action.kind.rpartition(' ')[2]}>")
                     found += self._kinds[action.kind](action, seen, after)
@@ -112,13 +114,26 @@ class Content:
         for content in element.all("content"):
             if self._own:
                 raise CannotSay(f"<content> in line {content.line}")
-            found["content"] = self._data.value(content.get("expr") or content_text(content), seen)
+            found["data"] = self._data.value(content.get("expr") or content_text(content), seen)
         return found
 
     # -- actions --------------------------------------------------------------------------------------------
 
     def _raise(self, action: Element, _: Seen, __: AfterEntry | None) -> list[Any]:
-        return [{"raise": {"event": self._events.name(action.get("event"))}}]
+        event = self._events.name(action.get("event"))
+        given = self._full(action, event, {})
+        return [{"raise": {"event": event, **({"with": given} if given else {})}}]
+
+    def _full(self, sender: Element, event: str, given: dict[str, Any]) -> dict[str, Any]:
+        """Return what an event carries; the language wants the same fields wherever it is raised."""
+        fields = self._events.carried(frozenset({event})) or set()
+        lacking = {name: self._data.lacking(name) for name in sorted(fields - given.keys())}
+        known = {name: value for name, value in lacking.items() if value is not None}
+        for name, value in {} if self._own else known.items():
+            self._notes.tell(
+                sender, f"{event!r} carries {name} {spelled(value)} here, for it does so elsewhere"
+            )
+        return given if self._own else {**given, **known}
 
     def _assign(self, action: Element, seen: Seen, _: AfterEntry | None) -> list[Any]:
         return self._set(action.get("location"), action.get("expr") or action.text, seen)
@@ -144,6 +159,8 @@ class Content:
         except (CannotSay, AlwaysFails):
             self._notes.tell(action, f"the log of {text!r} is left out")
             return []
+        if meaning is not None and meaning.type != "text" and not label and str(told).startswith("$"):
+            label = " ".join(text.split())  # a text is wanted, and not a number alone
         told = str(told).lower() if isinstance(told, bool) else str(told)
         found = ": ".join(part for part in (label, told) if part)
         return [{"report.note": {"text": found}}] if found and "\n" not in found else []
@@ -202,8 +219,8 @@ class Content:
         return found
 
     def _cancel(self, action: Element, _: Seen, __: AfterEntry | None) -> list[Any]:
-        sends = self.timers.stopped_by(action) if self.timers else []
-        regions = [self.timers.regions[send] for send in sends if self.timers and send in self.timers.regions]
+        sends = self.sends.stopped_by(action) if self.sends else []
+        regions = [self.sends.regions[send] for send in sends if self.sends and send in self.sends.regions]
         name = cancelled(action)
         if not sends and not action.get("sendid"):
             raise CannotSay(f"<cancel> of {name!r}, which is known only when it is carried out,")
@@ -220,8 +237,6 @@ class Content:
     # -- sends ----------------------------------------------------------------------------------------------
 
     def _send(self, send: Element, seen: Seen, after: AfterEntry | None) -> list[Any]:
-        if self._own and send.get("id").endswith(".again"):
-            return []  # a tick of `every`, which sets the next one
         if send.get(f"{OURS}at") and after is not None:
             time = self._time_of_day(send.get(f"{OURS}at"), seen)
             after.setdefault(time, []).append({"event": self._events.name(send.get("event"))})
@@ -235,20 +250,22 @@ class Content:
         if not events or (len(events) > 1 and DelayedSends.delay(send) != Delay()):
             raise CannotSay("a send of an event that is named when it is sent")
         event = next(iter(events.values()))
+        given = self._full(send, event, given)
         told = {"event": event, **({"with": given} if given else {})}
         kept = []
         if send.get("idlocation"):
             kept = self._set(send.get("idlocation"), repr(send.get("id") or send.get("event")), seen)
-        wanted = self.timers.wanted(send) if self.timers else "raise"
+        wanted = self.sends.wanted(send) if self.sends else "raise"
         if wanted == "raise":
             if send.get("target") != "#_internal":
-                self._notes.tell(
-                    send, f"send of {event!r} is a raise: dealt with before what comes from outside"
-                )
+                told_once = "a send to the chart itself is a raise: dealt with before what comes from outside"
+                self._notes.tell_once(send, told_once)
             return [*kept, *self._chosen(send.get("eventexpr"), events, told, seen)]
-        delay = self._delay(send, seen)
-        if wanted == "region" and self.timers is not None and send in self.timers.regions:
-            return [*kept, self._started(send, self.timers.regions[send], delay, given)]
+        if wanted == "tick":
+            return kept
+        delay = self.delay(send, seen)
+        if wanted == "region" and self.sends is not None and send in self.sends.regions:
+            return [*kept, self._started(send, self.sends.regions[send], delay, given)]
         if after is None or wanted != "after":
             raise CannotSay("a delayed send that is no plain one of `onentry`")
         if not send.get("event").startswith("after."):
@@ -281,16 +298,18 @@ class Content:
     def _time_of_day(self, text: str, seen: Seen) -> str:
         return text[1:-1] if QUOTED.fullmatch(text) else f"${{ {self._data.condition(text, seen)} }}"
 
-    def _delay(self, send: Element, seen: Seen) -> str:
+    def delay(self, send: Element, seen: Seen) -> str:
+        """Return how long a `send` waits, as the language says it.
+
+        Raises:
+            CannotSay: it is no number of some unit and no variable with one.
+        """
         literal, computed = DelayedSends.delay(send)
         if literal or not computed:
             return measure(literal or "0s")
         if self._own:
             return f"${{ {self._data.condition(computed, seen)} }}"
-        variable = self._data.variables.get(computed)
-        if variable is None or variable.type != "duration":
-            raise CannotSay(f"the delay {computed!r}")
-        return f"${{ {variable.name} }}"
+        return self._data.delay(computed, seen)
 
     def _started(self, send: Element, region: Region, delay: str, given: Mapping[str, Any]) -> dict[str, Any]:
         """Return what starts the clock of a region."""

@@ -15,7 +15,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from lupin_engine.chart.expressions.scope import ROOTS, WORDS
+from lupin_engine.chart.expressions.scope import BUILTIN_CALLS, ROOTS, WORDS
 from lupin_engine.missions.scxml_elements import Element
 from lupin_engine.missions.scxml_events import QUOTED, Events, Seen, word
 from lupin_engine.missions.scxml_expressions import (
@@ -30,7 +30,7 @@ from lupin_engine.missions.scxml_expressions import (
 )
 from lupin_engine.missions.scxml_notes import AlwaysFails, CannotSay, Notes
 
-_DELAY = re.compile(r"(\d*\.?\d+)\s*(ms|s|min|m|h)")
+_DELAY = re.compile(r"(\d*\.?\d+)\s*(ms|s|min|m|h|)")
 #: Signs of Python that an exported document may have in front of what the language writes otherwise.
 _OWN_WORDS = {"In": "in_state", "_event.data.": "event.", "True": "true", "False": "false"}
 _OWN_TOKEN = re.compile(rf"{QUOTED.pattern}|\b_event\.data\.|\b[A-Za-z_]\w*")
@@ -65,9 +65,10 @@ class DataItem:
 
 
 def measure(text: str) -> str:
-    """Return a duration as number and unit, and any other expression as `${ ... }`."""
+    """Return a duration as number and unit, without one in ms; and any other expression as `${ ... }`."""
     found = _DELAY.fullmatch(text.strip())
-    return f"{float(found[1]):g} {'min' if found[2] == 'm' else found[2]}" if found else f"${{ {text} }}"
+    unit = {"m": "min", "": "ms"}.get(found[2], found[2]) if found else ""
+    return f"{float(found[1]):g} {unit}" if found else f"${{ {text} }}"
 
 
 class DataModel:
@@ -83,7 +84,7 @@ class DataModel:
         self._states = states
         self._notes = notes
         self.variables: dict[str, DataItem] = {}
-        self._taken: set[str] = set(WORDS)
+        self._taken: set[str] = {*WORDS, *ROOTS, *BUILTIN_CALLS}
         #: Variables that are objects; each of their fields is a variable of its own.
         self._objects: dict[str, Element] = {}
         #: By event field, the type that all who send it agree on.
@@ -103,15 +104,19 @@ class DataModel:
     # -- declarations ---------------------------------------------------------------------------------------
 
     def _declare(self) -> None:
+        first: list[tuple[Element, str, str]] = []
         for data in self._root.every("data"):
             name = data.get("id")
             added = self._add(name, data)
             is_late = self._root.get("binding") == "late" and self._root not in data.around[:2]
             added.begins_unset = is_late or not (data.get("expr") or data.text).strip()
             if begin := (data.get("expr") or data.text).strip():
-                self._initial(data, name, begin)
+                first.append((data, name, begin))
             elif data.get("src"):
                 self.variables[name].unsaid = data.get("src")
+        for each in (*first, *first):  # one may need another that stands behind it
+            if each[1] in self.variables and not self.variables[each[1]].type:
+                self._initial(*each)
         for given in self._assigned:
             whole = self._objects.get(given.location.partition(".")[0])
             if whole is not None and _LOCATION.fullmatch(given.location) and "." in given.location:
@@ -129,7 +134,7 @@ class DataModel:
     def _add(self, name: str, declared: Element | None) -> DataItem:
         if name not in self.variables:
             found = word(name)
-            while not self._own and (found in ROOTS or found in self._taken):
+            while not self._own and (found in self._taken):
                 found += "_"
             self._taken.add(found)
             self.variables[name] = DataItem(found, declared=declared)
@@ -138,6 +143,7 @@ class DataModel:
     def _initial(self, data: Element, name: str, given: str) -> None:
         """Give a variable its first value, or what the mission does for that as it begins."""
         variable = self.variables[name]
+        variable.unsaid = ""
         if name in self._durations and QUOTED.fullmatch(given) and _DELAY.fullmatch(given[1:-1]):
             variable.type, variable.default = "duration", measure(given[1:-1])
             return
@@ -207,7 +213,7 @@ class DataModel:
         for holder in self._root.every("send", "donedata"):
             for param in holder.all("param", "content"):
                 given = param.get("expr") or param.get("location") or content_text(param)
-                self._fields[word(param.get("name") or param.kind)] = self._type(given, None)
+                self._fields[word(param.get("name") or "data")] = self._type(given, None)
             for name in holder.get("namelist").split():
                 self._fields[word(name)] = self._type(name, None)
 
@@ -308,12 +314,13 @@ class DataModel:
 
     def _event_data(self, words: list[str], seen: Seen) -> Operand | None:
         carried = self._events.carried(seen)
-        name = word(words[0]) if words else "content"
+        name = word(words[0]) if words else "data"
         if carried is not None and name not in carried:
             # Of several fields there is no name for all of them.
             return UNDEFINED if words or not carried else None
-        if not words and carried is None:
-            return None
+        for event in seen or ():
+            if event in self._events.outside:
+                self._events.outside[event].add(name)
         return Operand(ast.Attribute(ast.Name("event"), name), self._fields.get(name, ""))
 
     def condition(self, text: str, seen: Seen) -> str:
@@ -388,18 +395,42 @@ class DataModel:
             raise CannotSay(f"a value of {name.strip()!r}")
         return variable
 
+    def delay(self, text: str, seen: Seen) -> str:
+        """Return a delay that is computed: a variable, or a number and the text of its unit.
+
+        Raises:
+            CannotSay: it is something else.
+        """
+        meaning = self.read(text, seen)
+        number, *unit = meaning.parts or (meaning,)
+        item = self.variables.get(text.partition("+")[0].strip())
+        if meaning.type == "duration":
+            return f"${{ {written(meaning.node)} }}"
+        units = [value_of(part) for part in unit]
+        if number.type != "number" or len(units) != 1 or units[0] not in ("ms", "s"):
+            raise CannotSay(f"the delay {text!r}")
+        if item is not None and not self.is_changed(text.partition("+")[0].strip()) and item.begin is None:
+            return measure(f"{item.default}{units[0]}")
+        one = self._add(units[0], None)
+        one.type, one.default = "duration", f"1 {units[0]}"
+        return f"${{ {written(ast.BinOp(number.node, ast.Mult(), ast.Name(one.name)))} }}"
+
     def keep(self, event: str, name: str) -> str:
         """Return the variable that keeps a field of an event.
 
         Raises:
             CannotSay: its type is not known.
         """
-        kind = self._fields.get(name, "")
-        if not kind:
-            raise CannotSay(f"a delayed event with the field {name!r}")
         variable = self._add(f"{event}.{name}", None)
-        variable.type, variable.default = kind, [] if kind.startswith("list") else _NEUTRAL[kind]
+        variable.type, variable.default = self._fields.get(name, ""), self.lacking(name)
+        if not variable.type:
+            raise CannotSay(f"a delayed event with the field {name!r}")
         return variable.name
+
+    def lacking(self, name: str) -> Any:
+        """Return what stands for a field that an event is sent without; None if its type is not known."""
+        kind = self._fields.get(name, "")
+        return [] if kind.startswith("list") else _NEUTRAL.get(kind)
 
     def is_changed(self, name: str) -> bool:
         """Say whether anything assigns to a variable."""

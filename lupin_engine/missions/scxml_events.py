@@ -24,6 +24,8 @@ QUOTED = re.compile(r"'[^']*'|\"[^\"]*\"")
 _DONE = "done.state."
 #: First words of events that the language keeps for itself, and what stands for them.
 _RENAMED = {first: f"{first}_" for first in RESERVED_EVENTS} | {"error": "failed", "done": "ended"}
+#: First words of descriptors that no event from outside has.
+_NOT_OUTSIDE = ("*", _RENAMED["error"], _RENAMED["done"])
 
 #: The events that may have led to where an expression stands; None: nobody knows.
 Seen = frozenset[str] | None
@@ -52,16 +54,22 @@ def is_to_itself(send: Element) -> bool:
 
 
 def params_of(element: Element) -> set[str]:
-    """Return the fields that an event or a result carries; a `content` is one of that name."""
+    """Return the fields that an event or a result carries; a `content` is the field `data`."""
     names = {word(param.get("name")) for param in element.all("param")}
-    return names | set(map(word, element.get("namelist").split())) | {c.kind for c in element.all("content")}
+    return names | set(map(word, element.get("namelist").split())) | {"data" for _ in element.all("content")}
 
 
 class Events:
     """The events of one document."""
 
-    def __init__(self, root: Element, own: bool) -> None:
-        """Look through a document; `own` is one that the engine exported."""
+    def __init__(self, root: Element, own: bool, binding: str = "") -> None:
+        """Look through a document.
+
+        Args:
+            root: the document.
+            own: the engine exported it.
+            binding: the binding that tells of events which nothing in the document raises.
+        """
         self._own = own
         #: By event, what raises it; of the end of a state its `donedata`, of an error nothing.
         self._sources: defaultdict[str, list[Element]] = defaultdict(list)
@@ -93,6 +101,16 @@ class Events:
             self._sources[event] += [data for final in state.all("final") for data in final.all("donedata")]
         for event in sorted(self._sources):
             self._match(event)
+        #: By event that comes from outside, the fields of it that are read.
+        self.outside: dict[str, set[str]] = {}
+        for descriptor in sorted(self.listening) if binding and not own else ():
+            if not self._matched[descriptor] and descriptor.partition(".")[0] not in _NOT_OUTSIDE:
+                event = f"{binding}.{snake(descriptor.replace('.', '_'))}"
+                while event in self.outside:
+                    event += "_"
+                self._original[event] = self._original[descriptor]
+                self.outside[event] = set()
+                self._match(event, descriptor)
 
     def _ends_heard_elsewhere(self, root: Element) -> Iterator[tuple[Element, str]]:
         for rule in root.every("transition"):
@@ -103,8 +121,8 @@ class Events:
                 if state is not None and state.kind == "state" and rule.parent not in (state, *state.around):
                     yield state, f"{word(state.get('id'))}_done"
 
-    def _match(self, event: str) -> None:
-        for descriptor in accumulate(event.split("."), "{}.{}".format):
+    def _match(self, event: str, known_as: str = "") -> None:
+        for descriptor in accumulate((known_as or event).split("."), "{}.{}".format):
             if event not in self._matched[descriptor]:
                 self._matched[descriptor].append(event)
 
@@ -115,6 +133,15 @@ class Events:
         if text and not element.get("event"):
             texts = [text[1:-1]] if QUOTED.fullmatch(text) else self._texts[text]
         return {one: self.name(one) for one in texts if one} if all(texts) else {}
+
+    def sent(self, event: str) -> list[Element]:
+        """Return what raises an event."""
+        return self._sources.get(event, [])
+
+    def matches(self, rule: Element, event: str) -> bool:
+        """Say whether a transition is on an event, by its name or the beginning of it."""
+        names = map(self.name, split(rule))
+        return any(event == name or event.startswith(f"{name}.") for name in names)
 
     def is_sent_once(self, event: str) -> bool:
         """Say whether there is but one place that raises an event."""
@@ -159,8 +186,12 @@ class Events:
 
     @property
     def all(self) -> list[str]:
-        """All events that the document raises."""
-        return sorted(self._sources)
+        """All events that the document raises, and those from outside."""
+        return sorted({*self._sources, *self.outside})
+
+    def original(self, event: str) -> str:
+        """Return what the document calls an event."""
+        return self._original.get(event, event)
 
     def matched(self, descriptor: str) -> list[str]:
         """Return the events of the document that a descriptor covers."""
@@ -217,15 +248,15 @@ class Events:
         return found or None
 
     def carried(self, seen: Seen) -> set[str] | None:
-        """Return the fields that the event which is seen has in every case; None where nobody knows."""
+        """Return the fields that the event which is seen has, or may have; None where nobody knows."""
         senders = self._senders(seen)
         fields = [set() if sender in self.failing else params_of(sender) for sender in senders or ()]
-        return set.intersection(*fields) if fields else None
+        return set().union(*fields) if fields else None
 
     def property(self, name: str, seen: Seen) -> Operand | None:
         """Return what `_event.NAME` is, where it is the same for all events that may be seen."""
         if name == "name":
-            names = {self._original.get(event, event) for event in seen or ()}
+            names = {self.original(event) for event in seen or ()}
             return constant(names.pop()) if len(names) == 1 else None
         senders = self._senders(seen)
         found = {_properties(sender).get(name, "") for sender in senders or ()}

@@ -18,7 +18,7 @@ from lupin_engine.missions.scxml_notes import AlwaysFails, CannotSay
 #: Longer or deeper expressions are none that a mission can say.
 MAX_CHARACTERS, MAX_DEPTH = 2000, 40
 _TOKEN = re.compile(
-    r"""\s*(?:(?P<number>(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)(?![\w$])|(?P<text>'[^'\\$\n]*'|"[^"\\$\n]*")"""
+    r"""\s*(?:(?P<number>(?:0[xX][\da-fA-F]+|\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)(?![\w$])|(?P<text>'[^'\\$\n]*'|"[^"\\$\n]*")"""
     r"""|(?P<name>[A-Za-z_$][\w$]*)|(?P<sign>[=!]==?|<=|>=|&&|\|\||[-+*/%<>!?:()\[\]{},.]))"""
 )
 #: Words that begin or end statements and so are no expression.
@@ -260,6 +260,9 @@ class _EcmaReader:
         types = {left.type, right.type} - {""}
         if len(types) > 1:  # ECMAScript converts one of them
             raise self._no()
+        one, other = left.node, right.node
+        if sign[0] in "=!" and isinstance(one, ast.Constant) and isinstance(other, ast.Constant) and types:
+            return constant((one.value == other.value) is same)
         return Operand(ast.Compare(self._plain(left), [_COMPARISONS[sign]()], [self._plain(right)]), "bool")
 
     def _unary(self) -> Operand:
@@ -321,7 +324,8 @@ class _EcmaReader:
         kind, text = self._tokens[self._at]
         self._at += 1
         if kind == "number":
-            return constant(float(text) if re.search(r"[.eE]", text) else int(text))
+            is_whole = text[:2].lower() == "0x" or not re.search(r"[.eE]", text)
+            return constant(int(text, 0) if is_whole else float(text))
         if kind == "text":
             return constant(text[1:-1])
         if kind == "name":
@@ -387,14 +391,16 @@ class _EcmaReader:
 
     def _call(self, name: str) -> Operand:
         given: list[Operand] = []
+        if name == "In" and self._tokens[self._at + 1 : self._at + 2] == [("sign", ")")]:
+            # Where there is no data, SCXML lets the id stand without quotes.
+            state, _ = self._resolve(["In", self._next.strip("'\"")])
+            self._at += 2
+            return Operand(ast.Call(ast.Name("in_state"), [state.node], []), "bool")
         while not self._take(")"):
             if given:
                 self.expect(",")
             given.append(self.expression())
         plain = [self._plain(one) for one in given]
-        if name == "In" and len(given) == 1 and _is_text(given[0]):
-            state, _ = self._resolve(["In", ast.literal_eval(plain[0])])
-            return Operand(ast.Call(ast.Name("in_state"), [state.node], []), "bool")
         if name == "Math.floor" and len(given) == 1:
             return Operand(ast.BinOp(plain[0], ast.FloorDiv(), ast.Constant(1)), "number")
         if name in _MATH and given:

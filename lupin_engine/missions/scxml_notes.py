@@ -34,10 +34,15 @@ class Notes:
 
     def __init__(self) -> None:
         self._notes: set[Note] = set()
+        self._once: dict[str, int] = {}
 
     def sorted(self) -> tuple[Note, ...]:
         """Return all of them, by line."""
-        return tuple(sorted(self._notes))
+        return tuple(sorted({*self._notes, *(Note(line, text, False) for text, line in self._once.items())}))
+
+    def tell_once(self, element: Element, text: str) -> None:
+        """Say at its first line what is converted with another meaning everywhere."""
+        self._once[text] = min(element.line, self._once.get(text, element.line))
 
     def tell(self, element: Element, text: str) -> None:
         """Say that something is converted with another meaning."""

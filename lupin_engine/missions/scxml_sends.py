@@ -6,7 +6,7 @@ is cancelled while it is active, is a region beside the rest: an event starts it
 
 from __future__ import annotations
 
-from collections import defaultdict
+from collections import Counter, defaultdict
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -66,19 +66,49 @@ class DelayedSends:
         self.regions: dict[Element, Region] = {}
         taken = {snake(state.get("id")).upper() for state in root.every(*STATES)}
         shared: dict[tuple[object, ...], Region] = {}
+        #: By state, the events that it sends itself again and again, with the first `send`.
+        self.ticks: dict[Element, dict[str, Element]] = {}
+        self._ticking: set[Element] = set()
+        for block in root.every("onentry"):
+            self._find_ticks(block)
         self._sends: defaultdict[str, list[Element]] = defaultdict(list)
         for send in root.every("send"):
             for sent in {send.get("id"), send.get("idlocation")} - {""}:
                 self._sends[sent].append(send)
             if self.wanted(send) == "region":
-                event, sent = (
-                    next(iter(events.raised_by(send).values())),
+                event = next(iter(events.raised_by(send).values()))
+                key = (
+                    event,
                     send.get("id") or send.get("idlocation"),
+                    self.delay(send),
+                    *sorted(params_of(send)),
                 )
-                key = (event, sent, self.delay(send), *sorted(params_of(send)))
                 if key not in shared:
                     shared[key] = self._region(event, taken)
                 self.regions[send] = shared[key]
+
+    def _find_ticks(self, block: Element) -> None:
+        """Find the events that a state sends itself on entry, and again whenever one comes."""
+        state, delays = block.around[0], Counter(map(self.delay, block.all("send")))
+        for first in block.all("send"):
+            event = self._events.name(first.get("event"))
+            again = [send for send in self._events.sent(event) if send is not first]
+            rules = [rule for rule in state.all("transition") if self._events.matches(rule, event)]
+            blocks = {send.parent for send in again}
+            if (
+                self.delay(first) != Delay()
+                and (self._own or delays[self.delay(first)] == 1)
+                and again
+                and blocks <= set(rules)
+                and len(blocks) == len(again)
+                and all(
+                    self.delay(send) == self.delay(first) and not params_of(send) for send in (first, *again)
+                )
+                and all(rule.get("target") or rule in blocks for rule in rules)
+                and (self._own or self._events.heard_by(event) | self._events.listening["*"] == {state})
+            ):
+                self.ticks.setdefault(state, {})[event] = first
+                self._ticking |= {first, *again}
 
     def _region(self, event: str, taken: set[str]) -> Region:
         base = f"{snake(event.replace('.', '_'))}_timer"
@@ -90,10 +120,12 @@ class DelayedSends:
         return Region(name.upper(), name, event)
 
     def wanted(self, send: Element) -> str:
-        """Return what a `send` becomes: `raise`, `after`, `region`; '' is none to the document itself."""
+        """Return what a `send` becomes: `raise`, `after`, `region`, `tick`; '' is none to itself."""
         events = self._events.raised_by(send)
         if not is_to_itself(send) or not events:
             return ""
+        if send in self._ticking:
+            return "tick"
         if self.delay(send) == Delay() and (len(events) > 1 or not self._is_overtaken(send)):
             return "raise"
         block, state, *_ = (*send.around, send)

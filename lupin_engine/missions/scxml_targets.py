@@ -39,13 +39,13 @@ class Targets:
             single = [
                 state for state, rules in self.ways.items() if any(" " not in _beginning(r) for r in rules)
             ]
-            begun = {root, *self._begun(root)}.union(*map(self._led_to, single))
+            begun = {root, *self.begun(root)}.union(*map(self._led_to, single))
             for ids in several:
                 self._begin_together(ids, begun)
 
     # -- several at once ------------------------------------------------------------------------------------
 
-    def _begun(self, state: Element) -> Iterator[Element]:
+    def begun(self, state: Element) -> Iterator[Element]:
         """Yield a state and all that begins with it."""
         yield state
         children, wanted = state.all(*REGIONS), _beginning(state)
@@ -57,7 +57,7 @@ class Targets:
 
     def _led_to(self, target: Element, source: Element | None = None) -> Iterator[Element]:
         """Yield what is entered with a target, from `source` on."""
-        yield from self._begun(target)
+        yield from self.begun(target)
         inner = target
         for around in target.around:
             if around is source:
@@ -66,7 +66,7 @@ class Targets:
             if around.kind == "parallel":
                 for region in around.all(*REGIONS):
                     if region is not inner:
-                        yield from self._begun(region)
+                        yield from self.begun(region)
             inner = around
 
     def _begin_together(self, ids: str, begun: set[Element]) -> None:

@@ -28,6 +28,7 @@ LIGHT = """\
   <final id="off"/>
 </scxml>
 """
+BUTTON = '<transition event="press" target="off"/></state>'
 
 
 @pytest.fixture(autouse=True)
@@ -78,6 +79,21 @@ def test_what_is_left_out_is_told_with_its_line(folder: Path, capsys: pytest.Cap
     told = "other.scxml:16: not said: a script cannot be said; it is left out"
     assert told in capsys.readouterr().out.splitlines()
     assert (folder / "missions" / "second.yaml").exists()
+
+
+def test_events_from_outside_are_a_binding(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """So that the mission is whole, and can be tried by hand; what stands there already is kept."""
+    document = folder / "other.scxml"
+    document.write_text(LIGHT.replace("</state>", BUTTON, 1))
+    assert main(["import", "scxml", "other.scxml"]) == 0
+    out = capsys.readouterr().out.splitlines()
+    assert ("wrote missions/bindings/other.yaml" in out, out[-1]) == (
+        True,
+        "1 mission, no errors, no warnings",
+    )
+    binding = (folder / "missions" / "bindings" / "other.yaml").read_text()
+    assert 'topic: {name: "/other/press", type: std_msgs/msg/Empty}' in binding
+    assert main(["simulate", "other", "--until", "1 s"]) == 0
 
 
 def test_a_mission_that_exists_is_kept(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:

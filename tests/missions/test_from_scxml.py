@@ -203,6 +203,14 @@ def test_a_beginning_further_in_is_a_helper_state() -> None:
     assert (found["initial"], found["states"]["begin"]) == ("begin", {"always": "A.C"})
 
 
+def test_a_beginning_that_is_the_first_anyway_needs_no_state() -> None:
+    """Though the document names it."""
+    found = imported(
+        '<state id="a"><state id="b"/><state id="c"/></state><state id="d"/>', 'initial="b"'
+    ).mission
+    assert (found["initial"], list(found["states"])) == ("A", ["A", "D"])
+
+
 def test_a_beginning_in_every_region_is_the_parallel_state() -> None:
     """Also where it has no id."""
     found = imported('<parallel><state id="a"/><state id="b"/></parallel>', 'initial="a b"')
@@ -288,11 +296,11 @@ def test_a_long_document_is_no_trouble() -> None:
         ),
         (
             '<state id="a"><onentry><send event="x"/></onentry></state>',
-            "2: send of 'x' is a raise: dealt with before what comes from outside",
+            "2: a send to the chart itself is a raise: dealt with before what comes from outside",
         ),
         (
             '<state id="a"><transition event="error.execution"/></state>',
-            "2: 'error.execution': what fails when the mission runs leads to FAULT instead",
+            "2: 'error.execution': what fails only when the mission runs leads to FAULT instead",
         ),
         (
             '<datamodel><data id="x" expr="new Date()"/></datamodel>',

@@ -63,6 +63,13 @@ CHARTS = {
         <send event="early" delay="2s"/></onentry>
         <transition event="late" target="fail"/><transition event="early" target="t"/></state>
         <state id="t"><transition event="late" target="pass"/></state>""",
+    "a delay may be a number and the text of its unit": """
+        <datamodel><data id="n" expr="500"/><data id="m" expr="1"/></datamodel>
+        <state id="s"><onentry><assign location="m" expr="m + 1"/><send event="soon" delayexpr="n + 'ms'"/>
+        <send event="late" delayexpr="m + 's'"/><send event="middle" delay="1"/></onentry>
+        <transition event="middle" target="t"/></state>
+        <state id="t"><transition event="late" target="fail"/><transition event="soon" target="u"/></state>
+        <state id="u"><transition event="late" cond="m == 2" target="pass"/></state>""",
     "two events after the same time": """
         <state id="s"><onentry><send event="one" delay="1s"/><send event="two" delay="1s"/></onentry>
         <state id="in"><transition event="one" target="out"/></state>
@@ -82,6 +89,12 @@ CHARTS = {
         <state id="s"><onentry><send event="go"/></onentry>
         <transition event="go" cond="typeof _event.sendid === 'undefined'" target="pass"/>
         <transition event="go" target="fail"/></state>""",
+    "an event that carries something in one place only": """
+        <datamodel><data id="sum" expr="1"/></datamodel>
+        <state id="s"><onentry><raise event="go"/></onentry><transition event="go" target="t"/></state>
+        <state id="t"><onentry><send event="go"><param name="n" expr="sum"/></send><log expr="sum"/></onentry>
+        <transition event="go" cond="_event.data.n" target="pass"/><transition event="go" target="fail"/>
+        </state>""",
     "content of an end is all that it gives": """
         <state id="s"><state id="a"><transition target="b"/></state>
         <final id="b"><donedata><content>21</content></donedata></final>
@@ -241,6 +254,61 @@ states:
           TICKING:
             on: {time_is_up_timer.start: TICKING, time_is_up_timer.stop: IDLE}
             after: {1 min: {target: IDLE, do: [{raise: {event: timeIsUp}}]}}
+"""
+    )
+
+
+def test_what_is_sent_again_each_time_is_every() -> None:
+    """A state that waits for itself; a doubled delay in the document would be two clocks."""
+    found = made(
+        """<datamodel><data id="n" expr="0"/></datamodel><state id="s">
+        <onentry><send event="tick" delay="2s"/></onentry>
+        <transition event="tick" cond="n == 3" target="e"/>
+        <transition event="tick"><assign location="n" expr="n + 1"/><send event="tick" delay="2s"/>
+        </transition></state><final id="e"/>"""
+    )
+    assert (
+        found
+        == """\
+mission: Lamp
+context: {n: {type: number, default: 0}}
+initial: S
+states:
+  S: {every: {2 s: [{target: e, guard: "n == 3"}, {do: [{set: {n: "${ n + 1 }"}}]}]}}
+  e: {type: final}
+"""
+    )
+
+
+def test_what_nothing_raises_comes_from_outside() -> None:
+    """It is declared in a binding, with the fields that are read of it."""
+    found = from_scxml(
+        f"""{HEAD.format("")}<state id="a"><transition event="button.1" target="b"/>
+        <transition event="button" cond="_event.data.hard == 1" target="a"/>
+        <transition event="on" target="b"/></state>
+        <state id="b"><onentry><raise event="on"/></onentry></state></scxml>""".encode(),
+        "Lamp",
+        "lamp",
+    )
+    assert found.mission["states"]["A"]["on"] == {
+        "lamp.button_x1": "B",
+        "lamp.button": {"target": "A", "guard": "event.hard == 1"},
+        "on": "B",
+    }
+    assert (
+        yaml_text(found.binding)
+        == """\
+binding: lamp
+summary: "What the chart hears from outside; say which topics tell of it."
+events:
+  button:
+    summary: The event button of the chart.
+    topic: {name: "/lamp/button", type: std_msgs/msg/String}
+    fields: {hard: {type: any, from: "${ message.data }"}}
+  button_x1:
+    summary: The event button.1 of the chart.
+    topic: {name: "/lamp/button_x1", type: std_msgs/msg/String}
+    fields: {hard: {type: any, from: "${ message.data }"}}
 """
     )
 

@@ -20,8 +20,9 @@ def import_() -> None:
 def scxml(file: Path, name: str | None) -> int:
     """Make a mission of an SCXML document, such as those of XState, Qt or SCION.
 
-    In the current folder this writes missions/NAME.yaml, and the shipped lifecycle where there is none. What
-    the language has no words for is listed with its line; then the mission is checked.
+    In the current folder this writes missions/NAME.yaml, and the shipped lifecycle where there is none.
+    Events that nothing in the document raises are declared in missions/bindings/NAME.yaml. What the language
+    has no words for is listed with its line; then the mission is checked.
 
     Exit code: 0 all was said and nothing is wrong, 1 something was left out or is missing.
     """
@@ -34,11 +35,12 @@ def scxml(file: Path, name: str | None) -> int:
 
     name = name or "".join(c if c.isalnum() else "_" for c in file.stem).lower()
     try:
-        found = from_scxml(file.read_bytes(), title_of(name))
+        found = from_scxml(file.read_bytes(), title_of(name), name)
     except UsageError as problem:
         raise UsageError(f"{file}: {problem}") from None
-    text = f"# Made from {file.name} by 'lupin import scxml'.\n{yaml_text(found.mission)}"
-    written, _ = write_mission(name, None, Path(), text)
+    head = f"# Made from {file.name} by 'lupin import scxml'.\n"
+    binding = head + yaml_text(found.binding) if found.binding else ""
+    written, _ = write_mission(name, None, Path(), head + yaml_text(found.mission), binding)
     for other in written:
         click.echo(f"wrote {other}")
     for old, new in found.names.items():

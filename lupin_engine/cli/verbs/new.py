@@ -67,9 +67,11 @@ def new(name: str, like: str | None) -> int:
 
 
 def write_mission(
-    name: str, like: str | None, folder: Path, text: str | None = None
+    name: str, like: str | None, folder: Path, text: str | None = None, binding: str = ""
 ) -> tuple[list[Path], list[Path]]:
     """Write what a mission needs below `folder`; with a `text` that is the mission, and there is no scenario.
+
+    A `binding` is written beside it under the same name.
 
     Returns:
         The files that were written, and those that stood there already.
@@ -77,6 +79,7 @@ def write_mission(
     Raises:
         UsageError: the name cannot be one, the mission exists, or there is none to be `like`.
     """
+    from lupin_engine.bindings.catalog import BINDINGS
     from lupin_engine.missions import folders
     from lupin_engine.missions.selection import LOCAL
 
@@ -106,6 +109,8 @@ def write_mission(
         **{missions / other: source / other for other in others},
     }
     shared = {file: origin.read_text(encoding="utf-8") for file, origin in origins.items()}
+    if binding:
+        shared[missions / BINDINGS / f"{name}.yaml"] = binding
     kept = [file for file in shared if file.exists()]
     written = {file: text for file, text in {**shared, **own}.items() if file not in kept}
     for file, text in written.items():
