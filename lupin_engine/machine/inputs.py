@@ -171,7 +171,7 @@ class WallClock:
         passed = []
         if before is not None:
             ahead = memory.wall - before
-            step.note(f"the clock was set {abs(ahead):.6g} s {'forward' if ahead > 0 else 'back'}")
+            step.note(f"the clock was set {_long(abs(ahead))} {'forward' if ahead > 0 else 'back'}")
             passed = [
                 about for due, _, kind, about in memory.timers if kind == "at" and due - ahead <= step.now
             ]
@@ -228,6 +228,8 @@ class WallClock:
 
     def leave(self, state: str) -> None:
         """Forget what a state that is left waits for."""
+        if state not in self._timers:
+            return
         self._scope.timers.disarm("at", state)
         deferred = self._scope.memory.deferred
         deferred[:] = [e for e in deferred if e.name != WAITS or e.data["owner"] != state]
@@ -239,6 +241,13 @@ class WallClock:
             del reached[state]
 
 
+def _long(seconds: float) -> str:
+    """Return a time in the unit in which it is easily read."""
+    unit, size = next(((unit, size) for unit, size in _UNITS.items() if seconds >= size), ("s", 1.0))
+    return f"{seconds / size:.4g} {unit}"
+
+
+_UNITS: Mapping[str, float] = {"days": 86400.0, "h": 3600.0, "min": 60.0}
 #: So many dates a state remembers: no clock is set back by more than a year.
 MOST_DATES = 366
 #: What is kept of a time that came during a hold.

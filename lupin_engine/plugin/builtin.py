@@ -8,7 +8,7 @@ Whoever runs the chart answers both, so there is no client. Charts that read the
 from __future__ import annotations
 
 from lupin_engine.plugin.contract import LiveValue, Mock, OnHold, Operation, Parameter, Plugin
-from lupin_engine.plugin.types import TEXT, list_of
+from lupin_engine.plugin.types import TEXT, ZONE, list_of
 
 #: The name of the built-in plugin; charts do not list it among the plugins they need.
 BUILTIN = "plugins"
@@ -33,5 +33,5 @@ PLUGIN = Plugin(
             list_of(TEXT),
         )
     },
-    parameters={TIME_ZONE: Parameter(TEXT, "UTC", "zone of `at` and of the clock, such as Europe/Amsterdam")},
+    parameters={TIME_ZONE: Parameter(ZONE, "UTC", "zone of `at` and of the clock, such as Europe/Amsterdam")},
 )

@@ -11,7 +11,9 @@ import enum
 import math
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from datetime import timezone, tzinfo
 from functools import lru_cache
 from types import MappingProxyType
 from typing import Any, NamedTuple
@@ -115,6 +117,8 @@ TIME_OF_DAY = Type("text", "time_of_day", pattern=r"([01][0-9]|2[0-3]):[0-5][0-9
 DATE = Type(
     "text", "date", pattern=r"[0-9]{4}-(0[1-9]|1[0-2])-(0[1-9]|[12][0-9]|3[01])", example="2026-11-22"
 )
+#: The name of a time zone in the IANA's table; that there is one of that name is looked up.
+ZONE = Type("text", "time zone", pattern=r"[A-Za-z0-9_+/-]+", example="Europe/Amsterdam")
 
 #: What a topic, service or action is called; relative ones are in the namespace of the node that uses them.
 ROS_NAME = Type(
@@ -500,7 +504,28 @@ def _text(value: Any, wanted: Type, _: Notation) -> _Answer:
         return _expected(
             wanted, value, f", such as {wanted.example}" if wanted.example else "", Fault.PATTERN
         )
+    if wanted.name == ZONE.name:
+        try:
+            zone_called(value)
+        except ValueError as problem:
+            return Fault.WORD, str(problem)
     return _FINE
+
+
+def zone_called(name: str) -> tzinfo:
+    """Return a time zone by its IANA name.
+
+    Raises:
+        ValueError: there is none of that name; the text has the nearest.
+    """
+    if name == "UTC":  # as nearly everywhere: that needs no table of zones
+        return timezone.utc
+    from zoneinfo import ZoneInfo, available_timezones
+
+    with suppress(OSError, KeyError, ValueError):
+        return ZoneInfo(name)
+    hint = meant(name, available_timezones()) or f"write one such as {ZONE.example}"
+    raise ValueError(f"there is no time zone {name!r}; {hint}")
 
 
 _SCALARS = {"bool": _bool, "integer": _number, "number": _number, "text": _text}

@@ -76,8 +76,7 @@ class Orchestrator:
         self._prefix = str(given["mission_id_prefix"])
         machine = make_machine(chart, {name: given[name] for name in chart.parameters})
         drivers: dict[str, Driver] = {}
-        # With `use_sim_time` the robot's clock is the simulated one.
-        self._engine = Engine(machine, self._clock, drivers, ros.guarded(self._stepped), ros.now)
+        self._engine = Engine(machine, self._clock, drivers, ros.guarded(self._stepped), self._clock.wall)
         self._outlet = RosOutlet(self._engine, self._clock, self._work)
         self._wire = messages.wire_of(chart.profile)
         self._state = _Publisher(ros, self._wire.state)

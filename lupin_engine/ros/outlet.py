@@ -19,6 +19,10 @@ class NodeClock:
         """Return seconds of an origin of its own."""
         return self._ros.elapsed()
 
+    def wall(self) -> float | None:
+        """Return the robot's clock in POSIX time; with `use_sim_time` simulated time, once it is heard of."""
+        return self._ros.now() or None
+
     def from_ros(self, stamp: float) -> float:
         """Return seconds of the node's clock as a moment of this clock."""
         return self.now() - (self._ros.now() - stamp)

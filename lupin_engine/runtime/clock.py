@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Collection
-from contextlib import suppress
 from datetime import date, datetime, timedelta, timezone, tzinfo
 from datetime import time as time_of_day
 from typing import Protocol
 
-from lupin_engine.errors import meant
+from lupin_engine.plugin.types import zone_called
 
 UTC = "UTC"
 _WRITTEN = "2026-11-22 22:00"
@@ -121,16 +120,5 @@ class ZoneCalendar:
 
 
 def calendar_of(zone: str) -> ZoneCalendar:
-    """Return the calendar of a time zone, by its IANA name.
-
-    Raises:
-        ValueError: there is no such zone; the text has the nearest name.
-    """
-    if zone == UTC:  # as nearly everywhere: that needs no table of zones
-        return ZoneCalendar(timezone.utc, zone)
-    from zoneinfo import ZoneInfo, available_timezones
-
-    with suppress(OSError, KeyError, ValueError):
-        return ZoneCalendar(ZoneInfo(zone), zone)
-    hint = meant(zone, available_timezones()) or "write one such as Europe/Amsterdam"
-    raise ValueError(f"there is no time zone {zone!r}; {hint}")
+    """Return the calendar of a time zone, by its IANA name; ValueError when there is none."""
+    return ZoneCalendar(zone_called(zone), zone)

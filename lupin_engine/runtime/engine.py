@@ -31,7 +31,7 @@ class Engine:
         clock: Clock,
         drivers: Mapping[str, Driver],
         listener: Callable[[Step], None],
-        wall: Callable[[], float] | None = None,
+        wall: Callable[[], float | None] = lambda: None,
     ) -> None:
         """Make a loop that is not started.
 
@@ -40,7 +40,7 @@ class Engine:
             clock: what steps are stamped with.
             drivers: by plugin name; may be filled after this call, because drivers need the engine's outlet.
             listener: told of every step, before its commands are carried out; only cancels go first.
-            wall: the robot's clock, in POSIX time; without, charts do not know what time of day it is.
+            wall: the robot's clock, in POSIX time; None where it is not known, and charts wait until it is.
         """
         self.machine = machine
         self.clock = clock
@@ -53,7 +53,7 @@ class Engine:
     def start(self) -> None:
         """Enter the chart's initial states."""
         now = self.clock.now()
-        self._carry_out(self.machine.start(now, None if self._wall is None else self._wall() - now))
+        self._carry_out(self.machine.start(now, self._ahead(now)))
         self.drain()
 
     def go_on_with(self, machine: Machine) -> None:
@@ -82,14 +82,15 @@ class Engine:
         while self._set_clock() or self._fire_due() or self._take_next():
             pass
 
+    def _ahead(self, now: float) -> float | None:
+        wall = self._wall()
+        return None if wall is None else wall - now
+
     def _set_clock(self) -> bool:
-        """Tell the machine when the robot's clock was set."""
-        told = self.machine.memory.wall
-        if self._wall is None or told is None:
-            return False
-        now = self.clock.now()
-        ahead = self._wall() - now
-        if abs(ahead - told) <= CLOCK_TOLERANCE_S:
+        """Tell the machine of the robot's clock when it was set, or is known at last."""
+        now, told = self.clock.now(), self.machine.memory.wall
+        ahead = self._ahead(now)
+        if ahead is None or (told is not None and abs(ahead - told) <= CLOCK_TOLERANCE_S):
             return False
         self._carry_out(self.machine.handle(events.clock(ahead), now))
         return True

@@ -52,11 +52,6 @@ def check_parameters(declared: Mapping[str, Parameter], given: Mapping[str, Any]
         UsageError: naming every unknown name with the nearest one, and every wrong value with its range.
     """
     values, problems = sorted_out(declared, given)
-    if TIME_ZONE in declared and TIME_ZONE in values:
-        try:
-            calendar_of(values[TIME_ZONE])
-        except ValueError as problem:
-            problems.append(f"parameter {TIME_ZONE!r}: {problem}")
     if problems:
         raise UsageError("\n".join(problems))
     return {name: values.get(name, parameter.default) for name, parameter in declared.items()}

@@ -14,7 +14,6 @@ from lupin_engine.chart.model import Chart
 from lupin_engine.chart.nodes import Node, show
 from lupin_engine.chart.source import Map, Seq
 from lupin_engine.errors import Place
-from lupin_engine.plugin.builtin import TIME_ZONE
 from lupin_engine.plugin.contract import OPERATION_CODES, Operation
 from lupin_engine.plugin.parameters import accepted
 from lupin_engine.plugin.types import DURATION, NUMBER, Type, convert
@@ -266,8 +265,6 @@ class ScriptReader:
                 continue
             try:
                 found[name] = accepted(declared[name], value)
-                if name == TIME_ZONE:
-                    calendar_of(found[name])
             except ValueError as problem:
                 place = self._node.value_at("parameters", name)
                 self._words.findings.add(place, "wrong-type", f"parameters.{name}", str(problem))

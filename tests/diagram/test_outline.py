@@ -67,6 +67,14 @@ def test_what_is_added_and_removed_is_drawn(words: Picture) -> None:
     assert "entry / add 'T1' to done, add to lately, remove 'no…" in box(words, "RESTING").text
 
 
+def test_clocks_are_called_by_their_words(words: Picture) -> None:
+    """With the time that they wait for; a tick that leads nowhere is a line."""
+    labels = [label for found in words.arrows if found.source.endswith("LOOKING") for label in found.labels]
+    assert {"after 1 s", "at 06:30"} <= {label.event for label in labels}
+    assert {label.cause for label in labels if label.event == "at 06:30"} == {TransitionCause.TIME}
+    assert "every 0.2 s / set read" in box(words, "LOOKING").text
+
+
 def test_a_for_each_shows_its_list_limit_operation_and_ends(words: Picture) -> None:
     """What is begun, for what, how much of it at a time."""
     assert box(words, "READING").text == (

@@ -131,6 +131,9 @@ CASES = {
         PART, "guard: itinerary.open              #", "guard: itinerary.open and | #",
         ["param", "input", "reason", "home"], 0,
     ),
+    "what the clock shows": (
+        PART, "guard: itinerary.open              #", "guard: clock.| #", ["clock.today", "clock.time"], 2,
+    ),
     "fields of the target": (
         PART, "\"${ target.id }\"", "\"${ target.| }\"", ["target.id", "target.x", "target.y"], 3,
     ),

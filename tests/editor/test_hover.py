@@ -226,6 +226,23 @@ def test_the_element_of_a_loop_has_the_type_of_what_its_list_holds(
     assert said in found.text
 
 
+@pytest.mark.parametrize(
+    ("written", "said"),
+    [
+        ("guard: clo|ck.time > '06:00' #", "What the robot's clock shows"),
+        ("guard: clock.ti|me > '06:00' #", "clock.time: time_of_day"),
+    ],
+)
+def test_the_robots_clock_is_explained(
+    written: str, said: str, typed: Callable[[str, str, str], tuple[Path, int]], folder: Folder
+) -> None:
+    """And typed."""
+    path, offset = typed(PART, "guard: itinerary.open              #", written)
+    found = hover(folder, path, offset)
+    assert found is not None
+    assert said in found.text
+
+
 @pytest.mark.parametrize("case", CASES)
 def test_leads_to_where_a_name_was_declared(case: str, folder: Folder) -> None:
     """In a file of the folder, or in the catalog of the plugin that offers it."""

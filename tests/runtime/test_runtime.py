@@ -13,13 +13,15 @@ from lupin_engine.machine.event import Event
 from lupin_engine.machine.machine import Machine
 from lupin_engine.machine.scope import World
 from lupin_engine.machine.step import Step
+from lupin_engine.plugin.builtin import TIME_ZONE
 from lupin_engine.plugin.contract import Parameter
 from lupin_engine.plugin.types import COUNT, DURATION, NUMBER, TEXT
-from lupin_engine.runtime.clock import VirtualClock
+from lupin_engine.runtime.clock import VirtualClock, calendar_of
 from lupin_engine.runtime.engine import Engine, EngineOutlet
 from lupin_engine.runtime.record import step_record, view_record
 from lupin_engine.runtime.setup import check_parameters, make_machine
 from tests import shipped
+from tests.diagram import pictured
 from tests.machine.charts import Bench, chart
 
 
@@ -239,3 +241,52 @@ def test_a_plugin_that_cannot_work_says_so() -> None:
     given = {"tag_locations_file": "/nowhere/layout.json"}
     with pytest.raises(LupinError, match=r"tag_locations_file .* cannot be used"):
         make_machine(shipped.mission("inspection"), given)
+
+
+# -- the robot's clock ------------------------------------------------------------------------------------
+
+
+def test_a_clock_that_is_set_is_told_once_and_one_that_is_slewed_is_not() -> None:
+    """Half a second is what a machine may be wrong by."""
+    steps: list[Step] = []
+    clock = VirtualClock(100.0, 1_000_000.0)
+    machine = Machine(World(chart({"A": {}}), {}, calendar=calendar_of("UTC")))
+    engine = Engine(machine, clock, {}, steps.append, clock.wall)
+    engine.start()
+    clock.set_wall(1_000_000.4)
+    engine.drain()
+    clock.move_to(110.0)
+    clock.set_wall(1_003_610.0)
+    engine.drain()
+    engine.drain()
+    assert [(step.event.name, step.event.data, step.notes) for step in steps] == [
+        ("start", {"ahead": 999_900.0}, ("the clock says 1970-01-12 13:46:40 UTC",)),
+        (
+            "clock",
+            {"ahead": 1_003_500.0},
+            ("the clock was set 1 h forward", "the clock says 1970-01-12 14:46:50 UTC"),
+        ),
+    ]
+
+
+def test_a_clock_that_is_not_known_yet_is_told_when_it_is() -> None:
+    """As simulated time, of which nobody has heard at the start: no time of day is passed over by that."""
+    steps: list[Step] = []
+    known: list[float] = []
+    states = {"A": {"at": {"06:30": "B"}}, "B": {}}
+    machine = Machine(World(chart(states), {}, calendar=calendar_of("UTC")))
+    engine = Engine(machine, VirtualClock(), {}, steps.append, lambda: known[-1] if known else None)
+    engine.start()
+    known.append(calendar_of("UTC").moment("2026-11-22 22:00"))
+    engine.drain()
+    assert steps[-1].notes == ("the clock says 2026-11-22 22:00:00 UTC",)
+    assert (machine.memory.configuration, engine.next_deadline) == (("", "A"), 8.5 * 3600)
+
+
+def test_missions_that_do_not_read_the_clock_have_no_zone() -> None:
+    """So nobody is asked for one; with one, a name that is none is refused."""
+    assert TIME_ZONE not in shipped.mission("inspection").parameters
+    words = pictured.chart("words")
+    with pytest.raises(UsageError, match=r"there is no time zone 'Mars'; write one such as Europe/Amsterdam"):
+        make_machine(words, {TIME_ZONE: "Mars"})
+    assert make_machine(words, {TIME_ZONE: "Asia/Tokyo"}).world.calendar is not None

@@ -14,8 +14,11 @@ from pathlib import Path
 import pytest
 
 from lupin_engine.cli.settings import read_value
+from lupin_engine.missions.folders import default_missions_folder
+from lupin_engine.missions.load import load_chart
 from lupin_engine.replay.debugger import COMMANDS, Debugger
 from lupin_engine.replay.story import TonedLine
+from lupin_engine.replay.timeline import Tick, timeline
 from lupin_engine.runtime.setup import make_world
 from lupin_engine.sim.scripted import Between, MockOutcome, Rule
 from lupin_engine.sim.simulation import Ask, Happening, Script
@@ -188,3 +191,30 @@ def test_variables_are_shown_with_their_values() -> None:
         "  home            {x 0, y 0, yaw 0}",
         "  unreachable     0",
     ]
+
+
+def test_the_robots_clock_is_shown_and_set() -> None:
+    """As everything else it can be taken back."""
+    one = debugger()
+    one.do("step")
+    shown = ["clock", "clock 2026-01-02 06:30", "clock", "clock 22:00", "back", "clock"]
+    said = [" ".join(" ".join(plain(one.do(line))).split()) for line in shown]
+    assert said[0] == said[5] == "2026-01-01 00:00:00 UTC"
+    assert said[1].endswith("clock (the clock was set 1.271 days forward)")
+    assert said[2] == "2026-01-02 06:30:00 UTC"
+    assert said[3] == "expected a date with a time of day, got '22:00'; write one such as '2026-11-22 22:00'"
+    assert said[4] == "took back clock 2026-01-02 06:30"
+
+
+def test_what_waits_for_a_time_of_day_is_among_the_timers(tmp_path: Path) -> None:
+    """With the state that waits."""
+    (tmp_path / "lifecycle.yaml").symlink_to(default_missions_folder() / "lifecycle.yaml")
+    mission = tmp_path / "wake.yaml"
+    mission.write_text('mission: Wake\nstates:\n  ASLEEP: {at: {"06:30": done}}\n  done: {type: final}\n')
+    chart = load_chart(tmp_path / "lifecycle.yaml", [mission], shipped.catalog())
+    one = Debugger(chart, Script("Wake", starts=False), make_world(chart, {}), read_value, 120)
+    one.do("start")
+    assert plain(one.do("timers"))[0].split("  ")[-1] == "the clock has come to it in ASLEEP"
+    story = plain(one.do("run"))
+    assert any("it is 06:30 in ASLEEP" in line for line in story)
+    assert Tick(6.5 * 3600, "06:30") in timeline(one.simulation._result(False)).ticks

@@ -685,7 +685,7 @@ def test_a_simulation_has_a_date_of_its_own_and_a_clock_that_is_set(tmp_path: Pa
     assert loaded(tmp_path, head + "expect: {}\n").run().seconds == pytest.approx(6.5 * 3600 + 3.0)
     zone = head + 'clock: "2026-03-29 01:00"\nparameters: {time_zone: Europe/Amsterdam}\n'
     assert loaded(tmp_path, zone + "expect: {}\n").run().seconds == pytest.approx(4.5 * 3600 + 3.0)
-    set_back = zone + 'when: [{at: 1 h, clock: "2026-03-29 00:30"}]\nexpect: {notes: [5400 s back]}\n'
+    set_back = zone + 'when: [{at: 1 h, clock: "2026-03-29 00:30"}]\nexpect: {notes: [1.5 h back]}\n'
     scenario = loaded(tmp_path, set_back)
     run = scenario.run()
     assert scenario.failures(run) == []
