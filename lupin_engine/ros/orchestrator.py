@@ -18,7 +18,7 @@ from typing import Any
 from std_srvs.srv import Trigger
 
 from lupin_engine.errors import LupinError, shortened
-from lupin_engine.machine.event import NOTHING, Event
+from lupin_engine.machine.event import NOTHING, Event, Report
 from lupin_engine.machine.machine import Machine
 from lupin_engine.machine.reload import is_idle, successor
 from lupin_engine.machine.requests import UNKNOWN_MISSION
@@ -326,6 +326,8 @@ class Orchestrator:
             if isinstance(command, Publish):
                 value = partial(self._value, now=self._clock.now())
                 self._outcomes.publish(self._wire.outcome_fields(command, value, self._stamp()))
+            elif isinstance(command, Report):
+                self._telling.report(command, view)
         for moment in step.trail[:-1]:
             self._publish_if_changed(view, moment)
         self._publish_if_changed(view)

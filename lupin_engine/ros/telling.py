@@ -86,9 +86,6 @@ class Telling:
 
     def _log(self, step: Step, view: View) -> None:
         log, chart = self._ros.log, self._loaded.chart
-        for command in step.commands:
-            if isinstance(command, Report):
-                self._report(command, view)
         if step.taken:
             now = " ".join(filter(None, (view.lifecycle, view.phase)))
             target = f"{chart.profile.terminal.target}_id"
@@ -100,7 +97,7 @@ class Telling:
         for note in step.notes:
             log.info(note)
 
-    def _report(self, report: Report, view: View) -> None:
+    def report(self, report: Report, view: View) -> None:
         """Log the final summary: counts over all sweeps, as published, and the targets of the last one."""
         profile = self._loaded.chart.profile
         counts = {outcome.counter: view.counts[outcome.name] for outcome in profile.outcomes}
