@@ -84,8 +84,9 @@ class _Importer:
 
     def mission(self, name: str) -> Imported:
         inside = self._inside(self._root)
-        if self._sends.regions:
-            inside = self._with_clocks(inside)
+        clocks = {region.name: region.state() for region in self._sends.regions.values() if region.delay}
+        if clocks:
+            inside = self._with_clocks(inside, clocks)
         entry = [] if self._own else [*self._data.beginning(), *self._top_scripts()]
         for script in self._root.all("script") if self._own else ():
             self._notes.lose(script, "a script")
@@ -111,14 +112,13 @@ class _Importer:
     def _top_scripts(self) -> list[Any]:
         return self._content.block(self._root.all("script"), None)
 
-    def _with_clocks(self, inside: dict[str, Any]) -> dict[str, Any]:
+    def _with_clocks(self, inside: dict[str, Any], clocks: dict[str, Any]) -> dict[str, Any]:
         """Put what is not final into a region, and beside it one for each delay that outlives its state."""
         finals = {self._names[final] for final in self._root.all("final")}
         states = {name: state for name, state in inside["states"].items() if name not in finals}
         chart = {**inside, "states": states}
         taken = set(self._names.values())
         whole, part = (_free(name, taken) for name in ("RUNNING", "CHART"))
-        clocks = {region.name: region.state() for region in self._sends.regions.values() if region.delay}
         around = {whole: {"type": "parallel", "states": {part: chart, **clocks}}}
         return {
             "initial": whole,

@@ -225,9 +225,12 @@ class Content:
         if not sends and not action.get("sendid"):
             raise CannotSay(f"<cancel> of {name!r}, which is known only when it is carried out,")
         if not regions:
-            why = "a timer ends when its state is left" if sends else "nothing is sent under that id"
-            if not self._own:
-                self._notes.tell(action, f"cancel of {name!r}: {why}")
+            if sends and not self._own:
+                self._notes.tell_once(
+                    action, "a cancel as the state is left is not written: its timers end then"
+                )
+            elif not self._own:
+                self._notes.tell(action, f"cancel of {name!r}: nothing is sent under that id")
             return []
         for region in regions:
             region.is_stopped = True
@@ -268,8 +271,10 @@ class Content:
             return [*kept, self._started(send, self.sends.regions[send], delay, given)]
         if after is None or wanted != "after":
             raise CannotSay("a delayed send that is no plain one of `onentry`")
-        if not send.get("event").startswith("after."):
-            self._notes.tell(send, f"send of {event!r} after {delay}: leaving the state ends it")
+        if not self._own:
+            self._notes.tell_once(
+                send, "a delayed send that its state waits for is `after`: leaving it ends it"
+            )
         after.setdefault(delay, []).append(told)
         return kept
 

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import ast
 import re
-import warnings
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
@@ -23,6 +22,7 @@ from lupin_engine.missions.scxml_expressions import (
     Operand,
     assignments,
     constant,
+    own_expression,
     read,
     truth,
     value_of,
@@ -31,9 +31,6 @@ from lupin_engine.missions.scxml_expressions import (
 from lupin_engine.missions.scxml_notes import AlwaysFails, CannotSay, Notes
 
 _DELAY = re.compile(r"(\d*\.?\d+)\s*(ms|s|min|m|h|)")
-#: Signs of Python that an exported document may have in front of what the language writes otherwise.
-_OWN_WORDS = {"In": "in_state", "_event.data.": "event.", "True": "true", "False": "false"}
-_OWN_TOKEN = re.compile(rf"{QUOTED.pattern}|\b_event\.data\.|\b[A-Za-z_]\w*")
 _PYTHON = {bool: "bool", int: "number", float: "number", str: "text"}
 _NEUTRAL = {"number": 0, "text": "", "bool": False}
 _LOCATION = re.compile(r"[A-Za-z_$][\w$]*(\.[A-Za-z_$][\w$]*)*")
@@ -89,6 +86,8 @@ class DataModel:
         self._objects: dict[str, Element] = {}
         #: By event field, the type that all who send it agree on.
         self._fields: dict[str, str] = {}
+        #: There are scripts that cannot be read, which may declare more.
+        self._has_code = False
         self._durations = {
             send.get("delayexpr").strip()
             for send in root.every("send")
@@ -126,15 +125,18 @@ class DataModel:
                 if name not in self.variables and _LOCATION.fullmatch(name):
                     self._add(name, None)
         for script in self._root.every("script"):
-            with suppress(CannotSay):
+            try:
                 for name, _ in assignments(script.text):
                     if name.partition(".")[0] not in self.variables and not name.startswith("_"):
                         self._add(name, None)
+                self._has_code |= bool(script.get("src"))
+            except CannotSay:
+                self._has_code = True
 
     def _add(self, name: str, declared: Element | None) -> DataItem:
         if name not in self.variables:
             found = word(name)
-            while not self._own and (found in self._taken):
+            while not self._own and found in self._taken:
                 found += "_"
             self._taken.add(found)
             self.variables[name] = DataItem(found, declared=declared)
@@ -330,7 +332,7 @@ class DataModel:
             CannotSay, AlwaysFails: it is more than that, or nothing in any engine.
         """
         if self._own:
-            return self._own_expression(text)
+            return own_expression(text, self._states)
         try:
             found = self.read(text, seen)
             if found.parts or found.type in ("object", "typeof"):
@@ -346,7 +348,7 @@ class DataModel:
             CannotSay, AlwaysFails: as `condition`.
         """
         if self._own:
-            found = self._own_expression(text)
+            found = own_expression(text, self._states)
             try:
                 return ast.literal_eval({"true": "True", "false": "False"}.get(found, found))
             except (ValueError, TypeError, SyntaxError):
@@ -363,31 +365,16 @@ class DataModel:
         except CannotSay:
             raise CannotSay(f"the expression {' '.join(text.split())!r}") from None
 
-    def _own_expression(self, text: str) -> str:
-        found = " ".join(_OWN_TOKEN.sub(self._own_word, " ".join(text.split())).split())
-        try:
-            with warnings.catch_warnings():
-                warnings.simplefilter("error")
-                ast.parse(found, mode="eval")
-        except (SyntaxError, ValueError, RecursionError, MemoryError):
-            raise CannotSay(f"the expression {text!r}") from None
-        return found
-
-    def _own_word(self, found: re.Match[str]) -> str:
-        token = found[0]
-        if found.string.endswith("In(", 0, found.start()) and QUOTED.fullmatch(token):
-            return repr(self._states.get(token[1:-1], token[1:-1]))
-        return _OWN_WORDS.get(token, token)
-
     def location(self, name: str) -> DataItem:
         """Return the variable that an assignment writes.
 
         Raises:
             CannotSay: its type is not known.
-            AlwaysFails: nothing declares it.
+            AlwaysFails: nothing declares it, and no script can have done so.
         """
         variable, first = self.variables.get(name.strip()), name.strip().partition(".")[0]
-        if variable is None and (first in self.variables or first in self._objects):
+        is_known = first in self.variables or first in self._objects or not _LOCATION.fullmatch(name.strip())
+        if variable is None and (is_known or self._has_code):
             raise CannotSay(f"an assignment to {name.strip()!r}")
         if variable is None:
             raise AlwaysFails(f"nothing declares {name.strip()!r}")

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import ast
 import re
+import warnings
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -48,6 +49,9 @@ _COMPARISONS: Mapping[str, type[ast.cmpop]] = {
 #: Functions of `Math` that the language has, too.
 _MATH = {"Math.max": "max", "Math.min": "min", "Math.abs": "abs", "Math.round": "round"}
 _TYPEOF = {"number": "number", "text": "string", "bool": "boolean", "undefined": "undefined"}
+#: Words of Python that an exported document has where the language has others.
+_OWN_WORDS = {"In": "in_state", "_event.data.": "event.", "True": "true", "False": "false"}
+_OWN_TOKEN = re.compile(r"'[^']*'|\"[^\"]*\"|\b_event\.data\.|\b[A-Za-z_]\w*")
 _ASSIGNMENT = re.compile(
     r"(?:(?:var|let)\s+)?([A-Za-z_$][\w$.]*)\s*([-+*/]?=(?!=)|\+\+|--)\s*(.*)", re.DOTALL
 )
@@ -145,6 +149,29 @@ def assignments(script: str) -> Iterator[tuple[str, str]]:
             raise CannotSay("a script")
         name, sign, given = found.groups()
         yield name, given if sign == "=" else f"{name} {sign[0]} {f'({given})' if given else 1}"
+
+
+def own_expression(text: str, states: Mapping[str, str]) -> str:
+    """Return an expression of a document that the engine exported; `states` are the names of states by id.
+
+    Raises:
+        CannotSay: it is none.
+    """
+
+    def said(found: re.Match[str]) -> str:
+        token = found[0]
+        if found.string.endswith("In(", 0, found.start()) and token[0] in "'\"":
+            return repr(states.get(token[1:-1], token[1:-1]))
+        return _OWN_WORDS.get(token, token)
+
+    found = " ".join(_OWN_TOKEN.sub(said, " ".join(text.split())).split())
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            ast.parse(found, mode="eval")
+    except (SyntaxError, ValueError, RecursionError, MemoryError):
+        raise CannotSay(f"the expression {text!r}") from None
+    return found
 
 
 def _known(node: ast.expr) -> bool | None:

@@ -10,10 +10,13 @@ from collections import Counter, defaultdict
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
+from lupin_engine.chart.semantics import MIN_PERIOD
+from lupin_engine.missions.scxml_data import measure
 from lupin_engine.missions.scxml_elements import Element
 from lupin_engine.missions.scxml_events import QUOTED, STATES, Events, is_to_itself, params_of, snake
 from lupin_engine.missions.scxml_expressions import read
 from lupin_engine.missions.scxml_notes import AlwaysFails, CannotSay
+from lupin_engine.plugin.types import parse_quantity
 
 
 class Delay(NamedTuple):
@@ -97,6 +100,7 @@ class DelayedSends:
             blocks = {send.parent for send in again}
             if (
                 self.delay(first) != Delay()
+                and _can_repeat(self.delay(first))
                 and (self._own or delays[self.delay(first)] == 1)
                 and again
                 and blocks <= set(rules)
@@ -175,6 +179,12 @@ def cancelled(cancel: Element) -> str:
     """Return the id of what a `cancel` is about, or the variable that has it."""
     computed = cancel.get("sendidexpr").strip()
     return cancel.get("sendid") or (computed[1:-1] if QUOTED.fullmatch(computed) else computed)
+
+
+def _can_repeat(delay: Delay) -> bool:
+    """Say whether a delay is long enough for `every`."""
+    quantity = parse_quantity(measure(delay.literal)) if delay.literal else None
+    return quantity is None or quantity[0] >= MIN_PERIOD
 
 
 def _is_literal(text: str) -> bool:

@@ -47,9 +47,8 @@ def test_it_writes_a_mission_that_runs(folder: Path, capsys: pytest.CaptureFixtu
         "wrote missions/traffic_light.yaml",
         "named red: RED",
         "named green: GREEN",
-        "Traffic-light.scxml:4: note: send of 'go' after 3 s: leaving the state ends it",
-        "Traffic-light.scxml:5: note: cancel of 't': a timer ends when its state is left",
-        "Traffic-light.scxml:11: note: send of 'stop' after 2 s: leaving the state ends it",
+        "Traffic-light.scxml:4: note: a delayed send that its state waits for is `after`: leaving it ends it",
+        "Traffic-light.scxml:5: note: a cancel as the state is left is not written: its timers end then",
         "1 mission, no errors, no warnings",
     ]
     assert (

@@ -257,6 +257,16 @@ def test_a_long_document_is_no_trouble() -> None:
             "2: cancel of 'y': nothing is sent under that id",
         ),
         (
+            '<datamodel><data id="xs" expr="[1]"/></datamodel>'
+            '<state id="a"><onexit><assign location="xs[0]" expr="1"/></onexit></state>',
+            "2: an assignment to 'xs[0]' cannot be said; it is left out",
+        ),
+        (
+            "<script>function f() {}</script>"
+            '<state id="a"><onexit><assign location="b" expr="1"/></onexit></state>',
+            "2: an assignment to 'b' cannot be said; it is left out",
+        ),
+        (
             '<state id="a"><onentry><cancel sendidexpr="y"/></onentry></state>',
             "2: <cancel> of 'y', which is known only when it is carried out, cannot be said; it is left out",
         ),
