@@ -187,10 +187,11 @@ class CheckedOptions:
 
     def _parameters(self, given: Mapping[str, ParameterValues]) -> dict[str, ParameterValues]:
         """Return the parameters of the nodes: the mission's for the orchestrator, and those given."""
-        found: dict[str, ParameterValues] = {ORCHESTRATOR: {**self._loaded.parameters(), **self.values}}
+        missions = {**self._loaded.parameters(), **self.values}
+        found: dict[str, ParameterValues] = {ORCHESTRATOR: missions}
         for name, known in self._declared.items():
-            # What several know, such as a map, must be the same for all.
-            shared = {setting: value for setting, value in self.values.items() if setting in known}
+            # What several know, such as a map or the missions' folder, must be the same for all.
+            shared = {setting: value for setting, value in missions.items() if setting in known}
             found[name] = {**shared, **given.get(name, {})}
         return found
 

@@ -356,14 +356,20 @@ class Allowance:
         return f"the frame has {size} bytes, at most {LONGEST_FRAME} are taken; nothing of it was carried out"
 
     def operation(self, now: float) -> str:
-        """An operation at a time of the steady clock; a stop is not asked about."""
+        """One more operation, at a time of the steady clock; a stop is not asked about."""
+        refused = self.used_up(now)
+        if not refused:
+            self._left -= 1.0
+        return refused
+
+    def used_up(self, now: float) -> str:
+        """Whether an operation would be one too many."""
         gained = max(0.0, now - self._at) * OPERATIONS_PER_S
         self._left = min(float(OPERATIONS_PER_S), self._left + gained)
         self._at = now
-        if self._left < 1.0:
-            return f"more than {OPERATIONS_PER_S} operations a second; this one was not carried out"
-        self._left -= 1.0
-        return ""
+        if self._left >= 1.0:
+            return ""
+        return f"more than {OPERATIONS_PER_S} operations a second; this one was not carried out"
 
     def subscription(self, have: int) -> str:
         """One more subscription than there are."""

@@ -14,7 +14,7 @@ from lupin_engine.plugin.contract import Access
 from lupin_gateway import protocol
 from lupin_gateway.audit import AuditLog, Repetitions, command_line
 from lupin_gateway.doors import STOP_TOPIC, Allowance, AllowList, Doors, Use, UserRole, Visitor
-from lupin_gateway.stop import OnLinkLost, StopArbiter, stop_of
+from lupin_gateway.stop import KeptStops, OnLinkLost, StopArbiter, stop_of
 
 #: Which stops are engaged, and the link (JSON in a std_msgs/String); the service that resets one by name.
 STOPS_TOPIC, RESET_STOP = "/lupin/hmi/stops", "/lupin/hmi/reset_stop"
@@ -31,7 +31,7 @@ class Hands:
     tell_stop: Callable[[bool], None]
     tell_state: Callable[[str], None]
     pause: Callable[[Callable[[Any], None]], None]
-    keep: Callable[[list[tuple[str, str]]], object]
+    keep: Callable[[KeptStops], object]
 
 
 @dataclass(frozen=True)
@@ -125,19 +125,26 @@ class Guard:
     # -- what it may ----------------------------------------------------------------------------------------
 
     def frame_refusal(self, frame: str | bytes) -> str:
-        """Return why a frame is not even read; '' where it is. It is one operation."""
+        """Return why a frame is not even read; '' where it is."""
         size = len(frame) if isinstance(frame, bytes) or frame.isascii() else len(frame.encode())
-        self._too_fast = self._allowance.operation(self._rules.clocks.steady())
-        return self._allowance.frame(size) or (self._too_fast if size > STOP_FRAME else "")
+        refused = self._allowance.frame(size)
+        if not refused and size > STOP_FRAME:
+            return self._allowance.used_up(self._rules.clocks.steady())
+        return refused
 
-    def refusal(self, operation: protocol.Operation, subscriptions: int) -> str:
-        """Return why an operation is not carried out; '' where it is. `subscriptions` are those it has."""
+    def refusal(self, operation: protocol.Operation | protocol.BadFrame, subscriptions: int) -> str:
+        """Return why an operation is not carried out; '' where it is. `subscriptions` are those it has.
+
+        What is not understood counts like an operation. A stop does not count, and is never too much.
+        """
         if isinstance(operation, protocol.PublishMessage) and operation.topic == STOP_TOPIC:
             return (
                 self._visitor.has_expired(self._rules.clocks.wall()) if not stop_of(operation.message) else ""
             )
-        if self._too_fast:
-            return self._too_fast
+        if too_fast := self._allowance.operation(self._rules.clocks.steady()):
+            return too_fast
+        if isinstance(operation, protocol.BadFrame):
+            return ""
         refused = self._visitor.has_expired(self._rules.clocks.wall()) or self._name_refusal(operation)
         if refused and (named := _command(operation)):
             self._rules.write(self._who, *named, refused)

@@ -78,13 +78,13 @@ class Session:
             self.tell("error", refused)
             return
         operation = protocol.parse(frame)
-        if isinstance(operation, protocol.BadFrame):
-            self._tell_bad(operation)
-            return
         subscriptions = sum(len(wishes.by_id) for wishes in self._wishes.values())
         refused = self._guard.refusal(operation, subscriptions)
         if refused:
             self._tell_bad(_as_bad(operation, refused))
+            return
+        if isinstance(operation, protocol.BadFrame):
+            self._tell_bad(operation)
             return
         _HANDLERS[type(operation)](self, operation)
 
@@ -262,7 +262,7 @@ def _nobody(_: Mapping[str, Any]) -> None:
     """Take feedback that the client does not want."""
 
 
-def _as_bad(operation: protocol.Operation, text: str) -> protocol.BadFrame:
+def _as_bad(operation: protocol.Operation | protocol.BadFrame, text: str) -> protocol.BadFrame:
     """Return a refusal in the form of a frame that is not understood: both are answered alike."""
     if isinstance(operation, protocol.CallService):
         return protocol.BadFrame(text, operation.id, "call_service", operation.service)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import enum
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,6 +15,8 @@ from typing import Any
 TELL_HZ = 5.0
 #: A page that is loaded anew is away for less than this, in seconds: the link is not lost by that.
 LINK_GRACE_S = 2.0
+#: Pages try to reach a gateway that starts again at least so often, in seconds.
+BACK_WITHIN_S = 10.0
 #: What the stop is called that `on_link_lost: stop` engages.
 LINK = "link"
 
@@ -46,6 +48,14 @@ class LeftStop:
     name: str
     browser: str
     since: float
+
+
+@dataclass(frozen=True)
+class KeptStops:
+    """What outlives a gateway: names of stops with their browsers, and whether an operator was connected."""
+
+    stops: tuple[tuple[str, str], ...] = ()
+    operator: bool = False
 
 
 class StopArbiter:
@@ -162,15 +172,21 @@ class StopArbiter:
             "on_link_lost": self._on_link_lost.value,
         }
 
-    def kept(self) -> list[tuple[str, str]]:
-        """Return name and browser of the stops that are engaged, for a gateway that starts again."""
+    def kept(self) -> KeptStops:
+        """Return what a gateway that starts again must know."""
         pages = [(one.name, one.browser) for one in self._pages.values() if one.stopped_at is not None]
-        return sorted([*((left.name, left.browser) for left in self._left.values()), *pages])
+        stops = sorted([*((left.name, left.browser) for left in self._left.values()), *pages])
+        return KeptStops(tuple(stops), bool(self._operators()))
 
-    def restore(self, kept: Iterable[tuple[str, str]], now: float) -> None:
-        """Engage the stops that an earlier gateway had: its pages are gone, and none said all is well."""
-        for name, browser in kept:
+    def restore(self, kept: KeptStops, now: float) -> None:
+        """Engage the stops that an earlier gateway had: its pages are gone, and none said all is well.
+
+        Where an operator was connected, that link is lost unless somebody is back within `BACK_WITHIN_S`.
+        """
+        for name, browser in kept.stops:
             self._leave(name, browser, now)
+        if kept.operator:
+            self._lost_at = now + BACK_WITHIN_S - LINK_GRACE_S
 
     def _leave(self, name: str, browser: str, since: float) -> None:
         """Keep a stop that nobody tells any more, under a name that no other has: a reset is of one alone."""

@@ -87,12 +87,12 @@ def main(arguments: Sequence[str]) -> int:
         address = Address(house.host(values), values["port"], values["rosbridge_port"])
         sockets = address.sockets()
         loop = LoopThread(ros.stop)
+        ros.on_stop(loop.stop)
         side = NodeSide(ros, loop.post)
         limits = Limits(values["call_timeout"], values["slow_call_timeout"], tuple(values["slow_services"]))
         hub = Hub(side.listen, lambda topic: kept.get(topic, Backlog()))
         gateway = Gateway(side, hub, limits, house.house_rules(ros, side, values), house.tls(values))
         loop.start(lambda until: serve(gateway, sockets, until))
-        ros.on_stop(loop.stop)
         ros.log.info(
             f"the gateway serves http://{address.host}:{address.port}", rosbridge=address.rosbridge_port
         )

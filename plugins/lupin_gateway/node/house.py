@@ -7,6 +7,7 @@ import ssl
 import time
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -25,7 +26,7 @@ from lupin_gateway.audit import AuditLog
 from lupin_gateway.doors import STOP_TOPIC, AllowList, Doors, declared_access, open_problems, read_tokens
 from lupin_gateway.guard import OWN_ACCESS, STOPS_TOPIC, Hands, HouseRules, TwoClocks
 from lupin_gateway.sides import CallFailed, RosSide
-from lupin_gateway.stop import OnLinkLost, StopArbiter
+from lupin_gateway.stop import KeptStops, OnLinkLost, StopArbiter
 
 #: Addresses at which only this machine is heard.
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
@@ -137,7 +138,7 @@ def state_folder() -> Path:
     """Return the folder of what the gateway of this ROS domain keeps, made if need be."""
     domain = ros_domain()
     folder = user_folder("XDG_STATE_HOME", ".local/state") / (f"gateway-{domain}" if domain else "gateway")
-    folder.mkdir(parents=True, exist_ok=True)
+    folder.mkdir(mode=0o700, parents=True, exist_ok=True)
     return folder
 
 
@@ -163,19 +164,21 @@ def _pausing(side: RosSide, catalog: Catalog) -> Callable[[Callable[[Any], None]
     return lambda done: side.call(service, {}, PAUSE_S, done)
 
 
-def _read_stops(ros: RosNode, file: Path) -> list[tuple[str, str]]:
+def _read_stops(ros: RosNode, file: Path) -> KeptStops:
     """Return the stops that were kept; what cannot be read is one."""
     try:
-        return [(str(name), str(browser)) for name, browser in json.loads(file.read_text(encoding="utf-8"))]
+        kept = json.loads(file.read_text(encoding="utf-8"))
+        stops = tuple((str(name), str(browser)) for name, browser in kept["stops"])
+        return KeptStops(stops, bool(kept["operator"]))
     except FileNotFoundError:
-        return []
-    except (OSError, ValueError, TypeError) as problem:
+        return KeptStops()
+    except (OSError, ValueError, TypeError, KeyError) as problem:
         ros.log.error(f"{file}: {problem}: the robot is stopped until somebody resets the stop 'unknown'")
-        return [("unknown", "")]
+        return KeptStops((("unknown", ""),))
 
 
-def _keep_stops(ros: RosNode, file: Path, kept: list[tuple[str, str]]) -> None:
+def _keep_stops(ros: RosNode, file: Path, kept: KeptStops) -> None:
     try:
-        write_atomically(file, json.dumps(kept).encode())
+        write_atomically(file, json.dumps(asdict(kept)).encode())
     except OSError as problem:
         ros.log.error(f"{file}: the stops cannot be kept for a gateway that starts again: {problem}")

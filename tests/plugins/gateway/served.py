@@ -150,11 +150,13 @@ class ServedGateway:
 class OpenPage:
     """A page that is open: its connection, and the frames that it was sent."""
 
-    def __init__(self, gateway: ServedGateway, trust: ssl.SSLContext | None = None, **headers: str) -> None:
+    def __init__(
+        self, port: int, trust: ssl.SSLContext | None = None, host: str = "localhost", **headers: str
+    ) -> None:
         scheme, more = ("wss", {"ssl": trust}) if trust else ("ws", {})
         # Entered by hand: the connection lives until the page is closed.
         self.socket: ClientConnection = connect(
-            f"{scheme}://localhost:{gateway.port}/_ros",
+            f"{scheme}://{host}:{port}/_ros",
             additional_headers={name.replace("_", "-"): value for name, value in headers.items()},
             max_size=None,
             compression=None,
@@ -186,7 +188,9 @@ class OpenPage:
         id_ = id_ or f"call-{len(self.frames)}-{service}"
         self.send({"op": "call_service", "service": service, "args": arguments, "id": id_})
         found: dict[str, Any] = until(
-            lambda: next((f for f in self.frames if f["op"] == "service_response" and f["id"] == id_), None),
+            lambda: next(
+                (f for f in self.frames if f["op"] == "service_response" and f.get("id") == id_), None
+            ),
             f"an answer of {service}; so far {self.frames[-5:]}",
         )
         return found

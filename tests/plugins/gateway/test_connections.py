@@ -57,7 +57,7 @@ def guarded(tmp_path: Path) -> Iterator[ServedGateway]:
 
 def page_of(name: str, gateway: ServedGateway, **more: Any) -> OpenPage:
     """Open a page with somebody's token."""
-    return OpenPage(gateway, authorization=f"Bearer {TOKENS[name].secret}", **more)
+    return OpenPage(gateway.port, authorization=f"Bearer {TOKENS[name].secret}", **more)
 
 
 # -- the stop ---------------------------------------------------------------------------------------------
@@ -65,7 +65,7 @@ def page_of(name: str, gateway: ServedGateway, **more: Any) -> OpenPage:
 
 def test_two_pages_one_stopped(gateway: ServedGateway) -> None:
     """ROS hears one stop and no release while the other page says steadily that it runs."""
-    stopped, running = OpenPage(gateway), OpenPage(gateway)
+    stopped, running = OpenPage(gateway.port), OpenPage(gateway.port)
     stopped.stop(True)
     until(lambda: gateway.stop_told[-1:] == [True], "the stop is told")
     at = len(gateway.stop_told)
@@ -90,7 +90,7 @@ def wait_for_lines(gateway: ServedGateway, count: int) -> list[dict[str, Any]]:
 def test_a_page_gone_stopped_and_reset_by_name(gateway: ServedGateway) -> None:
     """However it goes, its stop stays; what is called is told to pages, and reset by that name."""
     for leave in (OpenPage.close, OpenPage.cut):
-        page, other = OpenPage(gateway), OpenPage(gateway)
+        page, other = OpenPage(gateway.port), OpenPage(gateway.port)
         page.stop(True)
         page.work_off()
         leave(page)
@@ -112,14 +112,14 @@ def test_a_page_gone_stopped_and_reset_by_name(gateway: ServedGateway) -> None:
 
 def test_a_browser_that_loads_its_page_anew(gateway: ServedGateway) -> None:
     """The cookie of the first connection proves that it is the same: it takes its stop with it."""
-    first = OpenPage(gateway)
+    first = OpenPage(gateway.port)
     assert first.socket.response is not None
     cookie = first.socket.response.headers["set-cookie"]
     assert {"HttpOnly", "SameSite=Strict", "Path=/"} <= set(cookie.split("; "))
     first.stop(True)
     first.work_off()
     first.close()
-    again = OpenPage(gateway, cookie=cookie.partition(";")[0])
+    again = OpenPage(gateway.port, cookie=cookie.partition(";")[0])
     again.stop(True)
     again.stop(False)
     again.work_off()
@@ -171,14 +171,14 @@ def test_a_link_cut_for_half_a_minute(tmp_path: Path, mode: OnLinkLost) -> None:
     """One decision, one reconnection, no command twice, and nothing moves that was not asked to."""
     with ServedGateway(tmp_path, stops=StopArbiter(mode)) as gateway:
         gateway.robot.answers[PAUSE] = gateway.robot.answers[START] = lambda _: {"success": True}
-        page = OpenPage(gateway)
+        page = OpenPage(gateway.port)
         page.call(START)
         page.cut()
         until(lambda: not gateway.states[-1]["operators"], "the page is gone")
         for second in range(31):
             gateway.ahead = float(second)
             gateway.call(gateway.rules.tick)
-        back = OpenPage(gateway)
+        back = OpenPage(gateway.port)
         back.stop(False)
         back.work_off()
         assert len(gateway.pauses) == (mode is OnLinkLost.PAUSE)
@@ -305,7 +305,7 @@ def test_a_foreign_page_without_tokens(gateway: ServedGateway) -> None:
         with pytest.raises(InvalidStatus) as refused:
             connect(f"ws://localhost:{gateway.port}/", additional_headers=headers)
         assert refused.value.response.status_code == 403
-    page = OpenPage(gateway, origin="http://localhost:8080")
+    page = OpenPage(gateway.port, origin="http://localhost:8080")
     page.work_off()
 
 
@@ -337,7 +337,7 @@ def test_tls_and_logging_in(tmp_path: Path) -> None:
         status, cookie = log_in(opener, base, TOKENS["anna"].secret)
         assert status == 303
         assert {"HttpOnly", "Secure", "SameSite=Strict", "Path=/"} <= set(cookie.split("; "))
-        page = OpenPage(gateway, trust, cookie=cookie.partition(";")[0], origin=base)
+        page = OpenPage(gateway.port, trust, cookie=cookie.partition(";")[0], origin=base)
         page.work_off()
         page.close()
         with socket.create_connection(("127.0.0.1", gateway.port), 20) as plain:
@@ -367,7 +367,7 @@ def log_in(opener: urllib.request.OpenerDirector, base: str, token: str, origin:
 
 def test_frames_that_are_no_operations(gateway: ServedGateway) -> None:
     """Each gets its words, and the connection stays."""
-    page = OpenPage(gateway)
+    page = OpenPage(gateway.port)
     frames = [
         "",
         "nonsense",
@@ -388,7 +388,7 @@ def test_frames_that_are_no_operations(gateway: ServedGateway) -> None:
 
 def test_frames_at_random(gateway: ServedGateway) -> None:
     """Operations cut, doubled and bent: no connection ends, and no command is made of them."""
-    chance, page = random.Random(7), OpenPage(gateway)
+    chance, page = random.Random(7), OpenPage(gateway.port)
     good = [
         {"op": "subscribe", "topic": "/mission/state", "type": "lupin_msgs/MissionState"},
         {"op": "call_service", "service": "/mission/dock", "args": {}, "id": "a"},
@@ -407,7 +407,7 @@ def test_frames_at_random(gateway: ServedGateway) -> None:
 
 def test_a_frame_that_is_too_long(gateway: ServedGateway) -> None:
     """It is told and nothing of it is carried out; the connection stays, and so does a stop."""
-    page = OpenPage(gateway)
+    page = OpenPage(gateway.port)
     long = {"op": "call_service", "service": PAUSE, "args": {"text": "a" * LONGEST_FRAME}, "id": "x"}
     page.send(long)
     size = len(json.dumps(long))
@@ -423,7 +423,7 @@ def test_a_frame_that_is_too_long(gateway: ServedGateway) -> None:
 
 def test_a_flood_of_operations_and_a_stop_in_it(gateway: ServedGateway) -> None:
     """More than a hundred a second are refused in words, but for a stop; another page is served as ever."""
-    flood, other = OpenPage(gateway), OpenPage(gateway)
+    flood, other = OpenPage(gateway.port), OpenPage(gateway.port)
     gateway.robot.answers[PAUSE] = lambda _: {"success": True}
     for number in range(2000):
         flood.send({"op": "call_service", "service": PAUSE, "args": {}, "id": str(number)})
@@ -438,9 +438,18 @@ def test_a_flood_of_operations_and_a_stop_in_it(gateway: ServedGateway) -> None:
     assert 100 <= len(gateway.robot.called) < 1000
 
 
+def test_stops_are_not_counted(gateway: ServedGateway) -> None:
+    """A page that tells its stop a thousand times may command all the same."""
+    page = OpenPage(gateway.port)
+    for number in range(1001):
+        page.stop(number % 2 == 0)
+    assert page.call("/rosapi/get_time")["result"] is True
+    assert gateway.rules.stops.stopped
+
+
 def test_a_flood_of_long_frames_is_not_read(gateway: ServedGateway) -> None:
     """A client that is too fast gets only frames read that may be a stop."""
-    page = OpenPage(gateway)
+    page = OpenPage(gateway.port)
     for _ in range(300):
         page.send({"op": "call_service", "service": PAUSE, "args": {"text": "a" * 5000}})
     page.stop(True)
@@ -450,7 +459,7 @@ def test_a_flood_of_long_frames_is_not_read(gateway: ServedGateway) -> None:
 
 def test_a_flood_of_subscriptions(gateway: ServedGateway) -> None:
     """64 are taken; ten thousand topics make no more of ROS than these."""
-    page = OpenPage(gateway)
+    page = OpenPage(gateway.port)
     for number in range(10_000):
         page.send({"op": "subscribe", "topic": f"/t{number}", "id": f"s{number}"})
         if number % 90 == 0:
@@ -472,7 +481,7 @@ def test_a_flood_of_subscriptions(gateway: ServedGateway) -> None:
 def test_a_client_that_never_reads(gateway: ServedGateway) -> None:
     """It is sent away, delays nobody, and the stop it told stays."""
     gateway.robot.answers["/twin/get_field"] = lambda _: {"ok": True, "error_message": "x" * 400_000}
-    silent, other = raw_page(gateway), OpenPage(gateway)
+    silent, other = raw_page(gateway), OpenPage(gateway.port)
     send_raw(silent, {"op": "publish", "topic": "/lupin/hmi/estop", "msg": {"data": True}})
     for _ in range(60):
         send_raw(silent, {"op": "call_service", "service": "/twin/get_field"})
@@ -486,7 +495,7 @@ def test_a_client_that_never_reads(gateway: ServedGateway) -> None:
 
 def test_answers_do_not_wait_for_each_other(gateway: ServedGateway) -> None:
     """Two answers in a row: the second one is not kept back until the first one is acknowledged."""
-    page, took = OpenPage(gateway), []
+    page, took = OpenPage(gateway.port), []
     for number in range(20):
         began = time.monotonic()
         for name in "ab":
@@ -523,7 +532,7 @@ def test_names_of_a_site(tmp_path: Path) -> None:
     """A setting offers what nobody declares."""
     with ServedGateway(tmp_path, extra=Access(engineer=("/pump/*",))) as gateway:
         gateway.robot.answers["/pump/on"] = lambda _: {"success": True}
-        page = OpenPage(gateway)
+        page = OpenPage(gateway.port)
         assert page.call("/pump/on")["values"] == {"success": True}
         assert page.call("/tap/on")["values"].startswith("calling /tap/on is not offered to pages")
 

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lupin_gateway.stop import LINK, LINK_GRACE_S, OnLinkLost, StopArbiter, stop_of
+from lupin_gateway.stop import BACK_WITHIN_S, LINK, LINK_GRACE_S, OnLinkLost, StopArbiter, stop_of
 
 ANNA, BEN, EVE = 1, 2, 3
 
@@ -176,7 +176,7 @@ def test_a_gateway_that_starts_again_keeps_the_stops() -> None:
     """Its pages are gone with it; two stops of one name are two."""
     before = two_pages()
     before.told(ANNA, True, 1.0)
-    after = StopArbiter()
+    after = StopArbiter(OnLinkLost.PAUSE)
     after.restore(before.kept(), 0.0)
     after.joined(ANNA, "anna-1", operator=True)
     after.told(ANNA, True, 1.0)
@@ -184,6 +184,22 @@ def test_a_gateway_that_starts_again_keeps_the_stops() -> None:
     assert [stop["name"] for stop in after.state(2.0)["stops"]] == ["anna-1", "anna-1'"]
     after.reset("anna-1")
     assert after.stopped
+
+
+def test_a_gateway_that_starts_again_loses_the_link_unless_somebody_comes_back() -> None:
+    """Its operators were connected; where there was none, nothing is lost."""
+    before = two_pages()
+    for waits, decision in ((False, OnLinkLost.PAUSE), (True, None)):
+        after = StopArbiter(OnLinkLost.PAUSE)
+        after.restore(before.kept(), 0.0)
+        assert after.link_lost(BACK_WITHIN_S - 0.1) is None
+        if waits:
+            after.joined(ANNA, "anna-1", operator=True)
+        assert after.link_lost(BACK_WITHIN_S) is decision
+    for page in (ANNA, BEN):
+        before.gone(page, 1.0)
+    after.restore(before.kept(), 100.0)
+    assert after.link_lost(200.0) is None
 
 
 @pytest.mark.parametrize(
@@ -220,4 +236,4 @@ def test_the_or_of_all_pages(happened: list[tuple[int, str]]) -> None:
             stops.gone(page, now)
             left += pages.pop(page, False)
         assert stops.stopped is (left > 0 or any(pages.values()))
-        assert len(stops.kept()) == left + sum(pages.values())
+        assert len(stops.kept().stops) == left + sum(pages.values())
