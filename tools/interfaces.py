@@ -27,6 +27,7 @@ from lupin_engine.ros import orchestrator
 from lupin_engine.ros.adapter.node import RosNode
 from lupin_engine.ros.adapter.qos import Qos
 from lupin_engine.ros.launch.nodes import nodes_of
+from lupin_gateway import stop
 from lupin_nav.client import NavClient
 from lupin_perception.node import layout
 from lupin_perception.node import settings as perception
@@ -85,6 +86,7 @@ def rates() -> Mapping[str, str]:
         "/camera/tag_detections_json": frames,
         "/yolo/detections": frames,
         "/plan": f"every {robot.MOVE_S * robot.MOVES_PER_PLAN:g} s while it drives",
+        "/lupin/hmi/estop": f"{stop.TELL_HZ:g} Hz, and on change",
         "/lupin/arm/library/state": f"{1 / arm_library.TOLD_EVERY_S:g} Hz",
         "/joint_states": f"{1 / arm_sim.REST_S:g} Hz, {1 / arm_sim.MOVE_S:g} Hz while it moves",
     }

@@ -18,6 +18,7 @@ pytest.importorskip("greenhouse_sim", reason="mdp-greenhouse is not installed he
 from rcl_interfaces.srv import GetParameters
 
 from lupin_engine.ros.adapter.node import CallFailure
+from tests.ros.gateway.conftest import free_port
 from tests.ros.launch.processes import PATIENCE, Lupin
 from tests.ros.world import Operator
 
@@ -97,8 +98,11 @@ def named(nodes: list[str]) -> set[str]:
 
 
 def test_the_live_map_is_the_documents_and_the_twin_ends_with_all_that_was_seen(lupin: Start) -> None:
-    """Seven processes; nothing that is sent fails to arrive; every tag with its readings, species, blooms."""
-    run = lupin("run", "exploration", "--goal", "5", "--set", "monitoring_sweeps=1", "--speed", "4", "--json")
+    """Eight processes; nothing that is sent fails to arrive; every tag with its readings, species, blooms."""
+    pages = ("--hmi", "--set", f"lupin_gateway.port={free_port()}")
+    goal = ("--goal", "5", "--set", "monitoring_sweeps=1", "--speed", "4", "--json")
+    run = lupin("run", "exploration", *goal, *pages)
+    run.until_line("pages at http://127.0.0.1:")
     run.until_line('"lifecycle_state": "EXPLORING"')
     seen = {i["name"]: i for i in lupin_json(run, "graph")}
     assert run.end() == 0, run.output
@@ -112,7 +116,7 @@ def test_the_live_map_is_the_documents_and_the_twin_ends_with_all_that_was_seen(
     assert named(seen["/navigate_to_pose"]["consumers"]) == {ORCHESTRATOR, ROBOT}
     assert named(seen["/mirte_master_arm_controller/joint_trajectory"]["producers"]) == {ARM}
     assert {name: i["problems"] for name, i in seen.items() if i["problems"]} == {}
-    running = {ORCHESTRATOR, BRIDGE, AGGREGATOR, TWIN, ARM, ROBOT, "/lupin_arm_sim"}
+    running = {ORCHESTRATOR, BRIDGE, AGGREGATOR, TWIN, ARM, ROBOT, "/lupin_arm_sim", "/lupin_gateway"}
     page = {
         name: (kind, (fill & running, read & running))
         for name, (kind, (fill, read)) in told_on_the_page().items()
