@@ -16,6 +16,8 @@ from logging.handlers import QueueListener, RotatingFileHandler
 from pathlib import Path
 from typing import Any
 
+import orjson
+
 #: Size of a file in bytes, and how many older ones are kept.
 FILE_BYTES, OLDER_FILES = 10_000_000, 5
 #: How many lines may wait for the disk.
@@ -24,6 +26,8 @@ WAITING = 10_000
 LONGEST = 2_000
 #: The same message sooner than this after the last one is that one repeated, in seconds.
 STEADY_S = 1.0
+#: Topics of which a page's last message is remembered.
+MOST_TOPICS = 256
 
 
 class _PrivateFile(RotatingFileHandler):
@@ -104,7 +108,7 @@ def command_line(
 
 def _bounded(sent: Any) -> Any:
     """Return what was sent, or as much of its text as fits a line."""
-    text = json.dumps(sent, ensure_ascii=False, default=str)
+    text = orjson.dumps(sent).decode()
     return sent if len(text) <= LONGEST else f"{text[:LONGEST]}… ({len(text)} letters)"
 
 
@@ -112,11 +116,13 @@ class Repetitions:
     """What one page publishes steadily: the same message again and again is one command."""
 
     def __init__(self) -> None:
-        self._last: dict[str, tuple[float, str]] = {}
+        self._last: dict[str, tuple[float, int]] = {}
 
     def is_command(self, topic: str, message: Any, now: float) -> bool:
         """Say whether a message is another one than the last, or comes after a pause."""
-        text = json.dumps(message, sort_keys=True, default=str)
-        at, before = self._last.get(topic, (-STEADY_S, ""))
-        self._last[topic] = (now, text)
-        return text != before or now - at >= STEADY_S
+        mark = hash(orjson.dumps(message))
+        at, before = self._last.get(topic, (-STEADY_S, 0))
+        if len(self._last) >= MOST_TOPICS:
+            self._last.clear()
+        self._last[topic] = (now, mark)
+        return mark != before or now - at >= STEADY_S

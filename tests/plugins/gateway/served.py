@@ -19,7 +19,8 @@ from lupin_engine.plugin.registry import load_catalog
 from lupin_engine.ros.names import ACCESS
 from lupin_gateway.audit import AuditLog
 from lupin_gateway.doors import AllowList, Doors, IssuedToken, declared_access
-from lupin_gateway.guard import OWN_ACCESS, Hands, HouseRules, TwoClocks
+from lupin_gateway.encoding import Sample
+from lupin_gateway.guard import OWN_ACCESS, STOPS_TOPIC, Hands, HouseRules, TwoClocks
 from lupin_gateway.hub import Backlog, Hub
 from lupin_gateway.server import Address, Gateway, serve
 from lupin_gateway.session import Limits
@@ -47,10 +48,21 @@ class Robot:
         self.goals: list[tuple[str, Any]] = []
         self.listened: list[str] = []
         self.answers: dict[str, Callable[[Any], Any]] = {}
+        self._latched: dict[str, Sample] = {}
+        self._told: dict[str, Callable[[Sample, bool], None]] = {}
 
-    def listen(self, topic: str, *_: Any) -> Robot:
+    def listen(self, topic: str, type_: str, told: Callable[[Sample, bool], None], _: Any) -> Robot:
         self.listened.append(topic)
+        self._told[topic] = told
+        if topic in self._latched:
+            asyncio.get_running_loop().call_soon(told, self._latched[topic], True)
         return self
+
+    def tell(self, topic: str, text: str) -> None:
+        """Publish a latched std_msgs/String; on the loop."""
+        sample = self._latched[topic] = Sample(topic, text.encode(), 0, lambda _: {"data": text})
+        if topic in self._told:
+            self._told[topic](sample, True)
 
     def close(self) -> None:
         """As a feed: nothing is told."""
@@ -105,7 +117,7 @@ class ServedGateway:
             TwoClocks(lambda: time.monotonic() + self.ahead, wall),
             Hands(
                 self.stop_told.append,
-                lambda text: self.states.append(json.loads(text)),
+                self._tell_state,
                 self.pauses.append,
                 lambda kept: None,
             ),
@@ -118,6 +130,10 @@ class ServedGateway:
         self._until: asyncio.Future[None] = self._loop.create_future()
         self._thread = threading.Thread(target=self._run)
         self.ended = False
+
+    def _tell_state(self, text: str) -> None:
+        self.states.append(json.loads(text))
+        self.robot.tell(STOPS_TOPIC, text)
 
     def _run(self) -> None:
         self._loop.run_until_complete(serve(self._gateway, self._sockets, self._until))

@@ -71,7 +71,7 @@ def test_every_kind_of_answer(answer: Any, told: dict[str, Any]) -> None:
 def test_long_arguments_are_cut() -> None:
     """A line stays a line that can be read."""
     line = command_line(WALL, WHO, "call_service", "/x", {"text": "a" * 100_000}, {"message": "b" * 100_000})
-    assert line["sent"].endswith("… (100012 letters)")
+    assert line["sent"].endswith("… (100011 letters)")
     assert len(json.dumps(line)) < 5_000
 
 

@@ -141,6 +141,19 @@ def test_a_half_open_connection(
         silent.close()
 
 
+def test_sockets_on_which_nothing_comes(gateway: ServedGateway) -> None:
+    """Connected and silent, or in the middle of a request: nobody else waits for them."""
+    silent = []
+    for number in range(200):
+        silent.append(socket.create_connection(("127.0.0.1", gateway.port), 20))
+        silent[-1].sendall(b"GET /_ros HTTP/1.1\r\nHost: loc"[: number % 30])
+    page = OpenPage(gateway.port)
+    page.stop(True)
+    until(lambda: gateway.stop_told[-1], "the stop is told", 5.0)
+    for one in silent:
+        one.close()
+
+
 def raw_page(gateway: ServedGateway) -> socket.socket:
     """Connect without a library, which would answer pings."""
     opened = socket.create_connection(("127.0.0.1", gateway.port), 20)
