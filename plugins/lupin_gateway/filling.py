@@ -111,13 +111,14 @@ def _float(kind: str, value: Any) -> float:
         return math.nan
     if isinstance(value, bool) or not isinstance(value, (int, float)):
         raise ValueError(f"expected a number, got {_told(value)}")
-    if kind == "float" and abs(value) > _LARGEST_FLOAT:
+    if kind == "float" and _LARGEST_FLOAT < abs(value) < math.inf:
         raise ValueError(f"{value} is too large for a float32")
     return float(value)
 
 
 def _integer(kind: str, value: Any) -> int:
-    if isinstance(value, bool) or not isinstance(value, (int, float)) or value != int(value):
+    is_whole = value.is_integer() if isinstance(value, float) else isinstance(value, int)
+    if isinstance(value, bool) or not is_whole:
         raise ValueError(f"expected a whole number, got {_told(value)}")
     code = NUMBERS[kind][1]
     bits = 8 * int(code[-1])

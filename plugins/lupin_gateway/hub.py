@@ -212,11 +212,11 @@ class Hub:
     def __init__(self, listen: Listen, kept: Callable[[str], Backlog]) -> None:
         self._listen = listen
         self._kept = kept
-        self._channels: dict[tuple[str, str], _OpenTopic] = {}  # who names a wrong type is alone with it
+        self._channels: dict[tuple[str, str], _OpenTopic] = {}  # who names a wrong type, or none, is apart
 
     def subscribe(self, subscriber: Subscriber, type_: str) -> None:
         """Send all that is kept, and from now on all that comes; `type_` may be '', that of the topic."""
-        channel = self._find(subscriber.topic, type_) or self._open(subscriber.topic, type_)
+        channel = self._channels.get((subscriber.topic, type_)) or self._open(subscriber.topic, type_)
         if channel.ending is not None:
             channel.ending.cancel()
             channel.ending = None
@@ -244,11 +244,6 @@ class Hub:
             name: sum(len(c.subscribers) for (n, _), c in self._channels.items() if n == name)
             for name in names
         }
-
-    def _find(self, topic: str, type_: str) -> _OpenTopic | None:
-        if type_:
-            return self._channels.get((topic, type_))
-        return next((channel for (name, _), channel in self._channels.items() if name == topic), None)
 
     def _open(self, topic: str, type_: str) -> _OpenTopic:
         channel = self._channels[topic, type_] = _OpenTopic(topic, type_, self._kept(topic))

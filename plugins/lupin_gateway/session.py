@@ -177,7 +177,7 @@ class Session:
         if operation.service.startswith(ROSAPI):
             question = operation.service[len(ROSAPI) :]
             if not self._ros.ask(question, operation.arguments, answer):
-                answer(CallFailed(f"{operation.service}: the gateway does not offer this question"))
+                answer(CallFailed(f"{operation.service}: the gateway does not offer it"))
             return
         limit = self._limits.of(operation.service, operation.timeout)
         self._ros.call(operation.service, operation.arguments, limit, answer)

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import socket
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import Any
 
 from lupin_engine.plugin.contract import Parameter
 from lupin_engine.plugin.types import COUNT, DURATION, TEXT, list_of
 from lupin_engine.ros import names
+from lupin_engine.ros.adapter.host import Repeater
 from lupin_engine.ros.adapter.node import RosNode
 from lupin_gateway.hub import Backlog, Hub
 from lupin_gateway.node import house
@@ -20,6 +22,9 @@ from lupin_gateway.session import Limits
 
 #: The longest that either thread keeps Python's lock while the other one wants it, in seconds.
 SWITCH_INTERVAL_S = 0.001
+
+#: Seconds from the start to the first page: a call or message of an earlier one would find nobody there.
+DISCOVERY_S = 1.2
 
 PARAMETERS = {
     "host": Parameter(TEXT, "127.0.0.1", "address to listen on; the default lets in this computer only"),
@@ -77,6 +82,11 @@ def addresses(values: Mapping[str, Any]) -> list[str]:
     return [f"pages at https://{socket.gethostname()}:{values['port']}, for who has a token"]
 
 
+def _open(waiting: Repeater, loop: LoopThread, serving: Callable[..., Any]) -> None:
+    waiting.stop()
+    loop.start(serving)
+
+
 def main(arguments: Sequence[str]) -> int:
     """Run the node until it is told to stop; `arguments` are the ROS arguments."""
     sys.setswitchinterval(SWITCH_INTERVAL_S)
@@ -92,7 +102,10 @@ def main(arguments: Sequence[str]) -> int:
         limits = Limits(values["call_timeout"], values["slow_call_timeout"], tuple(values["slow_services"]))
         hub = Hub(side.listen, lambda topic: kept.get(topic, Backlog()))
         gateway = Gateway(side, hub, limits, house.house_rules(ros, side, values), house.tls(values))
-        loop.start(lambda until: serve(gateway, sockets, until))
+        opening = Repeater(
+            ros.steady_timer, DISCOVERY_S, lambda: _open(opening, loop, partial(serve, gateway, sockets))
+        )
+        opening.start()
         ros.log.info(
             f"the gateway serves http://{address.host}:{address.port}", rosbridge=address.rosbridge_port
         )

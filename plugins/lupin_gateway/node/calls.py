@@ -5,6 +5,7 @@ For the thread of ROS; none of it waits.
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from functools import partial
 from typing import Any
@@ -47,10 +48,9 @@ class When:
     def __init__(
         self, ros: RosNode, holds: Callable[[], bool], limit: float, then: Callable[[bool], None]
     ) -> None:
-        self._ros = ros
         self._holds = holds
         self._then = then
-        self._end = ros.elapsed() + limit
+        self._end = time.monotonic() + limit
         self._looking = Repeater(ros.steady_timer, MATCH_LOOK_S, self._look)
         if holds():
             then(True)
@@ -59,7 +59,7 @@ class When:
 
     def _look(self) -> None:
         holds = self._holds()
-        if holds or self._ros.elapsed() >= self._end:
+        if holds or time.monotonic() >= self._end:
             self._looking.stop()
             self._then(holds)
 
@@ -86,13 +86,13 @@ class Services:
         except (NotCarried, DoesNotFit) as problem:
             done(CallFailed(f"{name}: {problem}"))
             return
-        end = self._ros.elapsed() + limit
+        end = time.monotonic() + limit
 
         def found(is_there: bool) -> None:
             if not is_there:
                 done(CallFailed(f"{name}: its server was not reached within {limit:g} s"))
                 return
-            left = max(0.01, end - self._ros.elapsed())
+            left = max(0.01, end - time.monotonic())
             caller.call(request, left, partial(_answered, name, type_, limit, done))
 
         When(self._ros, caller.ready, limit, found)
@@ -181,7 +181,7 @@ class Actions:
             under_way.fail(str(problem))
             return
         late = f"the goal was not accepted within {ACCEPTED_WITHIN_S:g} s"
-        under_way.deadline = self._ros.call_later(ACCEPTED_WITHIN_S, lambda: under_way.fail(late))
+        under_way.deadline = self._ros.steady_timer(ACCEPTED_WITHIN_S, lambda: under_way.fail(late))
         self._under_way.append(under_way)
         self._watching.start()
         When(self._ros, caller.ready, ACCEPTED_WITHIN_S, partial(self._found, under_way, caller, type_, goal))

@@ -5,6 +5,7 @@ For the thread of ROS.
 
 from __future__ import annotations
 
+import time
 from collections import deque
 from collections.abc import Callable
 from typing import Any
@@ -154,7 +155,7 @@ class _SharedPublisher:
         self.ending: TimerHandle | None = None
         self._publisher = ros.publisher(types.class_of(type_), topic, Qos.LATCHED if latch else Qos.EVENT)
         self._held: deque[Any] = deque(maxlen=MOST_HELD)
-        self._until = ros.elapsed() + MATCH_S
+        self._until = time.monotonic() + MATCH_S
         self._is_new = True
         self._waiting = Repeater(ros.steady_timer, MATCH_LOOK_S, self._release)
 
@@ -169,7 +170,7 @@ class _SharedPublisher:
 
     def _matched(self) -> bool:
         there = self._ros.node.count_subscribers(self._topic)
-        return self._publisher.get_subscription_count() >= there or self._ros.elapsed() >= self._until
+        return self._publisher.get_subscription_count() >= there or time.monotonic() >= self._until
 
     def _release(self) -> None:
         if not self._matched():

@@ -49,7 +49,10 @@ def free_port() -> int:
 
 @pytest.fixture
 def gateway(world: World) -> Callable[..., str]:
-    """Start a gateway with parameters; return the address of the protocol once it answers."""
+    """Start a gateway with parameters; return the address of the protocol once it answers.
+
+    Pages may use every name, unless the test says which.
+    """
 
     def start(**parameters: Any) -> str:
         port = free_port()

@@ -3,8 +3,9 @@ import { createInterface } from "node:readline";
 
 const [version, url] = process.argv.slice(2);
 const ROSLIB = version === "1" ? (await import("roslib-1")).default : await import("roslib");
+const number = (value) => (typeof value === "bigint" ? String(value) : value);
 const plain = (_, value) =>
-  ArrayBuffer.isView(value) ? { typed: value.constructor.name, values: Array.from(value) } : value;
+  ArrayBuffer.isView(value) ? { typed: value.constructor.name, values: Array.from(value, number) } : value;
 const say = (line) => process.stdout.write(JSON.stringify(line, plain) + "\n");
 
 const ros = new ROSLIB.Ros({ url });

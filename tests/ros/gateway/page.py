@@ -24,7 +24,7 @@ class Page:
 
     def __init__(self, folder: Path, version: str, url: str, nodes: Sequence[RosNode] = ()) -> None:
         """`folder` has the packages; `nodes` work while the page is waited for."""
-        self._nodes = nodes
+        self.nodes = nodes
         self._numbers = itertools.count(1)
         self.events: list[dict[str, Any]] = []
         self._process = subprocess.Popen(
@@ -57,9 +57,9 @@ class Page:
         end = time.monotonic() + timeout
         while not (found := condition()):
             assert time.monotonic() < end, f"{what}: not within {timeout:g} s; seen: {self.events[-5:]}"
-            for node in self._nodes:
+            for node in self.nodes:
                 node.spin_once(0.005)
-            if not self._nodes:
+            if not self.nodes:
                 self._reader.join(0.005)
         return found
 
