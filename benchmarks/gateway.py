@@ -58,7 +58,9 @@ PAGES = 20
 FAST_HZ, SLOW_HZ = 20.0, 1.0
 STOPS, FIELDS = 100, 50
 ESTOP = "/lupin/hmi/estop"
-OURS = f"{Path(sys.executable).with_name('lupin')} node lupin_gateway --ros-args -p port:={{port}}"
+#: The call that hangs is one that no plugin offers to pages.
+OFFERED = """-p "engineer_names:=['/hang']\""""
+OURS = f"{Path(sys.executable).with_name('lupin')} node lupin_gateway --ros-args -p port:={{port}} {OFFERED}"
 PATIENCE = 30.0
 _STAMP = re.compile(rb'"stamp": ?\{"sec": ?(\d+), ?"nanosec": ?(\d+)')
 _TOPIC = re.compile(rb'"topic": ?"([^"]+)"')
