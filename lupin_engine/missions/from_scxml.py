@@ -329,15 +329,13 @@ class _Importer:
         heard = self._events.heard_by(event) | self._events.listening["*"]
         return heard == {state} and told == [{"event": event}] and self._events.is_sent_once(event)
 
-    def _any(self, state: Element, after: AfterEntry) -> list[str]:
-        """Return the events that `*` is written under; all are named beside clocks, whose events are ours."""
-        if self._sends.regions:
-            sent = {told[0]["event"]: told for told in after.values()}
-            return [
-                e for e in self._events.all if e not in sent or not self._is_only_timer(state, e, sent[e])
-            ]
-        descriptors = [each for rule in state.all("transition") for each in split(rule) if each != "*"]
-        return [*sorted({event for each in descriptors for event in self._events.matched(each)}), "*"]
+    def _any(self, state: Element, after: AfterEntry) -> Iterator[str]:
+        """Yield the events that `*` is written under: those of the document, no requests of operators."""
+        clocks = {told[0]["event"]: told for told in after.values()}
+        for event in self._events.all if not self._own else ["*"]:
+            is_clock = event in clocks and self._is_only_timer(state, event, clocks[event])
+            if not is_clock and event not in self._sends.ticks.get(state, {}):
+                yield event
 
     def _errors(self, state: Element, event: str) -> Iterator[tuple[str, str]]:
         matched = self._events.matched(event)

@@ -190,11 +190,11 @@ def test_raise_if_and_results() -> None:
 def test_a_pattern_stands_under_each_event_that_it_covers() -> None:
     """So the order of the document decides."""
     found = states(
-        """<state id="a"><onentry><raise event="go.far"/><raise event="go"/></onentry>
+        """<state id="a"><onentry><raise event="go.far"/><raise event="go"/><raise event="stay"/></onentry>
         <transition event="go" target="b"/><transition event="go.far *" target="c"/></state>
         <state id="b"/><state id="c"/>"""
     )
-    assert found["A"]["on"] == {"go": "B", "go.far": "B", "*": "C"}
+    assert found["A"]["on"] == {"go": "B", "go.far": "B", "stay": "C"}
 
 
 def test_a_beginning_further_in_is_a_helper_state() -> None:

@@ -280,6 +280,15 @@ states:
     )
 
 
+def test_any_event_is_no_request_of_an_operator() -> None:
+    """Or a chart that listens to everything could not be aborted."""
+    found = made(
+        """<state id="a"><onentry><raise event="one"/><raise event="two"/></onentry>
+        <transition event="*" target="b"/></state><state id="b"/>"""
+    )
+    assert "on: {one: B, two: B}" in found
+
+
 def test_what_nothing_raises_comes_from_outside() -> None:
     """It is declared in a binding, with the fields that are read of it."""
     found = from_scxml(
