@@ -381,7 +381,10 @@ EVENTS: tuple[tuple[str, str], ...] = (
     ("`PLUGIN.EVENT`", "what a plugin tells of, with the fields that it declares"),
     ("any other name with dots, such as `door.opened`", "raised by an action of the chart"),
     ("`door.*`", "every event that begins like that"),
-    ('`"*"`', "every event, but none of those of one state: endings, timers, levels"),
+    (
+        '`"*"`',
+        "every event but requests and answers, and none of those of one state: endings, timers, levels",
+    ),
 )
 
 

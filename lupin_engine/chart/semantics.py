@@ -26,17 +26,26 @@ TIMERS = ("after.", "every.", "at.")
 #: First words of the events that the engine makes for one state.
 ENGINE_EVENTS = frozenset({"done", "error", "after", "every", "at", "budget"})
 
+#: First words of what people ask for.
+REQUESTS = frozenset({"operator", "answer", "mission"})
+
 
 def matches(pattern: str, event: str) -> bool:
     """Say whether an event pattern (`a.b`, `a.*`, `*`) covers an event's name, or all that a pattern covers.
 
-    `*` means neither the engine's own events nor the levels of inputs.
+    `*` means no events of the engine, no levels of inputs, and no requests: who asks to abort must not get
+    something else.
     """
     if pattern == event:
         return True
     if pattern == "*":
-        first = event.partition(".")[0]
-        return bool(event) and first not in ENGINE_EVENTS and first != "input"
+        first, dot, _ = event.partition(".")
+        return (
+            bool(event)
+            and first not in ENGINE_EVENTS
+            and first != "input"
+            and not (dot and first in REQUESTS)
+        )
     return pattern.endswith(".*") and event.startswith(pattern[:-1])
 
 

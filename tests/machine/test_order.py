@@ -480,10 +480,13 @@ def test_a_timer_of_no_time_still_lets_the_step_end() -> None:
         ("nav", "nav.gone", False),
         ("*", "nav.gone", True),
         ("*", "operator", True),
+        ("*", "operator.abort", False),
+        ("*", "answer.go_on", False),
     ],
 )
 def test_prefixes_and_the_wildcard(pattern: str, event: str, heard: bool) -> None:
-    """A prefix covers what stands below it, word by word; the wildcard covers everything from outside."""
+    """A prefix covers what stands below it, word by word; the wildcard covers all that happens, and nothing
+    that a person asks for: an abort would be answered, and nobody aborted."""
     bench = Bench(chart({"A": {"on": {pattern: "B"}}, "B": {}}))
     bench.send(event)
     assert (bench.leaves == ["B"]) == heard
