@@ -1,12 +1,13 @@
 """Rules about the visits of an itinerary: each is closed once, and only then the walk goes on.
 
 For every innermost state of an itinerary it is worked out whether the visit may be open or closed there, by
-following all ways from entering the itinerary on, guards on `itinerary.open` included. What is not followed
-(parallel states, an itinerary inside) is not judged, and only what is certain is told.
+following all ways from entering the itinerary on, guards on `itinerary.open` and `in_state` included. What
+is not followed (parallel states, an itinerary inside) is not judged, and only what is certain is told.
 """
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -23,6 +24,9 @@ OPEN, CLOSED = "open", "closed"
 _EITHER = frozenset([OPEN, CLOSED])
 
 Visit = frozenset[str]
+#: What guards are followed for.
+_ASKED = ("itinerary.open", "in_state(")
+_IN_STATE = re.compile(r"""\bin_state\(\s*['"]([\w.]+)['"]\s*\)""")
 
 
 def visits(index: Index) -> Iterator[Diagnostic]:
@@ -128,9 +132,28 @@ class _VisitAnalysis:
                 if (restless and transition.event) or not self._hears(leaf, transition):
                     continue
                 if not any(matches(event, transition.event) for event in sure):
-                    yield self._step_from(leaf, transition)
+                    step, known = self._step_from(leaf, transition), self._states_asked(leaf, transition)
+                    yield replace(step, when=(*known, *step.when)) if known else step
                 if always_taken(transition) and not transition.event.startswith(OF_ONE_STATE):
                     sure.append(transition.event)
+
+    def _states_asked(self, leaf: State, transition: Transition) -> tuple[Condition, ...]:
+        """Return what `in_state` is in an innermost state, as far as the guards beside a transition ask."""
+        guards = [each.guard.source for each in self._inside[transition.source].transitions if each.guard]
+        found = []
+        for name in dict.fromkeys(asked for source in guards for asked in _IN_STATE.findall(source)):
+            named = [full for full in self._index.chart.states if f".{full}".endswith(f".{name}")]
+            around = self._index.lineage[leaf.name]
+            if any(full in around for full in named):
+                found.append(fact(f"in_state({name!r})", value=True))
+            elif all(self._excluded(full, around) for full in named):
+                found.append(fact(f"in_state({name!r})", value=False))
+        return tuple(found)
+
+    def _excluded(self, name: str, around: Sequence[str]) -> bool:
+        """Tell whether a state cannot be active together with those around an innermost one."""
+        common = next(above for above in self._index.lineage[name] if above in around)
+        return self._index.chart.states[common].kind is not Kind.PARALLEL
 
     def _hears(self, leaf: State, transition: Transition) -> bool:
         """Tell whether an event can arrive in an innermost state; `done` means what has just ended."""
@@ -291,8 +314,8 @@ def _those(visit: Visit, when: tuple[Condition, ...]) -> Visit:
 
 
 def _asks(transition: Transition) -> bool:
-    """Tell whether a guard asks for the visit; one that does not says nothing about it."""
-    return transition.guard is not None and "itinerary.open" in transition.guard.source
+    """Tell whether a guard asks for the visit or a state; one that does not says nothing about it."""
+    return transition.guard is not None and any(word in transition.guard.source for word in _ASKED)
 
 
 def _walking(path: str, calls: Iterable[ActionCall]) -> Iterator[_VisitCall]:

@@ -572,6 +572,21 @@ RIGHT = {
     after: {1 s: done}
   done: {type: final}
 """,
+    "open-visit, double-close: only in a state that is asked for": """\
+  A:
+    itinerary: {items: "${ tags.numeric_order() }"}
+    on:
+      operator.dock:
+        - {target: GOING, internal: true, guard: in_state('A.CLOSED'), do: itinerary.advance}
+        - {target: CLOSED, internal: true, do: [itinerary.close: {status: SKIPPED}]}
+      operator.skip_current:
+        - {guard: not in_state("GOING"), do: itinerary.advance}
+    initial: GOING
+    states:
+      GOING: {after: {10 s: {target: CLOSED, do: [itinerary.close: {status: OK}]}}}
+      CLOSED: {after: {10 s: done}}
+  done: {type: final}
+""",
     "unheard-event: heard by name, by its beginning, by anybody": """\
   A:
     entry:
