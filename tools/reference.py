@@ -321,7 +321,8 @@ ACTION_TEXTS: Mapping[str, str] = {
     "raise": "tell the whole chart of an event: see [Raise](#raise)",
     "if": "carry out `then` where the guard is true, else `else`: see [If](#if)",
     "itinerary.advance": "go on to the next target; refused while the visit is open",
-    "itinerary.close": "give the visit its outcome, once, and publish it",
+    "itinerary.close": "give the visit its outcome, once, and publish it; `detail` goes out as the reason of "
+    "what is not OK, and with OK stays in the summary of the run",
     "itinerary.close_rest": "close every visit of this sweep that is still open; a state that a budget or an "
     "event ends tells nothing of them without it",
     "report.clear": "forget the code that was reported last",

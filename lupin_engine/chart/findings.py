@@ -81,6 +81,8 @@ SUBJECTS: Mapping[str, Mapping[str, str]] = MappingProxyType(
         "Itineraries": {
             "double-close": "a visit is closed once",
             "open-visit": "an itinerary goes on from a visit that is closed",
+            "begins-anew": "an itinerary is begun anew on purpose, not by what only wants to go on",
+            "untold-rest": "what ends an itinerary early tells of the targets that are left",
         },
         "Parallel states": {
             "shared-resource": "operations that are active together do not wait for each other unnoticed",
@@ -94,6 +96,7 @@ SUBJECTS: Mapping[str, Mapping[str, str]] = MappingProxyType(
             "unused-input": "an input that is declared is read",
             "unused-variable": "a variable that is kept is read",
             "unused-field": "a field that a request carries is read",
+            "unused-result": "what the end of a mission gives is read, by one that uses it",
         },
     }
 )

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from pathlib import Path
@@ -225,7 +225,7 @@ def inspect_chart(
         return Inspection(findings.all, documents, sources, bound=bound)
     made = _make(root, tuple(read_missions.values()), tuple(parts.items()), bound)
     findings.extend(made.found)
-    _warn_of_unused_parts(lifecycle, missions, parts, findings, texts)
+    _warn_of_unused(lifecycle, read_missions, parts, findings, texts)
     return Inspection(findings.all, documents, sources, made.composed, bound)
 
 
@@ -347,19 +347,21 @@ def _uses(
         yield from _uses(node.states, node, full)
 
 
-def _warn_of_unused_parts(
+def _warn_of_unused(
     lifecycle: Path,
-    missions: Sequence[Path],
-    parts: Iterable[str],
+    missions: Mapping[Path, _Document[MissionNode]],
+    used: Mapping[str, _Document[UsedNode]],
     findings: Findings,
     texts: Mapping[Path, bytes],
 ) -> None:
-    """Tell which parts nobody uses, when all the missions that could use them are loaded."""
+    """Tell what nobody uses, parts and results, when all the missions that could use it are loaded."""
     folder = lifecycle.parent
     loaded = {path.resolve() for path in missions}
     if not all(path.resolve() in loaded for path in mission_files(folder)):
         return
-    used = set(parts)
+    for mission in missions.values():
+        if mission.node is not None and not any(each.node is mission.node for each in used.values()):
+            _warn_of_results(mission.node, findings)
     for path in sorted((folder / PARTS).glob("*.yaml")):
         if path.stem not in used:
             _read(path, PartNode, findings, texts)
@@ -367,3 +369,12 @@ def _warn_of_unused_parts(
             findings.warn(
                 Place(str(path), 1, 1), "unused-part", "", f"no mission uses the part {path.stem!r}", hint
             )
+
+
+def _warn_of_results(mission: MissionNode, findings: Findings) -> None:
+    """Tell of results of a mission's own end: only who uses the mission as a part could read them."""
+    for name, state in mission.states.items():
+        if state is not None and state.result:
+            path, hint = f"states.{name}.result", "remove it, or use the mission as a part"
+            problem = "nothing reads this: the end of a mission that is started has no 'on_done'"
+            findings.warn(state.key_at("result"), "unused-result", path, problem, hint)

@@ -25,6 +25,7 @@ from lupin_engine.chart.rules.unused import (
     unused_variable,
 )
 from lupin_engine.chart.rules.visits import visits
+from lupin_engine.chart.rules.walks import begins_anew, untold_rest
 from lupin_engine.chart.rules.ways import (
     dead_end,
     never_happens,
@@ -80,6 +81,8 @@ GLOBAL: tuple[Rule, ...] = (
     regions_clash,
     region_leak,
     visits,
+    begins_anew,
+    untold_rest,
     event_field,
 )
 #: Rules about what is declared and not used.

@@ -287,7 +287,7 @@ RIGHT = {
     "double-close: a way back, or a way in from outside, to where it may be closed": """\
   A:
     itinerary: {items: "${ tags.numeric_order() }"}
-    on: {operator.dock: AWAY}
+    on: {operator.dock: {target: AWAY, do: [itinerary.close_rest: {status: SKIPPED}]}}
     on_done: done
     initial: GOING
     states:
@@ -301,7 +301,11 @@ RIGHT = {
   A:
     itinerary: {items: "${ tags.numeric_order() }"}
     on:
-      operator.dock: {target: done, do: [itinerary.close: {status: SKIPPED}]}
+      operator.dock:
+        target: done
+        do:
+          - itinerary.close: {status: SKIPPED}
+          - itinerary.close_rest: {status: SKIPPED}
     on_done: done
     initial: GOING
     states:
@@ -452,7 +456,12 @@ RIGHT = {
     itinerary: {items: "${ tags.numeric_order() }"}
     on_done: done
     on:
-      operator.skip_current: {guard: itinerary.open, target: NEXT, do: [itinerary.close: {status: SKIPPED}]}
+      operator.skip_current:
+        guard: itinerary.open
+        target: NEXT
+        internal: true
+        do:
+          - itinerary.close: {status: SKIPPED}
     initial: GOING
     states:
       GOING: {after: {1 s: {target: THERE, do: [itinerary.close: {status: OK}]}}}
@@ -587,6 +596,57 @@ RIGHT = {
       CLOSED: {after: {10 s: done}}
   done: {type: final}
 """,
+    "begins-anew: internal, by history, after the end, on purpose": """\
+  A:
+    itinerary: {items: "${ tags.numeric_order() }"}
+    history: shallow
+    on:
+      operator.dock: {target: B, internal: true}
+      operator.skip_current: A.history
+      operator.resume: {target: A, do: [itinerary.close_rest: {status: SKIPPED}]}
+    on_done:
+      - {target: B, guard: laps > 2}
+      - target: done
+    initial: B
+    states:
+      B: {after: {1 s: {target: C, do: [itinerary.close: {status: OK}]}}}
+      C: {always: [{target: B, guard: itinerary.remaining > 0, do: itinerary.advance}, {target: over}]}
+      over: {type: final}
+  done: {type: final}
+""",
+    "untold-rest: told on the way, later, when it is left, by who comes back, or of nobody": """\
+  A:
+    itinerary: {items: "${ tags.numeric_order() }"}
+    budget: {after: 1 min, code: late, target: B, do: [itinerary.close_rest: {status: SKIPPED}]}
+    initial: V
+    states: {V: &visit {after: {1 s: {target: W, do: [itinerary.close: {status: OK}]}}}, W: {after: {1 s: B}}}
+  B:
+    itinerary: {items: "${ tags.numeric_order() }"}
+    exit:
+      - itinerary.close_rest: {status: SKIPPED}
+    after: {1 min: C}
+    initial: V
+    states: {V: *visit, W: {after: {1 s: C}}}
+  C:
+    itinerary: {items: "${ tags.numeric_order() }", sweeps: 0}
+    after: {1 min: D}
+    initial: V
+    states: {V: *visit, W: {after: {1 s: D}}}
+  D:
+    itinerary: {items: "${ tags.numeric_order() }", on_abort: leave_open}
+    after: {1 min: E}
+    initial: V
+    states: {V: *visit, W: {after: {1 s: E}}}
+  E:
+    itinerary: {items: "${ tags.numeric_order() }"}
+    history: deep
+    on: {operator.dock: AWAY}
+    after: {1 min: READY}
+    initial: V
+    states: {V: *visit, W: {after: {1 s: done}}}
+  AWAY: {on: {operator.resume: E.history}}
+  done: {type: final}
+""",
     "unheard-event: heard by name, by its beginning, by anybody": """\
   A:
     entry:
@@ -707,7 +767,7 @@ states:
     itinerary: {items: "${ tags.numeric_order() }"}
     on:
       operator.skip_current: {do: [raise: {event: door.opened}]}
-      input.charge.empty: {target: done, code: emptied}
+      input.charge.empty: {target: done, code: emptied, do: [itinerary.close_rest: {status: SKIPPED}]}
       operator.dock:
         target: done
         guard: itinerary.open

@@ -148,9 +148,9 @@ def test_a_level_of_its_value_is_an_event(desk: Desk, spraying: Cart) -> None:
 def test_a_value_that_nobody_tells_any_more_is_unknown(world: World, desk: Desk, missions: Path) -> None:
     """After its `freshness`; nothing has to come for that to be noticed."""
     put(missions / "bindings" / "sprayer.yaml", ("freshness: 5 s", "freshness: 3 s"))
-    level = "input.tank.low: {target: RINSING, code: tank_empty}\n"
-    unknown = "always: {target: RINSING, guard: not known(input.tank), code: tank_empty}\n"
-    put(missions / "spray.yaml", (f"  {level}", f"{unknown}"))
+    level = "  input.tank.low:\n        target: RINSING\n"
+    unknown = "always:\n        target: RINSING\n        guard: not known(input.tank)\n"
+    put(missions / "spray.yaml", (level, unknown))
     cart = desk.switch_on()
     world.start_all(missions_path=missions)
     desk.begin("1")

@@ -72,7 +72,7 @@ def to_pose(fields: Fields) -> Pose:
 
 
 def test_an_ok_observation_carries_its_reading_and_pose() -> None:
-    message = observation(published(reading=READING), pose=HERE)
+    message = observation(published(reading=READING, detail="at the second look"), pose=HERE)
     assert (message.status, message.status_detail) == (Observation.STATUS_OK, "")
     assert message.tag_reading.tag_id == "5"
     assert [(r.name, r.value) for r in message.tag_reading.readings] == [

@@ -1,0 +1,105 @@
+"""Rules about how an itinerary ends: not by its own states that only want to go on, and not in silence."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from lupin_engine.chart.expressions.evaluation import Constant
+from lupin_engine.chart.findings import warning
+from lupin_engine.chart.model import Kind, State, Transition, every_call
+from lupin_engine.chart.rules.index import Index, local
+from lupin_engine.errors import Diagnostic
+
+
+def begins_anew(index: Index) -> Iterator[Diagnostic]:
+    """Find a way from within a walk back into it that leaves its state, so that it begins anew."""
+    for walker in _walkers(index):
+        for transition in walker.transitions:
+            if transition.event != "done" and _leaves_to_return(index, walker, transition):
+                hint = f"add 'internal: true' to go on, or name {local(walker.name)!r} to begin anew"
+                yield _begun(walker, transition, hint)
+        for state in _inside(index, walker):
+            for transition in state.transitions:
+                if transition.target == walker.name and _calls(transition, "itinerary.advance"):
+                    yield _begun(walker, transition, "name the state inside to go on with")
+
+
+def _leaves_to_return(index: Index, walker: State, transition: Transition) -> bool:
+    target = transition.target
+    if target is None or target == walker.name or not index.inside(target, walker.name):
+        return False
+    kept = transition.internal or index.chart.states[target].kind is Kind.HISTORY
+    return walker.kind is Kind.COMPOUND and not kept
+
+
+def _begun(walker: State, transition: Transition, hint: str) -> Diagnostic:
+    name = local(walker.name)
+    problem = f"this leaves {name!r} and enters it again, so that its itinerary begins anew"
+    return warning(transition.place, "begins-anew", transition.id, problem, hint)
+
+
+def untold_rest(index: Index) -> Iterator[Diagnostic]:
+    """Find a way out of a walk that leaves targets open of which nobody tells."""
+    for walker in _walkers(index):
+        if not _tells_all(walker) or _told_elsewhere(index, walker) or _returns(index, walker):
+            continue
+        budgets = [t for state in _inside(index, walker) for t in state.transitions if t.event == "budget"]
+        for transition in (*walker.transitions, *budgets):
+            if transition.event == "done" or not _ends(index, walker, transition):
+                continue
+            problem = f"the targets of {local(walker.name)!r} that are open then are told of by nobody"
+            hint = "add 'itinerary.close_rest: {status: ...}' to its 'do'"
+            yield warning(transition.place, "untold-rest", transition.id, problem, hint)
+
+
+def _tells_all(walker: State) -> bool:
+    """Tell whether a walk is to tell of each of its targets once; one that goes round and round is not."""
+    walk = walker.itinerary
+    if walk is None or walk.leaves_open or not walker.mission:
+        return False
+    return walk.sweeps is None or (isinstance(walk.sweeps, Constant) and walk.sweeps.value == 1)
+
+
+def _ends(index: Index, walker: State, transition: Transition) -> bool:
+    """Tell whether a transition leaves a walk for another state of the mission, whatever has been visited."""
+    target = transition.target
+    if target is None or index.inside(target, walker.name):
+        return False
+    if index.chart.states[target].mission != walker.mission:
+        return False  # the lifecycle tells
+    asks = transition.guard is not None and "itinerary." in transition.guard.source
+    return not asks and not _calls(transition, "itinerary.close_rest")
+
+
+def _told_elsewhere(index: Index, walker: State) -> bool:
+    """Tell whether the mission closes what is open when the walk is left, or after it."""
+    if any(call.name == "itinerary.close_rest" for call in every_call(walker.exit)):
+        return True
+    walkers = {each.name for each in _walkers(index)}
+    around = (
+        call.action
+        for call in index.calls
+        if call.state.mission == walker.mission and walkers.isdisjoint(index.lineage[call.state.name])
+    )
+    return any(call.name == "itinerary.close_rest" for call in every_call(around))
+
+
+def _returns(index: Index, walker: State) -> bool:
+    """Tell whether the mission goes back into a walk that was left, by a history around it."""
+    pasts = (state for state in index.states if state.kind is Kind.HISTORY and state.mission)
+    around = [past.name for past in pasts if (past.parent or "") in index.lineage[walker.name]]
+    return any(
+        not index.inside(t.source, walker.name) for past in around for t in index.ways_to.get(past, ())
+    )
+
+
+def _walkers(index: Index) -> Iterator[State]:
+    return (state for state in index.states if state.itinerary is not None)
+
+
+def _inside(index: Index, walker: State) -> Iterator[State]:
+    return (s for s in index.states if s is not walker and index.inside(s.name, walker.name))
+
+
+def _calls(transition: Transition, action: str) -> bool:
+    return any(call.name == action for call in every_call(transition.actions))
