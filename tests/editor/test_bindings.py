@@ -109,7 +109,7 @@ def sprayer(tmp_path: Path) -> Folder:
         ("do: sprayer.sp|ray", "Drive the cart to a place", "  spray:"),
         ("- sprayer.la|mp: {green: 1}", "Light the lamp", "  lamp:"),
         ("sprayer.lamp: {gr|een: 1}", "share of green", "      green: "),
-        ("sprayer.le|ak: {target", "The cart loses water", "  leak:"),
+        ("sprayer.le|ak:\n", "The cart loses water", "  leak:"),
         ("value: tank.le|vel", "How full the tank is", "  tank.level:"),
     ],
 )
