@@ -37,7 +37,7 @@ FLUSH_S = 2.0
 
 @dataclass
 class _Topic:
-    """A topic that is recorded."""
+    """A topic that is recorded: its class, its number in the file, and how it is listened to."""
 
     name: str
     kind: Any
@@ -75,7 +75,7 @@ class TopicRecorder:
         self._runs = False
         #: Since when the mission is over that ran while this recorded, in seconds of the monotonic clock.
         self.mission_is_over: float | None = None
-        #: Whether the recording ended because nothing more could be written.
+        #: Whether the recording ended by itself: nothing more could be heard, or written.
         self.failed = False
         self._thread = threading.Thread(target=self._work, name="recorder", daemon=True)
         for profile in profiles:
@@ -120,8 +120,11 @@ class TopicRecorder:
         self._ros.leave()
 
     def _work(self) -> None:
-        while not self.failed and self._ros.spin_once():
-            pass
+        try:
+            while not self.failed and self._ros.spin_once():
+                pass
+        except Exception as defect:  # nobody waits for this thread: it must not end unheard
+            self._fail(f"rclpy fails all the time: {defect!r}")
 
     def _safely(self, write: Callable[[], None]) -> None:
         """Write; what cannot be written ends the recording."""
@@ -130,10 +133,12 @@ class TopicRecorder:
         try:
             write()
         except OSError as problem:
-            self.failed = True
-            self._file.cut()
-            text = f"the recording ends here, {str(self.path)!r} cannot be written: {problem.strerror}"
-            self._news.append((text, Severity.ERROR))
+            self._fail(f"{str(self.path)!r} cannot be written: {problem.strerror}")
+
+    def _fail(self, reason: str) -> None:
+        self.failed = True
+        self._file.cut()
+        self._news.append((f"the recording ends here, {reason}", Severity.ERROR))
 
     # -- topics -----------------------------------------------------------------------------------------
 
@@ -151,9 +156,12 @@ class TopicRecorder:
             if topic is None:
                 try:
                     self._topics[name] = self._begin(name, types, ends, wanted)
-                except LupinError as problem:
+                except OSError:
+                    raise
+                except Exception as problem:  # of packages by others: whatever it is, the rest is recorded
+                    reason = str(problem) if isinstance(problem, LupinError) else repr(problem)
                     self._left_out.add(name)
-                    self._news.append((f"{name} is not recorded: {problem}", Severity.WARN))
+                    self._news.append((f"{name} is not recorded: {reason}", Severity.WARN))
             elif asks_more(topic.profile, wanted):
                 topic.profile = wanted
                 self._listen(topic)

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import json
 import re
+import signal
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
-from tests.ros.launch.processes import Lupin
+from tests.ros.launch.processes import Lupin, until
 from tests.ros.recording.reading import channels, whole
 
 pytestmark = pytest.mark.timeout(240)
@@ -59,6 +60,22 @@ def test_a_run_is_recorded_from_within_and_from_beside(lupin: Start, tmp_path: P
         )
         assert told is not None, command.output
         assert (told[1], told[2]) == (f"{count:,}", str(file))
+
+
+def test_ctrl_c_ends_a_recording_and_not_its_file(lupin: Start, tmp_path: Path) -> None:
+    """The one beside ends at once, with exit code 0; the run's own has the way home, and exit code 130."""
+    within, beside = tmp_path / "within.mcap", tmp_path / "beside.mcap"
+    onlooker = lupin("record", "--output", str(beside))
+    run = lupin("run", "inspection", "--tags", "1,21", "--speed", "4", "--json", "--record", str(within))
+    run.until_line('"INSPECTING"')
+    until(lambda: beside.stat().st_size > 10_000, "something to be recorded")
+    onlooker.process.send_signal(signal.SIGINT)
+    assert onlooker.end(30.0) == 0, onlooker.output
+    run.process.send_signal(signal.SIGINT)
+    assert run.end() == 130, run.output
+    seen = [{one.value.lifecycle_state for one in whole(file)["/mission/state"]} for file in (within, beside)]
+    assert seen[0] >= {"INSPECTING", "RETURNING", "DONE"}
+    assert "RETURNING" not in seen[1]
 
 
 def test_all_that_is_wrong_is_told_before_anything_starts(lupin: Start, tmp_path: Path) -> None:

@@ -142,24 +142,34 @@ def test_publishers_of_different_quality_are_all_heard(make_node: Make, tmp_path
 def test_what_cannot_be_recorded_is_told(
     make_node: Make, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A topic of two types, and one whose definition is another than here; the others are recorded."""
+    """Two types, another definition than here, classes that do not load; the others are recorded."""
     node = make_node("robot")
     node.publisher(String, "/both", Qos.LATCHED)
     make_node("stranger").publisher(Bool, "/both", Qos.LATCHED)
     node.publisher(PoseStamped, "/foreign", Qos.LATCHED).publish(PoseStamped())
+    node.publisher(TFMessage, "/broken", Qos.LATCHED).publish(TFMessage())
     node.publisher(String, "/fine", Qos.LATCHED).publish(String(data="x"))
     real = module.local_hash
     monkeypatch.setattr(
         module, "local_hash", lambda name: "RIHS01_00" if name.endswith("PoseStamped") else real(name)
     )
+    load = module.interface_class
+
+    def loaded(name: str) -> Any:
+        if name.endswith("TFMessage"):
+            raise RuntimeError("no type support")
+        return load(name)
+
+    monkeypatch.setattr(module, "interface_class", loaded)
     told: list[tuple[str, Severity]] = []
     with TopicRecorder(tmp_path / "some.mcap", without=OWN) as recorder:
-        spin_until([node], lambda: told.extend(recorder.news()) or (len(told) > 1 and recorder.messages))
+        spin_until([node], lambda: told.extend(recorder.news()) or (len(told) > 2 and recorder.messages))
     assert sorted(told) == [
         (
             "/both is not recorded: it is of several types: std_msgs/msg/Bool, std_msgs/msg/String",
             Severity.WARN,
         ),
+        ("/broken is not recorded: RuntimeError('no type support')", Severity.WARN),
         (
             "/foreign is not recorded: /robot has another definition of geometry_msgs/msg/PoseStamped",
             Severity.WARN,
