@@ -10,7 +10,7 @@ import click
 from lupin_engine.errors import Problems, UsageError, meant
 
 
-@click.command(short_help="Write the types of messages and services for TypeScript, or as JSON Schema.")
+@click.command(short_help="Write all messages and services as TypeScript or JSON Schema.")
 @click.argument("language", type=click.Choice(["ts", "json-schema"]))
 @click.argument("more", nargs=-1, metavar="[TYPE | PACKAGE]...")
 @click.option(
