@@ -22,9 +22,10 @@ POSSIBLE_TOPIC = f"/{NODE}/possible"
 #: The service that answers a question with a choice (std_srvs/srv/Trigger).
 ANSWER_SERVICE = f"/{NODE}/answer/{{}}"
 
-#: The service by which anything is asked of the orchestrator, and its type.
+#: The service by which anything is asked of the orchestrator, its type, and the hash of that.
 COMMAND_SERVICE = f"/{NODE}/command"
 COMMAND_TYPE = "lupin_engine_msgs/srv/Command"
+COMMAND_HASH = "e3082568131722648efec9c442969ef1023b509ce7de89606224ed23ccfdfa22"
 
 #: Which of these people's pages may use.
 ACCESS = Access(

@@ -21,6 +21,7 @@ from typing import Any
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
+from lupin_engine.errors import LupinError, UsageError
 from lupin_engine.machine.event import NOTHING
 from lupin_engine.plugin.profile import Profile, StartRequest
 from lupin_engine.ros.adapter.network import Kind, interfaces
@@ -91,11 +92,14 @@ class Commander:
         Both have the same id, so that nothing is done twice.
 
         Raises:
-            LupinError: the interface of commands is not installed.
+            UsageError: the interface of commands is not installed.
         """
         fields = {"verb": verb, "mission": mission, "request": json.dumps(dict(request))}
         who = {"command_id": str(uuid.uuid4()), "by": operator_name()}
-        asked = write(interface_class(COMMAND_TYPE).Request(), {**fields, **who})
+        try:
+            asked = write(interface_class(COMMAND_TYPE).Request(), {**fields, **who})
+        except LupinError as problem:
+            raise UsageError(f"{problem}; `make environment` builds it, or colcon") from None
         if not self._until(self._commands.ready, timeout):
             return Answer(False, f"{COMMAND_SERVICE}: no server", reached=False, found=False)
         answer = self._call(self._commands, asked, timeout, _of_command)

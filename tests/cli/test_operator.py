@@ -74,7 +74,7 @@ def standing(*events: str) -> dict[str, Any]:
     shown = view_record(machine.view, machine.chart)
     records = [{"step": step_record(step), "view": shown} for step in steps]
     possible = {"requests": Foresight(machine).news(11.0)}
-    return look(records, possible, {"InspectionMission": "inspection"}, 11.0)
+    return look(records, possible, {"InspectionMission": "inspection"}, {"BOOT"}, 11.0)
 
 
 def test_what_is_possible_is_told_as_commands() -> None:

@@ -96,7 +96,7 @@ def test_a_question_is_in_the_picture(chart: Chart) -> None:
     monitor = RunMonitor(PROFILE, MISSION_ID, 100.0)
     monitor.take(*step([], time=5.0, asking=[{**asking, "deadline": 95.0, "left": None}]), 110.0)
     text = drawn(view.picture(monitor, chart, 120.0))
-    for line in ("On to tag 5?", "lupin answer go_on: Go on", "lupin answer stay: Stay here"):
+    for line in ("On to tag 5?", "1, or lupin answer go_on: Go on", "2, or lupin answer stay: Stay here"):
         assert line in text
     assert "else stay in 01:20" in text
     monitor.take(*step([], time=6.0, asking=[{**asking, "deadline": None, "left": 30.0}]), 111.0)

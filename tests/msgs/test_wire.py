@@ -17,6 +17,8 @@ import pytest
 
 from lupin_engine.errors import UsageError
 from lupin_engine.ros.bindings.type_hashes import local_fields, local_hash
+from lupin_engine.ros.launch.health import RIHS
+from lupin_engine.ros.names import COMMAND_HASH, COMMAND_TYPE
 
 pytest.importorskip("rclpy")
 pytestmark = pytest.mark.ros
@@ -66,6 +68,11 @@ def generated(type_name: str) -> Any:
 @pytest.mark.parametrize("type_name", WIRE)
 def test_hash(type_name: str) -> None:
     assert local_hash(type_name) == WIRE[type_name]["hash"]
+
+
+def test_the_hash_of_our_own_interface() -> None:
+    """A change to it is another type to every program that was built before."""
+    assert local_hash(COMMAND_TYPE) == f"{RIHS}{COMMAND_HASH}"
 
 
 @pytest.mark.parametrize("type_name", WIRE)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Container, Iterable, Iterator, Mapping
 from dataclasses import fields
 from typing import Any
 
@@ -18,7 +18,11 @@ _NO_COUNTERS = {field.name for field in fields(View)} | {"holds"}
 
 
 def look(
-    steps: Iterable[Mapping[str, Any]], possible: Mapping[str, Any], missions: Mapping[str, str], now: float
+    steps: Iterable[Mapping[str, Any]],
+    possible: Mapping[str, Any],
+    missions: Mapping[str, str],
+    idle: Container[str],
+    now: float,
 ) -> dict[str, Any]:
     """Return where the orchestrator stands, as JSON data.
 
@@ -26,6 +30,7 @@ def look(
         steps: its last records, oldest first; at least one.
         possible: what it told of its requests; empty where it told nothing.
         missions: what a mission is called for `lupin start`, by its name.
+        idle: the states in which no mission is under way.
         now: the time of its loop.
     """
     records = list(steps)
@@ -35,7 +40,7 @@ def look(
     codes = [code for record in records for code in record["step"].get("codes", ())]
     return {
         **{name: view[name] for name in told},
-        "seconds": None if began is None or not view["mission_id"] else round(now - began, 1),
+        "seconds": None if began is None or view["lifecycle"] in idle else round(now - began, 1),
         "counts": {name: count for name, count in view.items() if name not in _NO_COUNTERS},
         "holds": view.get("holds", dict.fromkeys(view["held"], "")),
         "asking": [_question(asked) for asked in open_questions(view, now)],

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import functools
 import json
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
@@ -12,6 +13,7 @@ import click
 from lupin_engine.cli import options
 from lupin_engine.cli.exit_codes import ACCEPTED
 from lupin_engine.cli.operator.network import PATIENCE_S, attendant, nobody
+from lupin_engine.plugin.profile import Profile
 from lupin_engine.plugin.registry import load_profiles
 
 if TYPE_CHECKING:
@@ -42,17 +44,23 @@ def state(watch: bool, as_json: bool, domain: int | None) -> int:
     return ACCEPTED
 
 
+@functools.cache
+def _profiles() -> list[Profile]:
+    return load_profiles()
+
+
 def _look(orchestrator: Attendant) -> dict[str, Any]:
     from lupin_engine.cli.operator.look import look
 
     missions = {one["mission"]: one.get("file") or one["mission"] for one in orchestrator.missions}
-    return look(orchestrator.steps, orchestrator.possible, missions, orchestrator.now)
+    idle = {state for profile in _profiles() for state in profile.stages.without_mission}
+    return look(orchestrator.steps, orchestrator.possible, missions, idle, orchestrator.now)
 
 
 def _text(found: Mapping[str, Any]) -> str:
     from lupin_engine.cli.operator.look import lines
 
-    verbs = {name: verb for profile in load_profiles() for name, verb in profile.verbs.items()}
+    verbs = {name: verb for profile in _profiles() for name, verb in profile.verbs.items()}
     return "\n".join(lines(found, verbs))
 
 

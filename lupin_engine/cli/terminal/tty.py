@@ -10,8 +10,11 @@ from collections.abc import Iterator
 
 
 @contextlib.contextmanager
-def quiet_terminal() -> Iterator[None]:
-    """Turn off the echo of the terminal: the `^C` of Ctrl-C would push the picture down a line."""
+def quiet_terminal(keys: bool = False) -> Iterator[None]:
+    """Turn off the echo of the terminal: the `^C` of Ctrl-C would push the picture down a line.
+
+    With `keys` each key comes at once, not with the end of its line.
+    """
     try:
         descriptor = sys.stdin.fileno()
         before = termios.tcgetattr(descriptor)
@@ -19,7 +22,7 @@ def quiet_terminal() -> Iterator[None]:
         yield
         return
     quiet = list(before)
-    quiet[3] &= ~termios.ECHO
+    quiet[3] &= ~(termios.ECHO | (termios.ICANON if keys else 0))
     termios.tcsetattr(descriptor, termios.TCSANOW, quiet)
     try:
         yield

@@ -6,6 +6,7 @@ change where there is no terminal. Symbols are plain ASCII where the terminal ca
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
@@ -181,12 +182,13 @@ def _details(monitor: RunMonitor, now: float, symbols: Symbols) -> RenderableTyp
     grid.add_row("progress", _progress(monitor))
     grid.add_row("", _counts(monitor, symbols))
     # This row is there even when it is empty, so that the picture does not jump.
-    waits = f"for {_resume_service(monitor.profile)}, or Ctrl-C" if monitor.waits else ""
+    waits = f"for {_resume(monitor.profile)}, or Ctrl-C" if monitor.waits else ""
     grid.add_row("waits" if waits else "", Text(waits, "yellow"))
+    numbers = itertools.count(1)
     for asked in monitor.asking(now):
         grid.add_row("asks", Text(asked.question, "bold yellow"))
         for name, label in asked.choices:
-            grid.add_row("", Text(f"lupin answer {name}: {label}"))
+            grid.add_row("", Text(f"{next(numbers)}, or lupin answer {name}: {label}"))
         grid.add_row("", Text(default_text(asked), "dim"))
     under_way: list[RunningOperation | None] = [*monitor.running(now)]
     for running in under_way or [None]:
@@ -210,10 +212,12 @@ def default_text(asked: OpenQuestion) -> str:
     return f"else {asked.default} {rest}"
 
 
-def _resume_service(profile: Profile) -> str:
-    if profile.wire is None or not profile.resume:
+def _resume(profile: Profile) -> str:
+    """Return what lets a held mission go on."""
+    if not profile.resume:
         return "the operator"
-    return profile.wire.requests.format(profile.resume)
+    key = profile.requests[profile.resume].key
+    return " or ".join(filter(None, (key, f"lupin {profile.verbs[profile.resume]}")))
 
 
 def _progress(monitor: RunMonitor) -> RenderableType:

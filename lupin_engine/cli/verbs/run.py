@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import sys
+import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,9 +17,11 @@ from lupin_engine.plugin.registry import load_catalog
 
 if TYPE_CHECKING:
     from lupin_engine.cli.bring_up import CheckedOptions
+    from lupin_engine.cli.terminal.keys import Press
     from lupin_engine.missions.load import LoadedMissions
     from lupin_engine.ros.launch.bringup import Bringup
     from lupin_engine.ros.launch.interrupts import Interrupts
+    from lupin_engine.ros.launch.monitor import RunMonitor
 
 
 @click.command(cls=options.RequestCommand, short_help="Run a mission over ROS 2 and watch it.")
@@ -84,10 +88,11 @@ def run(
     settings = given.settings(patience)
     from lupin_engine.ros.launch.bringup import Bringup  # needs rclpy
 
-    with quiet_terminal(), Interrupts() as interrupts:
+    keys = not as_json and _is_live() and sys.stdin.isatty()
+    with quiet_terminal(keys), Interrupts() as interrupts:
         told = _observer(as_json, save_svg, loaded, interrupts)
         with recorded(record, told) as observer, Bringup(settings, observer, interrupts) as bringup:
-            code = _carry_out(bringup, observer, given, loaded, carried(loaded.chart, request))
+            code = _carry_out(bringup, observer, given, loaded, carried(loaded.chart, request), keys)
         told.close(bringup.monitor, code)
     return code
 
@@ -98,6 +103,7 @@ def _carry_out(
     given: CheckedOptions,
     loaded: LoadedMissions,
     request: dict[str, Any],
+    keys: bool,
 ) -> int:
     """Run the mission; an error is reported to the observer and aborts the mission."""
     from lupin_engine.ros.launch.interrupts import Interrupted
@@ -108,7 +114,7 @@ def _carry_out(
         for line in given.addresses(bringup.description.launches):
             observer.note(line)
         monitor = bringup.start(loaded.names[0], request)
-        bringup.follow(monitor)
+        bringup.follow(monitor, _hands(bringup, monitor, observer) if keys else lambda: None)
         return monitor.verdict
     except Interrupted:
         code = INTERRUPTED
@@ -118,6 +124,45 @@ def _carry_out(
     if bringup.monitor is not None and not bringup.monitor.ended:
         bringup.abort(bringup.monitor)
     return code
+
+
+def _hands(bringup: Bringup, monitor: RunMonitor, observer: Any) -> Callable[[], None]:
+    """Return what looks at the keys, commands what they ask for, and shows what was answered."""
+    from lupin_engine.cli.terminal.keys import Keypad, typed
+
+    pad = Keypad(monitor.profile)
+    observer.note(pad.help)
+    typed()  # what was pressed before there was a mission was not meant for it
+
+    def look() -> None:
+        for key in typed():
+            pressed = pad.press(key, monitor.asking(time.monotonic()), time.monotonic())
+            if pressed is None:
+                continue
+            severity, text = Severity.INFO, pressed.text
+            if pressed.verb:
+                accepted, said = _commanded(bringup, pressed)
+                severity, text = (Severity.INFO if accepted else Severity.WARN), f"{text}: {said}"
+            monitor.note(time.monotonic(), severity, text)
+
+    return look
+
+
+def _commanded(bringup: Bringup, pressed: Press) -> tuple[bool, str]:
+    """Command what a key asks for; the mission goes on whatever comes of it."""
+    try:
+        answer = bringup.command(pressed.verb, pressed.request)
+    except LupinError as problem:
+        return False, str(problem)
+    return answer.accepted, answer.text
+
+
+def _is_live() -> bool:
+    """Say whether the picture of a run can be drawn."""
+    from rich.console import Console
+
+    console = Console()
+    return console.is_terminal and not console.is_dumb_terminal
 
 
 def _observer(as_json: bool, save_svg: Path | None, loaded: LoadedMissions, interrupts: Interrupts) -> Any:
@@ -135,7 +180,7 @@ def _observer(as_json: bool, save_svg: Path | None, loaded: LoadedMissions, inte
     console = Console(highlight=False)
     if as_json:
         observer = JsonObserver()
-    elif console.is_terminal and not console.is_dumb_terminal:
+    elif _is_live():
         observer = LiveObserver(console, loaded.chart)
     else:
         observer = PlainObserver()

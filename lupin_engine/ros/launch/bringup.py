@@ -31,7 +31,7 @@ from lupin_engine.ros.launch.nodes import ORCHESTRATOR
 from lupin_engine.ros.launch.respawn import Respawns
 from lupin_engine.ros.launch.supervisor import IMPATIENT, Patience, Supervisor
 from lupin_engine.ros.messages import wire_of
-from lupin_engine.ros.operator import Operator
+from lupin_engine.ros.operator import Answer, Operator
 
 #: Period of the loop, in seconds.
 TICK_S = 0.05
@@ -269,8 +269,8 @@ class Bringup:
         self._pending.clear()
         return monitor
 
-    def follow(self, monitor: RunMonitor) -> None:
-        """Follow a mission until it has ended.
+    def follow(self, monitor: RunMonitor, look: Callable[[], None] = lambda: None) -> None:
+        """Follow a mission until it has ended, calling `look` again and again.
 
         Raises:
             RunFailed: the orchestrator is gone, or the mission waits for an operator who does not come.
@@ -280,12 +280,17 @@ class Bringup:
         while not monitor.ended:
             self._tick()
             self._interrupts.check()
+            look()
             now = time.monotonic()
             if now - monitor.heard > SILENCE_S:
                 raise RunFailed(f"no {self._wire.state.name} for {SILENCE_S:g} s: the orchestrator is gone")
             waiting_since = (waiting_since or now) if monitor.waits else None
             self._check_patience(monitor, now - (waiting_since or now))
         self._wait_until(lambda: monitor.all_told, STRAGGLER_S)
+
+    def command(self, verb: str, request: Mapping[str, Any]) -> Answer:
+        """Command something for the user; what arrives meanwhile is kept."""
+        return self._operator.command(verb, request=request)
 
     def _check_patience(self, monitor: RunMonitor, waited: float) -> None:
         patience = self._settings.patience

@@ -28,6 +28,7 @@ from lupin_engine.ros.bindings.type_hashes import local_hash
 from lupin_engine.ros.launch.environment import DOMAIN, RANGE, current_domain, domain_advice, range_advice
 from lupin_engine.ros.launch.requirements import INSTALL_ROS, SOURCE_ROS
 from lupin_engine.ros.launch.shared_memory import stale_segments
+from lupin_engine.ros.names import COMMAND_HASH, COMMAND_TYPE
 
 State = Literal["ok", "note", "problem"]
 
@@ -119,7 +120,8 @@ def _wheels_middleware() -> Iterator[Finding]:
 def look_at_interfaces() -> Iterator[Finding]:
     """The message types, compared with those that the rest of the system speaks."""
     wires = [profile.wire for profile in load_profiles() if profile.wire is not None]
-    for name, expected in {name: found for wire in wires for name, found in wire.hashes.items()}.items():
+    hashes = {name: found for wire in wires for name, found in wire.hashes.items()}
+    for name, expected in {**hashes, COMMAND_TYPE: COMMAND_HASH}.items():
         try:
             found = local_hash(name).removeprefix(RIHS)
         except LupinError as problem:

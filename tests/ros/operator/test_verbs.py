@@ -4,7 +4,11 @@ from __future__ import annotations
 
 import json
 import re
+import signal
+import subprocess
+import sys
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -103,6 +107,22 @@ def test_a_mission_in_the_hands_of_an_operator(operator: Operator, lupin: Say) -
     assert (code, found["lifecycle"], found["counts"]["skipped"]) == (0, "DONE", 2)
     possible = {(one["request"], one["mission"]) for one in found["requests"] if one["possible"]}
     assert ("mission.start", "InspectionMission") in possible
+
+
+def test_the_state_is_followed(operator: Operator, lupin: Say) -> None:
+    """A line for each change, to a pipe too; Ctrl-C is the way to end it."""
+    command = [str(Path(sys.executable).with_name("lupin")), "state", "--watch", "--json"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as watching:
+        assert watching.stdout is not None
+        first = json.loads(watching.stdout.readline())
+        assert first["lifecycle"] == operator.state.lifecycle_state
+        assert lupin("start", "inspection", "--tags", "1")[0] == 0
+        seen = (json.loads(line) for line in watching.stdout)
+        under_way = next(one for one in seen if one["lifecycle"] == "INSPECTING")
+        assert under_way["mission_id"] != first["mission_id"]
+        assert next(one for one in seen if one["lifecycle"] == "DONE")["counts"]["completed"] == 1
+        watching.send_signal(signal.SIGINT)
+        assert watching.wait(60.0) == 0
 
 
 def test_the_record_says_who(operator: Operator, lupin: Say) -> None:
