@@ -25,7 +25,7 @@ def _happen(machine: Machine, step: Step) -> list[Step]:
     """Let happen what a step was about."""
     name, now = step.event.name, step.time
     if name == "start":
-        return [machine.start(now)]
+        return [machine.start(now, step.event.data.get("ahead"))]
     if not name.startswith("timer."):
         return [machine.handle(step.event, now)]
     fired = machine.advance(now)

@@ -690,3 +690,31 @@ def test_a_simulation_has_a_date_of_its_own_and_a_clock_that_is_set(tmp_path: Pa
     run = scenario.run()
     assert scenario.failures(run) == []
     assert run.seconds == pytest.approx(6 * 3600 + 3.0)
+
+
+AGAIN = """mission: Again
+context:
+  times: {type: count, default: 0}
+initial: WAKING
+states:
+  WAKING:
+    use: wake
+    on_done:
+      - {target: done, guard: times == 1}
+      - {target: LYING, do: {set: {times: 1}}}
+  LYING: {after: {1 h: WAKING}}
+  done: {type: final}
+"""
+
+
+def test_a_mission_in_another_deals_with_its_times_anew(tmp_path: Path) -> None:
+    """As one that is started again on a day that comes twice."""
+    (tmp_path / "wake.yaml").write_text(WAKE, encoding="utf-8")
+    (tmp_path / "again.yaml").write_text(AGAIN, encoding="utf-8")
+    (tmp_path / "lifecycle.yaml").symlink_to(default_missions_folder() / LIFECYCLE)
+    head = "scenario: x\nmission: again.yaml\n"
+    set_back = "when: [{on: LYING, after: 30 min, clock: 2026-01-01 05:30}]\nexpect: {}\n"
+    assert loaded(tmp_path, head + set_back).run().seconds == pytest.approx(8 * 3600 + 3.0)
+    assert loaded(tmp_path, head + "limit: 40 h\nexpect: {}\n").run().seconds == pytest.approx(
+        30.5 * 3600 + 3.0
+    )
