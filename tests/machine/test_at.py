@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import pytest
 
 from lupin_engine.machine.event import Event
+from lupin_engine.machine.inputs import MOST_DATES
 from lupin_engine.machine.reload import successor
 from lupin_engine.machine.snapshot import restore, shift
+from lupin_engine.runtime.clock import calendar_of
 from tests.machine.charts import PAUSE, Bench, chart
 
 COUNT = {"do": ("set", {"n": lambda env: env["context"]["n"] + 1})}
@@ -208,13 +211,24 @@ def test_it_goes_on_from_a_snapshot_also_with_another_clock_of_the_machine() -> 
 
 
 def test_missions_that_are_loaded_anew_wait_for_the_same_times() -> None:
-    """In the zone of the new ones."""
+    """And where the zone was set meanwhile, for those of that."""
     bench = waiting(on={"go": "B", "mission.start": "B"})
     bench.wait(3600)
     bench.machine = successor(bench.machine, bench.machine.world)
     bench.machine.go_on(bench.now)
     assert (bench.wait_for_next(), bench.context["n"]) == (7.5 * 3600, 1)
     assert bench.machine.next_deadline == 32.5 * 3600
+    tokyo = replace(bench.machine.world, calendar=calendar_of("Asia/Tokyo"))
+    bench.machine = successor(bench.machine, tokyo)
+    bench.machine.go_on(bench.now)
+    assert bench.machine.next_deadline == 23.5 * 3600
+
+
+def test_a_state_remembers_the_dates_of_a_year() -> None:
+    """No more, however long it waits."""
+    bench = waiting()
+    bench.wait(400 * 24 * 3600)
+    assert (bench.context["n"], len(bench.machine.memory.reached["A"]["06:30"])) == (400, MOST_DATES)
 
 
 def test_each_mission_deals_with_its_times_anew() -> None:
