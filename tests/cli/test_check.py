@@ -518,3 +518,15 @@ def test_a_reading_by_its_name_leads_to_what_works(tmp_path: Path) -> None:
         (8, "\"event.reading.readings['temperature']\" is number in °C, no record", ""),
         (9, "unknown name 'readings'", f"did you mean 'event.reading.readings'? {declare}"),
     ]
+
+
+@pytest.mark.parametrize(("words", "looks"), [(["missions"], False), (["--explain", "no-unit", "-w"], True)])
+def test_a_process_that_ends_at_once_looks_for_no_garbage(
+    words: list[str], looks: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It would take a twentieth of its time; one that watches goes on looking."""
+    asked: list[str] = []
+    monkeypatch.setattr("gc.disable", lambda: asked.append("disable"))
+    monkeypatch.setattr("sys.argv", ["lupin", "check", *words])
+    assert main() == 0
+    assert (asked == []) is looks
