@@ -141,12 +141,30 @@ def _list(kind: Listed, value: Any, where: str, problems: _ProblemList) -> Any:
     if kind.most is not None and len(value) > kind.most:
         problems.add(where, f"expected at most {kind.most} elements, got {len(value)}")
         return None
+    if isinstance(kind.of, str) and _are_plain_numbers(kind.of, value):
+        return value if kind.of not in ("float", "double") else list(map(float, value))
     elements = []
     for index, each in enumerate(value):
         if problems.enough:
             break
         elements.append(_value(kind.of, each, f"{where}[{index}]", problems))
     return elements
+
+
+def _are_plain_numbers(kind: str, value: list[Any]) -> bool:
+    """Say whether all fit, where that can be seen without a look at each; a page may send many."""
+    wanted = {int, float} if kind in ("float", "double") else {int}
+    if (
+        kind not in NUMBERS
+        or kind in ("boolean", "octet")
+        or not value
+        or not wanted >= set(map(type, value))
+    ):
+        return False
+    try:
+        return all(_scalar(kind, each) is not None for each in (min(value), max(value)))
+    except ValueError:
+        return False
 
 
 def _from_base64(text: str, where: str, problems: _ProblemList) -> list[int] | None:

@@ -191,7 +191,7 @@ class _OpenTopic:
 
     def deliver(self, sample: Sample, latched: bool) -> None:
         """Give a sample to everybody; where a subscription of ROS was made anew, old ones come again."""
-        if latched:
+        if latched or self.kept.events:
             if any(old.same(sample) for old in self.backlog):
                 return
             self.backlog.append(sample)

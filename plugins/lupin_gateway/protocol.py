@@ -15,8 +15,8 @@ import orjson
 from lupin_engine.errors import nearest
 from lupin_gateway.encoding import Compression
 
-#: The longest name and id, in characters.
-LONGEST = 250
+#: The longest text in a frame, in characters, and the longest name: the middleware adds to it, up to 255.
+LONGEST, LONGEST_NAME = 1000, 200
 
 
 @dataclass(frozen=True)
@@ -169,14 +169,14 @@ def parse(frame: str | bytes) -> Operation | BadFrame:
     if operation in _REFUSED:
         return BadFrame(_REFUSED[operation], id_, operation)
     if operation not in _READERS:
-        known = nearest(operation[:LONGEST], _READERS)
-        return BadFrame(f"unknown operation {operation[:LONGEST]!r}; {known}", id_)
+        known = nearest(operation[:LONGEST_NAME], _READERS)
+        return BadFrame(f"unknown operation {operation[:LONGEST_NAME]!r}; {known}", id_)
     try:
         return _READERS[operation](_Fields(data))
     except _WrongField as wrong:
         name = data.get("service") or data.get("action")
         name = name if isinstance(name, str) else ""
-        return BadFrame(f"{operation}: {wrong}", id_, operation, name[:LONGEST])
+        return BadFrame(f"{operation}: {wrong}", id_, operation, name[:LONGEST_NAME])
 
 
 def full_type(name: str, kind: str) -> str:
@@ -187,9 +187,9 @@ def full_type(name: str, kind: str) -> str:
     """
     if not name:
         return ""
-    found = _TYPE.match(name[:LONGEST])
+    found = _TYPE.match(name[:LONGEST_NAME])
     if found is None:
-        raise ValueError(f"{name[:LONGEST]!r} is no type such as std_msgs/msg/String")
+        raise ValueError(f"{name[:LONGEST_NAME]!r} is no type such as std_msgs/msg/String")
     return f"{found[1]}/{kind}/{found[3]}"
 
 
@@ -215,6 +215,8 @@ class _Fields:
     def name(self, key: str) -> str:
         """Return a name of ROS from the root: pages often leave out the first slash."""
         name = self.text(key)
+        if len(name) > LONGEST_NAME:
+            raise _WrongField(f"{key!r} is longer than {LONGEST_NAME} characters")
         if not _NAME.match(name):
             raise _WrongField(f"{key!r} is {name!r}, which is no name of ROS such as /mission/state")
         return name if name.startswith("/") else f"/{name}"

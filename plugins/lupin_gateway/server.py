@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import os
 import socket
-from collections.abc import Awaitable, Callable, Mapping, Sequence
+from collections.abc import Awaitable, Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -70,7 +71,7 @@ def _listening(host: str, port: int) -> socket.socket:
         found.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, GONE_AFTER_MS)
         return found
     except OSError as problem:
-        reason = problem.strerror or str(problem)
+        reason = os.strerror(problem.errno) if problem.errno else str(problem)
         raise UsageError(
             f"the gateway cannot listen on {host}:{port}: {reason}; another program may have this port, "
             "then choose another one"
@@ -143,7 +144,18 @@ async def _receive_all(receive: Callable[[FrameData], None], socket_: WebSocket)
         if message["type"] == "websocket.disconnect":
             return
         text = message.get("text")
-        receive(text if text is not None else message.get("bytes") or b"")
+        with _telling_defects():
+            receive(text if text is not None else message.get("bytes") or b"")
+
+
+@contextlib.contextmanager
+def _telling_defects() -> Iterator[None]:
+    """Log a defect of ours, and do not let it end a connection, or the telling of the stop."""
+    try:
+        yield
+    except Exception as defect:
+        told = {"message": "the gateway has a defect", "exception": defect}
+        asyncio.get_running_loop().call_exception_handler(told)
 
 
 async def _send_all(outbox: Outbox, socket_: WebSocket) -> None:
@@ -179,7 +191,8 @@ async def serve(gateway: Gateway, sockets: Sequence[socket.socket], until: Await
 
 async def _tell_steadily(rules: HouseRules) -> None:
     while True:
-        rules.tick()
+        with _telling_defects():
+            rules.tick()
         await asyncio.sleep(1.0 / TELL_HZ)
 
 

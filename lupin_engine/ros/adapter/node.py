@@ -253,13 +253,13 @@ class RosNode:
     def publisher(self, kind: Any, topic: str, qos: Qos) -> Publisher:
         """Return an object whose `publish(message)` sends to `topic`."""
         publisher = self.node.create_publisher(kind, topic, qos.profile())
-        self._watch_channels([f"rt{publisher.topic_name}"])
+        self.watch_channels([f"rt{publisher.topic_name}"])
         return publisher
 
     def subscribe(self, kind: Any, topic: str, qos: Qos, callback: Callable[[Any], None]) -> Subscription:
         """Call `callback` with every message of `topic`, until the node's `destroy_subscription`."""
         subscription = self.node.create_subscription(kind, topic, self.guarded(callback), qos.profile())
-        self._watch_channels([f"rt{subscription.topic_name}"])
+        self.watch_channels([f"rt{subscription.topic_name}"])
         return subscription
 
     def subscribe_raw(
@@ -317,16 +317,16 @@ class RosNode:
         profile = Qos.SERVICES.profile()
         service = self.node.create_service(kind, name, self.guarded(callback), qos_profile=profile)
         self._executor.serve(service, how)
-        self._watch_channels(service_channels(service.service_name))
+        self.watch_channels(service_channels(service.service_name))
 
     def service(self, kind: Any, name: str) -> ServiceCaller:
         """Return a client of the service `name`."""
-        self._watch_channels(service_channels(self.node.resolve_service_name(name)))
+        self.watch_channels(service_channels(self.node.resolve_service_name(name)))
         return ServiceCaller(self, kind, name)
 
     def action(self, kind: Any, name: str) -> ActionCaller:
         """Return a client of the action `name`."""
-        self._watch_channels(action_channels(self.node.resolve_topic_name(name)))
+        self.watch_channels(action_channels(self.node.resolve_topic_name(name)))
         caller = ActionCaller(self, kind, name)
         self._release_at_the_end(caller)
         return caller
@@ -341,7 +341,7 @@ class RosNode:
         cancelled: Callable[[ServedGoal], None],
     ) -> ActionHost:
         """Offer the action `name`; see `ActionHost` for the callbacks."""
-        self._watch_channels(action_channels(self.node.resolve_topic_name(name)))
+        self.watch_channels(action_channels(self.node.resolve_topic_name(name)))
         host = ActionHost(self, kind, name, admit=admit, started=started, cancelled=cancelled)
         self._release_at_the_end(host)
         return host
@@ -354,7 +354,8 @@ class RosNode:
         """Return the DDS topics that this node uses (see `peers`)."""
         return list(self._channels)
 
-    def _watch_channels(self, channels: Sequence[str]) -> None:
+    def watch_channels(self, channels: Sequence[str]) -> None:
+        """Compare the types of these DDS topics with those of the peers, as of all that the node makes."""
         self._channels.update(dict.fromkeys(channels))
 
     def _check_peers(self) -> None:

@@ -29,7 +29,7 @@ MATCH_S, MATCH_LOOK_S = 0.5, 0.01
 #: Messages that wait meanwhile.
 MOST_HELD = 100
 #: Seconds that a publisher stays when nobody advertises it any more.
-PUBLISHER_LINGER_S = 10.0
+PUBLISHER_LINGER_S = 3.0
 
 Post = Callable[..., None]
 
@@ -96,6 +96,7 @@ class Subscription:
         self._subscription = self._ros.node.create_subscription(
             kind, self.topic, on_message, profile, raw=True
         )
+        self._ros.watch_channels([f"rt{self.topic}"])
         self._post(self._problem, "")
 
     def close(self) -> None:

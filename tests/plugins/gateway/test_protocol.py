@@ -81,7 +81,7 @@ BAD = [
         {"op": "subscribe", "topic": "a b"},
         "subscribe: 'topic' is 'a b', which is no name of ROS such as /mission/state",
     ),
-    ({"op": "subscribe", "topic": "/" + "a" * 260}, "subscribe: 'topic' is longer than 250 characters"),
+    ({"op": "subscribe", "topic": "/" + "a" * 260}, "subscribe: 'topic' is longer than 200 characters"),
     (
         {"op": "subscribe", "topic": "/a", "type": "String"},
         "subscribe: 'type': 'String' is no type such as std_msgs/msg/String",
@@ -137,6 +137,14 @@ def test_a_bad_call_can_be_answered() -> None:
     bad = parse('{"op": "call_service", "service": "a b", "id": "7"}')
     assert isinstance(bad, BadFrame)
     assert (bad.id, bad.operation, bad.name) == ("7", "call_service", "a b")
+
+
+def test_the_id_of_a_long_name_is_kept() -> None:
+    """Libraries make ids of names."""
+    name = "/" + "a" * 199
+    id_ = f"call_service:{name}:{'0' * 36}"
+    found = parse(json.dumps({"op": "call_service", "service": name, "id": id_}))
+    assert isinstance(found, CallService)
 
 
 ANYTHING = st.recursive(

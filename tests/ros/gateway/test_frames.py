@@ -154,6 +154,25 @@ def test_a_page_s_latched_topic(
     other.until(lambda: other.messages("/chosen") == [{"data": "tag 5"}], "another page")
 
 
+def test_a_topic_that_a_page_unadvertises(
+    gateway: Callable[..., str], page: OpenPage, make_node: Callable[..., RosNode]
+) -> None:
+    """Its publisher stays while another page has it, and until what was said last has arrived."""
+    ros = make_node("robot")
+    heard: list[str] = []
+    ros.subscribe(String, "/words", Qos.EVENT, lambda message: heard.append(message.data))
+    url = gateway()
+    one, other = page(url, ros), page(url, ros)
+    for each in (one, other):
+        each.publish("/words", "std_msgs/String", {"data": "hello"})
+    one.until(lambda: len(heard) == 2, "both")
+    one.do("unadvertise", name="/words")
+    other.publish("/words", "std_msgs/String", {"data": "last"})
+    other.do("unadvertise", name="/words")
+    other.until(lambda: heard[-1] == "last", "the last one")
+    other.until(lambda: ros.node.count_publishers("/words") == 0, "no publisher any more")
+
+
 def test_a_publisher_that_is_volatile_after_all(
     gateway: Callable[..., str], page: OpenPage, make_node: Callable[..., RosNode]
 ) -> None:
@@ -161,7 +180,8 @@ def test_a_publisher_that_is_volatile_after_all(
     ros = make_node("robot")
     first = ros.publisher(Observation, "/floranova/observations", Qos.BACKLOG)
     first.publish(Observation(mission_id="1"))
-    one = page(gateway(), ros)
+    url = gateway()
+    one = page(url, ros)
     one.subscribe("/floranova/observations", "lupin_msgs/Observation")
     one.until(lambda: one.messages("/floranova/observations"), "the latched one")
     second = make_node("other").publisher(Observation, "/floranova/observations", Qos.EVENT)
@@ -171,6 +191,9 @@ def test_a_publisher_that_is_volatile_after_all(
     first.publish(Observation(mission_id="3"))
     one.until(lambda: len(one.messages("/floranova/observations")) == 3, "all")
     assert [each["mission_id"] for each in one.messages("/floranova/observations")] == ["1", "2", "3"]
+    late = page(url, ros)
+    late.subscribe("/floranova/observations", "lupin_msgs/Observation")
+    late.until(lambda: len(late.messages("/floranova/observations")) == 3, "the backlog of both")
 
 
 STRING = "std_msgs/msg/String"

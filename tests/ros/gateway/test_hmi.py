@@ -110,7 +110,7 @@ CALLS: list[tuple[str, Any, dict[str, Any]]] = [
         (f"{joint}/set_angle_with_speed", SetServoAngleWithSpeed, {"angle": 10, "rate": 30, "degrees": True})
         for joint in JOINTS
     ),
-    ("/lupin/leds/set", SetNeopixel, {"color": {"red": 255, "green": 0, "blue": 0}}),
+    ("/lupin/leds/set", SetNeopixel, {"color": {"r": 255, "g": 0, "b": 0}}),
     ("/lupin/leds/auto", Trigger, {}),
     ("/lupin/nav/clear_map", Trigger, {}),
     ("/navigate_to_pose/_action/cancel_goal", CancelGoal, CANCEL),
