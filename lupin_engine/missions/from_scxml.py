@@ -127,12 +127,15 @@ class _Importer:
 
     def _name_states(self, parent: Element, taken: set[str]) -> None:
         for state in parent.all(*STATES):
-            name = state.get("id") or f"{parent.get('id') or 'chart'}_{state.kind}"
-            name = name.removeprefix(f"{parent.get('id')}-")
+            whole = state.get("id") or f"{parent.get('id') or 'chart'}_{state.kind}"
+            name = whole.removeprefix(parent.get("id"))
+            # The id of a state may begin with that of the state around it.
+            name = name.lstrip("-.:") if parent.get("id") and name[:1] in ("-", ".", ":") else whole
             if not self._own:
-                name = snake(name) if state.kind == "final" else snake(name).upper()
-                while name in taken:
-                    name += "_"
+                names = [
+                    snake(text) if state.kind == "final" else snake(text).upper() for text in (name, whole)
+                ]
+                name = _free(next((one for one in names if one not in taken), names[0]), taken)
             taken.add(name)
             self._names[state] = name
             self._name_states(state, taken)
@@ -296,6 +299,8 @@ class _Importer:
         name, own = self._events.name(event) if event else "", state.get("id")
         keywords = {"": "always", f"done.state.{own}": "on_done"}
         keywords |= {f"done.invoke.{own}-operation": "on_done", f"error.invoke.{own}-operation": "on_error"}
+        if not any(one.all("final") for one in state.every("state") if one is not state):
+            keywords |= dict.fromkeys(("done", "done.state"), "on_done")  # only it can be done
         timer = next((delay for delay, told in after.items() if name in (one["event"] for one in told)), None)
         if self._events.end(event):
             yield "on", self._events.end(event)

@@ -39,7 +39,7 @@ def word(text: str) -> str:
 
 def snake(text: str) -> str:
     """Return a name in words of lower case: `waitForUser` is `wait_for_user`."""
-    return re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", word(text)).lower()
+    return re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", word(re.sub(r"\W+", "_", text))).lower()
 
 
 def split(rule: Element) -> list[str]:

@@ -120,6 +120,20 @@ def test_names_are_mapped() -> None:
     assert found.names == {"wait-here": "WAIT_HERE", "Wait.Here": "WAIT_HERE_", "The-End": "the_end"}
 
 
+def test_an_id_with_that_of_the_state_around_is_the_rest() -> None:
+    """Unless that name is taken."""
+    found = imported(
+        '<state id="m::on"><state id="m::on::slow"/><state id="m::on::fast"/></state>'
+        '<state id="m::off"><state id="m::off::slow"/><final id="m::off::end"/>'
+        '<transition event="done" target="m::on"/></state>'
+    ).mission["states"]
+    assert (list(found["M_ON"]["states"]), list(found["M_OFF"]["states"])) == (
+        ["SLOW", "FAST"],
+        ["M_OFF_SLOW", "end"],
+    )
+    assert found["M_OFF"]["on_done"] == "M_ON"
+
+
 def test_guards_and_assignments_are_expressions() -> None:
     """With the signs of ECMAScript, variables with a type."""
     found = imported(

@@ -100,6 +100,9 @@ CHARTS = {
         <final id="b"><donedata><content>21</content></donedata></final>
         <transition event="done.state.s" cond="_event.data == 21" target="pass"/>
         <transition event="done.state.s" target="fail"/></state>""",
+    "an end without the name of its state": """
+        <state id="s"><state id="a"><transition target="b"/></state><final id="b"/>
+        <transition event="done" target="pass"/></state>""",
     "an end that is heard in another region": """
         <parallel id="p">
         <state id="left"><state id="a"><transition target="b"/></state><final id="b"/></state>
