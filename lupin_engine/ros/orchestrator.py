@@ -349,6 +349,7 @@ class Orchestrator:
 
     def _publish_state(self) -> None:
         self._state.publish(self._state_fields(self._machine.view))
+        self._telling.possible(self._machine)  # time alone may have changed an answer
 
     def _state_fields(self, view: View) -> Fields:
         value, request = partial(self._value, now=self._clock.now()), self._machine.memory.request

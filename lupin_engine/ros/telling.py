@@ -121,7 +121,8 @@ class Telling:
     def possible(self, machine: Machine) -> None:
         """Tell what each request would do now, when that is other than before.
 
-        To be called when steps have been taken: a value that grows old is one, by its own deadline.
+        To be called when steps have been taken, and now and then, because the time of day may decide. Where
+        nothing can have changed it costs next to nothing.
         """
         if self._foresight is None or self._foresight[0] is not machine:
             self._foresight = machine, Foresight(machine)

@@ -59,7 +59,7 @@ def _conditions(chart: Chart) -> Iterator[Value]:
 
 
 class Foresight:
-    """What the requests would do in one machine, as JSON data; None while nothing can have changed."""
+    """What the requests would do in one machine, looked at again where something may have changed."""
 
     def __init__(self, machine: Machine) -> None:
         self._machine = machine
@@ -68,7 +68,7 @@ class Foresight:
         self._seen: tuple[tuple[str, ...], ...] = ()
 
     def news(self, now: float) -> list[dict[str, Any]] | None:
-        """Return for each request what it would do at time `now`; None: the same as the last time."""
+        """Return for each request what it would do at time `now`, as JSON data; None: as the last time."""
         machine = self._machine
         memory, reads = machine.memory, _reads(machine.chart)
         seen = (tuple(memory.asked), tuple(memory.broken))

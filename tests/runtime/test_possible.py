@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -228,21 +229,39 @@ states:
 MISSION = "mission: Nothing\ninitial: done\nstates: {done: {type: final}}\n"
 
 
+def small(folder: Path, guard: str) -> Chart:
+    """Return a chart that refuses to dock where a guard is true."""
+    (folder / "lifecycle.yaml").write_text(
+        LIFECYCLE.replace("not known(input.pose)", guard), encoding="utf-8"
+    )
+    (folder / "nothing.yaml").write_text(MISSION, encoding="utf-8")
+    return load_chart(folder / "lifecycle.yaml", [folder / "nothing.yaml"], shipped.catalog())
+
+
+def docking(foresight: Foresight, now: float) -> str | None:
+    """Return the code that a request to dock is refused with; None: no news."""
+    found = foresight.news(now)
+    return None if found is None else next(one["code"] for one in found if one["verb"] == "dock")
+
+
 def test_what_grows_old_is_news(tmp_path: Path) -> None:
     """Nobody says anything, and a request is refused from then on; its deadline is when to look."""
-    (tmp_path / "lifecycle.yaml").write_text(LIFECYCLE, encoding="utf-8")
-    (tmp_path / "nothing.yaml").write_text(MISSION, encoding="utf-8")
-    chart = load_chart(tmp_path / "lifecycle.yaml", [tmp_path / "nothing.yaml"], shipped.catalog())
-    machine = begun(chart).machine
-    foresight = Foresight(machine)
-
-    def dock(now: float) -> str | None:
-        found = foresight.news(now)
-        return None if found is None else next(one["code"] for one in found if one["verb"] == "dock")
-
+    machine = begun(small(tmp_path, "not known(input.pose)")).machine
+    dock = partial(docking, Foresight(machine))
     assert [dock(0.0), dock(1.9)] == ["", None]
     assert machine.next_deadline == 2.0
     assert machine.advance(2.0) is not None
     assert [dock(2.0), dock(9.0)] == ["lost", None]
     machine.handle(events.observed("robot.pose", POSE, 9.0), 9.0)
     assert [dock(9.0), dock(10.0)] == ["", None]
+
+
+def test_what_the_time_of_day_decides_is_news(tmp_path: Path) -> None:
+    """Without a step: whoever tells looks now and then."""
+    chart = small(tmp_path, "clock.time >= '06:30' or not known(input.pose)")
+    machine = make_machine(chart, {"time_zone": "UTC"})
+    machine.start(0.0, ahead=6.5 * 3600.0 - 1.0)
+    machine.handle(events.observed("robot.pose", POSE, 0.0), 0.0)
+    dock = partial(docking, Foresight(machine))
+    assert dock(0.5) == ""
+    assert dock(1.5) == "lost"
