@@ -235,14 +235,15 @@ class Memory:
 
     @property
     def ahead(self) -> list[Visit]:
-        """The visits that the request asks for and no itinerary that is begun has, each target once."""
+        """The visits that follow from the request, of itineraries not begun yet: those that no other has."""
         walks = self.itineraries.values()
         known = {visit.target for walk in walks if walk.begun for visit in walk.visits}
-        found: dict[str, Visit] = {}
-        for visit in (visit for walk in walks if not walk.begun for visit in walk.visits):
-            if visit.target not in known:
-                found.setdefault(visit.target, visit)
-        return list(found.values())
+        found: list[Visit] = []
+        for walk in walks:
+            if not walk.begun:
+                found += [visit for visit in walk.visits if visit.target not in known]
+                known.update(visit.target for visit in walk.visits)
+        return found
 
     @property
     def total(self) -> int:

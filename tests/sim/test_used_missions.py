@@ -335,6 +335,13 @@ def test_a_target_of_two_itineraries_is_told_once_where_none_is_begun(load: Load
     assert (told(whole), whole.view.total) == (["1", "12", "16", "5", "5"], 5)
 
 
+def test_a_target_that_is_named_twice_is_two_visits(load: Load) -> None:
+    """From the start: a list that may hold it twice is walked as it is."""
+    twice = EVENING.replace("['1', '5', '12']", "['1', '1']")
+    assert told(evening(load(twice), asked("abort", 0.2))) == ["1", "1", "16", "20"]
+    assert told(evening(load(twice))) == ["1", "1", "16", "20"]
+
+
 def test_what_is_told_of_the_world_is_shared(load: Load) -> None:
     """A level of the lifecycle leads the whole mission home, and back into the part."""
     battery = (Happening(Tell("robot.battery", 0.1), 4.0), Happening(Tell("robot.battery", 1.0), 60.0))
