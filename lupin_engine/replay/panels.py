@@ -130,9 +130,12 @@ def inputs(chart: Chart, simulation: Simulation) -> list[TonedLine]:
 
 
 def variables(simulation: Simulation) -> list[TonedLine]:
-    """Tell the variables of the chart, each with its value."""
-    context = simulation.machine.memory.context
-    rows = [labelled(name, shorten(value)) for name, value in context.items()]
+    """Tell the variables of the chart, each with its value, and the request of a mission that is used now."""
+    memory = simulation.machine.memory
+    rows = [labelled(name, shorten(value)) for name, value in memory.context.items()]
+    for state in (name for name in memory.given if name in memory.configuration):
+        fields = memory.given[state].items()
+        rows += [labelled(f"{state.rpartition('.')[2]}.{name}", shorten(value)) for name, value in fields]
     return rows or [[("this chart has no variable", "dim")]]
 
 

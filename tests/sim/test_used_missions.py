@@ -10,11 +10,14 @@ from pathlib import Path
 import pytest
 
 from lupin_engine.chart.model import Chart
+from lupin_engine.diagram.descriptions import ElementTexts
 from lupin_engine.machine.machine import Machine
 from lupin_engine.machine.reload import successor
 from lupin_engine.machine.snapshot import restore
 from lupin_engine.missions.folders import LIFECYCLE, default_missions_folder
 from lupin_engine.missions.load import load_chart
+from lupin_engine.replay import coverage
+from lupin_engine.replay.panels import variables
 from lupin_engine.replay.reconstruction import read_recording, scenario_text
 from lupin_engine.runtime.record import step_record
 from lupin_engine.runtime.setup import make_world
@@ -453,3 +456,28 @@ def evening_of(chart: Chart) -> Machine:
     running = Simulation(chart, Script("Evening"), {})
     running.run()
     return running.machine
+
+
+def test_what_it_is_given_is_shown_and_drawn(load: Load) -> None:
+    """In the simulation by hand, as long as it runs; in a picture, as it is written."""
+    chart = load(TWICE, counting=COUNTING)
+    running = Simulation(chart, Script("Evening"), {})
+    running.begin()
+    while "MISSION.Evening.SECOND" not in running.machine.memory.configuration:
+        running.go_on()
+    lines = ["".join(text for text, _ in line) for line in variables(running)]
+    assert [line.split() for line in lines if "." in line] == [
+        ["SECOND.most", "2"],
+        ["SECOND.names", "b,", "c"],
+    ]
+    states, words = chart.states, ElementTexts(chart)
+    drawn = [str(next(words.lines(states[f"MISSION.Evening.{name}"]))) for name in ("FIRST", "SECOND")]
+    assert drawn == ["mission Counting", "mission Counting: most least, names [b, c]"]
+
+
+def test_coverage_counts_every_use(load: Load) -> None:
+    """Under the mission that was started, as for parts."""
+    chart = load(TWICE, counting=COUNTING)
+    items = [item for item in coverage.items(chart) if item.text.startswith("SECOND.")]
+    assert {item.mission for item in items} == {"Evening"}
+    assert {"SECOND.LOOKING", "SECOND.LOOKED", "SECOND.done"} <= {item.text for item in items}
