@@ -277,6 +277,16 @@ class State:
         """The last part of the name, as the author wrote it."""
         return self.name.rpartition(".")[2]
 
+    @property
+    def on_entry(self) -> tuple[ActionCall, ...]:
+        """The actions of entering, with those of a mission that begins then."""
+        return self.entry if self.use is None else (*self.entry, *self.use.entry)
+
+    @property
+    def on_exit(self) -> tuple[ActionCall, ...]:
+        """The actions of leaving, with those of a mission that is left then."""
+        return self.exit if self.use is None else (*self.use.exit, *self.exit)
+
 
 @record(frozen=True)
 class Hold:

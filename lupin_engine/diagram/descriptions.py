@@ -59,8 +59,7 @@ class ElementTexts:
             yield TextLine(f"{state.ask.default} after {self.duration(state.ask.after)}", LineRole.NOTE)
         if state.invoke is not None:
             yield from self._invoke(state.invoke)
-        begins, leaves = (state.use.entry, state.use.exit) if state.use else ((), ())
-        yield from _doings(("entry", (*state.entry, *begins)), ("exit", (*leaves, *state.exit)))
+        yield from _doings(("entry", state.on_entry), ("exit", state.on_exit))
         if state.result:
             given = ", ".join(_write("set", name, value) for name, value in state.result.items())
             yield TextLine(f"result / {_cut(given)}", LineRole.ACTION)

@@ -98,14 +98,12 @@ class _ScxmlWriter:
             inside += self._ask(state.ask)
         wraps = state.parent is not None and self._chart.states[state.parent].slot
         begins = self._begin_mission(state) if wraps else self._begin_used(state)
-        entry, leave = () if wraps else state.entry, state.use.exit if state.use else ()
+        entry = () if wraps else state.entry
         inside += _element("onentry", {}, [*self._timers(state), *self._actions(entry)])
         sent = [self._timer(state, timer) for timer in _clocks(state)]
         sent += [f"{self._timer(state, timer)}.again" for timer in state.timers if timer.word == "every"]
         cancels = [f"<cancel{_attributes(sendid=each)}/>" for each in sent]
-        inside += _element(
-            "onexit", {}, [*cancels, *self._actions((*leave, *state.exit)), *self._keep(state)]
-        )
+        inside += _element("onexit", {}, [*cancels, *self._actions(state.on_exit), *self._keep(state)])
         if begins:
             first = _element("transition", {"target": _id(box.initial)}, begins)
             inside += _element("initial", {}, first)

@@ -479,3 +479,24 @@ def test_coverage_counts_every_use(load: Load) -> None:
     items = [item for item in coverage.items(chart) if item.text.startswith("SECOND.")]
     assert {item.mission for item in items} == {"Evening"}
     assert {"SECOND.LOOKING", "SECOND.LOOKED", "SECOND.done"} <= {item.text for item in items}
+
+
+RAISING = """\
+mission: Raising
+request:
+  most: {type: count, default: 3}
+entry:
+  - raise: {event: row.begun, with: {most: "${ request.most }"}}
+on:
+  row.begun: {internal: true, do: [report.note: {text: "begun with ${ event.most }"}]}
+states:
+  WAITING: {after: {1 s: done}}
+  done: {type: final}
+"""
+
+
+def test_what_its_file_raises_for_all_states_is_known(load: Load) -> None:
+    """Also where the mission cannot be started by itself, so that its file stands nowhere else."""
+    text = WALKED.replace("use: inspection", "use: raising").replace(GIVEN, "").replace(REQUEST, "")
+    run = evening(load(text, raising=RAISING))
+    assert sum(note == "begun with 3" for step in run.steps for note in step.notes) == 3

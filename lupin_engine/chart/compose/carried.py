@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from lupin_engine.chart.compose.declare import NAME
-from lupin_engine.chart.compose.tree import Draft
+from lupin_engine.chart.compose.tree import Draft, texts_of
 from lupin_engine.chart.documents import RaiseNode, written_in
 from lupin_engine.chart.expressions.evaluation import Value
 from lupin_engine.chart.expressions.scope import Scope
@@ -83,7 +83,6 @@ def end_of(state: str) -> str:
 
 def carries_something(draft: Draft) -> bool:
     """Tell whether a state's text raises an event with fields, or has a result."""
-    node = draft.node or draft.file
     if draft.node is not None and draft.node.result:
         return True
-    return any(found.with_ for found in written_in(node, RaiseNode))
+    return any(found.with_ for node in texts_of(draft) for found in written_in(node, RaiseNode))

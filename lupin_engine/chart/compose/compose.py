@@ -19,7 +19,7 @@ from lupin_engine.chart.compose.carried import Carried, carries_something, end_o
 from lupin_engine.chart.compose.declare import Declared, Declarer, level_events
 from lupin_engine.chart.compose.invoke import InvokeReader
 from lupin_engine.chart.compose.transitions import CompositionContext, TransitionReader, any_event, path_of
-from lupin_engine.chart.compose.tree import Draft, Forest, UsedNode, each_once
+from lupin_engine.chart.compose.tree import Draft, Forest, UsedNode, each_once, texts_of
 from lupin_engine.chart.compose.used import UsedMissionReader
 from lupin_engine.chart.documents import (
     ActionNode,
@@ -628,4 +628,5 @@ def _invoked(draft: Draft) -> Iterator[str]:
 
 def _actions(draft: Draft) -> Iterator[ActionNode]:
     """Yield every action that a state's text writes."""
-    return written_in(draft.node or draft.file, ActionNode)
+    for node in texts_of(draft):
+        yield from written_in(node, ActionNode)

@@ -407,6 +407,12 @@ def each_once(files: Iterable[_F]) -> list[_F]:
     return list({id(file): file for file in files}.values())
 
 
+def texts_of(draft: Draft) -> list[StateNode | FileNode]:
+    """Return what is written of a state, in the file of a mission that it uses as well."""
+    own: StateNode | FileNode = draft.node or draft.file
+    return [own, draft.part] if isinstance(draft.part, MissionNode) else [own]
+
+
 def _apart(one: Draft, other: Draft) -> bool:
     """Tell whether two states stand in different files, one of them in a part: neither can know the other."""
     files = (one.file, other.file)

@@ -57,7 +57,8 @@ def _told(expression: Expression, state: State, name: str, lacking: Transition) 
 
 def _expressions(state: State) -> Iterator[tuple[Expression, Transition | None]]:
     """Yield what reads fields of an event in a state, with the transition that it belongs to."""
-    for part in (*state.entry, *((state.invoke,) if state.invoke else ())):
+    given = state.use.request.values() if state.use else ()
+    for part in (*state.on_entry, *given, *((state.invoke,) if state.invoke else ())):
         yield from ((found, None) for found in _reading(part))
     for transition in state.transitions:
         yield from ((found, transition) for found in _reading(transition))
@@ -140,7 +141,8 @@ def _remembered(index: Index, history: State) -> Iterator[str]:
         if state.kind is Kind.HISTORY or parent not in lineage:
             continue
         above = history.depth is None or depth < history.depth
-        if depth and (depth == history.depth or (above and not state.children)):
+        used = state.parent is not None and index.chart.states[state.parent].use is not None
+        if depth and (depth == history.depth or (above and not state.children) or used):
             yield name
         if history.depth is None or depth <= history.depth:
             yield from (t.target for t in state.resume_at if t.target is not None)

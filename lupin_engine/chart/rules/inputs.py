@@ -37,7 +37,8 @@ def _asked(index: Index) -> Iterator[tuple[int, frozenset[str]]]:
     """Yield the expressions in actions, by their ids, with what guards before have asked for."""
     for state in index.states:
         each = state.for_each
-        yield from _given((*state.entry, *state.exit, *((*each.on_done, *each.on_error) if each else ())))
+        ends = (*each.on_done, *each.on_error) if each else ()
+        yield from _given((*state.on_entry, *state.on_exit, *ends))
         for transition in state.transitions:
             guard = transition.guard.source if transition.guard is not None else "true"
             yield from _given(transition.actions, unknowns_asked(guard, True))

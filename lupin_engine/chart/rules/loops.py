@@ -203,10 +203,11 @@ class _Loops:
             entered = [name for name in self._index.lineage[transition.target] if self._below(name, domain)]
             states = self._index.chart.states
             for name in {*entered, *self._index.entered(transition.target)}:
-                calls += states[name].entry
+                calls += states[name].on_entry
+                found.update(use.variables if (use := states[name].use) is not None else ())
                 found |= {"itinerary", "target"} if states[name].itinerary is not None else set()
             for name in left:
-                calls += states[name].exit
+                calls += states[name].on_exit
         return found.union(*map(_written, every_call(calls)))
 
     def _below(self, name: str, ancestor: str) -> bool:

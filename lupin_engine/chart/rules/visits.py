@@ -57,7 +57,8 @@ def _never_closed(index: Index, walker: State) -> Iterator[Diagnostic]:
 def _calls(state: State) -> Iterator[_VisitCall]:
     """Yield what a state's actions do to the itinerary."""
     lists = [(f"{transition.id}.do", transition.actions) for transition in state.transitions]
-    for path, actions in [(f"{state.name}.entry", state.entry), (f"{state.name}.exit", state.exit), *lists]:
+    own = [(f"{state.name}.entry", state.on_entry), (f"{state.name}.exit", state.on_exit)]
+    for path, actions in [*own, *lists]:
         calls = every_call(actions)
         yield from (_VisitCall(call, path) for call in calls if call.name.startswith("itinerary."))
 
@@ -100,7 +101,7 @@ class _VisitAnalysis:
         self._index = index
         self._walker = walker
         self._inside = {state.name: state for state in inside}
-        leaving = {state.name: list(_walking(f"{state.name}.exit", state.exit)) for state in inside}
+        leaving = {state.name: list(_walking(f"{state.name}.exit", state.on_exit)) for state in inside}
         self._leaving = {name: calls for name, calls in leaving.items() if calls}
         leaves = [state for state in inside if state.kind is not Kind.HISTORY and not index.begun(state)]
         self._at: dict[str, Visit] = {leaf.name: frozenset() for leaf in leaves}
@@ -198,7 +199,7 @@ class _VisitAnalysis:
         domain = self._index.semantics.domain(transition, target.name)
         begun = [self._inside[name] for name in self._index.entered(target.name) if name in self._inside]
         for state in {s.name: s for s in (*self._path(target.name, domain)[::-1], *begun)}.values():
-            calls += _walking(f"{state.name}.entry", state.entry)
+            calls += _walking(f"{state.name}.entry", state.on_entry)
         leaves = tuple(state.name for state in begun if state.name in self._at)
         return _VisitStep(transition, tuple(when), tuple(calls), leaves, vague)
 

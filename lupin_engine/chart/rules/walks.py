@@ -73,7 +73,7 @@ def _ends(index: Index, walker: State, transition: Transition) -> bool:
 
 def _told_elsewhere(index: Index, walker: State) -> bool:
     """Tell whether the mission closes what is open when the walk is left, or after it."""
-    if any(call.name == "itinerary.close_rest" for call in every_call(walker.exit)):
+    if any(call.name == "itinerary.close_rest" for call in every_call(walker.on_exit)):
         return True
     walkers = {each.name for each in _walkers(index)}
     around = (
