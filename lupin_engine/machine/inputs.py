@@ -166,6 +166,9 @@ class WallClock:
         if "ahead" not in event.data:
             return
         memory, calendar = self._scope.memory, self._scope.world.calendar
+        if not 0.0 <= step.now + event.data["ahead"] <= LAST_MOMENT:
+            step.note(f"dropped: a clock that says {step.now + event.data['ahead']:g} s since 1970")
+            return
         before, memory.wall = memory.wall, float(event.data["ahead"])
         told = f"the clock says {calendar.told(step.now + memory.wall)}" if calendar is not None else ""
         passed = []
@@ -248,10 +251,12 @@ def _long(seconds: float) -> str:
 
 
 _UNITS: Mapping[str, float] = {"days": 86400.0, "h": 3600.0, "min": 60.0}
+#: The last moment that calendars are asked for: there are none of the years 10000 and later.
+LAST_MOMENT = 2e11
 #: So many dates a state remembers: no clock is set back by more than a year.
 MOST_DATES = 366
 #: What is kept of a time that came during a hold.
-WAITS = "timer.at"
+WAITS = "at.waits"
 #: What a value of a kind is made of.
 _MADE_OF: Mapping[str, type | tuple[type, ...]] = {
     "bool": bool,

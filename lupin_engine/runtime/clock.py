@@ -11,6 +11,8 @@ from lupin_engine.plugin.types import zone_called
 
 UTC = "UTC"
 _WRITTEN = "2026-11-22 22:00"
+#: Years that every clock and every table of zones has.
+_FIRST_YEAR, _LAST_YEAR = 1971, 2999
 
 
 class Clock(Protocol):
@@ -92,7 +94,7 @@ class ZoneCalendar:
             found = datetime.fromisoformat(text) if len(text) >= len(_WRITTEN) else None
         except ValueError:
             found = None
-        if found is None:
+        if found is None or not _FIRST_YEAR <= found.year <= _LAST_YEAR:
             problem = f"expected a date with a time of day, got {text!r}"
             raise ValueError(f"{problem}; write one such as {_WRITTEN!r}")
         return found.timestamp() if found.tzinfo is not None else self._reached(found.date(), found.time())

@@ -253,3 +253,12 @@ def test_a_clock_that_is_none_is_dropped(ahead: Any) -> None:
     step = bench.send("clock", ahead=ahead)
     assert step.notes == (f"dropped: clock has a wrong ahead: {ahead!r}",)
     assert bench.clock == "2026-11-22 22:00:00 UTC"
+
+
+def test_a_clock_that_no_calendar_has_is_dropped() -> None:
+    """Before 1970, or after the last year."""
+    bench = waiting()
+    for ahead in (-10.0, 1e11 * 3):
+        step = bench.send("clock", ahead=ahead)
+        assert step.notes[0].startswith("dropped: ")
+    assert bench.clock == "2026-11-22 22:00:00 UTC"

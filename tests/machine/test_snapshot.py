@@ -41,7 +41,7 @@ RICH = chart(
                             "states": {"VISIT": VISIT},
                             "on": {"rest": "REST"},
                         },
-                        "REST": {"on": {"back": "R.H"}, "after": {2.0: "R.H"}},
+                        "REST": {"on": {"back": "R.H"}, "after": {2.0: "R.H"}, "at": {"06:30": "R.H"}},
                         "H": {"kind": "history", "depth": None},
                     }
                 },

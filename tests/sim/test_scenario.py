@@ -655,11 +655,11 @@ def test_every_question_that_is_open_is_expected(tmp_path: Path, asked: str, tol
 
 def test_a_clock_has_a_date_and_a_zone_a_name(tmp_path: Path) -> None:
     """At the start and when it is set; what is none is told at its place."""
-    text = HEAD + "clock: 22:00\nwhen:\n  - {at: 1 s, clock: tomorrow}\nexpect: {}\n"
-    hint = "write one such as '2026-11-22 22:00'"
-    assert problems(tmp_path, text) == [
-        f"4:8: error: clock: expected a date with a time of day, got '22:00'; {hint} [wrong-type]",
-        f"6:22: error: clock: expected a date with a time of day, got 'tomorrow'; {hint} [wrong-type]",
+    when = "when:\n  - {at: 1 s, clock: tomorrow}\n  - {at: 2 s, clock: 0001-01-01 00:00}\n"
+    assert problems(tmp_path, f"{HEAD}clock: 22:00\n{when}expect: {{}}\n") == [
+        f"{place}: error: clock: expected a date with a time of day, got {got!r}; "
+        "write one such as '2026-11-22 22:00' [wrong-type]"
+        for place, got in (("4:8", "22:00"), ("6:22", "tomorrow"), ("7:22", "0001-01-01 00:00"))
     ]
     (tmp_path / "w.yaml").write_text(WAKE, encoding="utf-8")
     (tmp_path / "lifecycle.yaml").symlink_to(default_missions_folder() / LIFECYCLE)

@@ -28,6 +28,7 @@ NAMES = st.sampled_from(
         *(f"operator.{verb}" for verb in (*PROFILE.requests, "", "nonsense")),
         *("mission.start", "value", "start", "close", "rest", "flip", "out", "back", "", "done", "error"),
         *("error.execution", "after.0", "budget", "timer.after", "input.seen", "input.charge.low"),
+        *("clock", "timer.at", "at.0", "at.waits", "every.0"),
     ]
 )
 PLAIN = st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=9) | st.just("x" * 100_000)
@@ -45,6 +46,9 @@ FIELDS = {
     "name": st.sampled_from(["seen", "charge", "robot.estop", "robot.battery"]) | SHAPES,
     "value": st.lists(st.sampled_from("abc"), max_size=3) | SHAPES,
     "stamp": st.floats(0, 100) | SHAPES,
+    "ahead": st.sampled_from([0.0, -1.0, 23_390.0, 1e9, -1e11, 1e11]) | st.floats() | SHAPES,
+    "owner": st.sampled_from(["P.R.REST", "READY"]) | SHAPES,
+    "event": st.just("at.0") | SHAPES,
     "mission_type": st.sampled_from(["M", "InspectionMission"]) | SHAPES,
     "mission_id": SHAPES,
     "tag_sequence": st.just(["1"]) | SHAPES,
@@ -57,7 +61,7 @@ HAPPENINGS = st.lists(EVENTS | st.sampled_from([0.5, 2.0, 10.0]), max_size=25)
 @given(HAPPENINGS)
 def test_nothing_from_outside_breaks_a_machine(happenings: list[Event | float]) -> None:
     """A chart with all there is: every step ends in a legal configuration."""
-    bench = Bench(RICH)
+    bench = Bench(RICH, clock="2026-11-22 06:29")
     for happening in happenings:
         if isinstance(happening, float):
             bench.wait(happening)
@@ -105,6 +109,9 @@ MALFORMED: list[tuple[str, Any, str]] = [
     ("value", {"name": "x", "value": 1, "stamp": True}, "value has a wrong stamp: True"),
     ("value", {"name": "x", "value": 1, "stamp": math.nan}, "value has a wrong stamp: nan"),
     ("value", {"name": "x", "value": 1, "stamp": math.inf}, "value has a wrong stamp: inf"),
+    ("clock", {}, "clock has no ahead"),
+    ("clock", {"ahead": "late"}, "clock has a wrong ahead: 'late'"),
+    ("clock", {"ahead": math.inf}, "clock has a wrong ahead: inf"),
     ("value", {"name": "x", "value": 1, "stamp": 10**13}, "value has a wrong stamp: 10000000000000"),
 ]
 
