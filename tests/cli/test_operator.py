@@ -8,8 +8,10 @@ import pytest
 
 from lupin_engine.cli.operator.look import lines, look
 from lupin_engine.cli.operator.start import _offer, _read, _together
+from lupin_engine.cli.verbs.up import served
 from lupin_engine.errors import UsageError
 from lupin_engine.machine.event import Event
+from lupin_engine.missions.selection import load_missions
 from lupin_engine.runtime.possible import Foresight
 from lupin_engine.runtime.record import step_record, view_record
 from lupin_engine.runtime.setup import make_machine
@@ -62,6 +64,22 @@ def test_a_field_is_given_once() -> None:
     """By its option or by --request."""
     with pytest.raises(UsageError, match=r"^tags: given by an option of its own and by --request"):
         _together({"tags": ["1"]}, {"tags": ["2"]})
+
+
+def test_up_tells_the_verbs() -> None:
+    """With the domain, where another shell would look in another one."""
+    loaded = load_missions(["inspection"], shipped.catalog())
+    assert served(loaded, 0) == [
+        "ready in ROS domain 0; start a mission from the HMI, or with",
+        "  lupin start inspection",
+        "and operate it with lupin state, answer, abort, dock, pause, reset, resume, skip",
+        "Ctrl-C stops everything",
+    ]
+    assert served(loaded, 7)[1:3] == [
+        "  lupin start inspection --domain 7",
+        "and operate it with lupin state, answer, abort, dock, pause, reset, resume, skip; "
+        "all of them with --domain 7",
+    ]
 
 
 # -- what is shown ----------------------------------------------------------------------------------------

@@ -76,12 +76,13 @@ def _watch(orchestrator: Attendant, as_json: bool) -> None:
     with Live(console=console, auto_refresh=False) if in_place else contextlib.nullcontext() as live:
         while True:
             found = _look(orchestrator) if orchestrator.is_there() else None
-            if live is not None:
-                live.update(Text(_text(found) if found else str(nobody())), refresh=True)
-            elif (news := _lasting(found)) != shown:
-                shown = news
-                text = _text(found) if found else str(nobody())
+            text = _text(found) if found else str(nobody())
+            news = _lasting(found) if live is None else text
+            if news != shown and live is not None:
+                live.update(Text(text), refresh=True)
+            elif news != shown:
                 click.echo(json.dumps(found or {"lifecycle": ""}) if as_json else f"{text}\n")
+            shown = news
             orchestrator.spin(WATCH_PERIOD_S)
 
 

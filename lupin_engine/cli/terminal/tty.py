@@ -28,6 +28,8 @@ def quiet_terminal(keys: bool = False) -> Iterator[None]:
         yield
     finally:
         with contextlib.suppress(termios.error):  # it may have been closed meanwhile
+            if keys:  # what was pressed too late is no command of the shell
+                termios.tcflush(descriptor, termios.TCIFLUSH)
             termios.tcsetattr(descriptor, termios.TCSANOW, before)
 
 
