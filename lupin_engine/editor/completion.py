@@ -247,8 +247,9 @@ class _Completion:
         if spot.holder is PartNode:
             yield Offer(self._path.stem, ItemKind.File, "the name of the file")
             return
+        missions = {file for file in self._folder.missions() if file != self._path}
         for file in self._folder.files():
-            if file.parent.name == PARTS or (file in self._folder.missions() and file != self._path):
+            if file.parent.name == PARTS or file in missions:
                 summary = self._folder.scan(file).value("summary") or ""
                 yield Offer(file.stem, ItemKind.File, summary, summary)
 

@@ -107,8 +107,8 @@ class Folder:
 
     def used(self, name: str) -> Path:
         """Return the file of a part, or of a mission that is used as one."""
-        mission = self.path / f"{name}.yaml"
-        return mission if mission in self.missions() else self.path / PARTS / f"{name}.yaml"
+        part = self.path / PARTS / f"{name}.yaml"
+        return part if part in self._open or part.is_file() else self.path / f"{name}.yaml"
 
     def files(self) -> list[Path]:
         """Return all files: lifecycle, missions, parts, bindings."""
