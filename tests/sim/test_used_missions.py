@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import random
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -500,3 +501,29 @@ def test_what_its_file_raises_for_all_states_is_known(load: Load) -> None:
     text = WALKED.replace("use: inspection", "use: raising").replace(GIVEN, "").replace(REQUEST, "")
     run = evening(load(text, raising=RAISING))
     assert sum(note == "begun with 3" for step in run.steps for note in step.notes) == 3
+
+
+def happenings(chance: random.Random) -> list[Happening]:
+    """Let some of what can happen happen in the first minute; then somebody brings it to an end."""
+    kinds: list[Ask | Tell | Restart] = [
+        *(Ask(f"operator.{name}") for name in ("abort", "dock", "pause", "resume", "resume", "skip_current")),
+        *(Tell("robot.estop", stopped) for stopped in (True, False)),
+        *(Tell("robot.battery", charge) for charge in (0.1, 1.0)),
+        Restart(),
+    ]
+    found = [Happening(chance.choice(kinds), chance.uniform(0.0, 60.0)) for _ in range(chance.randint(1, 6))]
+    for at in (200.0, 220.0, 300.0, 320.0):
+        mended = (Tell("robot.estop", False), Tell("robot.battery", 1.0), Ask("operator.resume"))
+        found += [Happening(what, at + number) for number, what in enumerate(mended)]
+    return found
+
+
+def test_whatever_happens_every_target_is_told_once(load: Load) -> None:
+    """Of both itineraries: drawn from seeds, so that what fails can be looked at."""
+    chart = load()
+    for seed in range(60):
+        run = evening(chart, *happenings(random.Random(seed)))
+        counted = (run.view.total, sum(run.view.counts.values()))
+        assert (run.view.lifecycle, told(run), counted, run.history.errors) == ("DONE", EVERY, (5, 5), []), (
+            seed
+        )
