@@ -48,11 +48,12 @@ def free_port() -> int:
 
 
 @pytest.fixture
-def gateway(world: World) -> Callable[..., str]:
+def gateway(world: World, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., str]:
     """Start a gateway with parameters; return the address of the protocol once it answers.
 
-    Pages may use every name, unless the test says which.
+    Pages may use every name, unless the test says which. No stop of another test's gateway is found.
     """
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
 
     def start(**parameters: Any) -> str:
         port = free_port()

@@ -102,6 +102,8 @@ def test_throttle_and_queue(
     newest, queued = page(url, ros, version=version), page(url, ros, version=version)
     newest.subscribe("/numbers", "std_msgs/Int32", throttle_rate=300)
     queued.subscribe("/numbers", "std_msgs/Int32", throttle_rate=50, queue_length=10)
+    for each in (newest, queued):  # frames keep their order: after the answer it is subscribed
+        each.call("/rosapi/get_time", "", {})
     newest.until(lambda: numbers.get_subscription_count() == 1, "the gateway")
     begin = time.monotonic()
     for number in range(6):

@@ -141,6 +141,7 @@ def test_topics(
     for name, _, message, _ in LISTENS:
         one.subscribe(name, short(type(message)))
     one.subscribe("/rosout", "rcl_interfaces/Log")
+    one.call("/rosapi/get_time", "rosapi/GetTime", {})
     one.until(lambda: all(each.get_subscription_count() for each in publishers.values()), "subscriptions")
     for name, _, message, _ in LISTENS:
         publishers[name].publish(message)
