@@ -293,7 +293,12 @@ class Doors:
         self.check_origin(headers)
         if self._tokens is None:
             return Visitor("page", UserRole.ENGINEER)
-        return admitted(token_of(headers), self._tokens(), wall)
+        try:
+            tokens = self._tokens()
+        except LupinError:
+            text = "nobody can come in now: the gateway cannot use its file of tokens, and its log says why"
+            raise NotAdmitted(503, text) from None
+        return admitted(token_of(headers), tokens, wall)
 
     def check_origin(self, headers: Mapping[str, str]) -> None:
         """Refuse a request that a foreign page sends, which is one of another host, on whatever port.

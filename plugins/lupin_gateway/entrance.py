@@ -12,7 +12,7 @@ from starlette.requests import Request
 from starlette.responses import HTMLResponse, PlainTextResponse, RedirectResponse, Response
 from starlette.types import ASGIApp, Receive, Scope, Send
 
-from lupin_gateway.doors import TOKEN_COOKIE, Doors, NotAdmitted, Visitor, cookie_of
+from lupin_gateway.doors import TOKEN_COOKIE, Doors, NotAdmitted, cookie_of
 
 LOGIN = "/login"
 #: The cookie by which a page that is loaded anew is known; it opens nothing.
@@ -37,7 +37,7 @@ _SHIELDS = {
 
 
 class Entrance:
-    """Lets requests through to an application that may come in; connections ask `admit` themselves."""
+    """Lets requests through to an application that may come in; connections are asked when they are made."""
 
     def __init__(self, application: ASGIApp, doors: Doors) -> None:
         self._application = application
@@ -91,20 +91,6 @@ def browser_of(headers: Headers, secure: bool) -> tuple[str, list[tuple[bytes, b
         return known, []
     fresh = secrets.token_urlsafe(16)
     return fresh, [(b"set-cookie", _cookie(BROWSER_COOKIE, fresh, BROWSER_KNOWN_S, secure).encode())]
-
-
-def refusal_of(refused: NotAdmitted) -> Response:
-    """Return the answer to a connection that may not come in."""
-    return PlainTextResponse(f"{refused}\n", refused.status)
-
-
-def admit(doors: Doors, headers: Headers) -> Visitor:
-    """Return who connects.
-
-    Raises:
-        NotAdmitted: that one may not.
-    """
-    return doors.admit(headers, time.time())
 
 
 def _cookie(name: str, value: str, seconds: float, secure: bool) -> str:

@@ -13,7 +13,7 @@ from pathlib import Path
 import uvicorn
 from starlette.applications import Starlette
 from starlette.requests import Request
-from starlette.responses import JSONResponse
+from starlette.responses import JSONResponse, PlainTextResponse
 from starlette.routing import BaseRoute, Mount, Route, WebSocketRoute
 from starlette.staticfiles import StaticFiles
 from starlette.types import ASGIApp
@@ -22,7 +22,7 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 from lupin_engine.errors import UsageError
 from lupin_gateway.doors import NotAdmitted
 from lupin_gateway.encoding import FrameData
-from lupin_gateway.entrance import Entrance, admit, browser_of, refusal_of
+from lupin_gateway.entrance import Entrance, browser_of
 from lupin_gateway.guard import HouseRules
 from lupin_gateway.hub import Hub, Outbox
 from lupin_gateway.session import Limits, Session
@@ -111,9 +111,9 @@ class Gateway:
 
     async def _connect(self, socket_: WebSocket) -> None:
         try:
-            visitor = admit(self.rules.doors, socket_.headers)
+            visitor = self.rules.doors.admit(socket_.headers, self.rules.clocks.wall())
         except NotAdmitted as refused:
-            await socket_.send_denial_response(refusal_of(refused))
+            await socket_.send_denial_response(PlainTextResponse(f"{refused}\n", refused.status))
             return
         browser, known = browser_of(socket_.headers, secure=bool(self.tls))
         await socket_.accept(headers=known)

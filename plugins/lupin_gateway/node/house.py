@@ -23,7 +23,15 @@ from lupin_engine.ros import names
 from lupin_engine.ros.adapter.node import Qos, RosNode
 from lupin_engine.ros.folder import MissionsFolder
 from lupin_gateway.audit import AuditLog
-from lupin_gateway.doors import STOP_TOPIC, AllowList, Doors, declared_access, open_problems, read_tokens
+from lupin_gateway.doors import (
+    STOP_TOPIC,
+    AllowList,
+    Doors,
+    IssuedToken,
+    declared_access,
+    open_problems,
+    read_tokens,
+)
 from lupin_gateway.guard import OWN_ACCESS, STOPS_TOPIC, Hands, HouseRules, TwoClocks
 from lupin_gateway.sides import CallFailed, RosSide
 from lupin_gateway.stop import KeptStops, OnLinkLost, StopArbiter
@@ -116,7 +124,7 @@ def house_rules(ros: RosNode, side: RosSide, values: Mapping[str, Any]) -> House
     """Return the rules, with the stops that an earlier gateway of this domain has left."""
     catalog, folder = load_catalog(), state_folder()
     tokens = Path(values["tokens"]) if values["tokens"] else None
-    doors = Doors(partial(read_tokens, tokens) if tokens else None, values["origins"])
+    doors = Doors(partial(_tokens, ros, tokens) if tokens else None, values["origins"])
     stops = StopArbiter(OnLinkLost(values["on_link_lost"]), values["viewers_stop"])
     stops_file, disk = folder / "stops.json", ThreadPoolExecutor(1, "stops")
     stops.restore(_read_stops(ros, stops_file), time.monotonic())
@@ -154,6 +162,14 @@ def _own(ros: RosNode, catalog: Catalog, values: Mapping[str, Any]) -> Iterator[
         return
     called = (call.endpoint.name for one in bindings.bindings.values() for call in one.calls.values())
     yield Access(viewer=tuple(bindings.heard), engineer=tuple(called))
+
+
+def _tokens(ros: RosNode, file: Path) -> tuple[IssuedToken, ...]:
+    try:
+        return read_tokens(file)
+    except LupinError as problem:
+        ros.log.error(str(problem))
+        raise
 
 
 def _pausing(side: RosSide, catalog: Catalog) -> Callable[[Callable[[Any], None]], None]:

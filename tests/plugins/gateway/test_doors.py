@@ -143,6 +143,18 @@ def test_a_file_without_tokens(tmp_path: Path) -> None:
         read_tokens(tmp_path / "latin")
 
 
+def test_tokens_that_cannot_be_read_any_more(file: Path) -> None:
+    """Nobody comes in, which is told; when the file is mended, everybody does."""
+    doors = Doors(lambda: read_tokens(file))
+    file.chmod(0o644)
+    with pytest.raises(NotAdmitted) as refused:
+        doors.admit(bearer(ANNAS), 0.0)
+    text = "nobody can come in now: the gateway cannot use its file of tokens, and its log says why"
+    assert (refused.value.status, str(refused.value)) == (503, text)
+    file.chmod(0o600)
+    assert doors.admit(bearer(ANNAS), 0.0).name == "anna"
+
+
 # -- origins ----------------------------------------------------------------------------------------------
 
 
