@@ -27,6 +27,9 @@ REMEMBERED_S, MAX_REMEMBERED = 60.0, 1000
 #: Seconds after which a request is not carried out: whoever sent it has given up.
 STALE_AFTER_S = 5.0
 
+#: What JSON can write and UTF-8 cannot: halves of characters beyond the first 65536.
+_LONE_SURROGATE = frozenset(map(chr, range(0xD800, 0xE000)))
+
 #: Codes of commands that never reach the machine, beside `bad_request`.
 UNKNOWN_VERB, ID_IN_USE, STALE = "unknown_verb", "command_id_in_use", "stale"
 
@@ -60,6 +63,10 @@ class CommandAnswer:
     repeated: bool = False
 
 
+#: What came of a command in which something raised an exception: it may have been carried out.
+_BROKEN_OFF = CommandAnswer(False, "broken_off", "it was begun and broken off: look at the state")
+
+
 class CommandMemory:
     """The commands of the last minute, by id, each with its answer."""
 
@@ -76,15 +83,22 @@ class CommandMemory:
         """
         known = self._recall(asked, now)
         if known is None:
-            answer = carry_out(asked)
-            if asked.command_id and len(asked.command_id) <= MAX_WORD:
-                self._known[asked.command_id] = now, _what(asked), answer
-            return answer
+            return self._first(asked, now, carry_out)
         _, what, answer = known
         if what == _what(asked):
             return replace(answer, repeated=True)
         name = shortened(asked.command_id)
         return CommandAnswer(False, ID_IN_USE, f"refused: the command id {name!r} was another command's")
+
+    def _first(
+        self, asked: CommandRequest, now: float, carry_out: Callable[[CommandRequest], CommandAnswer]
+    ) -> CommandAnswer:
+        if not asked.command_id or len(asked.command_id) > MAX_WORD:
+            return carry_out(asked)
+        self._known[asked.command_id] = now, _what(asked), _BROKEN_OFF  # until there is an answer
+        answer = carry_out(asked)
+        self._known[asked.command_id] = now, _what(asked), answer
+        return answer
 
     def limit(self, asked: CommandRequest, chart: Chart, now: float) -> float | None:
         """Return how old a command may be, in seconds; None where it is answered however late it comes."""
@@ -169,6 +183,8 @@ def _fields(text: str) -> dict[str, Any]:
         raise ValueError(f"its request is no JSON: {problem}") from None
     if not isinstance(found, dict):
         raise ValueError("its request must be a JSON object, such as {}")
+    if not _LONE_SURROGATE.isdisjoint(json.dumps(found, ensure_ascii=False)):
+        raise ValueError("its request has half of a character, which no message can carry")
     return found
 
 

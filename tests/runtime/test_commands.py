@@ -88,6 +88,11 @@ def test_a_command_is_an_event(command: tuple[Any, ...], event: Event) -> None:
             "start refused: its request is no JSON: NaN is no number of JSON",
         ),
         (
+            ("start", "InspectionMission", '{"tag_sequence": ["\\ud800"]}'),
+            "bad_request",
+            "start refused: its request has half of a character, which no message can carry",
+        ),
+        (
             ("start", "InspectionMission", [1]),
             "bad_request",
             "start refused: its request must be a JSON object, such as {}",
@@ -188,6 +193,22 @@ def test_without_an_id_every_command_is_carried_out() -> None:
     for command_id in ("", "", "x" * 201, "x" * 201):
         assert not desk.ask(0.0, command_id).repeated
     assert len(desk.done) == 4
+
+
+def test_a_command_that_was_broken_off_is_not_begun_again() -> None:
+    """What raised an exception may have been carried out all the same."""
+    memory, begun = CommandMemory(), []
+
+    def carry_out(asked: CommandRequest) -> CommandAnswer:
+        begun.append(asked)
+        raise RuntimeError("boom")
+
+    asked = CommandRequest("dock", command_id="a")
+    with pytest.raises(RuntimeError):
+        memory.once(asked, 0.0, carry_out)
+    again = memory.once(asked, 1.0, carry_out)
+    assert (again.accepted, again.code, again.repeated) == (False, "broken_off", True)
+    assert begun == [asked]
 
 
 def test_an_id_belongs_to_one_command() -> None:
