@@ -30,7 +30,7 @@ class RecordingFile:
         except OSError as problem:
             raise UsageError(f"no recording can be written to {str(path)!r}: {problem.strerror}") from None
         self._schemas: dict[str, int] = {}
-        self._whole = 0  # bytes up to the end of the last chunk
+        self._whole = self._kept = 0  # bytes and messages up to the last flush
         self._writer: Any = Writer(self._file, compression=CompressionType.ZSTD)
         try:
             self._writer.start(profile="ros2", library=f"lupin {__version__}")
@@ -68,7 +68,7 @@ class RecordingFile:
             OSError: the disk is full.
         """
         self._writer.flush()
-        self._whole = self._file.tell()
+        self._whole, self._kept = self._file.tell(), self.messages
 
     def finish(self) -> None:
         """Write the index and close the file, safely on disk.
@@ -76,6 +76,7 @@ class RecordingFile:
         Raises:
             OSError: the disk is full; `cut` is what remains to be done.
         """
+        self.flush()
         self._writer.finish()
         self._file.flush()
         self._whole = self._file.tell()
@@ -83,7 +84,8 @@ class RecordingFile:
         self._file.close()
 
     def cut(self) -> None:
-        """Close the file at the end of what was written as a whole."""
+        """Close the file at the last flush, and forget the messages since then."""
+        self.messages = self._kept
         descriptor = os.dup(self._file.fileno())
         with contextlib.suppress(OSError):  # what is left in the buffer has no room either
             self._file.close()
