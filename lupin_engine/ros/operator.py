@@ -16,7 +16,7 @@ from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property, partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
@@ -35,7 +35,9 @@ from lupin_engine.ros.names import (
     POSSIBLE_TOPIC,
     STEPS_TOPIC,
 )
-from lupin_engine.runtime.record import OpenQuestion, open_questions
+
+if TYPE_CHECKING:
+    from lupin_engine.runtime.record import OpenQuestion
 
 _START = "start"
 #: How long more of the last steps are waited for, in seconds, and how many are kept.
@@ -207,6 +209,8 @@ class Attendant(Commander):
 
     def asked(self) -> list[OpenQuestion]:
         """Return what is asked now; there must be a step."""
+        from lupin_engine.runtime.record import open_questions  # a seventh of the time that a pause takes
+
         return open_questions(self.steps[-1]["view"], self.now)
 
 
