@@ -6,6 +6,7 @@ Pure: nothing of ROS is imported, and time is an argument.
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
@@ -176,7 +177,7 @@ def _too_long(asked: CommandRequest) -> str:
 def _fields(text: str) -> dict[str, Any]:
     """Read the JSON object of a command; an empty text is an empty one."""
     try:
-        found = json.loads(text or "{}", parse_constant=_no_number)
+        found = json.loads(text or "{}", parse_constant=_no_number, parse_float=_finite)
     except RecursionError:
         raise ValueError("its request is no JSON: it is nested too deep") from None
     except ValueError as problem:
@@ -186,6 +187,11 @@ def _fields(text: str) -> dict[str, Any]:
     if not _LONE_SURROGATE.isdisjoint(json.dumps(found, ensure_ascii=False)):
         raise ValueError("its request has half of a character, which no message can carry")
     return found
+
+
+def _finite(text: str) -> float:
+    number = float(text)
+    return number if math.isfinite(number) else _no_number(shortened(text))
 
 
 def _no_number(text: str) -> Any:

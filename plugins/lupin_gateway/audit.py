@@ -1,18 +1,21 @@
 """The audit log: one JSON line for each command, written by a thread of its own.
 
-Whoever writes a line waits for nothing: lines that the disk does not take in time are counted, and the count
-is written as soon as it takes them again.
+Whoever writes a line waits for nothing: lines that the disk does not take, or not in time, are counted, and
+the count is written as soon as it takes them again.
 """
 
 from __future__ import annotations
 
+import contextlib
 import json
 import logging
 import os
 import queue
-from collections.abc import Mapping
+import sys
+import threading
+from collections.abc import Callable, Mapping
 from datetime import datetime, timezone
-from logging.handlers import QueueListener, RotatingFileHandler
+from logging.handlers import RotatingFileHandler
 from pathlib import Path
 from typing import Any
 
@@ -20,10 +23,12 @@ import orjson
 
 #: Size of a file in bytes, and how many older ones are kept.
 FILE_BYTES, OLDER_FILES = 10_000_000, 5
-#: How many lines may wait for the disk.
-WAITING = 10_000
+#: How many lines may wait for the disk, and how many seconds those that are left have at the end.
+WAITING, CLOSE_S = 10_000, 2.0
 #: How many letters of arguments and answers a line has at most.
 LONGEST = 2_000
+#: What stands for what is nested too deep to be written.
+TOO_DEEP = "nested too deep to be shown"
 #: The same message sooner than this after the last one is that one repeated, in seconds.
 STEADY_S = 1.0
 #: Topics of which a page's last message is remembered.
@@ -31,49 +36,80 @@ MOST_TOPICS = 256
 
 
 class _PrivateFile(RotatingFileHandler):
-    """A rotating file that only its owner can read."""
+    """A rotating file that only its owner can read. Where it cannot be opened, each line tries again."""
+
+    def __init__(self, file: Path, told: Callable[[str], object]) -> None:
+        super().__init__(file, maxBytes=FILE_BYTES, backupCount=OLDER_FILES, encoding="utf-8", delay=True)
+        self._told = told
+        self._fails = self._is_told = False
+        try:
+            self.stream = self._open()
+        except OSError:
+            self.handleError(logging.makeLogRecord({}))
 
     def _open(self) -> Any:
+        Path(self.baseFilename).parent.mkdir(parents=True, exist_ok=True)
         descriptor = os.open(self.baseFilename, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o600)
         return os.fdopen(descriptor, self.mode, encoding=self.encoding)
+
+    def take(self, text: str) -> bool:
+        """Write a line; False where that fails, of which the first one of several is told."""
+        self._fails = False
+        self.handle(logging.LogRecord("audit", logging.INFO, "", 0, text, None, None))
+        self._is_told &= self._fails
+        return not self._fails
+
+    def handleError(self, _: logging.LogRecord) -> None:  # noqa: N802
+        """See `take`."""
+        self._fails = True
+        if not self._is_told:
+            self._told(f"{self.baseFilename}: the audit log cannot be written: {sys.exc_info()[1]}")
+        self._is_told = True
 
 
 class AuditLog:
     """The log in one file; to be closed, which writes what still waits."""
 
-    def __init__(self, file: Path) -> None:
-        """Open the file, of which older ones are `FILE.1` and so on.
-
-        Raises:
-            OSError: it cannot be written.
-        """
-        file.parent.mkdir(parents=True, exist_ok=True)
+    def __init__(self, file: Path, told: Callable[[str], object] = lambda _: None) -> None:
+        """Older files are `FILE.1` and so on; `told` gets why it cannot be written, on whatever thread."""
         self._lost = 0
-        self._waiting: queue.Queue[Any] = queue.Queue(WAITING)
-        self._handler = _PrivateFile(file, maxBytes=FILE_BYTES, backupCount=OLDER_FILES, encoding="utf-8")
-        self._writer = QueueListener(self._waiting, self._handler)
+        self._waiting: queue.Queue[tuple[str, int] | None] = queue.Queue(WAITING)
+        self._handler = _PrivateFile(file, told)
+        self._writer = threading.Thread(target=self._write_all, name="audit", daemon=True)
         self._writer.start()
+
+    def _write_all(self) -> None:
+        refused = 0
+        while (waiting := self._waiting.get()) is not None:
+            text, lines = waiting
+            if refused and self._handler.take(json.dumps({"what": "lost", "lines": refused})):
+                refused = 0
+            if not self._handler.take(text):
+                refused += lines
 
     def write(self, line: Mapping[str, Any]) -> None:
         """Write a line; returns at once."""
-        if self._lost and self._put({"wall": line.get("wall", ""), "what": "lost", "lines": self._lost}):
+        lost = {"wall": line.get("wall", ""), "what": "lost", "lines": self._lost}
+        if self._lost and self._put(lost, self._lost):
             self._lost = 0
         if not self._put(line):
             self._lost += 1
 
-    def _put(self, line: Mapping[str, Any]) -> bool:
+    def _put(self, line: Mapping[str, Any], lines: int = 1) -> bool:
         text = json.dumps(line, ensure_ascii=False, default=str)
-        record = logging.LogRecord("audit", logging.INFO, "", 0, text, None, None)
         try:
-            self._waiting.put_nowait(record)
+            self._waiting.put_nowait((text, lines))
         except queue.Full:
             return False
         return True
 
     def close(self) -> None:
-        """Write what waits, and close the file."""
-        self._writer.stop()
-        self._handler.close()
+        """Write what waits, as far as the disk takes it soon, and close the file."""
+        with contextlib.suppress(queue.Full):
+            self._waiting.put(None, timeout=CLOSE_S)
+        self._writer.join(CLOSE_S)
+        if not self._writer.is_alive():
+            self._handler.close()
 
 
 def command_line(
@@ -108,8 +144,17 @@ def command_line(
 
 def _bounded(sent: Any) -> Any:
     """Return what was sent, or as much of its text as fits a line."""
-    text = orjson.dumps(sent).decode()
+    text = _text(sent)
+    if text == TOO_DEEP:
+        return text
     return sent if len(text) <= LONGEST else f"{text[:LONGEST]}… ({len(text)} letters)"
+
+
+def _text(sent: Any) -> str:
+    try:
+        return orjson.dumps(sent).decode()
+    except TypeError:  # it reads deeper than it writes
+        return TOO_DEEP
 
 
 class Repetitions:
@@ -120,7 +165,7 @@ class Repetitions:
 
     def is_command(self, topic: str, message: Any, now: float) -> bool:
         """Say whether a message is another one than the last, or comes after a pause."""
-        mark = hash(orjson.dumps(message))
+        mark = hash(_text(message))
         at, before = self._last.get(topic, (-STEADY_S, 0))
         if len(self._last) >= MOST_TOPICS:
             self._last.clear()

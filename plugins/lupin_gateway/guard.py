@@ -180,8 +180,9 @@ class Guard:
 
     def reset_stop(self, arguments: Any) -> Mapping[str, Any]:
         """Release a stop by its name, and return the response of `RESET_STOP`."""
-        name = arguments.get("name", "") if isinstance(arguments, Mapping) else ""
-        refused = self._rules.stops.reset(str(name))
+        given = arguments.get("name") if isinstance(arguments, Mapping) else None
+        name = given if isinstance(given, str) else ""
+        refused = self._rules.stops.reset(name)
         self._rules.tell_changes()
         return {"success": not refused, "message": refused or f"the stop of {name} is released"}
 

@@ -63,6 +63,8 @@ class Outbox:
         self._filled = asyncio.Event()
         self._full = full
         self.bytes = 0
+        #: Bytes of messages that the throttles of this client hold back.
+        self.held = 0
 
     def put(self, frame: FrameData, source: Subscriber | None = None) -> None:
         """Send a frame when its turn comes; one of a subscription may be dropped before that."""
@@ -155,22 +157,31 @@ class Subscriber:
             self.outbox.put(sample.frame(self.compression), self)
             return
         self._held.append(sample)
+        self.outbox.held += len(sample.serialized)
         if self._release is None:
             self._pass_one()
-        while len(self._held) > max(1, self.queue):
-            self._held.popleft()
+        while len(self._held) > max(1, self.queue) or (
+            len(self._held) > 1 and self.outbox.held > OUTBOX_BYTES
+        ):
+            self._next_held()
+
+    def _next_held(self) -> Sample:
+        sample = self._held.popleft()
+        self.outbox.held -= len(sample.serialized)
+        return sample
 
     def _pass_one(self) -> None:
         self._release = None
         if self._held:  # only what is sent is encoded
-            self.outbox.put(self._held.popleft().frame(self.compression), self)
+            self.outbox.put(self._next_held().frame(self.compression), self)
             self._release = asyncio.get_running_loop().call_later(self.throttle, self._pass_one)
 
     def close(self) -> None:
         """Send nothing more, also not what waits."""
         if self._release is not None:
             self._release.cancel()
-        self._held.clear()
+        while self._held:
+            self._next_held()
         for waiting in self.waiting:
             self.outbox.drop(waiting)
         self.waiting.clear()

@@ -100,7 +100,9 @@ class StopArbiter:
                 one.stopped_at = None
                 return ""
             return f"only an operator releases a stop: reset the stop {one.name!r}"
-        if one.stopped_at is None and not one.overruled:
+        if one.overruled:
+            return "an operator has reset this stop: release it on this page before it stops again"
+        if one.stopped_at is None:
             one.stopped_at = now
             if first:
                 self._take_over(one)

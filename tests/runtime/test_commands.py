@@ -88,6 +88,11 @@ def test_a_command_is_an_event(command: tuple[Any, ...], event: Event) -> None:
             "start refused: its request is no JSON: NaN is no number of JSON",
         ),
         (
+            ("start", "InspectionMission", '{"tag_sequence": [-1e999]}'),
+            "bad_request",
+            "start refused: its request is no JSON: -1e999 is no number of JSON",
+        ),
+        (
             ("start", "InspectionMission", '{"tag_sequence": ["\\ud800"]}'),
             "bad_request",
             "start refused: its request has half of a character, which no message can carry",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import ssl
+import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
@@ -126,17 +127,18 @@ def house_rules(ros: RosNode, side: RosSide, values: Mapping[str, Any]) -> House
     tokens = Path(values["tokens"]) if values["tokens"] else None
     doors = Doors(partial(_tokens, ros, tokens) if tokens else None, values["origins"])
     stops = StopArbiter(OnLinkLost(values["on_link_lost"]), values["viewers_stop"])
-    stops_file, disk = folder / "stops.json", ThreadPoolExecutor(1, "stops")
-    stops.restore(_read_stops(ros, stops_file), time.monotonic())
+    stops_file = _StopsFile(ros, folder / "stops.json")
+    stops.restore(stops_file.read(), time.monotonic())
     told = ros.publisher(Bool, STOP_TOPIC, Qos.EVENT)
     shown = ros.publisher(String, STOPS_TOPIC, Qos.LATCHED)
     hands = Hands(
         tell_stop=lambda stopped: told.publish(Bool(data=stopped)),
         tell_state=lambda state: shown.publish(String(data=state)),
         pause=_pausing(side, catalog),
-        keep=lambda kept: disk.submit(_keep_stops, ros, stops_file, kept),
+        keep=stops_file.keep,
     )
-    log = AuditLog(Path(values["audit_file"]) if values["audit_file"] else folder / "audit.jsonl")
+    audit_file = Path(values["audit_file"]) if values["audit_file"] else folder / "audit.jsonl"
+    log = AuditLog(audit_file, ros.log.error)
     allowed = AllowList([*declared_access(catalog), *_own(ros, catalog, values)])
     ros.on_stop(log.close)
     return HouseRules(doors, allowed, stops, log, TwoClocks(time.monotonic, time.time), hands)
@@ -180,21 +182,45 @@ def _pausing(side: RosSide, catalog: Catalog) -> Callable[[Callable[[Any], None]
     return lambda done: side.call(service, {}, PAUSE_S, done)
 
 
-def _read_stops(ros: RosNode, file: Path) -> KeptStops:
-    """Return the stops that were kept; what cannot be read is one."""
-    try:
-        kept = json.loads(file.read_text(encoding="utf-8"))
-        stops = tuple((str(name), str(browser)) for name, browser in kept["stops"])
-        return KeptStops(stops, bool(kept["operator"]))
-    except FileNotFoundError:
-        return KeptStops()
-    except (OSError, ValueError, TypeError, KeyError) as problem:
-        ros.log.error(f"{file}: {problem}: the robot is stopped until somebody resets the stop 'unknown'")
-        return KeptStops((("unknown", ""),))
+class _StopsFile:
+    """The file of what outlives the gateway. Where the disk is slow, only the newest waits for it."""
 
+    def __init__(self, ros: RosNode, file: Path) -> None:
+        self._ros = ros
+        self._file = file
+        self._disk = ThreadPoolExecutor(1, "stops")
+        self._lock = threading.Lock()  # held for an assignment, never while writing
+        self._newest: KeptStops | None = None
 
-def _keep_stops(ros: RosNode, file: Path, kept: KeptStops) -> None:
-    try:
-        write_atomically(file, json.dumps(asdict(kept)).encode())
-    except OSError as problem:
-        ros.log.error(f"{file}: the stops cannot be kept for a gateway that starts again: {problem}")
+    def read(self) -> KeptStops:
+        """Return the stops that were kept; what cannot be read is one."""
+        try:
+            kept = json.loads(self._file.read_text(encoding="utf-8"))
+            stops = tuple((str(name), str(browser)) for name, browser in kept["stops"])
+            return KeptStops(stops, bool(kept["operator"]))
+        except FileNotFoundError:
+            return KeptStops()
+        except (OSError, ValueError, TypeError, KeyError) as problem:
+            self._ros.log.error(
+                f"{self._file}: {problem}: the robot is stopped until somebody resets the stop 'unknown'"
+            )
+            return KeptStops((("unknown", ""),))
+
+    def keep(self, kept: KeptStops) -> None:
+        """Write them soon; returns at once."""
+        with self._lock:
+            is_waiting, self._newest = self._newest is not None, kept
+        if not is_waiting:
+            self._disk.submit(self._write)
+
+    def _write(self) -> None:
+        with self._lock:
+            kept, self._newest = self._newest, None
+        if kept is None:
+            return
+        try:
+            write_atomically(self._file, json.dumps(asdict(kept)).encode())
+        except OSError as problem:
+            self._ros.log.error(
+                f"{self._file}: the stops cannot be kept for a gateway that starts again: {problem}"
+            )

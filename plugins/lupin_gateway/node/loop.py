@@ -5,12 +5,15 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import threading
+import time
 from collections import deque
 from collections.abc import Awaitable, Callable, Coroutine
 from typing import Any
 
 #: Seconds that connections have to end in.
 END_WITHIN_S = 3.0
+#: Seconds of one turn of what is handed over: then what has come from pages is read, such as a stop.
+TURN_S = 0.005
 
 
 class LoopThread:
@@ -54,7 +57,12 @@ class LoopThread:
 
     def _run_posted(self) -> None:
         self._is_told = False
+        end = time.monotonic() + TURN_S
         for _ in range(len(self._posted)):
+            if time.monotonic() >= end:
+                self._is_told = True
+                self._loop.call_soon(self._run_posted)
+                return
             callback, arguments = self._posted.popleft()
             try:
                 callback(*arguments)

@@ -50,6 +50,9 @@ class Subscription:
         self._post = post
         self._offered: tuple[bool, bool] | None = None
         self._subscription: Any = None
+        #: What the pages' side has had no time for yet; of more, the oldest are lost, as in ROS itself.
+        self._untold: deque[tuple[Sample, bool]] = deque(maxlen=DEPTH)
+        self._is_posted = False
 
     @property
     def heard(self) -> bool:
@@ -85,7 +88,10 @@ class Subscription:
 
         def on_message(serialized: bytes, info: dict[str, int]) -> None:
             sample = Sample(self.topic, serialized, info["source_timestamp"], decode)
-            self._post(self._told, sample, latched)
+            self._untold.append((sample, latched))
+            if not self._is_posted:
+                self._is_posted = True
+                self._post(self._tell)
 
         profile = QoSProfile(
             history=HistoryPolicy.KEEP_LAST,
@@ -98,6 +104,15 @@ class Subscription:
         )
         self._ros.watch_channels([f"rt{self.topic}"])
         self._post(self._problem, "")
+
+    def _tell(self) -> None:
+        """Hand over one message; on the loop, with a turn for others between two."""
+        self._is_posted = False
+        if self._untold:
+            self._told(*self._untold.popleft())
+        if self._untold and not self._is_posted:
+            self._is_posted = True
+            self._post(self._tell)
 
     def close(self) -> None:
         """End it."""

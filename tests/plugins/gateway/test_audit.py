@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
+import os
 import stat
 import threading
 from pathlib import Path
@@ -12,6 +14,7 @@ import pytest
 
 from lupin_gateway import audit
 from lupin_gateway.audit import AuditLog, Repetitions, command_line
+from tests.plugins.gateway.served import until
 
 WHO = {"who": "anna", "role": "operator", "from": "10.0.0.7", "page": "anna-3"}
 WALL = 1_790_000_000.25
@@ -125,3 +128,70 @@ def test_what_is_published_steadily_is_one_command() -> None:
     assert [steady.is_command("/cmd_vel", still, 0.05 * n) for n in range(1, 60)] == [True] + [False] * 58
     assert steady.is_command("/goal_pose", still, 3.0)
     assert steady.is_command("/cmd_vel", still, 10.0)
+
+
+def deep(levels: int) -> Any:
+    """A list in a list in a list."""
+    nested: Any = []
+    for _ in range(levels):
+        nested = [nested]
+    return nested
+
+
+def test_what_is_nested_deep_has_a_line_too() -> None:
+    """A frame may be nested deeper than what can be written."""
+    assert command_line(WALL, WHO, "publish", "/x", deep(400), None)["sent"] == "nested too deep to be shown"
+    steady = Repetitions()
+    assert [steady.is_command("/x", deep(400), 0.1 * n) for n in range(2)] == [True, False]
+
+
+def test_a_full_disk(tmp_path: Path) -> None:
+    """It is told once, what is lost is counted, and the log goes on when there is room again."""
+    file, told = tmp_path / "audit.jsonl", list[str]()
+    log = AuditLog(file, told.append)
+    disk = log._handler.stream
+    log._handler.stream = Path("/dev/full").open("a", encoding="utf-8", buffering=1)  # noqa: SIM115
+    for number in range(3):
+        log.write({"number": number})
+    until(lambda: told and not log._waiting.qsize(), "the disk refuses all")
+    with log._handler.lock, contextlib.suppress(OSError):
+        full, log._handler.stream = log._handler.stream, disk
+        full.close()
+    log.write({"number": 3})
+    log.close()
+    assert told == [f"{file}: the audit log cannot be written: [Errno 28] No space left on device"]
+    *lost, last = lines(file)
+    assert last == {"number": 3}
+    assert lost in ([{"what": "lost", "lines": 3}], [{"what": "lost", "lines": 2}, {"number": 2}])
+
+
+def test_a_log_that_cannot_be_written(tmp_path: Path) -> None:
+    """The gateway runs all the same: without it there is no stop."""
+    (tmp_path / "file").write_text("")
+    told: list[str] = []
+    log = AuditLog(tmp_path / "file" / "audit.jsonl", told.append)
+    log.write({"number": 0})
+    log.close()
+    reason = f"[Errno 17] File exists: '{tmp_path}/file'"
+    assert told == [f"{tmp_path}/file/audit.jsonl: the audit log cannot be written: {reason}"]
+
+
+def test_a_disk_that_hangs_does_not_keep_the_gateway_from_ending(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Not even where more lines wait than may."""
+    monkeypatch.setattr(audit, "WAITING", 2)
+    monkeypatch.setattr(audit, "CLOSE_S", 0.05)
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    reader = os.open(pipe, os.O_RDWR | os.O_NONBLOCK)
+    log = AuditLog(pipe)
+    for number in range(10):  # a pipe holds 64 kB
+        log.write({"number": number, "filled": "x" * 50_000})
+    log.close()
+    assert log._writer.is_alive()
+    while log._writer.is_alive():
+        with contextlib.suppress(BlockingIOError):
+            os.read(reader, 100_000)
+        log.close()
+    os.close(reader)

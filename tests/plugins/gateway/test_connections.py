@@ -399,6 +399,21 @@ def test_frames_that_are_no_operations(gateway: ServedGateway) -> None:
     assert len(page.statuses()) == len(frames)
 
 
+def test_frames_that_are_nested_deep(gateway: ServedGateway) -> None:
+    """They are read, answered and written down like others."""
+    page, deep = OpenPage(gateway.port), "[" * 400 + "]" * 400
+    gateway.robot.answers[PAUSE] = lambda _: {"success": True}
+    for service in (PAUSE, "/nobody", RESET_STOP):
+        args = f'{{"name": {deep}}}'
+        page.send(f'{{"op": "call_service", "service": "{service}", "args": {args}, "id": "{service}"}}')
+        until(lambda: [f for f in page.frames if f.get("service") == service], "an answer")  # noqa: B023
+    page.send(f'{{"op": "publish", "topic": "/goal_pose", "msg": {deep}}}')
+    page.work_off()
+    assert gateway.robot.published
+    names = [line["name"] for line in wait_for_lines(gateway, 4)]
+    assert names == [PAUSE, "/nobody", RESET_STOP, "/goal_pose"]
+
+
 def test_frames_at_random(gateway: ServedGateway) -> None:
     """Operations cut, doubled and bent: no connection ends, and no command is made of them."""
     chance, page = random.Random(7), OpenPage(gateway.port)

@@ -210,3 +210,20 @@ async def test_what_is_wrong_with_a_topic_is_told_to_all() -> None:
     assert await drained(first) == [expected]
     assert await drained(later) == [expected]
     assert await drained(right) == []
+
+
+@run
+async def test_what_a_throttle_holds_back_is_bounded() -> None:
+    """However long a queue a page asks for, and of however many topics."""
+    source, outbox = Source(), Outbox(lambda: None)
+    hub = hub_of(source)
+    pages = [Subscriber(f"/t{n}", outbox, throttle=3600.0, queue=10_000) for n in range(4)]
+    for page in pages:
+        hub.subscribe(page, TYPE)
+    for number in range(40):
+        for page in pages:
+            source.publish(page.topic, f"{number}" + "x" * 100_000, latched=False)
+    assert outbox.held <= OUTBOX_BYTES + 100_100
+    for page in pages:
+        hub.unsubscribe(page)
+    assert outbox.held == 0

@@ -102,7 +102,8 @@ def test_a_viewer_stops_and_does_not_release() -> None:
     assert refused == "only an operator releases a stop: reset the stop 'eve-3'"
     assert stops.stopped
     assert stops.reset("eve-3") == ""
-    stops.told(EVE, True, 3.0)
+    repeated = stops.told(EVE, True, 3.0)
+    assert repeated == "an operator has reset this stop: release it on this page before it stops again"
     assert not stops.stopped
     assert stops.told(EVE, False, 4.0) == ""
     stops.told(EVE, True, 5.0)
