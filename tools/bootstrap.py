@@ -316,7 +316,7 @@ def bring_up_to_date(purpose: str) -> None:
     compiling = threads.submit(build_wheels, python["executable"], mode, folders, wheels)
     if outdated & {"engine", "purpose"}:
         say("Installing the engine and its needs" + ", while the ROS 2 interfaces are compiled" * building)
-        extras = {"wheels": "ros", "apt": "sim,hmi"}[mode] + ",dev" * (wanted["purpose"] == "dev")
+        extras = {"wheels": "ros", "apt": "hmi,record,sim"}[mode] + ",dev" * (wanted["purpose"] == "dev")
         wait(threads.submit(install, mode, "--editable", f"{ROOT}[{extras}]"), LOG)
     if folders:
         say("Installing the ROS 2 interfaces")

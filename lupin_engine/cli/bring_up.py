@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from lupin_engine.cli.run_folders import new_run_folder, writable
 from lupin_engine.cli.settings import of_nodes, of_the_mission, settings_in
-from lupin_engine.errors import LupinError, Problems, UsageError, nearest
+from lupin_engine.errors import LupinError, PluginError, Problems, UsageError, nearest
 from lupin_engine.missions.load import LoadedMissions
 from lupin_engine.plugin.contract import Parameter
 from lupin_engine.plugin.registry import Catalog
@@ -127,8 +127,18 @@ class CheckedOptions:
     def _declared(self) -> Mapping[str, Mapping[str, Parameter]]:
         """The parameters of every node but the orchestrator, whose are those of the missions."""
         prepare_ros()
-        nodes = nodes_of(self._catalog)
-        return {name: node.parameters() for name, node in nodes.items() if name != ORCHESTRATOR}
+        found = {}
+        for name, node in nodes_of(self._catalog).items():
+            if name == ORCHESTRATOR:
+                continue
+            try:
+                found[name] = node.parameters()
+            except PluginError as problem:
+                if not self._catalog.plugins[node.plugin].hmi:
+                    raise
+                if self._wanted.hmi or name in of_nodes(self._wanted.settings):
+                    raise UsageError(f"{problem}; pages need `pip install 'lupin-engine[hmi]'`") from problem
+        return found
 
     def _read(
         self, option: str, given: Iterable[str], declared: Mapping[str, Parameter], node: str = ""

@@ -122,6 +122,21 @@ def test_a_refused_plugin_is_told_with_the_reason(monkeypatch: pytest.MonkeyPatc
     assert (accepted.topic, accepted.state) == ("plugin nav", "ok")
 
 
+def test_packages_that_only_some_commands_need_are_told_where_they_are_missing(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A note: missions can be run without pages and recordings."""
+    required = ["click<9,>=8", 'cbor2<7,>=5.6; extra == "hmi"', 'no-such-thing; extra == "hmi"']
+    monkeypatch.setattr(health.metadata, "requires", lambda name: required)
+    monkeypatch.setattr(health, "_is_installed", lambda name: name == "cbor2")
+    advice = "`--hmi` needs it: `pip install 'lupin-engine[hmi]'`"
+    assert list(health.look_at_extras()) == [
+        Finding("packages of hmi", "no-such-thing missing", "note", advice)
+    ]
+    monkeypatch.undo()
+    assert list(health.look_at_extras()) == []
+
+
 def test_a_look_that_fails_is_a_problem_and_the_others_go_on(monkeypatch: pytest.MonkeyPatch) -> None:
     """On a broken installation even looking can fail; that is when a doctor is called."""
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 
 import pytest
@@ -54,6 +55,21 @@ def test_an_open_gateway_says_what_it_needs() -> None:
     )
     assert told("--open") == "--open: nothing is served that could be opened; add --hmi\n"
     assert told(*of_gateway(port=8081)) == "--set is for lupin_gateway, which only --hmi starts\n"
+
+
+def test_who_wants_no_pages_needs_none_of_their_packages(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without them `lupin up` finds nothing missing; with `--hmi` it says what to install."""
+    monkeypatch.setitem(sys.modules, "lupin_gateway.node", None)
+    told_first = (
+        "--sim: parameter 'fault': expected one of none, reject, abort, stall, lose_localization, got 'x'"
+    )
+    assert told("--sim", "fault=x") == f"{told_first}\n"
+    text = (
+        "node 'lupin_gateway' of plugin 'gateway' cannot be loaded from lupin_gateway.node:main: "
+        "import of lupin_gateway.node halted; None in sys.modules; "
+        "pages need `pip install 'lupin-engine[hmi]'`\n"
+    )
+    assert told("--hmi", "--sim", "fault=x") == told(*of_gateway(port=8081)) == text
 
 
 def test_no_other_address_without_doors() -> None:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import os
 import platform
+import re
 import shutil
 import sys
 from collections.abc import Callable, Iterator, Sequence
@@ -36,6 +37,9 @@ State = Literal["ok", "note", "problem"]
 OLDEST_PYTHON, FIRST_TOO_NEW = (3, 10), (3, 14)
 
 RIHS = "RIHS01_"
+
+#: Extras of the distribution that a command needs, each with that command.
+_EXTRAS = {"hmi": "`--hmi`", "record": "`lupin record`"}
 
 _PROFILES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
 
@@ -233,6 +237,25 @@ def look_at_plugins() -> Iterator[Finding]:
         yield Finding(f"plugin {plugin.name}", ", ".join(counts))
 
 
+def look_at_extras() -> Iterator[Finding]:
+    """The packages that only a part of the commands needs; told where one is missing."""
+    required = metadata.requires("lupin-engine") or []
+    for extra, purpose in _EXTRAS.items():
+        named = [text for text in required if f"extra == {extra!r}" in text.replace('"', "'")]
+        missing = [name for name in map(_distribution, named) if not _is_installed(name)]
+        if missing:
+            advice = f"{purpose} needs it: `pip install 'lupin-engine[{extra}]'`"
+            yield Finding(f"packages of {extra}", f"{', '.join(missing)} missing", "note", advice)
+
+
+def _distribution(requirement: str) -> str:
+    return re.split(r"[^A-Za-z0-9._-]", requirement, maxsplit=1)[0]
+
+
+def _is_installed(distribution: str) -> bool:
+    return any(True for _ in metadata.distributions(name=distribution))
+
+
 def look_at_missions() -> Iterator[Finding]:
     """The missions of the nearest folder, checked."""
     try:
@@ -265,5 +288,6 @@ LOOKS: tuple[Callable[[], Iterator[Finding]], ...] = (
     look_at_network,
     look_at_left_overs,
     look_at_plugins,
+    look_at_extras,
     look_at_missions,
 )
