@@ -459,7 +459,7 @@ class Declarer:
         fields = self._catalog.profile.request
         carried = fields[name].type.kind if name in fields else None
         if carried is None and node.default is None:
-            problem = f"no start carries {name!r} ({' and '.join(fields)} are all), so it needs a default"
+            problem = f"the start service carries {' and '.join(fields)} only, so {name!r} needs a default"
             self._findings.add(place, "missing-key", path, problem, "write 'default: ...'")
         elif carried is not None and kind.kind != carried:
             problem = f"a start carries {name!r} as {_KINDS[carried]}, this is {describe(kind)}"

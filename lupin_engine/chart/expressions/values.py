@@ -26,9 +26,11 @@ from lupin_engine.plugin.contract import Argument
 from lupin_engine.plugin.types import (
     ANY,
     BOOL,
+    DATE,
     INTEGER,
     NUMBER,
     TEXT,
+    TIME_OF_DAY,
     Fault,
     Notation,
     Type,
@@ -45,6 +47,8 @@ from lupin_engine.plugin.types import (
 
 #: The way to a part of a value: names of fields and numbers in lists.
 _Steps = tuple[str | int, ...]
+#: How a moment is written, by its type.
+_MOMENTS = {TIME_OF_DAY.name: "HH:MM from 00:00 to 23:59", DATE.name: "YYYY-MM-DD, a day of the calendar"}
 
 
 def read_value(
@@ -273,7 +277,7 @@ def _tell(problem: ValueProblem, raw: Any, place: Place, findings: Findings, pat
 def _instead(raw: Any, wanted: Type) -> str:
     """Return what to write where a value is of another kind."""
     if is_moment(wanted):
-        return f'write it in quotes, such as "{wanted.example}"'
+        return f'write {_MOMENTS[wanted.name]}, in quotes: "{wanted.example}"'
     if wanted.kind == "text" and isinstance(raw, (int, float)):
         return f"quote it: '{show(raw)}'"
     if wanted.kind == "bool":
