@@ -45,7 +45,9 @@ def attendant(domain: int | None) -> Iterator[Attendant]:
 
 def nobody() -> UsageError:
     """Return the error that no orchestrator is there."""
-    return UsageError(f"no orchestrator speaks in ROS domain {current_domain()}; give --domain")
+    return UsageError(
+        f"no orchestrator speaks in ROS domain {current_domain()}; give --domain, or `lupin up`"
+    )
 
 
 def told(answer: Answer) -> int:

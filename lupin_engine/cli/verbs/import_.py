@@ -24,7 +24,8 @@ def scxml(file: Path, name: str | None) -> int:
     Events that nothing in the document raises are declared in missions/bindings/NAME.yaml. What the language
     has no words for is listed with its line; then the mission is checked.
 
-    Exit code: 0 all was said and nothing is wrong, 1 something was left out or is missing.
+    Exit code: 0 all was said and nothing is wrong, 1 something was left out or is
+    missing, 2 nothing was written.
     """
     from lupin_engine.cli.files import title_of
     from lupin_engine.cli.verbs.check import check_paths

@@ -148,7 +148,7 @@ def test_nobody_is_there(lupin: Say, words: tuple[str, ...], monkeypatch: pytest
     """Which is another exit code than a refusal."""
     with claimed_domain() as domain, monkeypatch.context() as patch:
         patch.setenv("ROS_DOMAIN_ID", str(domain))  # which --domain sets for good
-        text = f"lupin: no orchestrator speaks in ROS domain {domain}; give --domain\n"
+        text = f"lupin: no orchestrator speaks in ROS domain {domain}; give --domain, or `lupin up`\n"
         assert lupin(*words, "--domain", str(domain)) == (2, text)
 
 

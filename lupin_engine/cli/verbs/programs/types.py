@@ -14,7 +14,10 @@ from lupin_engine.errors import Problems, UsageError, meant
 @click.argument("language", type=click.Choice(["ts", "json-schema"]))
 @click.argument("more", nargs=-1, metavar="[TYPE | PACKAGE]...")
 @click.option(
-    "--output", type=click.Path(dir_okay=False, path_type=Path), metavar="FILE", help="Write there instead."
+    "--output",
+    type=click.Path(dir_okay=False, path_type=Path),
+    metavar="FILE",
+    help="Write into this file; default: print.",
 )
 def types(language: str, more: tuple[str, ...], output: Path | None) -> int:
     """Write the types of all messages, services and actions that a run uses, made from their files.
