@@ -36,10 +36,10 @@ def where_it_is_night() -> str:
 
 
 class Night:
-    """A simulated clock, which begins shortly before the watch does; and a base that is there at once."""
+    """A simulated clock, which begins half an hour before the watch; and a base that is there at once."""
 
     def __init__(self, operator: Operator) -> None:
-        self.time = calendar_of("UTC").moment("2026-11-22 21:59") + 55.0
+        self.time = calendar_of("UTC").moment("2026-11-22 21:30")
         ros = operator.ros
         self._clock = ros.publisher(Clock, "/clock", Qos.EVENT)
         ros.serve_action(
@@ -75,6 +75,7 @@ def test_two_rounds_by_the_hour(world: World, operator: Operator, tmp_path: Path
     assert answer.accepted, answer.error_message
     operator.in_state("WATCHING", "WAITING")
     assert operator.observations == []
+    night.time += 1800.0
     operator.until(lambda: len(operator.observations) == 2, "the round of ten o'clock")
     operator.in_state("WATCHING", "WAITING")
     night.time += 3600.0

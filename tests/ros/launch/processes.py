@@ -99,7 +99,11 @@ class Lupin:
 
     def records(self, kind: str) -> list[dict[str, Any]]:
         """Return the JSON lines of one type."""
-        return [record for line in self.lines if (record := json.loads(line))["type"] == kind]
+        try:
+            found = [json.loads(line) for line in self.lines]
+        except ValueError:
+            raise AssertionError(f"there is a line that is no JSON:\n{self.output}") from None
+        return [record for record in found if record["type"] == kind]
 
     def processes(self) -> dict[int, str]:
         """Return the living processes that carry our mark: id and command."""

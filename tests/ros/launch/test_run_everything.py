@@ -32,6 +32,8 @@ Ends = tuple[set[str], set[str]]
 
 PAGE = Path(__file__).parents[3] / "docs" / "interfaces.md"
 KINDS = {"topic": "msg", "service": "srv", "action": "action"}
+#: Interfaces that stand on the page themselves, and are called there by their last name.
+SHOWN = ("lupin_msgs/", "lupin_engine_msgs/")
 ORCHESTRATOR, BRIDGE, AGGREGATOR = "/mission_orchestrator", "/greenhouse_bridge", "/perception_aggregator"
 TWIN, ARM, ROBOT, HMI = "/lupin_twin", "/lupin_arm", "/lupin_sim", "HMI"
 
@@ -123,7 +125,9 @@ def test_the_live_map_is_the_documents_and_the_twin_ends_with_all_that_was_seen(
     }
     found_now = {
         name: (
-            i["type"].rpartition("/")[2] if name in ours else i["type"].replace(f"/{KINDS[i['kind']]}/", "/"),
+            i["type"].rpartition("/")[2]
+            if i["type"].startswith(SHOWN)
+            else i["type"].replace(f"/{KINDS[i['kind']]}/", "/"),
             (set(i["producers"]) & running, set(i["consumers"]) & running),
         )
         for name, i in seen.items()

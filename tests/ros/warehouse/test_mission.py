@@ -177,9 +177,11 @@ def test_the_requests_of_the_profile_are_verbs(clerk: Clerk) -> None:
     code, said = lupin("state")
     assert (code, said.splitlines()[0]) == (0, f"FETCHING DRIVING  target {FAR}")
     assert "  possible   go-on, call-off\n" in said
-    assert lupin("go-on") == (0, "go_on accepted\n")
+    # Called off while it stands still: a robot that goes on may be through before a process has begun.
     assert lupin("call-off") == (0, "call_off accepted\n")
     clerk.in_state("PARKED")
+    code, said = lupin("go-on")
+    assert (code, said.startswith("go_on ")) == (1, True), said
 
 
 # -- `lupin run` ----------------------------------------------------------------------------------------
