@@ -147,11 +147,17 @@ def _recording(note: Callable[..., None]) -> Iterator[None]:
             (RosNode, "service", on_request(service, "service", False)),
             (RosNode, "action", on_request(action, "action", False)),
             (RosNode, "serve_action", on_request(serve_action, "action", True)),
-            (RosNode, "spin", lambda ros: None),
+            (RosNode, "spin", _end),
             (NavClient, "__init__", on_nav),
         ):
             stack.enter_context(patch.object(owner, name, replaced))
         yield
+
+
+def _end(ros: RosNode) -> None:
+    """Do what a node does when it is told to stop: others wait for threads and sockets of its own."""
+    for callback in ros._stop_callbacks:
+        callback()
 
 
 def _type_name(kind: Any) -> str:

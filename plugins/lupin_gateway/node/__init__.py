@@ -98,6 +98,8 @@ def main(arguments: Sequence[str]) -> int:
         sockets = address.sockets()
         loop = LoopThread(ros.stop)
         ros.on_stop(loop.stop)
+        for each in sockets:
+            ros.on_stop(each.close)
         side = NodeSide(ros, loop.post)
         limits = Limits(values["call_timeout"], values["slow_call_timeout"], tuple(values["slow_services"]))
         hub = Hub(side.listen, lambda topic: kept.get(topic, Backlog()))

@@ -42,6 +42,7 @@ class LoopThread:
             self.exit_code = 1
             raise
         finally:
+            self._loop.close()
             self._ended()
 
     def post(self, callback: Callable[..., None], *arguments: Any) -> None:
@@ -77,6 +78,8 @@ class LoopThread:
             self._loop.call_soon_threadsafe(self._finish)
         if self._thread is not None:
             self._thread.join(END_WITHIN_S)
+        else:
+            self._loop.close()
 
     def _finish(self) -> None:
         if not self._until.done():
