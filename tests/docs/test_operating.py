@@ -40,6 +40,25 @@ def test_every_command_is_one(command: str) -> None:
     assert {word for word in words if word.startswith("--") and word != "--ros-args"} <= options
 
 
+def test_a_recording_is_read_as_the_page_says(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The program of the page, over a file of the recorder."""
+    pytest.importorskip("mcap_ros2", reason="no reader of recordings is installed here")
+    from lupin_engine.ros.recording.file import RecordingFile
+
+    monkeypatch.chdir(tmp_path)
+    recorded = RecordingFile(Path("monday.mcap"))
+    definition = "string lifecycle_state\nstring current_target"
+    topic = recorded.add_topic("/mission/state", "lupin_msgs/msg/MissionState", definition, {})
+    texts = b"\x06\0\0\0READY\0\0\0\x02\0\0\x005\0"  # READY and 5, each with its length and a zero
+    recorded.add(topic, b"\0\1\0\0" + texts, published=1, heard=2)
+    recorded.finish()
+    [program] = re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
+    exec(program, {})
+    assert capsys.readouterr().out == "2 READY 5\n"
+
+
 def test_the_figures_of_starting_again_are_those_of_the_run() -> None:
     """Seconds until a node that died is started again."""
     pytest.importorskip("rclpy", reason="ROS 2 is not installed here")
