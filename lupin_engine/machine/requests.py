@@ -137,7 +137,7 @@ class Requests:
         if resumes and event.name != "mission.start":
             text += " because nothing is paused"
         elif where:
-            text += "; it is possible in " + ", ".join(sorted(where))
+            text += "; it is possible in " + " or ".join(sorted(where))
         return Refusal(NOT_POSSIBLE, text)
 
 

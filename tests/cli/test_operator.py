@@ -100,7 +100,7 @@ def test_what_is_possible_is_told_as_commands() -> None:
     assert list(lines(standing(), VERBS)) == [
         "BOOT",
         "  doing      plugins.ready",
-        "  not now    abort: abort is not possible in BOOT; it is possible in RETURNING, a running mission",
+        "  not now    abort: abort is not possible in BOOT; it is possible in RETURNING or a running mission",
         "             dock: dock is not possible in BOOT; it is possible in a running mission",
         "             pause: pause refused: no mission is running",
         "             reset: reset is not possible in BOOT; it is possible in FAULT",

@@ -202,7 +202,7 @@ def test_in_ready() -> None:
     assert found.pop("always").endswith(": len(input.missing) > 0 is false")
     assert found == {
         "mission.start": "READY.on.mission.start.2",
-        "operator.abort": "abort is not possible in READY; it is possible in RETURNING, a running mission",
+        "operator.abort": "abort is not possible in READY; it is possible in RETURNING or a running mission",
         "operator.dock": "dock is not possible in READY; it is possible in a running mission",
         "operator.pause": "pause refused: no mission is running",
         "operator.reset": "reset is not possible in READY; it is possible in FAULT",

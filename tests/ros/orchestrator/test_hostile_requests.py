@@ -180,12 +180,13 @@ TABLE: dict[str, Served] = {
     **{
         f"/mission/{name}": request_of_the_mission(reason)
         for name, reason in {
-            "abort": "abort is not possible in READY; it is possible in RETURNING, a running mission",
+            "abort": "abort is not possible in READY; it is possible in RETURNING or a running mission",
             "dock": "dock is not possible in READY; it is possible in a running mission",
             "pause": "pause refused: no mission is running",
             "reset": "reset is not possible in READY; it is possible in FAULT",
             "resume": "resume is not possible in READY because nothing is paused",
-            "skip_current": "skip_current is not possible in READY; it is possible in INSPECTING, MONITORING",
+            "skip_current": "skip_current is not possible in READY; "
+            "it is possible in INSPECTING or MONITORING",
         }.items()
     },
     "/mission_orchestrator/command": Served(

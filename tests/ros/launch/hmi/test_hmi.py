@@ -452,8 +452,11 @@ def test_a_patrol_is_paused_resumed_skipped_docked_and_aborted(panel: Panel) -> 
     [
         ("pause", "pause refused: no mission is running"),
         ("resume", "resume is not possible in STATE because nothing is paused"),
-        ("abort", "abort is not possible in STATE; it is possible in RETURNING, a running mission"),
-        ("skip_current", "skip_current is not possible in STATE; it is possible in INSPECTING, MONITORING"),
+        ("abort", "abort is not possible in STATE; it is possible in RETURNING or a running mission"),
+        (
+            "skip_current",
+            "skip_current is not possible in STATE; it is possible in INSPECTING or MONITORING",
+        ),
         ("dock", "dock is not possible in STATE; it is possible in a running mission"),
         ("reset", "reset is not possible in STATE; it is possible in FAULT"),
     ],
