@@ -111,5 +111,10 @@ def main(arguments: Sequence[str]) -> int:
         ros.log.info(
             f"the gateway serves http://{address.host}:{address.port}", rosbridge=address.rosbridge_port
         )
-        ros.spin()
+        try:
+            ros.spin()
+        finally:  # what nobody came to use is closed as well
+            loop.close()
+            for opened in sockets:
+                opened.close()
     return loop.exit_code

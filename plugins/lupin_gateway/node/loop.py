@@ -72,6 +72,11 @@ class LoopThread:
                     {"message": "a posted callback failed", "exception": defect}
                 )
 
+    def close(self) -> None:
+        """Release the loop, unless the pages' side still runs."""
+        if self._thread is None or not self._thread.is_alive():
+            self._loop.close()
+
     def stop(self) -> None:
         """End the pages' side; from another thread."""
         with contextlib.suppress(RuntimeError):
