@@ -29,6 +29,8 @@ STOP_TOPIC = "/lupin/hmi/estop"
 TOKEN_COOKIE = "lupin_token"
 #: The longest frame, in bytes; what one client may subscribe to; and its operations a second.
 LONGEST_FRAME, MOST_SUBSCRIPTIONS, OPERATIONS_PER_S = 1_000_000, 64, 100
+#: Bytes of a long frame that count as one operation: what is in it is read, checked and kept.
+BYTES_AN_OPERATION = 10_000
 #: Letters of a token: `openssl rand -hex 32` writes 64.
 SHORTEST_TOKEN = 32
 _HERE = frozenset({"localhost", "127.0.0.1", "::1"})
@@ -352,6 +354,7 @@ class Allowance:
 
     def __init__(self) -> None:
         self._left = float(OPERATIONS_PER_S)
+        self._more = 0
         self._at = -math.inf
 
     def frame(self, size: int) -> str:
@@ -360,11 +363,17 @@ class Allowance:
             return ""
         return f"the frame has {size} bytes, at most {LONGEST_FRAME} are taken; nothing of it was carried out"
 
+    def long_frame(self, size: int, now: float) -> str:
+        """A frame of so many bytes, at a time of the steady clock; the operation in it counts so."""
+        self._more = size // BYTES_AN_OPERATION
+        return self.used_up(now)
+
     def operation(self, now: float) -> str:
         """One more operation, at a time of the steady clock; a stop is not asked about."""
         refused = self.used_up(now)
         if not refused:
-            self._left -= 1.0
+            self._left -= max(1, self._more)
+        self._more = 0
         return refused
 
     def used_up(self, now: float) -> str:

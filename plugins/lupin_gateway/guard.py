@@ -129,7 +129,7 @@ class Guard:
         size = len(frame) if isinstance(frame, bytes) or frame.isascii() else len(frame.encode())
         refused = self._allowance.frame(size)
         if not refused and size > STOP_FRAME:
-            return self._allowance.used_up(self._rules.clocks.steady())
+            return self._allowance.long_frame(size, self._rules.clocks.steady())
         return refused
 
     def refusal(self, operation: protocol.Operation | protocol.BadFrame, subscriptions: int) -> str:

@@ -38,6 +38,8 @@ PING_EVERY_S, PING_WITHIN_S = 5.0, 15.0
 #: Bytes that the kernel buffers for one connection (it doubles them), and how long the other end may
 #: acknowledge nothing, in ms.
 KERNEL_BUFFER, GONE_AFTER_MS = 256_000, 20_000
+#: The same of what comes in: as much is read at once, in which frames of 6 bytes are taken apart one by one.
+KERNEL_INPUT = 8_000
 #: Code with which a client is sent away that does not even read its answers (RFC 6455: try again later).
 TOO_SLOW = 1013
 
@@ -68,6 +70,7 @@ def _listening(host: str, port: int) -> socket.socket:
         # to that for sockets that it makes itself.)
         found.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         found.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, KERNEL_BUFFER)
+        found.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, KERNEL_INPUT)
         found.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, GONE_AFTER_MS)
         return found
     except OSError as problem:
@@ -146,6 +149,7 @@ async def _receive_all(receive: Callable[[FrameData], None], socket_: WebSocket)
         text = message.get("text")
         with _telling_defects():
             receive(text if text is not None else message.get("bytes") or b"")
+        await asyncio.sleep(0)  # frames of others come between two of one client
 
 
 @contextlib.contextmanager

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import contextlib
 import json
 import os
 import random
@@ -464,6 +465,37 @@ def test_a_flood_of_operations_and_a_stop_in_it(gateway: ServedGateway) -> None:
         "more than 100 operations a second; this one was not carried out"
     }
     assert 100 <= len(gateway.robot.called) < 1000
+
+
+@pytest.mark.parametrize("frame", [b"\x81\x80", b"\x89\x80"], ids=["empty frames", "pings"])
+def test_a_flood_of_frames_does_not_keep_other_pages_waiting(gateway: ServedGateway, frame: bytes) -> None:
+    """However many of one page are there already: those of another one come between."""
+    flood, page, took, ended = raw_page(gateway), OpenPage(gateway.port), list[float](), threading.Event()
+
+    def send() -> None:
+        with contextlib.suppress(OSError):
+            while not ended.is_set():
+                flood.sendall((frame + bytes(4)) * 20_000)
+
+    def read() -> None:
+        with contextlib.suppress(OSError):
+            while flood.recv(1_000_000):
+                pass
+
+    threads = [threading.Thread(target=each) for each in (send, read)]
+    for thread in threads:
+        thread.start()
+    for number in range(1, 12):
+        began = time.monotonic()
+        page.stop(bool(number % 2))
+        until(lambda: gateway.stop_told[-1] is bool(number % 2), "it is told")  # noqa: B023
+        took.append(time.monotonic() - began)
+    ended.set()
+    flood.shutdown(socket.SHUT_RDWR)
+    for thread in threads:
+        thread.join()
+    flood.close()
+    assert sorted(took)[5] < 0.3  # without turns it is seconds
 
 
 def test_stops_are_not_counted(gateway: ServedGateway) -> None:

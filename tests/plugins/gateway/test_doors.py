@@ -312,6 +312,17 @@ def test_a_hundred_operations_a_second() -> None:
     assert [allowance.operation(60.0 + n / 100) for n in range(1000)] == [""] * 1000
 
 
+def test_a_long_frame_counts_by_its_length() -> None:
+    """One that may be read is carried out; what it was too much is made up for before the next one."""
+    allowance = Allowance()
+    assert [allowance.long_frame(LONGEST_FRAME, 5.0), allowance.operation(5.0)] == ["", ""]
+    assert allowance.operation(5.0) != ""
+    assert [allowance.long_frame(LONGEST_FRAME, 5.02), allowance.operation(5.02)] == ["", ""]
+    assert allowance.long_frame(LONGEST_FRAME, 5.9) != ""
+    assert allowance.operation(5.9) != ""
+    assert allowance.operation(6.1) == ""
+
+
 def test_frames_and_subscriptions() -> None:
     """One more than the limit is one too many, and says what to do."""
     allowance = Allowance()
