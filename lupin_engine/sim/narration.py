@@ -117,7 +117,7 @@ class _Narrator:
         if event.name.startswith("attempt."):
             return self._attempt(event)
         if event.name.startswith("timer."):
-            return self._timer(event)
+            return self._timer(event, step)
         return event.name
 
     def _attempt(self, event: Event) -> str:
@@ -127,8 +127,10 @@ class _Narrator:
         why = " ".join(filter(None, (event.data.get("code", ""), event.data.get("detail", ""))))
         return f"{text}: {why}" if why else text
 
-    def _timer(self, event: Event) -> str:
+    def _timer(self, event: Event, step: Step) -> str:
         kind, owner = event.name.removeprefix("timer."), str(event.data["owner"])
+        if kind == "after" and any(taken.startswith(f"{owner}.every.") for taken in step.taken):
+            return f"a tick in {short_name(self._chart, owner)}"
         if kind in ("after", "budget"):
             what = "time" if kind == "after" else "the budget"
             return f"{what} is up in {short_name(self._chart, owner)}"

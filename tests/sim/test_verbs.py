@@ -76,6 +76,18 @@ def test_targets_that_are_written_out_are_driven_to_and_told_by_their_id(tmp_pat
     assert "publish bench OK" in told
 
 
+def test_a_tick_is_not_told_as_the_end_of_a_time(tmp_path: Path) -> None:
+    """What comes at a rate ends nothing; the `after` beside it does."""
+    shutil.copy(MISSIONS / LIFECYCLE, tmp_path)
+    told = "every: {1 s: {do: {report.note: {text: tick}}}}, after: {2500 ms: done}"
+    (tmp_path / "ticks.yaml").write_text(
+        f"mission: Ticks\ninitial: A\nstates:\n  A: {{{told}}}\n  done: {{type: final}}\n"
+    )
+    words = " ".join(typed(simulate, str(tmp_path / "ticks.yaml")).output.split())
+    assert words.count("a tick in A (tick)") == 2
+    assert words.count("time is up in A") == 1
+
+
 def test_quiet_prints_the_sum_only() -> None:
     """`-q` leaves the story out."""
     assert "mission.start" not in typed(simulate, "inspection", "--tags", "1", "-q").output
