@@ -27,7 +27,8 @@ from lupin_engine.plugin.profile import START_VERB, given_fields
 def start(mission: str, request: dict[str, Any], fields: tuple[str, ...], domain: int | None) -> int:
     """Start a mission of the orchestrator that runs, and leave it to itself.
 
-    MISSION is its name or that of its file. What is not given of its request is left to the mission.
+    MISSION is its name or that of its file; `lupin state` names those that there are. What is not given of
+    its request is left to the mission.
     `lupin run` also brings up what a mission needs, and follows it.
 
     Exit code: 0 started; 1 refused, with the reason; 2 nobody is there.
