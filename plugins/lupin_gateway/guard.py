@@ -18,8 +18,13 @@ from lupin_gateway.stop import KeptStops, OnLinkLost, StopArbiter, stop_of
 
 #: Which stops are engaged, and the link (JSON in a std_msgs/String); the service that resets one by name.
 STOPS_TOPIC, RESET_STOP = "/lupin/hmi/stops", "/lupin/hmi/reset_stop"
+#: What pages ask about the network. Parameters of nodes, which may have passwords, are not for viewers.
+_ASKED = ("action_servers", "action_type", "get_time", "message_details", "nodes", "service_type", "services")
 #: What the gateway itself has for pages.
-OWN_ACCESS = Access(viewer=(STOP_TOPIC, STOPS_TOPIC, "/rosapi/*"), operator=(RESET_STOP,))
+OWN_ACCESS = Access(
+    viewer=(STOP_TOPIC, STOPS_TOPIC, *(f"/rosapi/{name}" for name in (*_ASKED, "topic_type", "topics"))),
+    operator=(RESET_STOP, "/rosapi/*"),
+)
 #: A frame that says stop is shorter than this, in bytes: a client that is too fast has no longer one read.
 STOP_FRAME = 4_000
 

@@ -17,6 +17,8 @@ from lupin_gateway.encoding import Compression
 
 #: The longest text in a frame, in characters, and the longest name: the middleware adds to it, up to 255.
 LONGEST, LONGEST_NAME = 1000, 200
+#: How many lists and objects a frame may have: a third of a million empty ones keep all pages waiting.
+MOST_LISTS = 20_000
 
 
 @dataclass(frozen=True)
@@ -156,6 +158,8 @@ def parse(frame: str | bytes) -> Operation | BadFrame:
     """Return what a client asks for; nothing that it can send raises."""
     if isinstance(frame, bytes):
         return BadFrame("binary frames are not understood: send JSON as text")
+    if frame.count("[") + frame.count("{") > MOST_LISTS:
+        return BadFrame(f"a frame has at most {MOST_LISTS} lists and objects")
     try:
         data = orjson.loads(frame)
     except (ValueError, RecursionError) as problem:

@@ -26,6 +26,7 @@ from lupin_gateway.doors import (
     open_problems,
     read_tokens,
 )
+from lupin_gateway.guard import OWN_ACCESS
 
 NEW_YEAR = 1_798_761_600.0  # 2027-01-01T00:00:00Z
 ANNAS, BENS, OLD = "a" * 40, "b" * 40, "c" * 40
@@ -283,6 +284,15 @@ def test_what_is_declared_is_there(catalog: Catalog) -> None:
 def test_roles(catalog: Catalog, use: Use, name: str, who: Visitor, text: str) -> None:
     """By topic, service and action; what nobody declares is closed to all."""
     assert AllowList(declared_access(catalog)).refusal(who, use, name) == text.format(f"/{name.lstrip('/')}")
+
+
+def test_viewers_read_no_parameters() -> None:
+    """What stands in one may be a password; all else that pages ask about the network is theirs."""
+    allowed = AllowList([OWN_ACCESS])
+    needed = {
+        name: allowed.least(Use.CALL, f"/rosapi/{name}") for name in ("get_time", "topics", "get_param")
+    }
+    assert needed == {"get_time": UserRole.VIEWER, "topics": UserRole.VIEWER, "get_param": UserRole.OPERATOR}
 
 
 def test_a_setting_opens_more() -> None:
