@@ -59,6 +59,11 @@ class _PrivateFile(RotatingFileHandler):
         self._is_told &= self._fails
         return not self._fails
 
+    def abandon(self) -> None:
+        """Do not keep the process from ending: `logging` would wait then for the disk that hangs."""
+        self.lock = None
+        self.flush = self.close = lambda: None  # type: ignore[method-assign]
+
     def handleError(self, _: logging.LogRecord) -> None:  # noqa: N802
         """See `take`."""
         self._fails = True
@@ -108,7 +113,10 @@ class AuditLog:
         with contextlib.suppress(queue.Full):
             self._waiting.put(None, timeout=CLOSE_S)
         self._writer.join(CLOSE_S)
-        if not self._writer.is_alive():
+        if self._writer.is_alive():
+            self._handler.abandon()
+            return
+        with contextlib.suppress(OSError):  # it has been told
             self._handler.close()
 
 
