@@ -68,6 +68,8 @@ class Outbox:
 
     def put(self, frame: FrameData, source: Subscriber | None = None) -> None:
         """Send a frame when its turn comes; one of a subscription may be dropped before that."""
+        if source is not None and len(frame) > OUTBOX_BYTES:  # all others would be dropped for it, and it too
+            frame = status("error", f"{source.topic}: a message of {len(frame)} bytes is too long", source.id)
         waiting = _WaitingFrame(frame, source)
         self._waiting[waiting] = None
         self.bytes += len(frame)

@@ -227,3 +227,18 @@ async def test_what_a_throttle_holds_back_is_bounded() -> None:
     for page in pages:
         hub.unsubscribe(page)
     assert outbox.held == 0
+
+
+@run
+async def test_a_message_that_is_longer_than_all_that_may_wait() -> None:
+    """It is told instead of dropped in silence, and others are not dropped for it."""
+    source, outbox = Source(), Outbox(lambda: None)
+    hub = hub_of(source)
+    for topic in ("/short", "/long"):
+        hub.subscribe(Subscriber(topic, outbox), TYPE)
+    source.publish("/short", "here", latched=False)
+    source.publish("/long", "x" * OUTBOX_BYTES, latched=False)
+    first, second = await drained(outbox)
+    assert first["msg"] == {"data": "here"}
+    assert (second["op"], second["level"]) == ("status", "error")
+    assert second["msg"] == "/long: a message of 4000050 bytes is too long"
