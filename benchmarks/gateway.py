@@ -35,6 +35,7 @@ from collections import defaultdict
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -231,7 +232,12 @@ def _server(command: str) -> Iterator[tuple[str, int]]:
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
-    process = subprocess.Popen(shlex.split(command.format(port=port)), stdout=subprocess.DEVNULL)
+    state = TemporaryDirectory()  # a stop that somebody left would be one of this server
+    process = subprocess.Popen(
+        shlex.split(command.format(port=port)),
+        stdout=subprocess.DEVNULL,
+        env={**os.environ, "XDG_STATE_HOME": state.name},
+    )
     try:
         end = time.monotonic() + PATIENCE
         while socket.socket().connect_ex(("127.0.0.1", port)):
@@ -245,6 +251,8 @@ def _server(command: str) -> Iterator[tuple[str, int]]:
             process.wait(10)
         except subprocess.TimeoutExpired:
             process.kill()
+            process.wait()
+        state.cleanup()
 
 
 def _role(*arguments: str) -> subprocess.Popen[str]:
@@ -331,11 +339,12 @@ def main() -> None:
     parser.add_argument("--role", nargs="+", help=argparse.SUPPRESS)
     given = parser.parse_args()
     if given.role:
-        role, url, *rest = [*given.role, ""]
+        words: list[str] = [*given.role, "", ""]
+        role, url, count = words[:3]
         if role == "hang":
             _hang()
         else:
-            asyncio.run(_pages(url) if role == "pages" else _operator(url, role, int(rest[0])))
+            asyncio.run(_pages(url) if role == "pages" else _operator(url, role, int(count)))
         return
     os.environ["ROS_DOMAIN_ID"] = DOMAIN
     world = World()
