@@ -103,9 +103,9 @@ class CommandMemory:
 
     def limit(self, asked: CommandRequest, chart: Chart, now: float) -> float | None:
         """Return how old a command may be, in seconds; None where it is answered however late it comes."""
-        name = (event_name(asked.verb, chart) or "").removeprefix("operator.")
-        request = chart.profile.requests.get(name)
-        is_late = request is not None and request.however_late
+        event = event_name(asked.verb, chart) or ""
+        request = chart.profile.requests.get(event.removeprefix("operator."))
+        is_late = event == ANSWER or (request is not None and request.however_late)
         return None if is_late or self._recall(asked, now) is not None else STALE_AFTER_S
 
     def _recall(self, asked: CommandRequest, now: float) -> tuple[float, int, CommandAnswer] | None:

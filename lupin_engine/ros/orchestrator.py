@@ -135,7 +135,10 @@ class Orchestrator:
             )
 
     def _serve_answers(self) -> None:
-        """Serve the answers that the missions know; those of missions that went away are refused."""
+        """Serve the answers that the missions know; those of missions that went away are refused.
+
+        None is stale: a mission waits for it, and the machine takes it only while the question is open.
+        """
         for event in self._chart.answers:
             if event not in self._answers:
                 self._answers.add(event)
@@ -143,8 +146,6 @@ class Orchestrator:
                     Trigger,
                     ANSWER_SERVICE.format(event.removeprefix(ANSWER)),
                     _answering(self._ask, event),
-                    stale_after=STALE_AFTER_S,
-                    refuse=partial(_refuse, field="message"),
                 )
 
     def _serve_commands(self) -> None:

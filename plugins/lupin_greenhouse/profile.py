@@ -64,9 +64,8 @@ PROFILE = Profile(
         ),
     },
     requests={
-        "abort": OperatorRequest("The operator ends the mission.", key="a"),
-        "dock": OperatorRequest("The operator sends the robot to the dock.", key="d"),
-        # Stopping late is better than not at all.
+        "abort": OperatorRequest("The operator ends the mission.", however_late=True, key="a"),
+        "dock": OperatorRequest("The operator sends the robot to the dock.", however_late=True, key="d"),
         "pause": OperatorRequest("The operator suspends the mission.", however_late=True, key="p"),
         "reset": OperatorRequest("The operator leaves FAULT."),
         "resume": OperatorRequest("The operator lets the mission go on.", key="r"),

@@ -239,12 +239,12 @@ def test_the_memory_is_bounded() -> None:
 def test_how_old_a_command_may_be() -> None:
     """Stopping late is better than not at all; what was done already is answered at any time."""
     desk = Desk()
-    limit = {
-        verb: desk.memory.limit(CommandRequest(verb), INSPECTION, 0.0) for verb in ("pause", "abort", "x")
-    }
-    assert limit == {"pause": None, "abort": STALE_AFTER_S, "x": STALE_AFTER_S}
-    desk.ask(0.0, "a", "abort")
-    assert desk.memory.limit(CommandRequest("abort", command_id="a"), INSPECTION, 1.0) is None
+    verbs = ("pause", "abort", "dock", "answer", "start", "resume", "skip", "skip_current", "reset", "x")
+    limit = {verb: desk.memory.limit(CommandRequest(verb), INSPECTION, 0.0) for verb in verbs}
+    never = dict.fromkeys(("pause", "abort", "dock", "answer"))
+    assert limit == dict.fromkeys(verbs, STALE_AFTER_S) | never
+    desk.ask(0.0, "a", "resume")
+    assert desk.memory.limit(CommandRequest("resume", command_id="a"), INSPECTION, 1.0) is None
 
 
 # -- answering --------------------------------------------------------------------------------------------

@@ -31,7 +31,9 @@ PROFILE = Profile(
     requests={
         "halt": OperatorRequest("The operator stops the robot where it is.", however_late=True, key="h"),
         "go_on": OperatorRequest("The operator lets the robot go on.", verb="go-on", key="g"),
-        "call_off": OperatorRequest("The operator ends the order.", verb="call-off", key="c"),
+        "call_off": OperatorRequest(
+            "The operator ends the order.", however_late=True, verb="call-off", key="c"
+        ),
     },
     resume="go_on",
     abort="call_off",
