@@ -19,7 +19,7 @@ from http.cookies import CookieError, SimpleCookie
 from pathlib import Path
 from urllib.parse import urlsplit
 
-from lupin_engine.errors import LupinError, Problems, nearest, shortened
+from lupin_engine.errors import LupinError, Problems, meant, nearest, or_else, shortened
 from lupin_engine.plugin.contract import Access
 from lupin_engine.plugin.registry import Catalog
 
@@ -230,12 +230,17 @@ class AllowList:
 
     def least(self, use: Use, name: str) -> UserRole | None:
         """Return the least role that may; None: nobody may."""
-        read = use in (Use.SUBSCRIBE, Use.CALL)
-        found = [(self._read if read else self._commanded).get(name)]
+        known = self._known(use)
+        found = [known.get(name)]
         found += [role for pattern, role in self._patterns if pattern.fullmatch(name)]
         found += [UserRole.ENGINEER] if use is Use.SUBSCRIBE else []
+        read = known is self._read
         roles = [role for role in found if role is not None and (read or role is not UserRole.VIEWER)]
         return min(roles, default=None)
+
+    def _known(self, use: Use) -> Mapping[str, UserRole]:
+        """Return the names that are declared for a use, without those with `*`."""
+        return self._read if use in (Use.SUBSCRIBE, Use.CALL) else self._commanded
 
     def refusal(self, visitor: Visitor, use: Use, name: str) -> str:
         """Return why a visitor may not use a name so; '' where that is allowed."""
@@ -244,8 +249,9 @@ class AllowList:
             return ""
         least = self.least(use, name)
         if least is None:
-            what = f"{use.value} {name} is not offered to pages"
-            return f"{what}: no plugin or mission declares it; operator_names and engineer_names can"
+            what = f"{use.value} {name} is not offered to pages: no plugin or mission declares this name"
+            settings = "offer it by the gateway's setting operator_names or engineer_names"
+            return f"{what}; {or_else(meant(name, self._known(use)), settings)}"
         if visitor.role < least:
             return f"{use.value} {name} needs the role {least.word}; {visitor.name} is {visitor.role.word}"
         return ""

@@ -31,9 +31,8 @@ from lupin_gateway.guard import OWN_ACCESS
 NEW_YEAR = 1_798_761_600.0  # 2027-01-01T00:00:00Z
 ANNAS, BENS, OLD = "a" * 40, "b" * 40, "c" * 40
 MISSING = "a token is needed: log in at /login, or send it as Authorization: Bearer TOKEN"
-UNDECLARED = (
-    " is not offered to pages: no plugin or mission declares it; operator_names and engineer_names can"
-)
+UNDECLARED = " is not offered to pages: no plugin or mission declares this name; "
+OFFER = "offer it by the gateway's setting operator_names or engineer_names"
 FOREIGN = "pages of {} may not use this gateway; its setting `origins` lets them"
 ALONE = "this gateway is for this machine alone: open http://localhost, not "
 VIEWER, OPERATOR, ENGINEER = (Visitor("eve", role) for role in UserRole)
@@ -275,8 +274,14 @@ def test_what_is_declared_is_there(catalog: Catalog) -> None:
         ),
         (Use.SUBSCRIBE, "/secret", OPERATOR, "subscribing to {} needs the role engineer; eve is operator"),
         (Use.SUBSCRIBE, "/secret", ENGINEER, ""),
-        (Use.PUBLISH, "/map", ENGINEER, "publishing on {}" + UNDECLARED),
-        (Use.CALL, "/mission_orchestrator/set_parameters", ENGINEER, "calling {}" + UNDECLARED),
+        (Use.PUBLISH, "/map", ENGINEER, "publishing on {}" + UNDECLARED + OFFER),
+        (
+            Use.CALL,
+            "/mission/paus",
+            ENGINEER,
+            "calling {}" + UNDECLARED + f"did you mean '/mission/pause'? Or {OFFER}",
+        ),
+        (Use.CALL, "/mission_orchestrator/set_parameters", ENGINEER, "calling {}" + UNDECLARED + OFFER),
         (Use.PUBLISH, "/lupin/hmi/estop", VIEWER, ""),
         (Use.CALL, "/mission/pause", OPERATOR, ""),
     ],
