@@ -22,7 +22,7 @@ from lupin_engine.plugin.profile import ANSWER, ANSWER_VERB, OWN_VERBS, START, S
 CHOICE = "choice"
 #: How many letters are read: of the request, and of each other part of a command.
 MAX_REQUEST, MAX_WORD = 65_536, 200
-#: How long an id is remembered, in seconds, and how many are; of more, the oldest are forgotten.
+#: How long an id is remembered, in seconds, and how many are: see `CommandMemory.once`.
 REMEMBERED_S, MAX_REMEMBERED = 60.0, 1000
 
 #: Seconds after which a request is not carried out: whoever sent it has given up.
@@ -33,6 +33,7 @@ _LONE_SURROGATE = frozenset(map(chr, range(0xD800, 0xE000)))
 
 #: Codes of commands that never reach the machine, beside `bad_request`.
 UNKNOWN_VERB, ID_IN_USE, STALE = "unknown_verb", "command_id_in_use", "stale"
+TOO_MANY = "too_many_commands"
 
 
 @dataclass(frozen=True)
@@ -75,14 +76,25 @@ class CommandMemory:
         self._known: dict[str, tuple[float, int, CommandAnswer]] = {}
 
     def once(
-        self, asked: CommandRequest, now: float, carry_out: Callable[[CommandRequest], CommandAnswer]
+        self,
+        asked: CommandRequest,
+        chart: Chart,
+        now: float,
+        carry_out: Callable[[CommandRequest], CommandAnswer],
     ) -> CommandAnswer:
         """Return what came of a command, which is carried out unless its id is known.
 
         One without an id is always carried out. An id that was another command's is refused: the answer to
-        that one would be about something else.
+        that one would be about something else. Where `MAX_REMEMBERED` ids are known, a new one is refused as
+        well: to forget another one would let that command be done twice. Only requests that count however
+        late, such as a pause, are carried out then, and not remembered: a robot may pause twice.
         """
         known = self._recall(asked, now)
+        if known is None and asked.command_id and len(self._known) >= MAX_REMEMBERED:
+            if _counts_however_late(asked, chart):
+                return carry_out(asked)
+            told = f"refused: {MAX_REMEMBERED} commands came within {REMEMBERED_S:g} s; wait for a moment"
+            return CommandAnswer(False, TOO_MANY, told)
         if known is None:
             return self._first(asked, now, carry_out)
         _, what, answer = known
@@ -103,17 +115,21 @@ class CommandMemory:
 
     def limit(self, asked: CommandRequest, chart: Chart, now: float) -> float | None:
         """Return how old a command may be, in seconds; None where it is answered however late it comes."""
-        event = event_name(asked.verb, chart) or ""
-        request = chart.profile.requests.get(event.removeprefix("operator."))
-        is_late = event == ANSWER or (request is not None and request.however_late)
+        is_late = event_name(asked.verb, chart) == ANSWER or _counts_however_late(asked, chart)
         return None if is_late or self._recall(asked, now) is not None else STALE_AFTER_S
 
     def _recall(self, asked: CommandRequest, now: float) -> tuple[float, int, CommandAnswer] | None:
         for command_id, (kept, _, _) in list(self._known.items()):  # the oldest come first
-            if now - kept <= REMEMBERED_S and len(self._known) < MAX_REMEMBERED:
+            if now - kept <= REMEMBERED_S:
                 break
             del self._known[command_id]
         return self._known.get(asked.command_id)
+
+
+def _counts_however_late(asked: CommandRequest, chart: Chart) -> bool:
+    name = (event_name(asked.verb, chart) or "").removeprefix("operator.")
+    request = chart.profile.requests.get(name)
+    return request is not None and request.however_late
 
 
 def _printable(text: str) -> str:
@@ -232,6 +248,7 @@ def answered(asked: CommandRequest, step: Step) -> CommandAnswer:
     if not step.accepted:
         return refused(step.refusal or Refusal("", f"{asked.verb} refused"), step.sequence)
     mission_id = str(step.event.data.get("mission_id", "")) if step.event.name == START else ""
-    name = step.event.name.rpartition(".")[2]
-    said = f"{asked.mission} {mission_id} started" if mission_id else f"{name} accepted"
+    # A request has a name and a verb: it is told by the one that it was asked by.
+    word = step.event.name.removeprefix(ANSWER) if step.event.name.startswith(ANSWER) else asked.verb
+    said = f"{asked.mission} {mission_id} started" if mission_id else f"{word} accepted"
     return CommandAnswer(True, "", said, mission_id, step.sequence)

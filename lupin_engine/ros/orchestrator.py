@@ -155,7 +155,7 @@ class Orchestrator:
             return self._commands.limit(_asked(request), self._chart, time.monotonic())
 
         def command(request: Any, response: Any) -> Any:
-            answer = self._commands.once(_asked(request), time.monotonic(), self._carry_out)
+            answer = self._commands.once(_asked(request), self._chart, time.monotonic(), self._carry_out)
             return messages.write(response, asdict(answer))
 
         def refuse(response: Any, reason: str) -> Any:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -18,6 +19,7 @@ from lupin_engine.ros.commands import (
     MAX_WORD,
     REMEMBERED_S,
     STALE_AFTER_S,
+    TOO_MANY,
     CommandAnswer,
     CommandMemory,
     CommandRequest,
@@ -176,7 +178,8 @@ class Desk:
         self.done: list[str] = []
 
     def ask(self, now: float, command_id: str, verb: str = "pause", by: str = "") -> CommandAnswer:
-        return self.memory.once(CommandRequest(verb, command_id=command_id, by=by), now, self._carry_out)
+        asked = CommandRequest(verb, command_id=command_id, by=by)
+        return self.memory.once(asked, INSPECTION, now, self._carry_out)
 
     def _carry_out(self, asked: CommandRequest) -> CommandAnswer:
         self.done.append(asked.verb)
@@ -210,8 +213,8 @@ def test_a_command_that_was_broken_off_is_not_begun_again() -> None:
 
     asked = CommandRequest("dock", command_id="a")
     with pytest.raises(RuntimeError):
-        memory.once(asked, 0.0, carry_out)
-    again = memory.once(asked, 1.0, carry_out)
+        memory.once(asked, INSPECTION, 0.0, carry_out)
+    again = memory.once(asked, INSPECTION, 1.0, carry_out)
     assert (again.accepted, again.code, again.repeated) == (False, "broken_off", True)
     assert begun == [asked]
 
@@ -227,13 +230,18 @@ def test_an_id_belongs_to_one_command() -> None:
 
 
 def test_the_memory_is_bounded() -> None:
-    """Of more than it keeps, the oldest are forgotten first."""
+    """No id is forgotten within its minute: new ones are refused, and only a pause never is."""
     desk = Desk()
-    for number in range(MAX_REMEMBERED + 10):
-        desk.ask(0.0, str(number))
-    assert desk.ask(0.0, str(MAX_REMEMBERED + 9)).repeated
-    assert not desk.ask(0.0, "0").repeated
-    assert len(desk.memory._known) <= MAX_REMEMBERED
+    for number in range(MAX_REMEMBERED):
+        desk.ask(0.0, str(number), "dock")
+    refused = desk.ask(REMEMBERED_S, "new", "resume")
+    told = "refused: 1000 commands came within 60 s; wait for a moment"
+    assert refused == CommandAnswer(False, TOO_MANY, told)
+    assert desk.ask(REMEMBERED_S, "0", "dock").repeated
+    assert desk.ask(REMEMBERED_S, "halt", "pause").accepted
+    assert desk.ask(REMEMBERED_S, "", "resume").accepted  # who gives no id takes care itself
+    assert len(desk.memory._known) == MAX_REMEMBERED
+    assert desk.ask(REMEMBERED_S + 0.1, "new", "resume").accepted
 
 
 def test_how_old_a_command_may_be() -> None:
@@ -259,6 +267,11 @@ def test_an_answer_is_the_sentence_of_the_step() -> None:
     )
     paused = Step(7, 0.0, Event("operator.pause"), (), accepted=True)
     assert answered(CommandRequest("pause"), paused) == DONE
+    skipped = replace(paused, event=Event("operator.skip_current"))
+    for word in ("skip", "skip_current"):
+        assert answered(CommandRequest(word), skipped).message == f"{word} accepted"
+    chosen = replace(paused, event=Event("answer.go_on"))
+    assert answered(CommandRequest("answer"), chosen).message == "go_on accepted"
     no = Step(
         8, 0.0, Event("operator.pause"), (), accepted=False, refusal=Refusal("not_running", "no mission")
     )

@@ -98,7 +98,7 @@ def test_a_mission_in_the_hands_of_an_operator(operator: Operator, lupin: Say) -
     ]
     assert lupin("resume") == (0, "resume accepted\n")
     operator.until(lambda: not operator.state.paused, "resumed")
-    assert lupin("skip") == (0, "skip_current accepted\n")
+    assert lupin("skip") == (0, "skip accepted\n")
     operator.until(lambda: operator.state.current_target == "5", "the next tag")
     assert lupin("abort") == (0, "abort accepted\n")
     operator.in_state("DONE")
