@@ -6,7 +6,7 @@ import asyncio
 import contextlib
 import os
 import socket
-from collections.abc import Awaitable, Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -177,8 +177,12 @@ async def _send_away(socket_: WebSocket) -> None:
         await asyncio.wait_for(socket_.close(TOO_SLOW, "this client does not read its answers"), 1.0)
 
 
-async def serve(gateway: Gateway, sockets: Sequence[socket.socket], until: Awaitable[None]) -> None:
-    """Serve on the sockets (the first one: files too) until told to stop, then close all connections."""
+async def serve(gateway: Gateway, sockets: Sequence[socket.socket], until: asyncio.Future[None]) -> None:
+    """Serve on the sockets (the first one: files too) until told to stop, then close all connections.
+
+    Raises:
+        RuntimeError: a server, or the telling of the stop, ended without being told to.
+    """
     applications = [gateway.application(), *(gateway.protocol_only() for _ in sockets[1:])]
     servers = [uvicorn.Server(_configuration(application, gateway.tls)) for application in applications]
     running = [
@@ -186,11 +190,14 @@ async def serve(gateway: Gateway, sockets: Sequence[socket.socket], until: Await
         for server, each in zip(servers, sockets, strict=True)
     ]
     telling = asyncio.ensure_future(_tell_steadily(gateway.rules))
-    await until
+    ended, _ = await asyncio.wait({until, telling, *running}, return_when=asyncio.FIRST_COMPLETED)
     telling.cancel()
     for server in servers:
         server.should_exit = True
-    await asyncio.gather(*running)
+    await asyncio.gather(*running, return_exceptions=True)
+    if until not in ended:
+        causes = [each.exception() for each in ended]
+        raise RuntimeError("a part of the gateway ended by itself") from causes[0]
 
 
 async def _tell_steadily(rules: HouseRules) -> None:

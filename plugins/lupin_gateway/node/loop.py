@@ -7,7 +7,7 @@ import contextlib
 import threading
 import time
 from collections import deque
-from collections.abc import Awaitable, Callable, Coroutine
+from collections.abc import Callable, Coroutine
 from typing import Any
 
 #: Seconds that connections have to end in.
@@ -29,12 +29,12 @@ class LoopThread:
         #: 1 where the pages' side failed.
         self.exit_code = 0
 
-    def start(self, serve: Callable[[Awaitable[None]], Coroutine[Any, Any, None]]) -> None:
+    def start(self, serve: Callable[[asyncio.Future[None]], Coroutine[Any, Any, None]]) -> None:
         """Run `serve`, which ends when what it is given does."""
         self._thread = threading.Thread(target=self._run, args=(serve,), name="pages", daemon=True)
         self._thread.start()
 
-    def _run(self, serve: Callable[[Awaitable[None]], Coroutine[Any, Any, None]]) -> None:
+    def _run(self, serve: Callable[[asyncio.Future[None]], Coroutine[Any, Any, None]]) -> None:
         asyncio.set_event_loop(self._loop)
         try:
             self._loop.run_until_complete(serve(self._until))

@@ -129,14 +129,20 @@ class ServedGateway:
         self.port: int = self._sockets[0].getsockname()[1]
         self._until: asyncio.Future[None] = self._loop.create_future()
         self._thread = threading.Thread(target=self._run)
-        self.ended = False
+        #: What ended it before the test did.
+        self.failed: RuntimeError | None = None
 
     def _tell_state(self, text: str) -> None:
         self.states.append(json.loads(text))
         self.robot.tell(STOPS_TOPIC, text)
 
     def _run(self) -> None:
-        self._loop.run_until_complete(serve(self._gateway, self._sockets, self._until))
+        try:
+            self._loop.run_until_complete(serve(self._gateway, self._sockets, self._until))
+        except RuntimeError as failed:
+            self.failed = failed
+            for each in self._sockets:  # a server that fails leaves them open
+                each.close()
         self._loop.run_until_complete(self._loop.shutdown_default_executor())
         self._loop.close()
 
@@ -157,7 +163,8 @@ class ServedGateway:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._loop.call_soon_threadsafe(self._until.set_result, None)
+        if self.failed is None:
+            self._loop.call_soon_threadsafe(self._until.set_result, None)
         self._thread.join(PATIENCE)
         assert not self._thread.is_alive()
         self._audit.close()

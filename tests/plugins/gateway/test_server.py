@@ -11,6 +11,7 @@ from typing import Any
 from urllib.request import urlopen
 
 import pytest
+import uvicorn
 from websockets.exceptions import ConnectionClosed
 
 from lupin_engine.errors import UsageError
@@ -102,6 +103,19 @@ def test_a_defect_ends_no_connection(
         page.work_off()
         page.close()
     assert "the gateway has a defect" in caplog.text
+
+
+def test_a_server_that_ends_by_itself_is_noticed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The whole gateway ends then, so that it is started again."""
+
+    async def broken(*_: Any) -> bool:
+        raise OSError("no more files")
+
+    with ServedGateway(tmp_path) as served:
+        monkeypatch.setattr(uvicorn.Server, "on_tick", broken)
+        failed = until(lambda: served.failed, "it ends")
+    assert str(failed) == "a part of the gateway ended by itself"
+    assert str(failed.__cause__) == "no more files"
 
 
 @pytest.mark.parametrize(

@@ -7,6 +7,8 @@ import threading
 import time
 from collections.abc import Awaitable
 
+import pytest
+
 from lupin_gateway.node.loop import LoopThread
 
 
@@ -35,3 +37,18 @@ def test_a_flood_leaves_turns_to_others() -> None:
     loop.stop()
     loop._loop.close()
     assert max(waited) < 0.5  # all of it at once takes a second
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnhandledThreadExceptionWarning")
+def test_a_pages_side_that_fails_ends_the_process_with_an_error() -> None:
+    """The node is told to end, and who supervises it sees that it did not end well."""
+    ended = threading.Event()
+    loop = LoopThread(ended.set)
+
+    async def serve(_: Awaitable[None]) -> None:
+        raise RuntimeError("a part ended by itself")
+
+    loop.start(serve)
+    assert ended.wait(30)
+    assert loop.exit_code == 1
+    loop.stop()
