@@ -11,6 +11,7 @@ import asyncio
 from collections import OrderedDict, deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Protocol
 
 from lupin_gateway.encoding import Compression, FrameData, Sample, status
@@ -226,6 +227,7 @@ class Hub:
         self._listen = listen
         self._kept = kept
         self._channels: dict[tuple[str, str], _OpenTopic] = {}  # who names a wrong type, or none, is apart
+        self._last: dict[str, Sample] = {}
 
     def subscribe(self, subscriber: Subscriber, type_: str) -> None:
         """Send all that is kept, and from now on all that comes; `type_` may be '', that of the topic."""
@@ -260,10 +262,18 @@ class Hub:
 
     def _open(self, topic: str, type_: str) -> _OpenTopic:
         channel = self._channels[topic, type_] = _OpenTopic(topic, type_, self._kept(topic))
-        channel.feed = self._listen(topic, type_, channel.deliver, channel.tell)
+        channel.feed = self._listen(topic, type_, partial(self._deliver, channel), channel.tell)
         return channel
+
+    def _deliver(self, channel: _OpenTopic, sample: Sample, latched: bool) -> None:
+        """Give a sample to a topic's subscribers, decoded once for those with a type and those without."""
+        last = self._last.get(channel.name)
+        if last is None or not last.same(sample):
+            last = self._last[channel.name] = sample
+        channel.deliver(last, latched)
 
     def _close(self, channel: _OpenTopic) -> None:
         del self._channels[channel.name, channel.type]
+        self._last.pop(channel.name, None)
         if channel.feed is not None:
             channel.feed.close()

@@ -82,6 +82,22 @@ async def test_one_subscription_and_one_encoding_for_all() -> None:
 
 
 @run
+async def test_with_and_without_a_type_a_message_is_decoded_once() -> None:
+    """Two subscriptions of ROS bring it, and all pages get the same frame."""
+    source, outboxes = Source(), [Outbox(pytest.fail) for _ in range(2)]
+    hub = hub_of(source)
+    heard = []
+    for outbox, type_ in zip(outboxes, ("", TYPE), strict=True):
+        hub.subscribe(Subscriber("/a", outbox), type_)
+        heard.append(source.told["/a"])
+    for number in (1, 2):
+        for source.told["/a"] in heard:
+            source.publish("/a", number)
+    assert [await data_of(outbox) for outbox in outboxes] == [[1, 2], [1, 2]]
+    assert (source.opened, source.decoded) == (["/a", "/a"], 2)
+
+
+@run
 async def test_late_pages_get_what_is_kept() -> None:
     """Of states the last one, of events as many as are kept; what is not latched is gone."""
     source, outbox = Source(), Outbox(pytest.fail)
