@@ -112,10 +112,11 @@ def unused_variable(index: Index) -> Iterator[Diagnostic]:
 
 
 def unused_field(index: Index) -> Iterator[Diagnostic]:
-    """Find a field of a request that the mission it starts never reads."""
+    """Find a field of a request that the mission never reads; one that no start can fill is told as that."""
     for mission in index.chart.missions.values():
         for field in mission.request.values():
-            if not index.texts.names(f"request.{field.name}", mission.name):
+            can_be_given = field.default is not None or field.name in index.chart.profile.request
+            if can_be_given and not index.texts.names(f"request.{field.name}", mission.name):
                 problem = f"nothing reads the field {field.name!r} of the request"
                 hint = f"read it as request.{field.name}, or remove it"
                 yield warning(field.place, "unused-field", f"request.{field.name}", problem, hint)

@@ -8,7 +8,7 @@ from lupin_engine.chart.expressions.evaluation import Constant
 from lupin_engine.chart.model import Chart, Kind, State
 from lupin_engine.chart.rules.graph import components
 from lupin_engine.chart.rules.index import Index
-from lupin_engine.chart.semantics import FAULT
+from lupin_engine.chart.semantics import FAULT, TIMERS
 from lupin_engine.errors import Diagnostic, Severity
 
 # -- never-happens, no-deadline ---------------------------------------------------------------------------
@@ -92,9 +92,8 @@ def _does_something(index: Index, state: State) -> bool:
 
 
 def _ends_in_time(state: State) -> bool:
-    """Tell whether a clock leads out of a state; one that comes again and leads nowhere does not."""
-    leaving = {transition.event for transition in state.transitions if transition.target is not None}
-    return any(timer.word == "after" or timer.event in leaving for timer in state.timers)
+    """Tell whether a clock leads out of a state, be its time right or wrong."""
+    return any(t.target is not None and t.event.startswith(TIMERS) for t in state.transitions)
 
 
 def _comes_from_the_world(event: str, raised: set[str]) -> bool:
