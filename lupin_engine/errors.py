@@ -140,15 +140,18 @@ def nearest(name: str, allowed: Iterable[str]) -> str:
 
 
 def meant(name: str, allowed: Iterable[str]) -> str:
-    """Say what was probably meant by `name`: the only one that begins so, else the one that is most like it.
+    """Say what was probably meant by `name`; '' where nothing is like it."""
+    guess = guessed(name, allowed)
+    return f"did you mean {guess!r}?" if guess else ""
 
-    '' where nothing is like it.
-    """
+
+def guessed(name: str, allowed: Iterable[str]) -> str:
+    """Return the only one that begins with `name`, else the one that is most like it; '' where none is."""
     names = sorted(set(allowed))
     close = [one for one in names if one.startswith(name)] if len(name) >= MIN_BEGINNING else []
     if len(close) != 1:
         close = difflib.get_close_matches(name, _around(name, names), n=1, cutoff=0.6)
-    return f"did you mean {close[0]!r}?" if close else ""
+    return close[0] if close else ""
 
 
 def or_else(hint: str, otherwise: str) -> str:

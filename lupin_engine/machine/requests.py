@@ -8,13 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from pathlib import PurePath
 from typing import Any
 
 from lupin_engine.chart.expressions.evaluation import Environment, UnknownValue
 from lupin_engine.chart.expressions.names import names_read
 from lupin_engine.chart.model import Field, Invariant, Prompt, Transition, UsedMission
 from lupin_engine.chart.semantics import ENGINE_EVENTS
-from lupin_engine.errors import nearest, reason, shortened
+from lupin_engine.errors import guessed, nearest, reason, shortened
 from lupin_engine.machine.event import NO_TRIGGER, Event, Trigger
 from lupin_engine.machine.holds import Holds, blocking_hold
 from lupin_engine.machine.scope import EvaluationScope, World
@@ -233,9 +234,7 @@ def read_request(
     """
     mission = world.chart.missions.get(data.get("mission_type", ""))
     if mission is None:
-        name = data.get("mission_type", "")
-        hint = nearest(shortened(name), world.chart.missions)
-        return {}, Refusal(UNKNOWN_MISSION, f"unknown mission_type {shortened(name)!r}; {hint}")
+        return {}, _unknown_mission(world, shortened(data.get("mission_type", "")))
     values: dict[str, Any] = {}
     for asked in mission.request.values():
         value, refusal = _read_field(world, asked, data.get(asked.name), env)
@@ -243,6 +242,16 @@ def read_request(
             return {}, refusal
         values[asked.name] = value
     return values, None
+
+
+def _unknown_mission(world: World, name: str) -> Refusal:
+    """Refuse a name that no mission has; it may be meant for the mission or for its file."""
+    missions = world.chart.missions
+    called = {PurePath(mission.file).stem: mission.name for mission in missions.values()}
+    called.update({mission: mission for mission in missions})
+    guess = called.get(guessed(name, called))
+    hint = f"did you mean {guess!r}?" if guess else nearest(name, missions)
+    return Refusal(UNKNOWN_MISSION, f"unknown mission {name!r}; {hint}")
 
 
 def read_given(world: World, use: UsedMission, env: Environment) -> dict[str, Any]:

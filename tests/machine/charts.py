@@ -347,7 +347,7 @@ def _mission(name: str, fields: Mapping[str, Any]) -> Mission:
     request = {
         field: Field(field, place=PLACE, **given) for field, given in fields.get("request", {}).items()
     }
-    return Mission(name, fields["state"], "test.yaml", "", request, PLACE)
+    return Mission(name, fields["state"], fields.get("file", "test.yaml"), "", request, PLACE)
 
 
 def _hold(name: str, fields: Mapping[str, Any]) -> Hold:

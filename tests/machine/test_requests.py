@@ -46,7 +46,7 @@ MISSIONS = {
             "goal": {"type": COUNT, "default": value(3), "minimum": 2},
         },
     },
-    "Exploration": {"state": "MISSION.Exploration", "request": {}},
+    "Exploration": {"state": "MISSION.Exploration", "file": "missions/find_plants.yaml", "request": {}},
 }
 
 
@@ -114,12 +114,17 @@ REFUSED = [
     (
         {"mission_type": "Inspektion"},
         "unknown_mission",
-        "unknown mission_type 'Inspektion'; did you mean 'Inspection'?",
+        "unknown mission 'Inspektion'; did you mean 'Inspection'?",
+    ),
+    (
+        {"mission_type": "find_plant"},
+        "unknown_mission",
+        "unknown mission 'find_plant'; did you mean 'Exploration'?",
     ),
     (
         {"mission_type": ""},
         "unknown_mission",
-        "unknown mission_type ''; allowed: 'Exploration', 'Inspection'",
+        "unknown mission ''; allowed: 'Exploration', 'Inspection'",
     ),
     ({"tags": ["1", "8", "9"]}, "unknown_tag", "unknown tag '8', unknown tag '9'"),
     ({"goal": 1}, "bad_request", "goal must be at least 2, got 1"),

@@ -66,7 +66,7 @@ def test_a_mission_in_the_hands_of_an_operator(operator: Operator, lupin: Say) -
     assert lupin("start", "inspection", "--tags", "1,77")[0] == 1
     assert lupin("start", "Dance") == (
         1,
-        "unknown mission_type 'Dance'; allowed: 'ExplorationMission', 'InspectionMission'\n",
+        "unknown mission 'Dance'; allowed: 'ExplorationMission', 'InspectionMission'\n",
     )
     wrong = "start refused: unknown field 'tags'; allowed: 'tag_sequence'\n"
     assert lupin("start", "inspection", "--request", "tags=1") == (1, wrong)

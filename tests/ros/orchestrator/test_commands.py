@@ -63,7 +63,7 @@ def test_a_mission_from_start_to_end_by_commands(desk: Desk) -> None:
     wrong = desk.command("start", "InspectionMission", {"tag_sequence": []})
     assert (wrong.code, wrong.message) == ("no_tags", "no tags to visit")
     wrong = desk.command("start", "InspectionMision")
-    assert wrong.message == "unknown mission_type 'InspectionMision'; did you mean 'InspectionMission'?"
+    assert wrong.message == "unknown mission 'InspectionMision'; did you mean 'InspectionMission'?"
     assert desk.state.lifecycle_state == "READY"
 
     given = ("start", "InspectionMission", {"tag_sequence": ["1", "5"]})

@@ -166,9 +166,9 @@ TABLE: dict[str, Served] = {
     "/mission/start": Served(
         StartMission,
         {"mission_type": "DanceMission"},  # one that runs is sent in the end
-        lambda answer: answer.error_message.startswith("unknown mission_type 'DanceMission'; "),
+        lambda answer: answer.error_message.startswith("unknown mission 'DanceMission'; "),
         [
-            *texts("mission_type", "unknown mission_type '"),
+            *texts("mission_type", "unknown mission '"),
             ("a tag: a path", start("../x"), "unknown tag '../x'"),
             ("a tag: empty", start(""), "unknown tag ''"),
             ("a tag: one of two", start("1", "x\ny"), "unknown tag 'x\\ny'"),
@@ -192,7 +192,7 @@ TABLE: dict[str, Served] = {
     "/mission_orchestrator/command": Served(
         Command,
         {"verb": "start", "mission": "DanceMission"},
-        lambda answer: answer.message.startswith("unknown mission_type 'DanceMission'; "),
+        lambda answer: answer.message.startswith("unknown mission 'DanceMission'; "),
         [
             *texts("verb", "unknown verb '", "huge"),
             (
@@ -200,7 +200,7 @@ TABLE: dict[str, Served] = {
                 {"verb": TEXTS["huge"]},
                 "refused: too long: verb has 100000 letters",
             ),
-            *texts("mission", "unknown mission_type '", "huge", verb="start"),
+            *texts("mission", "unknown mission '", "huge", verb="start"),
             *texts("request", "dock refused: its request is no JSON: ", "empty", "huge", verb="dock"),
             ("request: huge", {"verb": "dock", "request": TEXTS["huge"]}, "refused: too long: request has "),
             (

@@ -134,9 +134,7 @@ def test_unknown_mission_unknown_tag_and_second_start_are_refused(world: World, 
     operator.in_state("READY")
     unknown = operator.start("1", mission="InspektionMission")
     assert not unknown.accepted
-    assert unknown.error_message == (
-        "unknown mission_type 'InspektionMission'; did you mean 'InspectionMission'?"
-    )
+    assert unknown.error_message == ("unknown mission 'InspektionMission'; did you mean 'InspectionMission'?")
     strange = operator.start("1", "99", "x")
     assert not strange.accepted
     assert "unknown tag '99'" in strange.error_message

@@ -134,9 +134,7 @@ def test_a_mission_can_be_started_as_soon_as_its_file_is_there(
     start_all(world, missions)
     desk.in_state("READY")
     unknown = desk.start("1", mission="PatrolMission")
-    assert unknown.error_message == (
-        "unknown mission_type 'PatrolMission'; did you mean 'InspectionMission'?"
-    )
+    assert unknown.error_message == ("unknown mission 'PatrolMission'; did you mean 'InspectionMission'?")
     drop_patrol(missions, *ONE_ROUND)
     answer = desk.start("1", "5", mission="PatrolMission")
     assert answer.accepted, answer.error_message
@@ -182,7 +180,7 @@ def test_a_broken_file_changes_nothing_and_is_told(world: World, desk: Desk, mis
     assert problem.endswith("no state is called 'PATROLING' here; did you mean 'PATROLLING'? [unknown-state]")
     refused = desk.start("1", mission="PatrolMission")
     assert refused.error_message == (
-        "unknown mission_type 'PatrolMission'; did you mean 'InspectionMission'?; "
+        "unknown mission 'PatrolMission'; did you mean 'InspectionMission'?; "
         f"what is new cannot be used: {problem}"
     )
     assert desk.start("1").accepted

@@ -474,8 +474,8 @@ def test_what_makes_no_sense_is_refused_with_a_reason_to_show(
 @pytest.mark.parametrize(
     ("mission", "tags", "message"),
     [
-        ("", [], "unknown mission_type ''; allowed: 'ExplorationMission', 'InspectionMission'"),
-        ("Inspection", [], "unknown mission_type 'Inspection'; did you mean 'InspectionMission'?"),
+        ("", [], "unknown mission ''; allowed: 'ExplorationMission', 'InspectionMission'"),
+        ("Inspection", [], "unknown mission 'Inspection'; did you mean 'InspectionMission'?"),
         ("InspectionMission", ["1", "99"], "unknown tag '99'; the layout has 29 tags: 1, 2, 3,"),
     ],
 )
