@@ -323,5 +323,7 @@ class Content:
                 region.kept[name] = self._data.keep(region.event, name)
         region.delay = delay
         text = f"send of {region.event!r} after {delay} outlives its state: the region {region.name} waits"
-        self._notes.tell(send, text)
+        self._notes.tell(
+            send, f"{text}; a second send meanwhile starts its clock anew, where SCXML delivers both"
+        )
         return {"raise": {"event": f"{region.word}.start", **({"with": dict(given)} if given else {})}}

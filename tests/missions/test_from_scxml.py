@@ -264,7 +264,8 @@ def test_a_long_document_is_no_trouble() -> None:
         (
             '<state id="a"><onentry><send event="x" delay="1s"/></onentry></state>'
             '<state id="b"><transition event="x" target="a"/></state>',
-            "2: send of 'x' after 1 s outlives its state: the region X_TIMER waits",
+            "2: send of 'x' after 1 s outlives its state: the region X_TIMER waits; a second send meanwhile "
+            "starts its clock anew, where SCXML delivers both",
         ),
         (
             '<state id="a"><onentry><send event="x" delay="1s"/><cancel sendid="y"/></onentry></state>',
