@@ -170,21 +170,22 @@ class WallClock:
             step.note(f"dropped: a clock that says {step.now + event.data['ahead']:g} s since 1970")
             return
         before, memory.wall = memory.wall, float(event.data["ahead"])
-        told = f"the clock says {calendar.told(step.now + memory.wall)}" if calendar is not None else ""
-        passed = []
+        forward = 0.0 if before is None else memory.wall - before
         if before is not None:
-            ahead = memory.wall - before
-            step.note(f"the clock was set {_long(abs(ahead))} {'forward' if ahead > 0 else 'back'}")
-            passed = [
-                about for due, _, kind, about in memory.timers if kind == "at" and due - ahead <= step.now
-            ]
-        if told:
-            step.note(told)
-        self.arm_all(step, passed)
+            step.note(f"the clock was set {_long(abs(forward))} {'forward' if forward > 0 else 'back'}")
+        if calendar is not None:
+            step.note(f"the clock says {calendar.told(step.now + memory.wall)}")
+        self.arm_all(step, forward)
 
-    def arm_all(self, step: Macrostep, passed: Collection[tuple[str, str]] = ()) -> None:
-        """Set the deadlines of the active states anew; those that the clock has `passed` over are due now."""
+    def arm_all(self, step: Macrostep, forward: float = 0.0) -> None:
+        """Set the deadlines of the active states anew; those that the clock has come to are due now.
+
+        `forward` is by how many seconds it was set forward.
+        """
         memory = self._scope.memory
+        passed = [
+            about for due, _, kind, about in memory.timers if kind == "at" and due - forward <= step.now
+        ]
         memory.timers[:] = [timer for timer in memory.timers if timer[2] != "at"]
         for state, about in passed:
             step.note(f"it has passed {about.partition(' ')[2]}")

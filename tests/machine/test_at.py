@@ -224,6 +224,16 @@ def test_missions_that_are_loaded_anew_wait_for_the_same_times() -> None:
     assert bench.machine.next_deadline == 23.5 * 3600
 
 
+def test_a_time_that_comes_while_missions_are_loaded_is_not_lost() -> None:
+    """It was not fired yet when the other machine took over."""
+    bench = waiting(on={"mission.start": "B"})
+    bench.now += 8.5 * 3600 + 1
+    bench.machine = successor(bench.machine, bench.machine.world)
+    bench.machine.go_on(bench.now)
+    assert (bench.wait_for_next(), bench.context["n"]) == (0, 1)
+    assert bench.machine.next_deadline == 32.5 * 3600
+
+
 def test_a_state_remembers_the_dates_of_a_year() -> None:
     """No more, however long it waits."""
     bench = waiting()
