@@ -48,6 +48,7 @@ from lupin_engine.ros.folder import LOOK_PERIOD_S, MissionsFolder
 from lupin_engine.ros.names import ANSWER_SERVICE, COMMAND_SERVICE, COMMAND_TYPE, NODE
 from lupin_engine.ros.outlet import NodeClock, RosOutlet
 from lupin_engine.ros.readiness import Readiness
+from lupin_engine.ros.single import other_orchestrator
 from lupin_engine.ros.telling import Telling
 from lupin_engine.runtime.engine import Engine
 from lupin_engine.runtime.setup import make_machine, make_world
@@ -417,7 +418,11 @@ def _clients(
 
 
 def main(arguments: Sequence[str] = ()) -> int:
-    """Run the node until SIGINT or SIGTERM; `arguments` are ROS arguments."""
+    """Run the node until SIGINT or SIGTERM; `arguments` are ROS arguments.
+
+    Raises:
+        LupinError: the domain has an orchestrator already, or something is wrong with the missions.
+    """
     catalog = load_catalog()
     loaded: list[tuple[LoadedMissions, MissionsFolder]] = []
 
@@ -427,6 +432,13 @@ def main(arguments: Sequence[str] = ()) -> int:
         return {**OWN_PARAMETERS, **loaded[-1][0].chart.parameters}
 
     ros = RosNode(NODE, arguments, declared)
+    other = other_orchestrator(ros, messages.wire_of(loaded[-1][0].chart.profile))
+    if other:
+        ros.leave()
+        raise LupinError(
+            f"{ros.name} stands down: {other} is the orchestrator of this ROS domain already; "
+            "stop that one, or start this one with another ROS_DOMAIN_ID"
+        )
     Orchestrator(ros, *loaded[-1])
     ros.spin()
     return 0

@@ -1,0 +1,40 @@
+"""One orchestrator in a domain: a second one would carry out every request too, with the same robot."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from lupin_engine.plugin.profile import Wire
+from lupin_engine.ros import messages
+from lupin_engine.ros.adapter.network import NAMELESS, node_name
+from lupin_engine.ros.adapter.node import Qos, RosNode
+from lupin_engine.ros.adapter.peers import service_channels
+from lupin_engine.ros.adapter.process import signals_call
+from lupin_engine.ros.bindings.definitions import interface_class
+
+#: How long another one is looked for, in seconds: one that runs is usually found within 0.3 s.
+LOOK_S = 1.0
+
+
+def other_orchestrator(ros: RosNode, wire: Wire) -> str:
+    """Return which node is an orchestrator already, and in what state it is; '' when none is found.
+
+    To be called before `ros` offers anything. Other nodes of this domain stay visible for some seconds after
+    they were killed, so one counts only when its state is heard as well: the dead say nothing.
+    """
+    heard: list[Any] = []
+    topic = ros.node.resolve_topic_name(wire.state.name)
+    _, replies = service_channels(ros.node.resolve_service_name(wire.start.name))
+
+    def found() -> set[str]:
+        publishing = ros.node.get_publishers_info_by_topic(topic)
+        serving = ros.node.get_publishers_info_by_topic(replies, no_mangle=True)
+        named = [{node_name(e) for e in ends if e.node_name != NAMELESS} for ends in (publishing, serving)]
+        return named[0] & named[1]
+
+    subscription = ros.subscribe(interface_class(wire.state.type), topic, Qos[wire.state.qos], heard.append)
+    with signals_call(ros.stop):
+        ros.work_until(lambda: bool(heard and found()), LOOK_S)
+    others = ", ".join(sorted(found())) if heard else ""
+    ros.node.destroy_subscription(subscription)
+    return f"{others} ({wire.read_state(messages.read(heard[-1])).lifecycle})" if others else ""
