@@ -18,7 +18,7 @@ from lupin_gateway.encoding import Compression
 #: The longest text in a frame, in characters, and the longest name: the middleware adds to it, up to 255.
 LONGEST, LONGEST_NAME = 1000, 200
 #: How many lists and objects a frame may have: a third of a million empty ones keep all pages waiting.
-MOST_LISTS = 20_000
+MOST_LISTS = 10_000
 
 
 @dataclass(frozen=True)

@@ -193,6 +193,6 @@ def test_a_type_is_read_or_refused(name: str) -> None:
 
 def test_a_frame_of_nothing_but_lists() -> None:
     """It is not even read; as many numbers are no trouble."""
-    assert parse("[" + "[]," * 20_000 + "0]") == BadFrame("a frame has at most 20000 lists and objects")
+    assert parse("[" + "[]," * 10_000 + "0]") == BadFrame("a frame has at most 10000 lists and objects")
     numbers = '{"op": "publish", "topic": "/x", "msg": {"data": [' + "1," * 400_000 + "1]}}"
     assert isinstance(parse(numbers), PublishMessage)
