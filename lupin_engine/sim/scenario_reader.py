@@ -442,10 +442,6 @@ def _has_state(chart: Chart, name: str) -> bool:
     return any(is_named(state, name) for state in chart.states if state)
 
 
-#: What fields are marked with.
-_MARKS = (NameOf, IsDuration, IsClock)
-
-
 @cache
 def _marks(model: type[Node]) -> Mapping[str, tuple[str, Sequence[NameOf | IsDuration | IsClock]]]:
     """Return the key of each field of a model, and how it is marked."""
