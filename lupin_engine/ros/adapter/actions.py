@@ -2,6 +2,7 @@
 
 rclpy leaves the future of a result pending for ever when the result was sent while the link was down. A
 `Goal` therefore asks again when a server (re-)appears, and repeats a cancel request until it is answered.
+A client that is closed has its goals cancelled, and stays until that is answered: see `ActionCaller.close`.
 """
 
 from __future__ import annotations
@@ -19,11 +20,13 @@ from rclpy.action.server import ServerGoalHandle
 from rclpy.task import Future
 from unique_identifier_msgs.msg import UUID
 
-from lupin_engine.ros.adapter.host import Host, Repeater
+from lupin_engine.ros.adapter.host import Host, Repeater, TimerHandle
 from lupin_engine.ros.adapter.qos import Qos
 
 #: Period of the check of the servers while a goal is active, in seconds; there is none otherwise.
 WATCH_PERIOD_S = 1.0
+#: How long a closed client, and the end of a node, waits for the answers of its cancels, in seconds.
+CANCEL_LIMIT_S = 2.0
 
 _TERMINAL = frozenset((GoalStatus.STATUS_SUCCEEDED, GoalStatus.STATUS_CANCELED, GoalStatus.STATUS_ABORTED))
 
@@ -47,7 +50,8 @@ class ActionCaller:
         self._goals: list[Goal] = []
         self._servers: frozenset[bytes] = frozenset()
         self._watch = Repeater(ros.steady_timer, WATCH_PERIOD_S, self._look)
-        self.closed = False
+        self._limit: TimerHandle | None = None
+        self.closed = self.released = False
 
     def ready(self) -> bool:
         """Say whether a server is matched; a dead one counts for up to 3 s (the discovery lease)."""
@@ -68,7 +72,12 @@ class ActionCaller:
         with an `action_msgs/GoalStatus` (4 succeeded, 5 canceled, 6 aborted, 0 when a restarted server
         does not know the goal). `rejected` comes instead when the goal was never taken. While no server
         answers, nothing comes: deadlines are the caller's.
+
+        Raises:
+            RuntimeError: the client is closed.
         """
+        if self.closed:
+            raise RuntimeError(f"the client of action {self.name} is closed")
         sent = Goal(self, accepted, feedback, ended, rejected)
         self._goals.append(sent)
         if not self._watch.running:
@@ -83,12 +92,36 @@ class ActionCaller:
             self._goals.remove(goal)
         if not self._goals:
             self._watch.stop()
+            if self.closed:
+                self.ros.post(self.release)  # rclpy is still working with the client
 
     def close(self) -> None:
-        """Release the client; no callback follows. Closing twice does no harm."""
+        """Have every goal cancelled and release the client; no callback follows.
+
+        The client stays until each cancel is answered or its goal's end is told, at most `CANCEL_LIMIT_S`. A
+        goal that is accepted meanwhile is cancelled, too. Closing twice does no harm.
+        """
         if self.closed:
             return
         self.closed = True
+        if not self._goals:
+            self.release()
+            return
+        self._limit = self.ros.steady_timer(CANCEL_LIMIT_S, self.release)
+        for goal in self._goals:
+            goal.abandon()
+
+    def release(self) -> None:
+        """Release the client at once. Doing it twice does no harm."""
+        if self.released:
+            return
+        if self.closed and self._goals:
+            self.ros.log.warning(
+                "no answer to a cancel: the goal may go on", action=self.name, goals=len(self._goals)
+            )
+        self.closed = self.released = True
+        if self._limit is not None:
+            self._limit.cancel()
         for goal in list(self._goals):
             goal.drop()
         self.client.destroy()
@@ -131,6 +164,7 @@ class Goal:
         self._result_overdue = False
         self._cancelling: Future | None = None
         self._cancel_unanswered = False
+        self._abandoned = False
 
     def cancel(self) -> None:
         """Ask the server to end the goal, again and again until it answers.
@@ -154,6 +188,14 @@ class Goal:
             self._ask_result()
         self._result_overdue = finished
         if self._cancel_unanswered and self._caller.ready():
+            self._send_cancel()
+
+    def abandon(self) -> None:
+        """Have the goal ended, accepted or not, and tell nobody of it any more."""
+        self._tell_accepted, self._tell_feedback = self.cancel, _nothing
+        self._tell_rejected = self._tell_ended = _nothing
+        self._abandoned = self._cancel_unanswered = True
+        if self._cancelling is None:
             self._send_cancel()
 
     def drop(self) -> None:
@@ -223,12 +265,23 @@ class Goal:
         self._cancelling = None
         self._cancel_unanswered = False
         code = future.result().return_code
-        if self._over or code == CancelGoal.Response.ERROR_NONE:
+        if self._over:
             return
         if code == CancelGoal.Response.ERROR_REJECTED:
             self._caller.ros.log.warning("the server refuses to cancel the goal", action=self._caller.name)
-        else:
+        if self._abandoned:
+            self._settle(code)
+        elif code not in (CancelGoal.Response.ERROR_NONE, CancelGoal.Response.ERROR_REJECTED):
             self._ask_result()  # the goal is unknown or has ended: the result says which
+
+    def _settle(self, code: int) -> None:
+        # A server may look at the cancel before it takes the goal: then the acceptance has it sent again.
+        if self._accepted or code != CancelGoal.Response.ERROR_UNKNOWN_GOAL_ID:
+            self._end(_nothing)
+
+
+def _nothing(*_: object) -> None:
+    """Tell nobody."""
 
 
 class ActionHost:

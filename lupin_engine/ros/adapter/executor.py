@@ -9,9 +9,12 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
+from rclpy.action import ActionClient
+from rclpy.client import Client
 from rclpy.context import Context
 from rclpy.exceptions import InvalidHandle
 from rclpy.executors import SingleThreadedExecutor
+from rclpy.guard_condition import GuardCondition
 from rclpy.node import Node
 from rclpy.service import Service
 from rclpy.task import Task
@@ -47,6 +50,13 @@ class Executor(SingleThreadedExecutor):
         super().__init__(context=context)
         self._log = log
         self._served: dict[Service, Serving] = {}
+        #: Whether only answers of servers are taken, and what is posted: a node that ends begins nothing new.
+        self.answers_only = False
+
+    def can_execute(self, entity: Any) -> bool:
+        """Say whether something may be waited for, and worked on."""
+        answers = (ActionClient, Client, GuardCondition)
+        return (not self.answers_only or isinstance(entity, answers)) and super().can_execute(entity)
 
     def serve(self, service: Service, how: Serving) -> None:
         """Take the requests of `service` here."""

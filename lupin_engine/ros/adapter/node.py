@@ -8,6 +8,7 @@ Each work-around lives in this package, for this reason:
 * a deadline on every call (`calls`), then `remove_pending_request`: an answer may never come;
 * results asked for again (`actions`): rclpy leaves the future pending when a result was lost in an outage;
 * requests refused by the middleware's timestamp (`executor`): those sent in an outage arrive after it;
+* a node leaves only when its cancels are answered (`actions`): goals would go on with nobody watching;
 * own signal handlers (`process`): rclpy's shut the context down before anybody can say good-bye;
 * `ExternalShutdownException` ends a spin quietly: the context may be shut down from elsewhere;
 * the end of the spin closes executor, node and context: a leaking server steals the requests of the next;
@@ -46,7 +47,13 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.subscription import Subscription
 
 from lupin_engine.errors import UsageError
-from lupin_engine.ros.adapter.actions import ActionCaller, ActionHost, Goal, ServedGoal
+from lupin_engine.ros.adapter.actions import (
+    CANCEL_LIMIT_S,
+    ActionCaller,
+    ActionHost,
+    Goal,
+    ServedGoal,
+)
 from lupin_engine.ros.adapter.calls import CallFailure, ServiceCall, ServiceCaller
 from lupin_engine.ros.adapter.executor import Executor, Serving, StaleAfter
 from lupin_engine.ros.adapter.logs import guarded, ros_log
@@ -134,7 +141,8 @@ class RosNode:
         self._wakeup = self.node.create_guard_condition(self._run_posted)
         self._closed = self._stopping = False
         self._stop_callbacks: list[Callable[[], None]] = []
-        self._closables: list[ActionCaller | ActionHost] = []
+        self._callers: list[ActionCaller] = []
+        self._hosts: list[ActionHost] = []
         self._channels: dict[str, None] = {}
         self._failures: deque[float] = deque(maxlen=MAX_FAILURES_PER_SECOND)
         self._told_findings: frozenset[str] = frozenset()
@@ -328,7 +336,8 @@ class RosNode:
         """Return a client of the action `name`."""
         self.watch_channels(action_channels(self.node.resolve_topic_name(name)))
         caller = ActionCaller(self, kind, name)
-        self._release_at_the_end(caller)
+        # Missions that are loaded anew make new clients: those that are released are not kept.
+        self._callers = [*(other for other in self._callers if not other.released), caller]
         return caller
 
     def serve_action(
@@ -343,12 +352,8 @@ class RosNode:
         """Offer the action `name`; see `ActionHost` for the callbacks."""
         self.watch_channels(action_channels(self.node.resolve_topic_name(name)))
         host = ActionHost(self, kind, name, admit=admit, started=started, cancelled=cancelled)
-        self._release_at_the_end(host)
+        self._hosts = [*(other for other in self._hosts if not other.closed), host]
         return host
-
-    def _release_at_the_end(self, closable: ActionCaller | ActionHost) -> None:
-        # Missions that are loaded anew make new clients: those that are closed are not kept.
-        self._closables = [*(other for other in self._closables if not other.closed), closable]
 
     def channels(self) -> list[str]:
         """Return the DDS topics that this node uses (see `peers`)."""
@@ -385,7 +390,8 @@ class RosNode:
     def spin(self) -> None:
         """Spin until SIGINT, SIGTERM or `stop`, then run the `on_stop` callbacks and close the node.
 
-        Returns cleanly in all these cases.
+        Before it closes, goals that its clients sent are cancelled, and the answers waited for, at most
+        `CANCEL_LIMIT_S`. Returns cleanly in all these cases.
 
         Raises:
             Exception: the node keeps failing outside its callbacks (see MAX_FAILURES_PER_SECOND).
@@ -400,7 +406,15 @@ class RosNode:
         for callback in self._stop_callbacks:
             self.guarded(callback)()
         if self._context.ok():
+            self.guarded(self._have_goals_ended)()
             self.guarded(self._deliver)()
+
+    def _have_goals_ended(self) -> None:
+        """Cancel the goals of all clients, and wait for the answers; nothing new is begun meanwhile."""
+        for caller in self._callers:
+            caller.close()
+        self._executor.answers_only = True
+        self.work_until(lambda: all(caller.released for caller in self._callers), CANCEL_LIMIT_S)
 
     def _deliver(self) -> None:
         """Wait until subscribers have what was published last, such as the end of a motion."""
@@ -461,8 +475,10 @@ class RosNode:
         if self._closed:
             return
         self._closed = True
-        for closable in self._closables:
-            closable.close()
+        for host in self._hosts:
+            host.close()
+        for caller in self._callers:
+            caller.release()
         self._executor.shutdown()
         self.node.destroy_node()
         self._context.try_shutdown()

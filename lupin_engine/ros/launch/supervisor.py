@@ -102,11 +102,13 @@ class Supervisor:
         return process.pid
 
     def start_again(self, name: str) -> int:
-        """Start a process that has ended as it was started before; its log goes on."""
+        """Start a process that has ended as it was started before, in its old turn; its log goes on."""
         child = next(c for c in self._children if c.name == name and c.process.poll() is not None)
-        self._children.remove(child)
+        place = self._children.index(child)
         _close_lifeline(child)
-        return self.start(name, child.command)
+        pid = self.start(name, child.command)
+        self._children[place] = self._children.pop()
+        return pid
 
     def deaths(self) -> list[Death]:
         """Return the processes that have ended by themselves since the last call."""

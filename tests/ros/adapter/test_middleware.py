@@ -593,7 +593,7 @@ def test_clients_of_actions_that_were_closed_are_not_kept(make_node: MakeNode) -
     for _ in range(3):
         ros.action(NavigateToPose, "navigate_to_pose").close()
     last = ros.action(NavigateToPose, "navigate_to_pose")
-    assert ros._closables == [last]
+    assert ros._callers == [last]
 
 
 def test_a_goal_is_cancelled_but_not_before_it_is_accepted(make_node: MakeNode) -> None:

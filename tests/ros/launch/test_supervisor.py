@@ -112,6 +112,22 @@ def test_who_has_died_is_started_again_as_before(supervisor: Supervisor) -> None
     assert supervisor.names == []
 
 
+def test_who_was_started_again_is_stopped_in_its_old_turn(supervisor: Supervisor) -> None:
+    """The orchestrator, which was started last, ends before the servers at which it cancels its goals."""
+    tells = "import signal, time; print('up', flush=True); signal.sigwait([2]); print(time.monotonic())"
+    blocked = f"import signal; signal.pthread_sigmask(signal.SIG_BLOCK, [2]); {tells}"
+    first = start(supervisor, "server", blocked)
+    start(supervisor, "orchestrator", blocked)
+    os.kill(first, signal.SIGKILL)
+    until(supervisor.deaths, "the death is noticed", 20.0)
+    supervisor.start_again("server")
+    until(lambda: (supervisor.folder / "server.log").read_text() == "up\nup\n", "it is up again", 20.0)
+    assert supervisor.names == ["server", "orchestrator"]
+    assert supervisor.stop() == []
+    ends = [float(last_lines(supervisor.folder / f"{name}.log")[-1]) for name in ("orchestrator", "server")]
+    assert ends == sorted(ends)
+
+
 def test_a_signal_is_told_by_its_name(supervisor: Supervisor) -> None:
     """Who killed a node is the first thing that one wants to know."""
     os.kill(start(supervisor, "one", LIVES), signal.SIGKILL)
