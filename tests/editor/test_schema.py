@@ -42,7 +42,7 @@ NOT_SEEN = {
     "beginnings", "budgets", "carried_fields", "code_details", "contradictions", "copied_answers", "every",
     "for_each_beside", "holds", "inputs", "invoke_with_states", "level_without_target", "lifecycle_names",
     "no_slot", "not_a_mission", "plugin_events", "request_carried", "request_fields", "retries", "slots",
-    "words_in_their_place",
+    "unused_and_unfilled", "words_in_their_place",
 }  # fmt: skip
 
 
