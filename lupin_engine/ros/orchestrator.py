@@ -41,6 +41,7 @@ from lupin_engine.plugin.registry import load_catalog
 from lupin_engine.plugin.types import NUMBER, TEXT, list_of
 from lupin_engine.ros import commands, messages
 from lupin_engine.ros.adapter.node import Qos, RosNode, RosTimer
+from lupin_engine.ros.adapter.process import signals_call
 from lupin_engine.ros.bindings.client import BoundClient
 from lupin_engine.ros.bindings.definitions import interface_class
 from lupin_engine.ros.commands import STALE, STALE_AFTER_S, CommandAnswer, CommandMemory, CommandRequest
@@ -432,13 +433,14 @@ def main(arguments: Sequence[str] = ()) -> int:
         return {**OWN_PARAMETERS, **loaded[-1][0].chart.parameters}
 
     ros = RosNode(NODE, arguments, declared)
-    other = other_orchestrator(ros, messages.wire_of(loaded[-1][0].chart.profile))
-    if other:
-        ros.leave()
-        raise LupinError(
-            f"{ros.name} stands down: {other} is the orchestrator of this ROS domain already; "
-            "stop that one, or start this one with another ROS_DOMAIN_ID"
-        )
-    Orchestrator(ros, *loaded[-1])
-    ros.spin()
+    with signals_call(ros.stop):  # from here on, and not only while it spins
+        other = other_orchestrator(ros, messages.wire_of(loaded[-1][0].chart.profile))
+        if other:
+            ros.leave()
+            raise LupinError(
+                f"{ros.name} stands down: {other} is the orchestrator of this ROS domain already; "
+                "stop that one, or start this one with another ROS_DOMAIN_ID"
+            )
+        Orchestrator(ros, *loaded[-1])
+        ros.spin()
     return 0

@@ -9,7 +9,6 @@ from lupin_engine.ros import messages
 from lupin_engine.ros.adapter.network import NAMELESS, node_name
 from lupin_engine.ros.adapter.node import Qos, RosNode
 from lupin_engine.ros.adapter.peers import service_channels
-from lupin_engine.ros.adapter.process import signals_call
 from lupin_engine.ros.bindings.definitions import interface_class
 
 #: How long another one is looked for, in seconds: one that runs is usually found within 0.3 s.
@@ -33,8 +32,7 @@ def other_orchestrator(ros: RosNode, wire: Wire) -> str:
         return named[0] & named[1]
 
     subscription = ros.subscribe(interface_class(wire.state.type), topic, Qos[wire.state.qos], heard.append)
-    with signals_call(ros.stop):
-        ros.work_until(lambda: bool(heard and found()), LOOK_S)
+    ros.work_until(lambda: bool(heard and found()), LOOK_S)
     others = ", ".join(sorted(found())) if heard else ""
     ros.node.destroy_subscription(subscription)
     return f"{others} ({wire.read_state(messages.read(heard[-1])).lifecycle})" if others else ""

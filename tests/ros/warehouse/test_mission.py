@@ -178,7 +178,7 @@ def test_the_requests_of_the_profile_are_verbs(clerk: Clerk) -> None:
     assert (code, said.splitlines()[0]) == (0, f"FETCHING DRIVING  target {FAR}")
     assert "  possible   go-on, call-off\n" in said
     # Called off while it stands still: a robot that goes on may be through before a process has begun.
-    assert lupin("call-off") == (0, "call_off accepted\n")
+    assert lupin("call-off") == (0, "call-off accepted\n")
     clerk.in_state("PARKED")
     code, said = lupin("go-on")
     assert (code, said.startswith("go_on ")) == (1, True), said
