@@ -32,13 +32,7 @@ class Qos(enum.Enum):
 
     def profile(self) -> QoSProfile:
         """Return a fresh rclpy profile."""
-        reliable, latched, depth = _PROFILES[self]
-        return QoSProfile(
-            history=HistoryPolicy.KEEP_LAST,
-            depth=depth,
-            reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
-            durability=DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE,
-        )
+        return _profile(*_PROFILES[self])
 
 
 #: profile -> (reliable, transient local, depth)
@@ -54,16 +48,26 @@ _PROFILES = {
 }
 
 
-def heard_profile(offered: Sequence[QoSProfile]) -> QoSProfile:
+def heard_profile(offered: Sequence[QoSProfile], depth: int = HEARD_DEPTH) -> QoSProfile:
     """Return the profile with which a subscriber hears all publishers of a topic, and what they keep.
 
-    It asks for what every one of them offers: one that asks for more is not matched.
+    It asks for what every one of them offers: one that asks for more is not matched. `depth` is how many
+    messages are kept until they are taken.
     """
     reliable = all(offer.reliability == ReliabilityPolicy.RELIABLE for offer in offered)
-    latched = all(offer.durability == DurabilityPolicy.TRANSIENT_LOCAL for offer in offered)
+    latched = all(is_latched(offer) for offer in offered)
+    return _profile(reliable, latched, depth)
+
+
+def is_latched(profile: QoSProfile) -> bool:
+    """Say whether late subscribers get what was published before."""
+    return bool(profile.durability == DurabilityPolicy.TRANSIENT_LOCAL)
+
+
+def _profile(reliable: bool, latched: bool, depth: int) -> QoSProfile:
     return QoSProfile(
         history=HistoryPolicy.KEEP_LAST,
-        depth=HEARD_DEPTH,
+        depth=depth,
         reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
         durability=DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE,
     )
@@ -71,10 +75,9 @@ def heard_profile(offered: Sequence[QoSProfile]) -> QoSProfile:
 
 def asks_more(asked: QoSProfile, wanted: QoSProfile) -> bool:
     """Say whether a subscriber asks for more than it wants, and may not be matched for that."""
-    reliable, latched = ReliabilityPolicy.RELIABLE, DurabilityPolicy.TRANSIENT_LOCAL
+    reliable = ReliabilityPolicy.RELIABLE
     more_reliable = asked.reliability == reliable and wanted.reliability != reliable
-    more_latched = asked.durability == latched and wanted.durability != latched
-    return bool(more_reliable or more_latched)
+    return bool(more_reliable) or (is_latched(asked) and not is_latched(wanted))
 
 
 def offers_text(offered: Iterable[QoSProfile]) -> str:

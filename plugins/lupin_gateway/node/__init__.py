@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any
 
+from lupin_engine.errors import UsageError
 from lupin_engine.plugin.contract import Parameter
 from lupin_engine.plugin.types import COUNT, DURATION, TEXT, list_of
 from lupin_engine.ros import names
@@ -58,8 +59,6 @@ def kept_by(values: Mapping[str, Any]) -> Mapping[str, Backlog]:
     Raises:
         UsageError: an entry is no `TOPIC=NUMBER`.
     """
-    from lupin_engine.errors import UsageError
-
     kept = {}
     for entry in values["events"]:
         topic, _, depth = entry.partition("=")

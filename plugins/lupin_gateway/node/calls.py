@@ -15,6 +15,7 @@ from rclpy.serialization import serialize_message
 from lupin_engine.ros.adapter.host import Repeater, TimerHandle
 from lupin_engine.ros.adapter.network import type_name
 from lupin_engine.ros.adapter.node import ActionCaller, CallFailure, Goal, RosNode, ServiceCaller
+from lupin_engine.ros.adapter.peers import service_channels
 from lupin_gateway.filling import DoesNotFit, filled
 from lupin_gateway.node import types
 from lupin_gateway.shapes import NotCarried
@@ -27,19 +28,17 @@ ACCEPTED_WITHIN_S = 5.0
 #: Seconds between two looks at the servers of goals, and that one may be out of sight.
 WATCH_S, GONE_AFTER_S = 0.5, 3.0
 
-_SEND_GOAL = "/_action/send_goal"
-
 
 def service_type(ros: RosNode, name: str) -> str:
     """Return the type of a service that somebody serves; '' where nobody does."""
-    servers = ros.node.get_subscriptions_info_by_topic(f"rq{name}Request", no_mangle=True)
+    requests, _ = service_channels(name)
+    servers = ros.node.get_subscriptions_info_by_topic(requests, no_mangle=True)
     return type_name(servers[0]).removesuffix("_Request") if servers else ""
 
 
 def action_type(ros: RosNode, name: str) -> str:
     """Return the type of an action that somebody serves; '' where nobody does."""
-    servers = ros.node.get_subscriptions_info_by_topic(f"rq{name}{_SEND_GOAL}Request", no_mangle=True)
-    return type_name(servers[0]).removesuffix("_SendGoal_Request") if servers else ""
+    return service_type(ros, f"{name}/_action/send_goal").removesuffix("_SendGoal")
 
 
 class When:

@@ -10,11 +10,12 @@ from collections import deque
 from collections.abc import Callable
 from typing import Any
 
-from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos import QoSProfile
 
 from lupin_engine.ros.adapter.host import Repeater, TimerHandle
 from lupin_engine.ros.adapter.network import type_name
 from lupin_engine.ros.adapter.node import Qos, RosNode
+from lupin_engine.ros.adapter.qos import heard_profile, is_latched
 from lupin_gateway.encoding import Sample
 from lupin_gateway.filling import DoesNotFit, filled
 from lupin_gateway.node import types
@@ -48,7 +49,7 @@ class Subscription:
         self._told = told
         self._problem = problem
         self._post = post
-        self._offered: tuple[bool, bool] | None = None
+        self._profile: QoSProfile | None = None
         self._subscription: Any = None
         #: What the pages' side has had no time for yet; of more, the oldest are lost, as in ROS itself.
         self._untold: deque[tuple[Sample, bool]] = deque(maxlen=DEPTH)
@@ -69,17 +70,14 @@ class Subscription:
         if type_ not in published:
             self._post(self._problem, f"{self.topic} is of type {', '.join(published)}, not {type_}")
             return
-        profiles = [each.qos_profile for each in publishers]
-        offered = (
-            all(each.reliability == ReliabilityPolicy.RELIABLE for each in profiles),
-            all(each.durability == DurabilityPolicy.TRANSIENT_LOCAL for each in profiles),
-        )
-        if offered != self._offered:
-            self._subscribe(type_, *offered)
+        profile = heard_profile([each.qos_profile for each in publishers], DEPTH)
+        if profile != self._profile:
+            self._subscribe(type_, profile)
 
-    def _subscribe(self, type_: str, reliable: bool, latched: bool) -> None:
+    def _subscribe(self, type_: str, profile: QoSProfile) -> None:
         self.close()
-        self._offered = (reliable, latched)
+        self._profile = profile
+        latched = is_latched(profile)
         try:
             kind, decode = types.class_of(type_), types.decode(type_)
         except NotCarried as problem:
@@ -93,15 +91,7 @@ class Subscription:
                 self._is_posted = True
                 self._post(self._tell)
 
-        profile = QoSProfile(
-            history=HistoryPolicy.KEEP_LAST,
-            depth=DEPTH,
-            reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
-            durability=DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE,
-        )
-        self._subscription = self._ros.node.create_subscription(
-            kind, self.topic, on_message, profile, raw=True
-        )
+        self._subscription = self._ros.subscribe_raw(kind, self.topic, profile, on_message)
         self._ros.watch_channels([f"rt{self.topic}"])
         self._post(self._problem, "")
 
