@@ -29,7 +29,7 @@ box-sizing:border-box;padding:.5rem;margin:.5rem 0}}p{{color:#a00}}</style>
 <form method="post"><label>Your token <input type="password" name="token" autofocus
 autocomplete="current-password"></label><button>Log in</button></form><p role="alert">{}</p></html>"""
 #: Nobody else may show the console in a frame of theirs, and no address goes with a link.
-_SHIELDS = {
+SHIELDS = {
     "x-frame-options": "SAMEORIGIN",
     "referrer-policy": "no-referrer",
     "x-content-type-options": "nosniff",
@@ -61,7 +61,7 @@ class Entrance:
             response = PlainTextResponse(f"{refused}\n", refused.status)
             if refused.status == 401 and wants_page and request.method == "GET":
                 response = RedirectResponse(LOGIN, 303)
-        response.headers.update({**_SHIELDS, "cache-control": "no-store"})
+        response.headers.update({**SHIELDS, "cache-control": "no-store"})
         await response(scope, receive, send)
 
     async def _log_in(self, request: Request) -> Response:

@@ -12,25 +12,31 @@ from pathlib import Path
 
 import uvicorn
 from starlette.applications import Starlette
+from starlette.datastructures import Headers
 from starlette.requests import Request
-from starlette.responses import JSONResponse, PlainTextResponse
+from starlette.responses import JSONResponse, PlainTextResponse, Response
 from starlette.routing import BaseRoute, Mount, Route, WebSocketRoute
 from starlette.staticfiles import StaticFiles
-from starlette.types import ASGIApp
+from starlette.types import ASGIApp, Scope
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from lupin_engine.errors import UsageError
 from lupin_gateway.doors import NotAdmitted
 from lupin_gateway.encoding import FrameData
-from lupin_gateway.entrance import Entrance, browser_of
+from lupin_gateway.entrance import SHIELDS, Entrance, browser_of
 from lupin_gateway.guard import HouseRules
 from lupin_gateway.hub import Hub, Outbox
 from lupin_gateway.session import Limits, Session
 from lupin_gateway.sides import RosSide
 from lupin_gateway.stop import TELL_HZ
 
-#: The files that are served.
+#: The files that are served: the console, as console/build.mjs makes it.
 PAGES = Path(__file__).with_name("pages")
+#: What a page may load, and from where: only what this gateway serves.
+POLICY = (
+    "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data: blob:; "
+    "connect-src 'self'; base-uri 'none'; form-action 'self'; frame-ancestors 'self'"
+)
 #: The largest frame that a client may send, in bytes; a larger one ends its connection (code 1009).
 LARGEST_FRAME = 8_000_000
 #: Seconds between two pings, and that a client has for its answer: who is gone is noticed after both.
@@ -81,6 +87,18 @@ def _listening(host: str, port: int) -> socket.socket:
         ) from problem
 
 
+class _ConsoleFiles(StaticFiles):
+    """Files of the console; a browser asks each time whether they are still the same."""
+
+    async def get_response(self, path: str, scope: Scope) -> Response:
+        """Return a file with what a browser is to keep to, and by what it is known on all its connections."""
+        response = await super().get_response(path, scope)
+        _, known = browser_of(Headers(scope=scope), secure=scope["scheme"] == "https")
+        response.raw_headers.extend(known)
+        response.headers.update({**SHIELDS, "content-security-policy": POLICY, "cache-control": "no-cache"})
+        return response
+
+
 class Gateway:
     """All connections of one process."""
 
@@ -101,7 +119,8 @@ class Gateway:
             WebSocketRoute("/_ros", self._connect),
             WebSocketRoute("/", self._connect),
             Route("/status", self._status),
-            Mount("/", StaticFiles(directory=PAGES, html=True)),
+            Route("/history", self._history),
+            Mount("/", _ConsoleFiles(directory=PAGES, html=True)),
         ]
         return Entrance(Starlette(routes=routes), self.rules.doors)
 
@@ -109,8 +128,13 @@ class Gateway:
         """Return what answers the second port: any path, as rosbridge does."""
         return Starlette(routes=[WebSocketRoute("/{path:path}", self._connect)])
 
-    async def _status(self, _: Request) -> JSONResponse:
-        return JSONResponse({"clients": self._clients, "topics": self._hub.topics()})
+    async def _status(self, request: Request) -> JSONResponse:
+        visitor = self.rules.doors.admit(request.headers, self.rules.clocks.wall())
+        told = {"clients": self._clients, "topics": self._hub.topics(), "mode": "robot"}
+        return JSONResponse({**told, "name": visitor.name, "role": visitor.role.word})
+
+    async def _history(self, _: Request) -> PlainTextResponse:
+        return PlainTextResponse("", media_type="application/x-ndjson")
 
     async def _connect(self, socket_: WebSocket) -> None:
         try:

@@ -1,0 +1,102 @@
+// The console: a bar with what matters most, the views, and on wide screens the mission's buttons beside each of them.
+import { render } from "preact";
+import { startClock } from "./model/clock";
+import { startHistory } from "./model/history";
+import { state } from "./model/mission";
+import { language, mode, open, route, startPage, texts, theme, type Language, type Theme } from "./model/page";
+import { startTopics } from "./model/topics";
+import { MomentBar } from "./parts/moment";
+import { Contained, Pill } from "./parts/panel";
+import "./style/base.css";
+import { VIEWS } from "./views/list";
+import { link } from "./wire/link";
+
+function Bar() {
+  const t = texts.value.shell;
+  const now = state.shown.value?.value;
+  const linked = link.state.value;
+  return (
+    <div class="bar">
+      <Pill tone={linked === "open" ? "good" : linked === "lost" ? "bad" : "info"}>{t[linked]}</Pill>
+      {mode.value !== "robot" && <strong class="mode">{t.modes[mode.value]}</strong>}
+      {now ? (
+        <span class="where" role="status">
+          <b>{now.lifecycle_state || "–"}</b> {now.mission_phase} {now.current_target && `· ${now.current_target}`}
+          {now.paused && <Pill tone="warn">{t.paused}</Pill>}
+        </span>
+      ) : (
+        <span class="where">{t.noState}</span>
+      )}
+    </div>
+  );
+}
+
+function Settings() {
+  const t = texts.value.shell;
+  return (
+    <details class="settings">
+      <summary>{t.settings}</summary>
+      <label>
+        {t.language}{" "}
+        <select value={language.value} onChange={(event) => (language.value = event.currentTarget.value as Language)}>
+          <option value="en">English</option>
+          <option value="nl">Nederlands</option>
+        </select>
+      </label>
+      <label>
+        {t.theme}{" "}
+        <select value={theme.value} onChange={(event) => (theme.value = event.currentTarget.value as Theme)}>
+          {(["auto", "light", "dark"] as const).map((each) => (
+            <option value={each}>{t.themes[each]}</option>
+          ))}
+        </select>
+      </label>
+    </details>
+  );
+}
+
+function Console() {
+  const t = texts.value;
+  const shown = VIEWS.find(({ id }) => route.value.split("/")[0] === id) ?? VIEWS[0]!;
+  const control = VIEWS[0]!;
+  return (
+    <>
+      <a class="skip" href="#content" onClick={(event) => (event.preventDefault(), document.getElementById("content")?.focus())}>
+        {t.shell.skip}
+      </a>
+      <nav aria-label={t.shell.views}>
+        {VIEWS.map(({ id, sign, title }) => (
+          <a href={`#${id}`} aria-current={id === shown.id ? "page" : undefined} onClick={() => open(id)}>
+            <span aria-hidden="true">{sign}</span> {title(t)}
+          </a>
+        ))}
+        <Settings />
+      </nav>
+      <Bar />
+      <main id="content" tabIndex={-1} class={shown === control ? "alone" : ""}>
+        <div class="view" key={shown.id}>
+          <Contained>
+            <shown.View />
+          </Contained>
+        </div>
+        {shown !== control && (
+          <aside class="beside" aria-label={control.title(t)}>
+            <Contained>
+              <control.View />
+            </Contained>
+          </aside>
+        )}
+      </main>
+      <Contained>
+        <MomentBar />
+      </Contained>
+    </>
+  );
+}
+
+startPage();
+startClock();
+startHistory();
+startTopics();
+link.start();
+render(<Console />, document.getElementById("console")!);

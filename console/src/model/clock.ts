@@ -1,0 +1,40 @@
+// The robot's clock. A browser's may be an hour off, so it is never compared with times that the robot tells.
+import { computed, signal } from "@preact/signals";
+import { link } from "../wire/link";
+import type { Time } from "../ros";
+import { moment } from "./past";
+
+/** Milliseconds by which the robot's clock is ahead of this page's steady one; undefined until it is known. */
+const ahead = signal<number | undefined>(undefined);
+const ticks = signal(0);
+
+/** The robot's time now, in milliseconds since 1970. */
+export function robotNow(): number {
+  return performance.now() + (ahead.value ?? performance.timeOrigin);
+}
+
+/** The moment that is shown, as a time; it goes on by the second while it is now. */
+export const shownNow = computed(() => {
+  void ticks.value;
+  return moment.value ?? robotNow();
+});
+
+/** Ask what the robot's clock shows: the answer with the shortest way is the best. */
+async function compare(): Promise<void> {
+  let shortest = Infinity;
+  for (let round = 0; round < 4; round++) {
+    const asked = performance.now();
+    const { time } = await link.call<{ time: Time }>("/rosapi/get_time");
+    const way = performance.now() - asked;
+    if (way >= shortest) continue;
+    shortest = way;
+    ahead.value = time.sec * 1000 + time.nanosec / 1e6 - (asked + way / 2);
+  }
+}
+
+export function startClock(): void {
+  const look = (): void => void compare().catch(() => undefined);
+  link.opened.push(look);
+  setInterval(look, 60_000);
+  setInterval(() => ticks.value++, 1000);
+}

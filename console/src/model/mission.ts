@@ -1,0 +1,214 @@
+// What the orchestrator tells, as types and topics; docs/operating.md, "For programs", says what each field is.
+import { computed, signal } from "@preact/signals";
+import { MSG_TYPES, type CommandResponse, type MissionState, type Observation, type StdMsgsString as Text } from "../ros";
+import { link } from "../wire/link";
+import { alike, json, topic } from "./topics";
+
+const ORCHESTRATOR = "/mission_orchestrator";
+
+export interface Attempt {
+  readonly attempt: string;
+  readonly operation: string;
+  readonly state: string;
+  readonly tries: number;
+  readonly deadline: number | null;
+  readonly [more: string]: unknown;
+}
+
+export interface Question {
+  readonly state: string;
+  readonly question: string;
+  readonly choices: readonly { readonly name: string; readonly label: string }[];
+  readonly default: string;
+  readonly deadline: number | null;
+  readonly left: number | null;
+}
+
+/** What is to be seen after a step. Counts stand beside these under the profile's names (`completed`, ...). */
+export interface View {
+  readonly configuration: readonly string[];
+  readonly lifecycle: string;
+  readonly phase: string;
+  readonly mission: string;
+  readonly mission_id: string;
+  readonly started_at: number | null;
+  readonly target: string;
+  readonly total: number;
+  readonly code: string;
+  readonly detail: string;
+  readonly asking: readonly Question[];
+  readonly held: readonly string[];
+  readonly holds: Readonly<Record<string, string>>;
+  readonly paused: boolean;
+  readonly attempts: readonly Attempt[];
+  readonly cancelling: readonly string[];
+  readonly [count: string]: unknown;
+}
+
+export interface Told {
+  readonly code: string;
+  readonly label: string;
+  readonly severity: number;
+  readonly detail: string;
+  readonly target: string;
+}
+
+export interface Step {
+  readonly sequence: number;
+  readonly time: number;
+  readonly event: string;
+  readonly data: Readonly<Record<string, unknown>>;
+  readonly configuration: readonly string[];
+  readonly taken?: readonly string[];
+  readonly exited?: readonly string[];
+  readonly entered?: readonly string[];
+  readonly commands?: readonly Readonly<Record<string, unknown>>[];
+  readonly notes?: readonly string[];
+  readonly why?: readonly string[];
+  readonly accepted?: boolean;
+  readonly refusal?: { readonly code: string; readonly text: string };
+  readonly codes?: readonly Told[];
+}
+
+/** A record of /mission_orchestrator/steps. `time` is of the clock by which deadlines in `view` are told. */
+export interface StepRecord {
+  readonly time: number;
+  readonly stamp: number;
+  readonly wall_ns: number;
+  readonly boot: string;
+  readonly chart: string;
+  readonly command?: { readonly by?: string; readonly command_id?: string };
+  readonly step: Step;
+  readonly view: View;
+}
+
+/** What one request would do now. */
+export interface Possible {
+  readonly request: string;
+  readonly verb: string;
+  readonly mission: string;
+  readonly possible: boolean;
+  readonly engages: readonly string[];
+  readonly releases: readonly string[];
+  readonly code: string;
+  readonly reason: string;
+}
+
+export interface RequestField {
+  readonly name: string;
+  readonly type: string;
+  readonly unit?: string;
+  readonly allowed?: readonly string[];
+  readonly required: boolean;
+  readonly default?: unknown;
+  readonly computed?: string;
+  readonly minimum?: number;
+  readonly may_be_empty?: boolean;
+}
+
+export interface OfferedMission {
+  readonly mission: string;
+  readonly file: string;
+  readonly summary: string;
+  readonly request: readonly RequestField[];
+}
+
+interface Place {
+  readonly file: string;
+  readonly line: number;
+}
+
+export interface ChartRecord {
+  readonly hash: string;
+  readonly boot: string;
+  readonly missions: readonly string[];
+  readonly svg: string;
+  readonly states: Readonly<Record<string, Place & { readonly id: string }>>;
+  readonly transitions: Readonly<Record<string, Place>>;
+  readonly files: Readonly<Record<string, string>>;
+}
+
+export const state = topic<MissionState, Omit<MissionState, "header">>("/mission/state", MSG_TYPES.MissionState, {
+  keep: 20_000,
+  always: true,
+  read: ({ header: _, ...rest }) => rest,
+  same: alike,
+});
+
+export const steps = topic<Text, StepRecord>(`${ORCHESTRATOR}/steps`, MSG_TYPES.StdMsgsString, {
+  keep: 20_000,
+  always: true,
+  read: json,
+  when: (message) => {
+    const record = json<StepRecord>(message);
+    return record && record.wall_ns / 1e6;
+  },
+  same: (one, other) => one.boot === other.boot && one.step.sequence === other.step.sequence,
+});
+
+export const possible = topic<Text, { sequence: number; requests: readonly Possible[] }>(
+  `${ORCHESTRATOR}/possible`,
+  MSG_TYPES.StdMsgsString,
+  { keep: 5000, always: true, read: json, same: alike },
+);
+
+export const missions = topic<Text, { missions: readonly OfferedMission[]; problems: readonly string[] }>(
+  `${ORCHESTRATOR}/missions`,
+  MSG_TYPES.StdMsgsString,
+  { keep: 200, always: true, read: json, same: alike },
+);
+
+export const chart = topic<Text, ChartRecord>(`${ORCHESTRATOR}/chart`, MSG_TYPES.StdMsgsString, {
+  keep: 20,
+  always: true,
+  read: json,
+  same: (one, other) => one.hash === other.hash && one.boot === other.boot,
+});
+
+export const observations = topic<Observation>("/floranova/observations", MSG_TYPES.Observation, {
+  keep: 5000,
+  always: true,
+  read: (message) => message,
+  when: ({ header }) => header.stamp.sec * 1000 + header.stamp.nanosec / 1e6 || undefined,
+  same: alike,
+});
+
+/** The view after the last step at the moment that is shown. */
+export const view = computed(() => steps.shown.value?.value.view);
+
+/** How long ago that step was taken by the orchestrator's clock is not known; by this its deadlines are counted down. */
+export interface Answered {
+  readonly verb: string;
+  readonly accepted: boolean;
+  readonly text: string;
+  readonly code: string;
+}
+
+/** The answer to what was commanded last from this page. */
+export const answered = signal<Answered | undefined>(undefined);
+/** What is being asked just now, one thing at a time. */
+export const asking = signal("");
+/** Who this page's commands are from, for the record. */
+export const person = signal("console");
+
+/** Command the orchestrator; the answer is shown by whoever shows `answered`. Never fails. */
+export async function command(verb: string, mission = "", request: object = {}): Promise<Answered> {
+  asking.value = verb;
+  const sent = {
+    verb,
+    mission,
+    request: Object.keys(request).length ? JSON.stringify(request) : "",
+    command_id: crypto.randomUUID?.() ?? `${performance.timeOrigin}-${performance.now()}`,
+    by: person.value,
+  };
+  let answer: Answered;
+  try {
+    const { accepted, message, code } = await link.call<CommandResponse>(`${ORCHESTRATOR}/command`, sent);
+    answer = { verb, accepted, text: message, code };
+  } catch (problem) {
+    answer = { verb, accepted: false, text: problem instanceof Error ? problem.message : String(problem), code: "" };
+  }
+  asking.value = "";
+  answered.value = answer;
+  return answer;
+}

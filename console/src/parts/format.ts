@@ -1,0 +1,33 @@
+// How times, ages and numbers are written.
+import { language, texts } from "../model/page";
+
+/** A time of day with seconds, local, with its zone: `03:12:07 CET`. */
+export function clockTime(at: number): string {
+  return new Intl.DateTimeFormat(language.value, { timeStyle: "medium" }).format(at);
+}
+
+/** A date and time with the zone: `23 Nov 2026, 03:12:07 CET`. */
+export function dateTime(at: number): string {
+  const how = { dateStyle: "medium", timeStyle: "long" } as const;
+  return new Intl.DateTimeFormat(language.value, how).format(at);
+}
+
+/** A span of seconds: `4.2 s`, `1 min 05 s`, `2 h 10 min`. */
+export function span(seconds: number): string {
+  if (seconds < 10) return `${Math.max(0, seconds).toFixed(1)} s`;
+  if (seconds < 60) return `${Math.round(seconds)} s`;
+  const minutes = Math.floor(seconds / 60);
+  const two = (number: number): string => String(Math.floor(number)).padStart(2, "0");
+  if (minutes < 60) return `${minutes} min ${two(seconds % 60)} s`;
+  return `${Math.floor(minutes / 60)} h ${two(minutes % 60)} min`;
+}
+
+export function ago(seconds: number | undefined): string {
+  return seconds === undefined ? texts.value.time.never : texts.value.time.ago(span(seconds));
+}
+
+/** A number with at most so many digits after the point, `–` where there is none. */
+export function number(value: number | null | undefined, digits = 1): string {
+  if (value === null || value === undefined || !Number.isFinite(value)) return "–";
+  return new Intl.NumberFormat(language.value, { maximumFractionDigits: digits }).format(value);
+}

@@ -1,0 +1,125 @@
+// The software stop: a button of its own, with a connection of its own, which works when the rest of the page does not.
+//
+// One press stops. Releasing is another button, which is there only while this page is stopped. The stop is told at once and
+// then steadily; what this page said last is remembered, so that a page that is loaded anew is still stopped.
+import { addressOf } from "./wire/link";
+
+const TOPIC = "/lupin/hmi/estop";
+const STOPS = "/lupin/hmi/stops";
+const RESET = "/lupin/hmi/reset_stop";
+const TELL_EVERY_MS = 500;
+const TRY_EVERY_MS = 1000;
+const REMEMBERED = "lupin.stopped";
+
+interface Stops {
+  readonly stopped: boolean;
+  readonly stops: readonly { readonly name: string; readonly left: boolean; readonly age: number }[];
+}
+
+const WORDS = {
+  en: {
+    stop: "STOP",
+    release: "Release my stop",
+    here: "Stopped by this page",
+    by: (names: string) => `Stopped by ${names}`,
+    reset: (name: string) => `Reset ${name}`,
+    unreachable: "Not connected: use the button on the robot",
+  },
+  nl: {
+    stop: "STOP",
+    release: "Mijn stop opheffen",
+    here: "Gestopt door deze pagina",
+    by: (names: string) => `Gestopt door ${names}`,
+    reset: (name: string) => `${name} opheffen`,
+    unreachable: "Niet verbonden: gebruik de knop op de robot",
+  },
+};
+
+const box = document.getElementById("stop-box")!;
+const button = document.getElementById("stop") as HTMLButtonElement;
+const release = document.getElementById("release") as HTMLButtonElement;
+const told = document.getElementById("stop-state")!;
+const others = document.getElementById("stop-others")!;
+
+let stopped = sessionStorage.getItem(REMEMBERED) === "1";
+let socket: WebSocket | undefined;
+let stops: Stops = { stopped: false, stops: [] };
+let problem = "";
+
+const isOpen = (): boolean => socket?.readyState === WebSocket.OPEN;
+
+function send(frame: object): void {
+  if (isOpen()) socket!.send(JSON.stringify(frame));
+}
+
+function tell(): void {
+  send({ op: "publish", topic: TOPIC, type: "std_msgs/msg/Bool", msg: { data: stopped } });
+}
+
+function set(to: boolean): void {
+  stopped = to;
+  problem = "";
+  sessionStorage.setItem(REMEMBERED, to ? "1" : "0");
+  tell();
+  show();
+}
+
+function show(): void {
+  const words = document.documentElement.lang === "nl" ? WORDS.nl : WORDS.en;
+  const names = stops.stops.map(({ name }) => name);
+  button.textContent = words.stop;
+  button.setAttribute("aria-pressed", String(stopped));
+  release.textContent = words.release;
+  release.hidden = !stopped;
+  box.dataset["state"] = !isOpen() ? "away" : stopped || stops.stopped ? "stopped" : "free";
+  const by = names.length ? words.by(names.join(", ")) : "";
+  told.textContent = problem || (isOpen() ? by || (stopped ? words.here : "") : words.unreachable);
+  const left = stops.stops.filter((each) => each.left || !stopped);
+  others.replaceChildren(
+    ...left.map(({ name }) => {
+      const reset = document.createElement("button");
+      reset.textContent = words.reset(name);
+      reset.onclick = () => send({ op: "call_service", id: `reset ${name}`, service: RESET, args: { name } });
+      return reset;
+    }),
+  );
+}
+
+function receive(data: string): void {
+  const frame = JSON.parse(data) as { op?: string; msg?: unknown; values?: unknown; result?: boolean; level?: string };
+  if (frame.op === "publish") stops = JSON.parse((frame.msg as { data: string }).data) as Stops;
+  else if (frame.op === "service_response") problem = answerOf(frame.result, frame.values);
+  else if (frame.op === "status" && frame.level === "error") problem = String(frame.msg);
+  show();
+}
+
+function answerOf(result: boolean | undefined, values: unknown): string {
+  if (!result) return String(values);
+  const { success, message } = values as { success: boolean; message: string };
+  return success ? "" : message;
+}
+
+function connect(): void {
+  const own = new WebSocket(addressOf(location));
+  socket = own;
+  own.onopen = () => {
+    if (stopped) tell();
+    send({ op: "subscribe", topic: STOPS, type: "std_msgs/msg/String" });
+    show();
+  };
+  own.onmessage = ({ data }) => receive(data as string);
+  own.onclose = () => {
+    if (socket === own) setTimeout(connect, TRY_EVERY_MS);
+    show();
+  };
+}
+
+button.addEventListener("click", () => set(true));
+release.addEventListener("click", () => set(false));
+addEventListener("keydown", (event) => {
+  if (event.key === "Escape" && event.shiftKey) set(true);
+});
+new MutationObserver(show).observe(document.documentElement, { attributeFilter: ["lang"] });
+setInterval(() => stopped && tell(), TELL_EVERY_MS);
+connect();
+show();

@@ -1,0 +1,6 @@
+import { texts } from "../../model/page";
+import { Panel } from "../../parts/panel";
+
+export function HealthView() {
+  return <Panel title={texts.value.health.title}>…</Panel>;
+}

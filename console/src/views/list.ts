@@ -1,0 +1,30 @@
+// The views, in the order of the navigation.
+import type { ComponentType } from "preact";
+import type { Texts } from "../texts/en";
+import { ArmView } from "./arm";
+import { ChartView } from "./chart";
+import { ControlView } from "./control";
+import { HealthView } from "./health";
+import { LogView } from "./log";
+import { MapView } from "./map";
+import { PeopleView } from "./people";
+import { TwinView } from "./twin";
+
+export interface ViewEntry {
+  readonly id: "control" | "chart" | "map" | "log" | "twin" | "arm" | "health" | "people";
+  /** A sign for narrow screens. */
+  readonly sign: string;
+  readonly title: (texts: Texts) => string;
+  readonly View: ComponentType;
+}
+
+export const VIEWS: readonly ViewEntry[] = [
+  { id: "control", sign: "▶", title: (t) => t.control.title, View: ControlView },
+  { id: "chart", sign: "◫", title: (t) => t.chart.title, View: ChartView },
+  { id: "map", sign: "▦", title: (t) => t.map.title, View: MapView },
+  { id: "log", sign: "☰", title: (t) => t.log.title, View: LogView },
+  { id: "twin", sign: "❀", title: (t) => t.twin.title, View: TwinView },
+  { id: "arm", sign: "⚙", title: (t) => t.arm.title, View: ArmView },
+  { id: "health", sign: "♥", title: (t) => t.health.title, View: HealthView },
+  { id: "people", sign: "☺", title: (t) => t.people.title, View: PeopleView },
+];

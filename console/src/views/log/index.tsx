@@ -1,0 +1,6 @@
+import { texts } from "../../model/page";
+import { Panel } from "../../parts/panel";
+
+export function LogView() {
+  return <Panel title={texts.value.log.title}>…</Panel>;
+}

@@ -1,0 +1,168 @@
+// One connection to the gateway by the rosbridge protocol: subscriptions come back after a break, calls end in time.
+import { signal } from "@preact/signals";
+
+/** Whether the gateway is there. `lost`: it was, and is being looked for. */
+export type LinkState = "connecting" | "open" | "lost";
+
+/** What a call came to that has no answer; the text says of what and why. */
+export class CallFailed extends Error {}
+
+interface Subscription {
+  readonly topic: string;
+  readonly type: string;
+  readonly throttle: number;
+  readonly heard: (message: unknown) => void;
+}
+
+interface Waiting {
+  readonly done: (values: unknown) => void;
+  readonly failed: (problem: CallFailed) => void;
+  readonly timer: number;
+}
+
+interface Frame {
+  op?: string;
+  id?: string;
+  topic?: string;
+  msg?: unknown;
+  values?: unknown;
+  result?: boolean;
+  level?: string;
+}
+
+/** Milliseconds between two tries to connect: the first, and the longest. */
+const FIRST_TRY_MS = 250;
+const LONGEST_TRY_MS = 5000;
+/** Seconds that a call may take unless it says otherwise; the gateway has limits of its own. */
+const CALL_S = 6;
+/** A service that is asked from time to time, by which a link that is dead without a word is noticed. */
+const PING_EVERY_MS = 5000;
+
+/** Where this page's gateway speaks the protocol. */
+export function addressOf(page: Location): string {
+  return `${page.protocol === "https:" ? "wss" : "ws"}://${page.host}/_ros`;
+}
+
+export class Link {
+  readonly state = signal<LinkState>("connecting");
+  /** What the gateway had to say about something that it did not do, newest last. */
+  readonly complaints = signal<readonly string[]>([]);
+  /** What is called each time that a connection stands. */
+  readonly opened: (() => void)[] = [];
+
+  private socket: WebSocket | undefined;
+  private tryAfter = FIRST_TRY_MS;
+  private count = 0;
+  private readonly subscriptions = new Map<string, Subscription>();
+  private readonly waiting = new Map<string, Waiting>();
+
+  constructor(private readonly address: string) {}
+
+  /** Connect, and go on connecting for ever. */
+  start(): void {
+    this.connect();
+    setInterval(() => this.ping(), PING_EVERY_MS);
+    addEventListener("online", () => this.reconnect());
+    document.addEventListener("visibilitychange", () => {
+      if (!document.hidden) this.ping();
+    });
+  }
+
+  /** Hear a topic; returns what ends that. `throttle`: at least so many milliseconds lie between two messages. */
+  subscribe<T>(topic: string, type: string, heard: (message: T) => void, throttle = 0): () => void {
+    const id = `s${++this.count}`;
+    const subscription: Subscription = { topic, type, throttle, heard: heard as (message: unknown) => void };
+    this.subscriptions.set(id, subscription);
+    this.sendSubscription(id, subscription);
+    return () => {
+      if (this.subscriptions.delete(id)) this.send({ op: "unsubscribe", id, topic });
+    };
+  }
+
+  /** Call a service; fails with `CallFailed` when there is no link, no answer in time, or a refusal of the gateway. */
+  call<Answer>(service: string, args: object = {}, seconds = CALL_S): Promise<Answer> {
+    return new Promise((done, failed) => {
+      const id = `c${++this.count}`;
+      if (!this.send({ op: "call_service", id, service, args, timeout: seconds })) {
+        failed(new CallFailed(`${service}: there is no connection to the gateway`));
+        return;
+      }
+      const late = (): void => {
+        this.waiting.delete(id);
+        failed(new CallFailed(`${service}: no answer within ${seconds} s`));
+      };
+      const timer = window.setTimeout(late, seconds * 1000 + 500);
+      this.waiting.set(id, { done: done as (values: unknown) => void, failed, timer });
+    });
+  }
+
+  /** Publish a message once; returns whether it was sent. */
+  publish(topic: string, type: string, msg: object): boolean {
+    return this.send({ op: "publish", topic, type, msg });
+  }
+
+  private connect(): void {
+    const socket = new WebSocket(this.address);
+    this.socket = socket;
+    socket.onopen = () => {
+      this.tryAfter = FIRST_TRY_MS;
+      this.state.value = "open";
+      for (const [id, subscription] of this.subscriptions) this.sendSubscription(id, subscription);
+      for (const tell of this.opened) tell();
+    };
+    socket.onmessage = ({ data }) => this.receive(JSON.parse(data as string) as Frame);
+    socket.onclose = () => {
+      if (this.socket !== socket) return;
+      this.socket = undefined;
+      if (this.state.value === "open") this.state.value = "lost";
+      this.failAll();
+      setTimeout(() => this.socket ?? this.connect(), this.tryAfter);
+      this.tryAfter = Math.min(2 * this.tryAfter, LONGEST_TRY_MS);
+    };
+  }
+
+  private reconnect(): void {
+    this.socket?.close();
+  }
+
+  private ping(): void {
+    if (this.state.value !== "open") return;
+    this.call("/rosapi/get_time", {}, 4).catch(() => this.reconnect());
+  }
+
+  private receive(frame: Frame): void {
+    if (frame.op === "publish") {
+      for (const subscription of [...this.subscriptions.values()])
+        if (subscription.topic === frame.topic) subscription.heard(frame.msg);
+    } else if (frame.op === "service_response" && frame.id !== undefined) {
+      const waiting = this.waiting.get(frame.id);
+      if (!waiting) return;
+      this.waiting.delete(frame.id);
+      clearTimeout(waiting.timer);
+      if (frame.result) waiting.done(frame.values);
+      else waiting.failed(new CallFailed(String(frame.values)));
+    } else if (frame.op === "status" && typeof frame.msg === "string") {
+      this.complaints.value = [...this.complaints.value.slice(-49), frame.msg];
+    }
+  }
+
+  private failAll(): void {
+    for (const { failed, timer } of this.waiting.values()) {
+      clearTimeout(timer);
+      failed(new CallFailed("the connection to the gateway was lost; whether it was done is not known"));
+    }
+    this.waiting.clear();
+  }
+
+  private sendSubscription(id: string, { topic, type, throttle }: Subscription): void {
+    this.send({ op: "subscribe", id, topic, type, throttle_rate: throttle });
+  }
+
+  private send(frame: object): boolean {
+    if (this.socket?.readyState !== WebSocket.OPEN) return false;
+    this.socket.send(JSON.stringify(frame));
+    return true;
+  }
+}
+
+export const link = new Link(addressOf(location));
