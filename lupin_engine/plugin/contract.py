@@ -190,6 +190,8 @@ class Plugin:
     plugins. `client` is `module:Class` of the `Driver`; `nodes` maps a node's name to `module:function`,
     called with the command line's ROS arguments and returning an exit code. `stands_in` maps a node that
     simulates something to the actions and services of the real thing: it is not started where those are.
+    `guards` maps a node that looks after something real to its actions and services: it is not started
+    beside a simulation of them, which looks after itself.
     `companions` names nodes that only listen, and run beside every mission, whether it uses the plugin or
     not. `simulated_defaults` are values, in base units, that parameters of missions take by default where
     the plugin's simulations are started. `serves` are the services, actions and topics that its nodes
@@ -213,6 +215,7 @@ class Plugin:
     client: str = ""
     nodes: Mapping[str, str] = field(default_factory=dict)
     stands_in: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    guards: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     companions: tuple[str, ...] = ()
     simulated_defaults: Mapping[str, Any] = field(default_factory=dict)
     internal: bool = False

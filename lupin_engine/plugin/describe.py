@@ -124,7 +124,9 @@ def _parameter_type(parameter: Parameter) -> str:
 def _nodes(plugin: Plugin) -> Iterator[Entry]:
     for name, target in plugin.nodes.items():
         instead = ", ".join(plugin.stands_in.get(name, ()))
-        facts = (("not started where there is", instead),) if instead else ()
+        guarded = ", ".join(plugin.guards.get(name, ()))
+        told = (("not started where there is", instead), ("not started beside a simulation of", guarded))
+        facts = tuple((what, names) for what, names in told if names)
         yield Entry(name, f"Runs {target}.", facts=facts)
 
 

@@ -334,8 +334,8 @@ def _problems(plugin: Plugin) -> Iterator[str]:
     for family, declared, check in declarations:
         for name, declaration in declared.items():
             yield from check(f"{family} {name!r}", declaration)
-    for key, names in (("stands_in", plugin.stands_in), ("companions", plugin.companions)):
-        for name in names:
+    for key in ("stands_in", "guards", "companions"):
+        for name in getattr(plugin, key):
             if name not in plugin.nodes:
                 yield f"{key} names {name!r}, which is none of its nodes; {nearest(name, plugin.nodes)}"
     for name, kind in plugin.types.items():

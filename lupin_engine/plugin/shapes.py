@@ -129,4 +129,4 @@ _PLAIN: Mapping[Any, Shape] = {
     Severity: _must_be("a Severity", lambda value: isinstance(value, Severity)),
 }
 #: What one thing in a mapping is called, where that is not the name of the field without its s.
-_ONE_OF = {"result": "field", "stands_in": "stands_in"}
+_ONE_OF = {"result": "field", "stands_in": "stands_in", "guards": "guards"}

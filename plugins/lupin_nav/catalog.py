@@ -260,6 +260,8 @@ PLUGIN = Plugin(
     readers={"tag": Reader(UNKNOWN_TAG, bind_tag_reader)},
     parameters=PARAMETERS,
     client="lupin_nav.client:NavClient",
+    nodes={"nav_watchdog": "lupin_nav.node:main"},
+    guards={"nav_watchdog": ("navigate_to_pose",)},
     access=Access(
         viewer=(
             "/map",

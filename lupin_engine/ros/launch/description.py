@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from lupin_engine.plugin.contract import Plugin
 from lupin_engine.plugin.registry import Catalog
 from lupin_engine.ros.launch.nodes import ORCHESTRATOR, LaunchableNode, nodes_of
 
@@ -87,6 +88,8 @@ def describe_launch(
             joined.append(there)
         else:
             starting.append(node)
+    simulated = {end for node in starting for end in _owner(node, catalog).stands_in.get(node.name, ())}
+    starting = [n for n in starting if simulated.isdisjoint(_owner(n, catalog).guards.get(n.name, ()))]
     given = {
         **parameters,
         ORCHESTRATOR: {**_assumed(starting, catalog, known), **parameters.get(ORCHESTRATOR, {})},
@@ -125,8 +128,12 @@ def _already(node: LaunchableNode, catalog: Catalog, present: PresentEndpoints) 
     """Return what makes this node unnecessary; '' when it must be started."""
     if node.name in present.nodes:
         return node.name
-    replaced = catalog.plugins[node.plugin].stands_in.get(node.name, ()) if node.plugin else ()
+    replaced = _owner(node, catalog).stands_in.get(node.name, ())
     return ", ".join(replaced) if replaced and all(present.offers(name) for name in replaced) else ""
+
+
+def _owner(node: LaunchableNode, catalog: Catalog) -> Plugin:
+    return catalog.plugins.get(node.plugin) or Plugin("engine", "What the engine itself starts.")
 
 
 def command(launch: NodeLaunch, folder: Path) -> list[str]:

@@ -227,6 +227,14 @@ class Arm:
         if self._motion is not None and self._torque.state is not False:
             self._publish(_stay(self.pose() or self._should_be(), seconds))
 
+    def halt(self, reason: str) -> None:
+        """Stop what is under way, because who wanted it is gone; an arm at rest is left alone."""
+        if self._motion is None or not self._motion.owner or not self._motion.under_way(self._ros.elapsed()):
+            return
+        self._ros.log.warning("the arm stops", reason=reason)
+        self.hold()
+        self._interrupt(reason)
+
     def move_jaw(self, angle: float, owner: str, done: Done | None = None) -> None:
         """Send the jaw to an angle of its joint, in radians; `done(None)` when sent, else `done(reason)`.
 

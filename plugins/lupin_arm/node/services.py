@@ -14,6 +14,7 @@ from lupin_arm.node.library import serve_library
 from lupin_arm.node.operator_services import serve_presets, serve_sliders, serve_torque
 from lupin_arm.node.settings import PARAMETERS
 from lupin_engine.ros.adapter.node import RosNode
+from lupin_greenhouse.node.watchdog import TIMEOUT, OrchestratorWatchdog
 
 
 def main(arguments: Sequence[str]) -> int:
@@ -32,7 +33,8 @@ def serve_all(ros: RosNode) -> Arm:
     serve_presets(ros, arm, values["preset_duration"])
     serve_sliders(ros, arm, values["init_duration"])
     serve_torque(ros, arm)
-    mission = MissionGate(ros, values["mission_state_topic"])
+    watchdog = OrchestratorWatchdog(ros.steady_timer, values[TIMEOUT], arm.halt)
+    mission = MissionGate(ros, values["mission_state_topic"], watchdog)
     serve_library(ros, arm, mission, values["library_path"])
     serve_calibration(ros, arm, Gates(hardware, mission), values)
     return arm

@@ -29,7 +29,10 @@ from lupin_engine.plugin.types import BOOL, COUNT, NUMBER, POSE, TEXT, number_in
 from lupin_engine.plugin.wire import time_fields
 from lupin_engine.ros.adapter.host import Repeater
 from lupin_engine.ros.adapter.node import Qos, RosNode, ServedGoal
+from lupin_greenhouse.node import watchdog
+from lupin_greenhouse.node.watchdog import OrchestratorWatchdog
 from lupin_greenhouse.poses import heading
+from lupin_msgs.msg import MissionState
 from lupin_sim.faults import Faults, InjectedFault
 from lupin_sim.floor import Floor
 from lupin_sim.layout import load_layout
@@ -82,6 +85,7 @@ PARAMETERS = {
     "drain_per_s": Parameter(NUMBER, 0.0, "charge that the battery loses in a second", minimum=0.0),
     "fault": Parameter(_FAULTS, InjectedFault.NONE.value, "what goes wrong"),
     "fault_count": Parameter(COUNT, 0, "goals that the fault hits; 0: until it is changed. Set it first"),
+    **watchdog.PARAMETERS,
     **senses.PARAMETERS,
 }
 
@@ -124,8 +128,10 @@ class SimNode:
         self._beats = 0
         self._next_pose = ros.elapsed()
         self._next_look = ros.elapsed()
+        self._watchdog = OrchestratorWatchdog(ros.steady_timer, values[watchdog.TIMEOUT], self._lost)
         self._connect()
         self._senses = Senses(ros, layout, values, self._publish_transforms)
+        ros.subscribe(MissionState, "/mission/state", Qos.LATCHED, self._on_mission)
         self._senses.look(self._robot.pose)
         reason = self._change({name: values[name] for name in LIVE})
         if reason is not None:
@@ -192,6 +198,10 @@ class SimNode:
             self._estop_hmi = message.data
             self._advance()
             self._settle()
+
+    def _on_mission(self, message: MissionState) -> None:
+        self._watchdog.heard(message.lifecycle_state)
+        self._senses.hear_mission(message.mission_id)
 
     @property
     def _estop(self) -> bool:
@@ -277,6 +287,12 @@ class SimNode:
     def _cancel(self, served: ServedGoal) -> None:
         if served is self._goal:
             self._end_goal("canceled", "cancelled by the client")
+
+    def _lost(self, reason: str) -> None:
+        if self._goal is not None:
+            self._advance()
+            self._ros.log.warning("the robot stops", reason=reason)
+            self._end_goal("aborted", reason)
 
     def _end_goal(self, how: str, message: str = "", code: int = 0) -> None:
         """End the running goal, if any, and stand still."""

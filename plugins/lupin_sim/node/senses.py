@@ -16,7 +16,6 @@ from lupin_engine.errors import LupinError
 from lupin_engine.plugin.contract import Parameter
 from lupin_engine.plugin.types import ANGLE, BOOL, LENGTH, NUMBER, list_of
 from lupin_engine.ros.adapter.node import Qos, RosNode
-from lupin_msgs.msg import MissionState
 from lupin_sim.camera import Camera
 from lupin_sim.floor import Point
 from lupin_sim.layout import Floorplan
@@ -64,7 +63,6 @@ class Senses:
         self._told = ros.elapsed()
         self._maps = ros.publisher(OccupancyGrid, "/map", Qos.LATCHED)
         self._detections = Detections(ros, send) if values["detector"] else None
-        ros.subscribe(MissionState, "/mission/state", Qos.LATCHED, self._on_mission)
         ros.timer(TELL_S, self.tell_map)
 
     def look(self, pose: FloorPose) -> None:
@@ -84,10 +82,10 @@ class Senses:
             self._told = now
             self._maps.publish(self._grid())
 
-    def _on_mission(self, message: MissionState) -> None:
+    def hear_mission(self, mission_id: str) -> None:
         """Forget the map when a mission begins: in a known greenhouse there is nothing to search."""
-        if message.mission_id not in ("", self._mission_id):
-            self._mission_id = message.mission_id
+        if mission_id not in ("", self._mission_id):
+            self._mission_id = mission_id
             self._map.forget()
             self._mapped_from = None
 

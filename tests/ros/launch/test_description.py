@@ -70,6 +70,16 @@ def test_what_missions_do_not_use_is_not_simulated() -> None:
     assert with_the_arm.starts == ("fake_robot", "fake_hand", "twin", "hand", "mission_orchestrator")
 
 
+def test_what_looks_after_a_real_robot_stays_out_beside_a_simulated_one() -> None:
+    guarded = replace(CATALOG.plugins["drive"], nodes={"guard": "g:main"}, guards={"guard": ("navigate",)})
+    catalog = build_catalog([guarded, CATALOG.plugins["fake"]])
+    there = PresentEndpoints(actions=frozenset({"/navigate"}))
+    assert describe_launch(["drive"], catalog, NOTHING, {}).starts == ("fake_robot", "mission_orchestrator")
+    for present, simulate in ((there, True), (there, False), (NOTHING, False)):
+        found = describe_launch(["drive"], catalog, present, {}, simulate=simulate)
+        assert found.starts == ("guard", "mission_orchestrator")
+
+
 def test_robots_and_companions_of_another_profile_stay_out() -> None:
     others = [replace(CATALOG.plugins[name], profile="forest") for name in ("fake", "twin")]
     catalog = build_catalog([*others, CATALOG.plugins["read"], CATALOG.plugins["drive"]])
