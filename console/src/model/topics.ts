@@ -14,8 +14,8 @@ interface How<Message, T> {
   readonly always?: boolean;
   /** When a message was, where it says so; else when it arrived. */
   readonly when?: (message: Message) => number | undefined;
-  /** The value of a message; `undefined` is not kept. */
-  readonly read: (message: Message) => T | undefined;
+  /** The value of a message, and when it was; `undefined` is not kept. */
+  readonly read: (message: Message, at: number) => T | undefined;
   /** Whether two values are one: the later one is not kept. */
   readonly same?: (one: T, other: T) => boolean;
 }
@@ -44,9 +44,9 @@ export function topic<Message, T = Message>(name: string, type: string, how: How
   let end = (): void => undefined;
   const take = (message: unknown, arrived: number): void => {
     heardAt.value = Math.max(heardAt.peek() ?? 0, arrived);
-    const value = how.read(message as Message);
-    if (value === undefined) return;
     const at = how.when?.(message as Message) ?? arrived;
+    const value = how.read(message as Message, at);
+    if (value === undefined) return;
     const before = past.at(at);
     if (before && how.same?.(before.value, value)) return;
     past.add(at, value);

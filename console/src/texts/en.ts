@@ -20,6 +20,13 @@ export const en = {
     ago: (text: string) => `${text} ago`,
     never: "never",
   },
+  sensors: {
+    temperature: "temperature",
+    humidity: "humidity",
+    co2: "CO₂",
+    light: "light",
+    soil_moisture: "soil moisture",
+  },
   control: { title: "Mission" },
   chart: { title: "Chart" },
   map: { title: "Map" },

@@ -22,6 +22,13 @@ export const nl: Texts = {
     ago: (text) => `${text} geleden`,
     never: "nooit",
   },
+  sensors: {
+    temperature: "temperatuur",
+    humidity: "luchtvochtigheid",
+    co2: "CO₂",
+    light: "licht",
+    soil_moisture: "bodemvocht",
+  },
   control: { title: "Missie" },
   chart: { title: "Diagram" },
   map: { title: "Kaart" },
