@@ -198,7 +198,10 @@ class Macrostep:
 
 @dataclass(frozen=True)
 class Attempting:
-    """An operation under way: which try, how far, and when it times out (None: never, or frozen)."""
+    """An operation under way: which try, how far, and when it times out (None: never, or frozen).
+
+    `limit` is how long it may take in all, in seconds; None: as long as it likes.
+    """
 
     state: str
     operation: str
@@ -206,6 +209,7 @@ class Attempting:
     phase: str
     detail: str
     deadline: float | None
+    limit: float | None
 
 
 @dataclass(frozen=True)
@@ -219,6 +223,19 @@ class Question:
     question: str
     choices: tuple[Code, ...]
     default: str
+    deadline: float | None
+    left: float | None
+
+
+@dataclass(frozen=True)
+class Countdown:
+    """What a state does by itself later: `event` is `after.0`, `every.0`, `at.0`, `budget`, or `retry`.
+
+    While a hold stops its clock there is no deadline, and `left` seconds remain after it.
+    """
+
+    state: str
+    event: str
     deadline: float | None
     left: float | None
 
@@ -252,6 +269,7 @@ class View:
     attempts: tuple[Attempting, ...]
     cancelling: tuple[str, ...]
     dropped: int
+    countdowns: tuple[Countdown, ...] = ()
 
 
 def fields_told(fields: Mapping[str, object]) -> str:
@@ -292,6 +310,7 @@ def view_of(chart: Chart, memory: Memory) -> View:
         attempts=tuple(_attempting(memory)),
         cancelling=tuple(a.operation for a in memory.attempts.values() if a.phase is Phase.CANCELLING),
         dropped=memory.dropped,
+        countdowns=tuple(_countdowns(memory)),
     )
 
 
@@ -330,6 +349,24 @@ def _attempting(memory: Memory) -> list[Attempting]:
                     attempt.phase.value,
                     attempt.detail,
                     deadlines.get(attempt.id),
+                    attempt.timeout,
                 )
             )
     return shown
+
+
+#: Timers that are told as countdowns; those of attempts and questions are told with them.
+_COUNTED = frozenset({"after", "budget", "at", "retry"})
+
+
+def _countdowns(memory: Memory) -> Iterator[Countdown]:
+    for timers, frozen in ((memory.timers, False), (memory.frozen, True)):
+        for due, _, kind, (owner, event) in timers:
+            if kind not in _COUNTED:
+                continue
+            state = owner
+            if kind == "retry":
+                serving = memory.invocations.values()
+                state = next((each.state for each in serving if each.id == owner), "")
+            told = event.partition(" ")[0] or kind
+            yield Countdown(state, told, None if frozen else due, due if frozen else None)

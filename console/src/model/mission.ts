@@ -6,13 +6,25 @@ import { alike, json, topic } from "./topics";
 
 const ORCHESTRATOR = "/mission_orchestrator";
 
+/** An operation under way. Without a `deadline` it has none, or a hold has stopped its clock. */
 export interface Attempt {
-  readonly attempt: string;
-  readonly operation: string;
   readonly state: string;
+  readonly operation: string;
   readonly tries: number;
+  readonly phase: string;
+  readonly detail: string;
   readonly deadline: number | null;
-  readonly [more: string]: unknown;
+  /** How long it may take in all, in seconds. */
+  readonly limit: number | null;
+}
+
+/** What a state does by itself later; `left` seconds remain of a clock that a hold has stopped. */
+export interface Countdown {
+  readonly state: string;
+  /** `after.0`, `every.0`, `at.0`, `budget` or `retry`. */
+  readonly event: string;
+  readonly deadline: number | null;
+  readonly left: number | null;
 }
 
 export interface Question {
@@ -42,6 +54,7 @@ export interface View {
   readonly paused: boolean;
   readonly attempts: readonly Attempt[];
   readonly cancelling: readonly string[];
+  readonly countdowns?: readonly Countdown[];
   readonly [count: string]: unknown;
 }
 
