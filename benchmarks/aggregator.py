@@ -25,6 +25,7 @@ from pathlib import Path
 os.environ |= {"ROS_DOMAIN_ID": "95", "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
 
 from geometry_msgs.msg import TransformStamped
+from idle_cpu import cpu_seconds
 from std_msgs.msg import String
 from tf2_msgs.msg import TFMessage
 
@@ -90,12 +91,6 @@ class World:
         end = time.monotonic() + seconds
         while (left := end - time.monotonic()) > 0.0:
             self.ros.spin_once(left)
-
-
-def cpu_seconds(pid: int) -> float:
-    """Return user and system time of a process so far."""
-    fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
-    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
 def main() -> None:

@@ -42,6 +42,7 @@ import numpy as np
 import rclpy
 import websockets
 from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped, TransformStamped
+from idle_cpu import cpu_seconds
 from nav_msgs.msg import OccupancyGrid, Odometry
 from nav_msgs.msg import Path as Plan
 from rclpy.executors import SingleThreadedExecutor
@@ -221,12 +222,6 @@ def _hang() -> None:
 # -- the servers ------------------------------------------------------------------------------------------
 
 
-def _processor(pid: int) -> float:
-    """Return the seconds of processor time of a process."""
-    fields = Path(f"/proc/{pid}/stat").read_text(encoding="ascii").rpartition(")")[2].split()
-    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
-
-
 @contextmanager
 def _server(command: str) -> Iterator[tuple[str, int]]:
     with socket.socket() as free:
@@ -272,10 +267,10 @@ def _measure_pages(
     pages = _role("pages", url)
     world.publish(flood)
     world.work(4.0)
-    begun, before = time.monotonic_ns(), _processor(pid)
+    begun, before = time.monotonic_ns(), cpu_seconds(pid)
     found = {"stop": _measure_stop(world, url)} if stop else {}
     world.work(max(0.0, seconds - (time.monotonic_ns() - begun) / 1e9))
-    ended, after = time.monotonic_ns(), _processor(pid)
+    ended, after = time.monotonic_ns(), cpu_seconds(pid)
     world.work(2.0)
     world.be_silent()
     told = json.loads(pages.communicate()[0])
@@ -317,14 +312,14 @@ def measure(world: World, command: str, seconds: float) -> dict[str, Any]:
     """Return the figures of one server."""
     with _server(command) as (url, pid):
         world.work(5.0)
-        before = _processor(pid)
+        before = cpu_seconds(pid)
         world.work(seconds)
-        figures: dict[str, Any] = {"nobody": {"core": 100 * (_processor(pid) - before) / seconds}}
+        figures: dict[str, Any] = {"nobody": {"core": 100 * (cpu_seconds(pid) - before) / seconds}}
         figures["pages"] = _measure_pages(world, url, pid, seconds, flood=False)
         figures["stop"] = _measure_stop(world, url)
-        before, asked = _processor(pid), _role("field", url, str(FIELDS))
+        before, asked = cpu_seconds(pid), _role("field", url, str(FIELDS))
         world.until(lambda: asked.poll() is not None, 2 * PATIENCE)
-        cost = 1e3 * (_processor(pid) - before) / FIELDS
+        cost = 1e3 * (cpu_seconds(pid) - before) / FIELDS
         figures["field"] = {"answered": asked.poll() == 0, "ms": cost}
         figures["flood"] = _measure_pages(world, url, pid, seconds, flood=True, stop=True)
         return figures
