@@ -64,7 +64,7 @@ class Sample:
         self.topic = topic
         self.serialized = serialized
         self.stamp_ns = stamp_ns
-        self._decode = decode
+        self.decode = decode
         self._decoded: Mapping[str, Any] | None = None
         self._frames: dict[Compression, FrameData] = {}
 
@@ -88,7 +88,7 @@ class Sample:
             seconds, rest = divmod(self.stamp_ns, 1_000_000_000)
             return self._cbor({"secs": seconds, "nsecs": rest, "bytes": self.serialized})
         if self._decoded is None:
-            self._decoded = self._decode(self.serialized)
+            self._decoded = self.decode(self.serialized)
         if compression == "cbor":
             return self._cbor(self._decoded)
         topic = as_json(self.topic).decode()

@@ -168,6 +168,10 @@ class Subscriber:
         ):
             self._next_held()
 
+    def complain(self, problem: str) -> None:
+        """Tell the client what is wrong with the topic."""
+        self.outbox.put(status("error", problem, self.id))
+
     def _next_held(self) -> Sample:
         sample = self._held.popleft()
         self.outbox.held -= len(sample.serialized)
@@ -216,7 +220,7 @@ class _OpenTopic:
         """Tell everybody what is wrong; who comes later is told too."""
         if problem and problem != self.problem:
             for subscriber in self.subscribers:
-                subscriber.outbox.put(status("error", problem, subscriber.id))
+                subscriber.complain(problem)
         self.problem = problem
 
 

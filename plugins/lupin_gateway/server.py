@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import math
 import os
 import socket
-from collections.abc import Callable, Iterator, Mapping, Sequence
+import time
+import zlib
+from collections.abc import AsyncIterator, Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,17 +17,18 @@ import uvicorn
 from starlette.applications import Starlette
 from starlette.datastructures import Headers
 from starlette.requests import Request
-from starlette.responses import JSONResponse, PlainTextResponse, Response
+from starlette.responses import JSONResponse, PlainTextResponse, Response, StreamingResponse
 from starlette.routing import BaseRoute, Mount, Route, WebSocketRoute
 from starlette.staticfiles import StaticFiles
 from starlette.types import ASGIApp, Scope
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from lupin_engine.errors import UsageError
-from lupin_gateway.doors import NotAdmitted
+from lupin_engine.errors import UsageError, shortened
+from lupin_gateway.doors import NotAdmitted, Use
 from lupin_gateway.encoding import FrameData
 from lupin_gateway.entrance import SHIELDS, Entrance, browser_of
 from lupin_gateway.guard import HouseRules
+from lupin_gateway.history import TopicHistory
 from lupin_gateway.hub import Hub, Outbox
 from lupin_gateway.session import Limits, Session
 from lupin_gateway.sides import RosSide
@@ -46,6 +50,8 @@ PING_EVERY_S, PING_WITHIN_S = 5.0, 15.0
 KERNEL_BUFFER, GONE_AFTER_MS = 256_000, 20_000
 #: The same of what comes in: as much is read at once, in which frames of 6 bytes are taken apart one by one.
 KERNEL_INPUT = 8_000
+#: Seconds of one turn of a history, while which nobody else is served.
+HISTORY_TURN_S = 0.005
 #: Code with which a client is sent away that does not even read its answers (RFC 6455: try again later).
 TOO_SLOW = 1013
 
@@ -103,11 +109,18 @@ class Gateway:
     """All connections of one process."""
 
     def __init__(
-        self, ros: RosSide, hub: Hub, limits: Limits, rules: HouseRules, tls: Mapping[str, str]
+        self,
+        ros: RosSide,
+        hub: Hub,
+        limits: Limits,
+        rules: HouseRules,
+        tls: Mapping[str, str],
+        history: TopicHistory,
     ) -> None:
         """`tls` are the files of the server's certificate, by uvicorn's names; none: nothing is encrypted."""
         self.rules = rules
         self.tls = tls
+        self.history = history
         self._ros = ros
         self._hub = hub
         self._limits = limits
@@ -133,8 +146,24 @@ class Gateway:
         told = {"clients": self._clients, "topics": self._hub.topics(), "mode": "robot"}
         return JSONResponse({**told, "name": visitor.name, "role": visitor.role.word})
 
-    async def _history(self, _: Request) -> PlainTextResponse:
-        return PlainTextResponse("", media_type="application/x-ndjson")
+    async def _history(self, request: Request) -> Response:
+        visitor = self.rules.doors.admit(request.headers, self.rules.clocks.wall())
+        given = request.query_params.get("since", "0")
+        try:
+            begin = float(given)
+        except ValueError:
+            begin = math.nan
+        if not math.isfinite(begin):
+            wanted = "since=MS is wanted, milliseconds since 1970, such as since=1795434151280"
+            return PlainTextResponse(f"{wanted}, not {shortened(given)!r}\n", 400)
+        allowed = self.rules.allowed
+        topics = [each for each in self.history.topics if not allowed.refusal(visitor, Use.SUBSCRIBE, each)]
+        packed = "gzip" in request.headers.get("accept-encoding", "")
+        headers = {**SHIELDS, "cache-control": "no-store"}
+        if packed:
+            headers["content-encoding"] = "gzip"
+        parts = _in_turns(self.history.lines(begin, topics), packed)
+        return StreamingResponse(parts, media_type="application/x-ndjson", headers=headers)
 
     async def _connect(self, socket_: WebSocket) -> None:
         try:
@@ -163,6 +192,20 @@ class Gateway:
             sending.cancel()
         if sending.cancelled():
             await _send_away(socket_)
+
+
+async def _in_turns(lines: Iterator[bytes], packed: bool) -> AsyncIterator[bytes]:
+    """Yield lines in parts, packed by gzip if wanted, with a turn for others between two."""
+    packer = zlib.compressobj(1, wbits=31)
+    part, end = bytearray(), time.monotonic() + HISTORY_TURN_S
+    for line in lines:
+        part += packer.compress(line) if packed else line
+        if time.monotonic() >= end:
+            yield bytes(part)
+            part.clear()
+            await asyncio.sleep(0)
+            end = time.monotonic() + HISTORY_TURN_S
+    yield bytes(part) + (packer.flush() if packed else b"")
 
 
 async def _receive_all(receive: Callable[[FrameData], None], socket_: WebSocket) -> None:
@@ -213,6 +256,7 @@ async def serve(gateway: Gateway, sockets: Sequence[socket.socket], until: async
         asyncio.ensure_future(server.serve(sockets=[each]))
         for server, each in zip(servers, sockets, strict=True)
     ]
+    gateway.history.start()
     telling = asyncio.ensure_future(_tell_steadily(gateway.rules))
     ended, _ = await asyncio.wait({until, telling, *running}, return_when=asyncio.FIRST_COMPLETED)
     telling.cancel()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import socket
 import sys
+import time
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any
@@ -14,6 +15,8 @@ from lupin_engine.plugin.types import COUNT, DURATION, TEXT, list_of
 from lupin_engine.ros import names
 from lupin_engine.ros.adapter.host import Repeater
 from lupin_engine.ros.adapter.node import RosNode
+from lupin_gateway.history import TopicHistory
+from lupin_gateway.history.settings import history_topics
 from lupin_gateway.hub import Backlog, Hub
 from lupin_gateway.node import house
 from lupin_gateway.node.loop import LoopThread
@@ -49,6 +52,23 @@ PARAMETERS = {
         ["/floranova/observations=50", f"{names.STEPS_TOPIC}=50", "/tf_static=100", "/rosout=100"],
         "topics of which every message counts, each with how many a page gets that comes later",
     ),
+    "history": Parameter(
+        list_of(TEXT),
+        [
+            f"{names.STEPS_TOPIC} std_msgs/msg/String 24 MB",
+            f"{names.POSSIBLE_TOPIC} std_msgs/msg/String 4 MB",
+            f"{names.MISSIONS_TOPIC} std_msgs/msg/String 1 MB",
+            f"{names.CHART_TOPIC} std_msgs/msg/String 4 MB",
+            "/mission/state lupin_msgs/msg/MissionState 4 MB on change every 2 s",
+            "/floranova/observations lupin_msgs/msg/Observation 4 MB",
+            "/lupin/hmi/stops std_msgs/msg/String 1 MB",
+            "/twin/state lupin_msgs/msg/TwinState 8 MB every 5 s",
+            "/tf tf2_msgs/msg/TFMessage 8 MB every 0.5 s",
+            "/amcl_pose geometry_msgs/msg/PoseWithCovarianceStamped 2 MB on change",
+            "/io/power/power_watcher sensor_msgs/msg/BatteryState 2 MB every 5 s",
+        ],
+        "topics whose past is kept for pages: TOPIC TYPE NUMBER MB, then `on change`, `every NUMBER s`",
+    ),
     **house.PARAMETERS,
 }
 
@@ -71,6 +91,7 @@ def kept_by(values: Mapping[str, Any]) -> Mapping[str, Backlog]:
 def check(values: Mapping[str, Any]) -> None:
     """Check the parameters together; see `ros.launch.nodes`."""
     kept_by(values)
+    history_topics(values["history"])
     house.check(values)
 
 
@@ -102,7 +123,9 @@ def main(arguments: Sequence[str]) -> int:
         side = NodeSide(ros, loop.post)
         limits = Limits(values["call_timeout"], values["slow_call_timeout"], tuple(values["slow_services"]))
         hub = Hub(side.listen, lambda topic: kept.get(topic, Backlog()))
-        gateway = Gateway(side, hub, limits, house.house_rules(ros, side, values), house.tls(values))
+        history = TopicHistory(hub, history_topics(values["history"]), time.time)
+        rules = house.house_rules(ros, side, values)
+        gateway = Gateway(side, hub, limits, rules, house.tls(values), history)
         opening = Repeater(
             ros.steady_timer, DISCOVERY_S, lambda: _open(opening, loop, partial(serve, gateway, sockets))
         )

@@ -21,6 +21,8 @@ from lupin_gateway.audit import AuditLog
 from lupin_gateway.doors import AllowList, Doors, IssuedToken, declared_access
 from lupin_gateway.encoding import Sample
 from lupin_gateway.guard import OWN_ACCESS, STOPS_TOPIC, Hands, HouseRules, TwoClocks
+from lupin_gateway.history import TopicHistory
+from lupin_gateway.history.settings import HistoryTopic
 from lupin_gateway.hub import Backlog, Hub
 from lupin_gateway.server import Address, Gateway, serve
 from lupin_gateway.session import Limits
@@ -100,6 +102,7 @@ class ServedGateway:
         stops: StopArbiter | None = None,
         extra: Access = Access(),  # noqa: B008
         wall: Callable[[], float] = time.time,
+        history: Sequence[HistoryTopic] = (),
     ) -> None:
         self.robot = Robot()
         self.stop_told: list[bool] = []
@@ -123,7 +126,8 @@ class ServedGateway:
             ),
         )
         hub = Hub(self.robot.listen, lambda topic: Backlog())
-        self._gateway = Gateway(self.robot, hub, Limits(), self.rules, tls or {})
+        self.history = TopicHistory(hub, history, wall)
+        self._gateway = Gateway(self.robot, hub, Limits(), self.rules, tls or {}, self.history)
         self._loop = asyncio.new_event_loop()
         self._sockets = Address(port=0).sockets()
         self.port: int = self._sockets[0].getsockname()[1]

@@ -48,9 +48,15 @@ def test_the_files_and_the_state(tmp_path: Path) -> None:
         page = OpenPage(served.port)
         page.send({"op": "subscribe", "topic": "/map", "type": "nav_msgs/OccupancyGrid"})
         page.work_off()
-        assert status_of(served) == {"clients": 1, "topics": {"/map": 1}}
+        assert status_of(served) == {
+            "clients": 1,
+            "topics": {"/map": 1},
+            "mode": "robot",
+            "name": "page",
+            "role": "engineer",
+        }
         with urlopen(f"http://localhost:{served.port}/") as answer:
-            assert b"<title>Lupin gateway</title>" in answer.read()
+            assert b"<title>Lupin console</title>" in answer.read()
         page.close()
         until(lambda: status_of(served)["clients"] == 0, "the page is gone")
 
