@@ -27,8 +27,11 @@ COMMAND_SERVICE = f"/{NODE}/command"
 COMMAND_TYPE = "lupin_engine_msgs/srv/Command"
 COMMAND_HASH = "e3082568131722648efec9c442969ef1023b509ce7de89606224ed23ccfdfa22"
 
+#: How every node is, once a second (diagnostic_msgs/msg/DiagnosticArray); a name of ROS.
+DIAGNOSTICS_TOPIC = "/diagnostics"
+
 #: Which of these people's pages may use.
 ACCESS = Access(
-    viewer=(STEPS_TOPIC, MISSIONS_TOPIC, CHART_TOPIC, POSSIBLE_TOPIC),
+    viewer=(STEPS_TOPIC, MISSIONS_TOPIC, CHART_TOPIC, POSSIBLE_TOPIC, DIAGNOSTICS_TOPIC),
     operator=(COMMAND_SERVICE, ANSWER_SERVICE.format("*")),
 )

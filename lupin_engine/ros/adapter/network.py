@@ -13,6 +13,8 @@ from typing import Any, Literal
 
 from rclpy.qos import QoSCompatibility, qos_check_compatible
 
+from lupin_engine.ros.adapter.vitals import DIAGNOSTICS_TOPIC
+
 Kind = Literal["topic", "service", "action"]
 
 #: What rmw says for the node of an endpoint whose own node has not been discovered.
@@ -22,8 +24,8 @@ UNKNOWN = "?"
 
 _ACTION = "/_action/"
 _SEND_GOAL = f"{_ACTION}send_goal"
-#: What every node has beside its own: parameters, log, type descriptions, life cycle.
-_HOUSEKEEPING_TOPICS = ("/rosout", "/parameter_events")
+#: What every node has beside its own: parameters, log, diagnostics, type descriptions, life cycle.
+_HOUSEKEEPING_TOPICS = ("/rosout", "/parameter_events", DIAGNOSTICS_TOPIC)
 _HOUSEKEEPING_SERVICES = (
     *("get_type_description", "get_parameter_types", "describe_parameters", "get_parameters"),
     *("list_parameters", "set_parameters", "set_parameters_atomically"),

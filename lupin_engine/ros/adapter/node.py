@@ -19,6 +19,7 @@ Each work-around lives in this package, for this reason:
 * timers run on the monotonic clock (on ROS time with `use_sim_time`): a stepped wall clock moves no deadline;
 * declared parameter types, integers accepted for doubles (`parameters`): rclpy refuses `60` for a double;
 * type hashes compared with the peers' (`peers`): a mismatch is otherwise silent;
+* diagnostics of every node (`vitals`): one that hangs is on the network all the same;
 * servers counted (`peers`): two of one name are otherwise both obeyed.
 """
 
@@ -66,6 +67,7 @@ from lupin_engine.ros.adapter.peers import (
 )
 from lupin_engine.ros.adapter.process import ends_the_process_after, signals_call, use_discovery_profile
 from lupin_engine.ros.adapter.qos import Qos
+from lupin_engine.ros.adapter.vitals import REPORT_S, CountedPublisher, Vitals
 
 __all__ = [
     "ActionCaller",
@@ -151,6 +153,8 @@ class RosNode:
             self._declared = DeclaredParameters(self.node, self.log, arguments, parameters)
             self._one_shot(FIRST_PEER_CHECK_S, self._check_peers, self._steady)
             self.steady_timer(PEER_CHECK_PERIOD_S, self._check_peers)
+            self._vitals = Vitals(self.node, time.monotonic())
+            self.steady_timer(REPORT_S, lambda: self._vitals.report(time.monotonic()))
         except BaseException:
             self.close()
             raise
@@ -260,7 +264,8 @@ class RosNode:
 
     def publisher(self, kind: Any, topic: str, qos: Qos) -> Publisher:
         """Return an object whose `publish(message)` sends to `topic`."""
-        publisher = self.node.create_publisher(kind, topic, qos.profile())
+        profile = qos.profile()
+        publisher = self.node.create_publisher(kind, topic, profile, publisher_class=CountedPublisher)
         self.watch_channels([f"rt{publisher.topic_name}"])
         return publisher
 
@@ -406,6 +411,7 @@ class RosNode:
         for callback in self._stop_callbacks:
             self.guarded(callback)()
         if self._context.ok():
+            self.guarded(self._vitals.end)()
             self.guarded(self._have_goals_ended)()
             self.guarded(self._deliver)()
 
