@@ -165,6 +165,22 @@ def _text(sent: Any) -> str:
         return TOO_DEEP
 
 
+def last_lines(file: Path, most: int) -> list[dict[str, Any]]:
+    """Return the last lines of a log, as far as they are its own; none where there is no log."""
+    try:
+        with file.open("rb") as log:
+            size = log.seek(0, os.SEEK_END)
+            log.seek(max(0, size - most * LONGEST))
+            lines = log.read().splitlines()[-most:]
+    except OSError:
+        return []
+    found = []
+    for line in lines:
+        with contextlib.suppress(ValueError):
+            found.append(json.loads(line))
+    return [line for line in found if isinstance(line, dict) and "name" in line]
+
+
 class Repetitions:
     """What one page publishes steadily: the same message again and again is one command."""
 

@@ -14,6 +14,7 @@ from lupin_engine.plugin.contract import Access
 from lupin_gateway import protocol
 from lupin_gateway.audit import AuditLog, Repetitions, command_line
 from lupin_gateway.doors import STOP_TOPIC, Allowance, AllowList, Doors, Use, UserRole, Visitor
+from lupin_gateway.people import ACKNOWLEDGE, COMMANDS, HERE, NOTIFICATIONS_TOPIC, PEOPLE_TOPIC, People
 from lupin_gateway.stop import KeptStops, OnLinkLost, StopArbiter, stop_of
 
 #: Which stops are engaged, and the link (JSON in a std_msgs/String); the service that resets one by name.
@@ -22,8 +23,11 @@ STOPS_TOPIC, RESET_STOP = "/lupin/hmi/stops", "/lupin/hmi/reset_stop"
 _ASKED = ("action_servers", "action_type", "get_time", "message_details", "nodes", "service_type", "services")
 #: What the gateway itself has for pages.
 OWN_ACCESS = Access(
-    viewer=(STOP_TOPIC, STOPS_TOPIC, *(f"/rosapi/{name}" for name in (*_ASKED, "topic_type", "topics"))),
-    operator=(RESET_STOP, "/rosapi/*"),
+    viewer=(
+        *(STOP_TOPIC, STOPS_TOPIC, PEOPLE_TOPIC, NOTIFICATIONS_TOPIC, HERE),
+        *(f"/rosapi/{name}" for name in (*_ASKED, "topic_type", "topics")),
+    ),
+    operator=(RESET_STOP, COMMANDS, ACKNOWLEDGE, "/rosapi/*"),
 )
 #: A frame that says stop is shorter than this, in bytes: a client that is too fast has no longer one read.
 STOP_FRAME = 4_000
@@ -63,6 +67,7 @@ class HouseRules:
         self.allowed = allowed
         self.stops = stops
         self.clocks = clocks
+        self.people = People()
         self._log = log
         self._hands = hands
         self._connections = 0
@@ -84,6 +89,7 @@ class HouseRules:
         elif decision is OnLinkLost.STOP:
             self._decided("stop", {"accepted": True})
         self._hands.tell_stop(self.stops.stopped)
+        self.people.nodes.look(self.clocks.wall(), self.clocks.steady())
         self.tell_changes()
 
     def _decided(self, what: str, answer: Any) -> None:
@@ -105,10 +111,14 @@ class HouseRules:
         if (kept := self.stops.kept()) != self._kept:
             self._kept = kept
             self._hands.keep(kept)
+        self.people.stops.take([stop["name"] for stop in stops], self.clocks.wall())
+        self.people.tell_changes()
 
     def write(self, who: Mapping[str, str], what: str, name: str, sent: Any, answer: Any) -> None:
         """Write a line of the audit log."""
-        self._log.write(command_line(self.clocks.wall(), who, what, name, sent, answer))
+        line = command_line(self.clocks.wall(), who, what, name, sent, answer)
+        self._log.write(line)
+        self.people.commanded(line)
 
 
 class Guard:
@@ -126,6 +136,9 @@ class Guard:
         self._was_stopped = False
         operator = visitor.role >= UserRole.OPERATOR
         rules.stops.joined(number, self.name, operator=operator, browser=browser)
+        rules.people.presence.joined(
+            number, self.name, visitor.name, visitor.role.word, browser, rules.clocks.wall()
+        )
 
     # -- what it may ----------------------------------------------------------------------------------------
 
@@ -183,8 +196,32 @@ class Guard:
         self._was_stopped = stopped
         return refused
 
-    def reset_stop(self, arguments: Any) -> Mapping[str, Any]:
-        """Release a stop by its name, and return the response of `RESET_STOP`."""
+    def serve(self, service: str, arguments: Any) -> Mapping[str, Any] | None:
+        """Return the response of a service that the gateway itself offers; None where it does not."""
+        own = {
+            RESET_STOP: self._reset_stop,
+            HERE: self._is_here,
+            COMMANDS: self._rules.people.commands,
+            ACKNOWLEDGE: self._acknowledge,
+        }
+        found = own.get(service)
+        return found and found(arguments)
+
+    def _is_here(self, arguments: Any) -> Mapping[str, Any]:
+        """Take which view the page shows, and return the name of its connection."""
+        view = arguments.get("view") if isinstance(arguments, Mapping) else None
+        page = self._rules.people.presence.shows(self._number, view if isinstance(view, str) else "")
+        self._rules.people.tell_changes()
+        return {"page": page}
+
+    def _acknowledge(self, arguments: Any) -> Mapping[str, Any]:
+        people = self._rules.people
+        answer = people.acknowledge(arguments, self.name, self._rules.clocks.wall())
+        people.tell_changes()
+        return answer
+
+    def _reset_stop(self, arguments: Any) -> Mapping[str, Any]:
+        """Release a stop by its name."""
         given = arguments.get("name") if isinstance(arguments, Mapping) else None
         name = given if isinstance(given, str) else ""
         refused = self._rules.stops.reset(name)
@@ -200,12 +237,18 @@ class Guard:
         """Write down a command with its answer: fields by name, or why there are none."""
         if named := _command(operation):
             what, name, _ = named
-            if what != "call_service" or self._rules.allowed.least(Use.CALL, name) is not UserRole.VIEWER:
+            is_call = what == "call_service"
+            reads = is_call and (
+                name == COMMANDS or self._rules.allowed.least(Use.CALL, name) is UserRole.VIEWER
+            )
+            if not reads:
                 self._rules.write(self._who, *named, answer)
+                self._rules.people.tell_changes()
 
     def leave(self) -> None:
         """The client has gone; its stop stays."""
         self._rules.stops.gone(self._number, self._rules.clocks.steady())
+        self._rules.people.presence.gone(self._number)
         self._rules.tell_changes()
 
 

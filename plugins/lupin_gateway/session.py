@@ -13,7 +13,7 @@ from typing import Any
 from lupin_gateway import protocol
 from lupin_gateway.doors import STOP_TOPIC
 from lupin_gateway.encoding import Compression, reply, status
-from lupin_gateway.guard import RESET_STOP, Guard
+from lupin_gateway.guard import Guard
 from lupin_gateway.hub import Hub, Outbox, Subscriber
 from lupin_gateway.sides import CallFailed, GoalEnd, RosSide
 
@@ -171,8 +171,9 @@ class Session:
 
     def _call(self, operation: protocol.CallService) -> None:
         answer = partial(self._answered, operation)
-        if operation.service == RESET_STOP:
-            answer(self._guard.reset_stop(operation.arguments))
+        own = self._guard.serve(operation.service, operation.arguments)
+        if own is not None:
+            answer(own)
             return
         if operation.service.startswith(ROSAPI):
             question = operation.service[len(ROSAPI) :]

@@ -19,6 +19,7 @@ from lupin_gateway.history import TopicHistory
 from lupin_gateway.history.settings import history_topics
 from lupin_gateway.hub import Backlog, Hub
 from lupin_gateway.node import house
+from lupin_gateway.node.listening import listen
 from lupin_gateway.node.loop import LoopThread
 from lupin_gateway.node.ros import NodeSide
 from lupin_gateway.server import Address, Gateway, serve
@@ -125,6 +126,7 @@ def main(arguments: Sequence[str]) -> int:
         hub = Hub(side.listen, lambda topic: kept.get(topic, Backlog()))
         history = TopicHistory(hub, history_topics(values["history"]), time.time)
         rules = house.house_rules(ros, side, values)
+        loop.post(listen, hub, rules)
         gateway = Gateway(side, hub, limits, rules, house.tls(values), history)
         opening = Repeater(
             ros.steady_timer, DISCOVERY_S, lambda: _open(opening, loop, partial(serve, gateway, sockets))

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import json
 import ssl
-import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
@@ -17,13 +14,13 @@ from std_msgs.msg import Bool, String
 
 from lupin_engine.errors import LupinError, Problems, UsageError
 from lupin_engine.plugin.contract import Access, Parameter
-from lupin_engine.plugin.files import ros_domain, user_folder, write_atomically
+from lupin_engine.plugin.files import ros_domain, user_folder
 from lupin_engine.plugin.registry import Catalog, load_catalog
 from lupin_engine.plugin.types import BOOL, TEXT, list_of, one_of
 from lupin_engine.ros import names
 from lupin_engine.ros.adapter.node import Qos, RosNode
 from lupin_engine.ros.folder import MissionsFolder
-from lupin_gateway.audit import AuditLog
+from lupin_gateway.audit import AuditLog, last_lines
 from lupin_gateway.doors import (
     STOP_TOPIC,
     AllowList,
@@ -34,6 +31,8 @@ from lupin_gateway.doors import (
     read_tokens,
 )
 from lupin_gateway.guard import OWN_ACCESS, STOPS_TOPIC, Hands, HouseRules, TwoClocks
+from lupin_gateway.node.kept import StateFile
+from lupin_gateway.people import MOST_COMMANDS, NOTIFICATIONS_TOPIC, PEOPLE_TOPIC, People
 from lupin_gateway.sides import CallFailed, RosSide
 from lupin_gateway.stop import KeptStops, OnLinkLost, StopArbiter
 
@@ -127,21 +126,23 @@ def house_rules(ros: RosNode, side: RosSide, values: Mapping[str, Any]) -> House
     tokens = Path(values["tokens"]) if values["tokens"] else None
     doors = Doors(partial(_tokens, ros, tokens) if tokens else None, values["origins"])
     stops = StopArbiter(OnLinkLost(values["on_link_lost"]), values["viewers_stop"])
-    stops_file = _StopsFile(ros, folder / "stops.json")
-    stops.restore(stops_file.read(), time.monotonic())
+    stops_file = StateFile(ros, folder / "stops.json", "stops")
+    stops.restore(_kept_stops(ros, stops_file), time.monotonic())
     told = ros.publisher(Bool, STOP_TOPIC, Qos.EVENT)
     shown = ros.publisher(String, STOPS_TOPIC, Qos.LATCHED)
     hands = Hands(
         tell_stop=lambda stopped: told.publish(Bool(data=stopped)),
         tell_state=lambda state: shown.publish(String(data=state)),
         pause=_pausing(side, catalog),
-        keep=stops_file.keep,
+        keep=lambda kept: stops_file.keep(asdict(kept)),
     )
     audit_file = Path(values["audit_file"]) if values["audit_file"] else folder / "audit.jsonl"
     log = AuditLog(audit_file, ros.log.error)
     allowed = AllowList([*declared_access(catalog), *_own(ros, catalog, values)])
     ros.on_stop(log.close)
-    return HouseRules(doors, allowed, stops, log, TwoClocks(time.monotonic, time.time), hands)
+    rules = HouseRules(doors, allowed, stops, log, TwoClocks(time.monotonic, time.time), hands)
+    rules.people = _people(ros, folder, audit_file)
+    return rules
 
 
 def state_folder() -> Path:
@@ -182,45 +183,32 @@ def _pausing(side: RosSide, catalog: Catalog) -> Callable[[Callable[[Any], None]
     return lambda done: side.call(service, {}, PAUSE_S, done)
 
 
-class _StopsFile:
-    """The file of what outlives the gateway. Where the disk is slow, only the newest waits for it."""
-
-    def __init__(self, ros: RosNode, file: Path) -> None:
-        self._ros = ros
-        self._file = file
-        self._disk = ThreadPoolExecutor(1, "stops")
-        self._lock = threading.Lock()  # held for an assignment, never while writing
-        self._newest: KeptStops | None = None
-
-    def read(self) -> KeptStops:
-        """Return the stops that were kept; what cannot be read is one."""
-        try:
-            kept = json.loads(self._file.read_text(encoding="utf-8"))
-            stops = tuple((str(name), str(browser)) for name, browser in kept["stops"])
-            return KeptStops(stops, bool(kept["operator"]))
-        except FileNotFoundError:
-            return KeptStops()
-        except (OSError, ValueError, TypeError, KeyError) as problem:
-            self._ros.log.error(
-                f"{self._file}: {problem}: the robot is stopped until somebody resets the stop 'unknown'"
-            )
-            return KeptStops((("unknown", ""),))
-
-    def keep(self, kept: KeptStops) -> None:
-        """Write them soon; returns at once."""
-        with self._lock:
-            is_waiting, self._newest = self._newest is not None, kept
-        if not is_waiting:
-            self._disk.submit(self._write)
-
-    def _write(self) -> None:
-        with self._lock:
-            kept, self._newest = self._newest, None
+def _kept_stops(ros: RosNode, file: StateFile) -> KeptStops:
+    """Return the stops that were kept; what cannot be read is one."""
+    try:
+        kept = file.read()
         if kept is None:
-            return
-        try:
-            write_atomically(self._file, json.dumps(asdict(kept)).encode())
-        except OSError as problem:
-            self._ros.log.error(
-                f"{self._file}: the stops cannot be kept for a gateway that starts again: {problem}"
-            )
+            return KeptStops()
+        stops = tuple((str(name), str(browser)) for name, browser in kept["stops"])
+        return KeptStops(stops, bool(kept["operator"]))
+    except (OSError, ValueError, TypeError, KeyError) as problem:
+        ros.log.error(
+            f"{file.file}: {problem}: the robot is stopped until somebody resets the stop 'unknown'"
+        )
+        return KeptStops((("unknown", ""),))
+
+
+def _people(ros: RosNode, folder: Path, audit_file: Path) -> People:
+    """Return the people, with what an earlier gateway of this domain has left for them."""
+    file = StateFile(ros, folder / "notifications.json", "notifications")
+    publishers = {
+        topic: ros.publisher(String, topic, Qos.LATCHED) for topic in (PEOPLE_TOPIC, NOTIFICATIONS_TOPIC)
+    }
+    people = People(lambda topic, text: publishers[topic].publish(String(data=text)), file.keep)
+    for line in last_lines(audit_file, MOST_COMMANDS):
+        people.commanded(line)
+    try:
+        people.restore(file.read() or {})
+    except (OSError, ValueError, TypeError, KeyError) as problem:
+        ros.log.error(f"{file.file}: {problem}: earlier notifications are not shown any more")
+    return people

@@ -1,0 +1,53 @@
+"""A file of what outlives the gateway. Where the disk is slow, only the newest waits for it."""
+
+from __future__ import annotations
+
+import json
+import threading
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+from lupin_engine.plugin.files import write_atomically
+from lupin_engine.ros.adapter.node import RosNode
+
+
+class StateFile:
+    """Data of JSON in a file; `what` it is stands in messages, such as `stops`."""
+
+    def __init__(self, ros: RosNode, file: Path, what: str) -> None:
+        self._ros = ros
+        self.file = file
+        self._what = what
+        self._disk = ThreadPoolExecutor(1, what)
+        self._lock = threading.Lock()  # held for an assignment, never while writing
+        self._newest: Any = None
+
+    def read(self) -> Any:
+        """Return what was kept; None where nothing was.
+
+        Raises:
+            OSError, ValueError: it cannot be read.
+        """
+        try:
+            return json.loads(self.file.read_text(encoding="utf-8"))
+        except FileNotFoundError:
+            return None
+
+    def keep(self, data: Any) -> None:
+        """Write it soon; returns at once."""
+        with self._lock:
+            is_waiting, self._newest = self._newest is not None, data
+        if not is_waiting:
+            self._disk.submit(self._write)
+
+    def _write(self) -> None:
+        with self._lock:
+            data, self._newest = self._newest, None
+        if data is None:
+            return
+        try:
+            write_atomically(self.file, json.dumps(data).encode())
+        except OSError as problem:
+            told = f"the {self._what} cannot be kept for a gateway that starts again: {problem}"
+            self._ros.log.error(f"{self.file}: {told}")

@@ -1,0 +1,92 @@
+"""What people of a robot know of each other: who is here, what they pressed, and what they were notified of.
+
+Everything runs on the loop of asyncio, and nothing waits.
+"""
+
+from __future__ import annotations
+
+import json
+from collections import deque
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from lupin_gateway.people.notifications import Notifications
+from lupin_gateway.people.presence import Presence
+from lupin_gateway.people.sources import NodeNotices, StepNotices, StopNotices
+
+#: Who is here, and notifications (JSON in a std_msgs/String, latched).
+PEOPLE_TOPIC, NOTIFICATIONS_TOPIC = "/lupin/hmi/people", "/lupin/hmi/notifications"
+#: Services: which view a page shows, what was commanded, and that notifications are known.
+HERE, COMMANDS, ACKNOWLEDGE = "/lupin/hmi/here", "/lupin/hmi/commands", "/lupin/hmi/acknowledge"
+#: Commands that are remembered, and letters of what was sent with one.
+MOST_COMMANDS, LONGEST_SENT = 200, 200
+
+#: Tells a topic, or keeps a text for the next gateway.
+Tell = Callable[[str, str], object]
+
+
+def _nobody(_: str, __: str) -> None:
+    """Tell nobody."""
+
+
+class People:
+    """The people of one gateway."""
+
+    def __init__(self, tell: Tell = _nobody, keep: Callable[[Any], object] = lambda _: None) -> None:
+        """`tell` gets a topic and its JSON; `keep` what the next gateway is to `restore`."""
+        self.presence = Presence()
+        self.notifications = Notifications()
+        self.steps = StepNotices(self.notifications)
+        self.nodes = NodeNotices(self.notifications)
+        self.stops = StopNotices(self.notifications)
+        self._tell = tell
+        self._keep = keep
+        self._commands: deque[dict[str, Any]] = deque(maxlen=MOST_COMMANDS)
+        self._count = 0
+        self._told_here: tuple[int, int] = (-1, -1)
+        self._told_changes = -1
+
+    def restore(self, kept: Mapping[str, Any]) -> None:
+        """Take over what an earlier gateway has kept; nothing, where it has kept nothing.
+
+        Raises:
+            TypeError, KeyError, ValueError: this was never kept.
+        """
+        if kept:
+            boot, sequence = kept["seen"]
+            self.notifications.restore(kept["notifications"])
+            self.steps.seen = (str(boot), int(sequence))
+
+    def commanded(self, line: Mapping[str, Any]) -> None:
+        """Remember a line of the audit log."""
+        self._count += 1
+        sent = json.dumps(line.get("sent", {}), ensure_ascii=False, default=str)
+        short = sent if len(sent) <= LONGEST_SENT else f"{sent[:LONGEST_SENT]}…"
+        self._commands.append({**line, "sent": short, "number": self._count})
+
+    def commands(self, arguments: Any) -> Mapping[str, Any]:
+        """Return the response of `COMMANDS`: those after the number `since`."""
+        since = arguments.get("since", 0) if isinstance(arguments, Mapping) else 0
+        is_number = isinstance(since, int) and since <= self._count  # larger: of an earlier gateway
+        return {"commands": [one for one in self._commands if one["number"] > (since if is_number else 0)]}
+
+    def acknowledge(self, arguments: Any, who: str, at: float) -> Mapping[str, Any]:
+        """Return the response of `ACKNOWLEDGE`, whose `ids` are now known to somebody."""
+        ids = arguments.get("ids") if isinstance(arguments, Mapping) else None
+        if not isinstance(ids, list) or not all(isinstance(each, int) for each in ids):
+            return {"success": False, "message": "'ids' must be a list of numbers of notifications"}
+        refused = self.notifications.acknowledge(ids, who, at)
+        return {"success": not refused, "message": refused or f"acknowledged by {who}"}
+
+    def tell_changes(self) -> None:
+        """Tell pages what is new, and keep it."""
+        here = (self.presence.changes, self._count)
+        if here != self._told_here:
+            self._told_here = here
+            state = {"people": self.presence.told(), "commands": self._count}
+            self._tell(PEOPLE_TOPIC, json.dumps(state, ensure_ascii=False))
+        if self.notifications.changes != self._told_changes:
+            self._told_changes = self.notifications.changes
+            told = {"notifications": self.notifications.told()}
+            self._tell(NOTIFICATIONS_TOPIC, json.dumps(told, ensure_ascii=False))
+            self._keep({**told, "seen": self.steps.seen})

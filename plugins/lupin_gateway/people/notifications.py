@@ -1,0 +1,105 @@
+"""What people should know of until somebody has acknowledged it, kept for all pages and the next gateway.
+
+Pure: time is an argument, in seconds since 1970.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import asdict, dataclass, fields, replace
+from typing import Any
+
+#: Notifications that are kept; the oldest go first, those that are acknowledged before the others.
+MOST = 200
+#: Letters of a text.
+LONGEST = 400
+#: Severities, as the table of codes has them.
+WARNING, ERROR = 1, 2
+
+
+@dataclass(frozen=True)
+class Notification:
+    """One thing: what kind of thing (`code`, `stop`, `node`, ...), what it is about, and what it says.
+
+    `first` and `last` are when it was so first and last, of so many `times`; `over` is since when it is not
+    so any more, None while it is, or where nobody can tell. `by` is who acknowledged it, `acknowledged` when.
+    """
+
+    id: int
+    kind: str
+    about: str
+    severity: int
+    text: str
+    first: float
+    last: float
+    times: int = 1
+    over: float | None = None
+    by: str = ""
+    acknowledged: float | None = None
+
+
+class Notifications:
+    """All that are kept, the oldest first."""
+
+    def __init__(self) -> None:
+        self._all: dict[int, Notification] = {}
+        self._next = 1
+        #: How often anything has changed.
+        self.changes = 0
+
+    def add(self, kind: str, about: str, severity: int, text: str, at: float) -> None:
+        """Notify people; where they have not acknowledged the same thing yet, it has happened once more."""
+        text = text[:LONGEST]
+        self.changes += 1
+        before = self._open(kind, about)
+        if before is not None:
+            again = replace(before, text=text, last=at, times=before.times + 1, over=None)
+            self._all[before.id] = again
+            return
+        self._all[self._next] = Notification(self._next, kind, about, severity, text, at, at)
+        self._next += 1
+        if len(self._all) > MOST:
+            del self._all[min(self._all.values(), key=lambda one: (one.acknowledged is None, one.id)).id]
+
+    def _open(self, kind: str, about: str) -> Notification | None:
+        found = (one for one in reversed(self._all.values()) if (one.kind, one.about) == (kind, about))
+        return next((one for one in found if one.acknowledged is None), None)
+
+    def lasting(self, kind: str) -> list[str]:
+        """Return what notifications of a kind are about that is not over."""
+        return [one.about for one in self._all.values() if one.kind == kind and one.over is None]
+
+    def end(self, kind: str, about: str, at: float) -> None:
+        """It is not so any more; who has not seen it is still to see that it was."""
+        for one in list(self._all.values()):
+            if (one.kind, one.about) == (kind, about) and one.over is None:
+                self.changes += 1
+                self._all[one.id] = replace(one, over=at)
+
+    def acknowledge(self, ids: Collection[int], who: str, at: float) -> str:
+        """Take somebody's word that these are known; return why not, '' where it is done."""
+        unknown = sorted(set(ids) - self._all.keys())
+        if unknown or not ids:
+            told = ", ".join(map(str, unknown)) or "nothing was named"
+            return f"no such notification: {told}; nothing was acknowledged"
+        self.changes += 1
+        for each in ids:
+            if self._all[each].acknowledged is None:
+                self._all[each] = replace(self._all[each], by=who, acknowledged=at)
+        return ""
+
+    def told(self) -> list[dict[str, Any]]:
+        """Return all as data."""
+        return [asdict(one) for one in self._all.values()]
+
+    def restore(self, told: Iterable[Mapping[str, Any]]) -> None:
+        """Take over what an earlier gateway has told.
+
+        Raises:
+            TypeError, KeyError, ValueError: it is not what `told` returns.
+        """
+        names = [each.name for each in fields(Notification)]
+        found = [Notification(**{name: one[name] for name in names}) for one in told]
+        self._all = {int(one.id): one for one in sorted(found, key=lambda one: one.id)}
+        self._next = max(self._all, default=0) + 1
+        self.changes += 1

@@ -1,0 +1,62 @@
+"""Who is connected, and which view each looks at."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+#: Letters of a view's name.
+LONGEST_VIEW = 40
+
+
+@dataclass
+class _ConnectedPage:
+    page: str
+    name: str
+    role: str
+    browser: str
+    since: float
+    view: str = ""
+
+
+class Presence:
+    """All connections, by their numbers."""
+
+    def __init__(self) -> None:
+        self._visits: dict[int, _ConnectedPage] = {}
+        #: How often anything has changed.
+        self.changes = 0
+
+    def joined(self, number: int, page: str, name: str, role: str, browser: str, at: float) -> None:
+        """A connection stands, since a time in seconds since 1970."""
+        self.changes += 1
+        self._visits[number] = _ConnectedPage(page, name, role, browser, at)
+
+    def shows(self, number: int, view: str) -> str:
+        """A page shows a view; return the name of its connection."""
+        self.changes += 1
+        self._visits[number].view = view[:LONGEST_VIEW]
+        return self._visits[number].page
+
+    def gone(self, number: int) -> None:
+        """A connection has ended."""
+        self.changes += 1
+        self._visits.pop(number, None)
+
+    def told(self) -> list[dict[str, Any]]:
+        """Return who is there, who came first at first.
+
+        The console has a second connection for its stop, which tells no view: it is not told of.
+        """
+        consoles = {visit.browser for visit in self._visits.values() if visit.view}
+        return [
+            {
+                "page": visit.page,
+                "name": visit.name,
+                "role": visit.role,
+                "since": visit.since,
+                "view": visit.view,
+            }
+            for visit in self._visits.values()
+            if visit.view or visit.browser not in consoles
+        ]

@@ -1,0 +1,93 @@
+"""What notifications are made of: steps of the mission, diagnostics of nodes, stops of pages.
+
+Pure: time is an argument, in seconds since 1970; of nodes also of a clock that never goes back.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from typing import Any
+
+from lupin_gateway.people.notifications import ERROR, WARNING, Notifications
+
+#: A node that was heard once a second and is silent for so long is lost, in seconds.
+SILENT_S = 5.0
+#: Levels of a diagnostic_msgs/DiagnosticStatus: in need of something, and ended by itself.
+WARN, STALE = 1, 3
+
+
+class StepNotices:
+    """Codes that warn, and questions that wait for an answer."""
+
+    def __init__(self, notifications: Notifications) -> None:
+        self._notifications = notifications
+        #: The last step that was taken notice of: the boot of its orchestrator, and its number.
+        self.seen = ("", -1)
+
+    def take(self, record: Mapping[str, Any]) -> None:
+        """Take a record of the topic of steps; one that was taken before is left out."""
+        step, boot, at = record["step"], str(record["boot"]), float(record["wall_ns"]) * 1e-9
+        if boot == self.seen[0] and step["sequence"] <= self.seen[1]:
+            return
+        self.seen = (boot, int(step["sequence"]))
+        for code in step.get("codes", ()):
+            if code["severity"] >= WARNING:
+                text = ": ".join(filter(None, [code["label"], code["detail"]]))
+                about = f"{code['code']} {code['target']}".strip()
+                self._notifications.add("code", about, min(code["severity"], ERROR), text, at)
+        asked = {one["state"]: one["question"] for one in record["view"].get("asking", ())}
+        for state in self._notifications.lasting("question"):
+            if state not in asked:
+                self._notifications.end("question", state, at)
+        for state, question in asked.items():
+            if state not in self._notifications.lasting("question"):
+                self._notifications.add("question", state, WARNING, question, at)
+
+
+class NodeNotices:
+    """Nodes that have fallen silent, and machines that run out of something."""
+
+    def __init__(self, notifications: Notifications) -> None:
+        self._notifications = notifications
+        self._heard: dict[str, float] = {}
+
+    def take(self, status: Mapping[str, Any], at: float, now: float) -> None:
+        """Take a status of /diagnostics, `now` of the steady clock. Those that are no nodes are left out."""
+        name, level, machine = str(status["name"]), int(status["level"]), str(status["hardware_id"])
+        if not name.startswith("/"):
+            return
+        self._notifications.end("node", name, at)
+        if level == STALE:
+            self._heard.pop(name, None)
+            return
+        self._heard[name] = now
+        if level != WARN:
+            self._notifications.end("machine", machine, at)
+        elif machine not in self._notifications.lasting("machine"):
+            self._notifications.add("machine", machine, WARNING, str(status["message"]), at)
+
+    def look(self, at: float, now: float) -> None:
+        """Find out who is silent."""
+        for name, heard in list(self._heard.items()):
+            if now - heard > SILENT_S:
+                del self._heard[name]
+                silent_since = at - (now - heard)
+                self._notifications.add("node", name, ERROR, f"{name} is not heard any more", silent_since)
+
+
+class StopNotices:
+    """Stops that are engaged, by the names of who engaged them."""
+
+    def __init__(self, notifications: Notifications) -> None:
+        self._notifications = notifications
+        self._before: frozenset[str] = frozenset()
+
+    def take(self, engaged: Collection[str], at: float) -> None:
+        """Take the names of the stops that are engaged now."""
+        now = frozenset(engaged)
+        for name in sorted(now - self._before - set(self._notifications.lasting("stop"))):
+            self._notifications.add("stop", name, ERROR, f"stopped by {name}", at)
+        for name in self._notifications.lasting("stop"):
+            if name not in now:
+                self._notifications.end("stop", name, at)
+        self._before = now
